@@ -33,7 +33,10 @@ def ros_found() -> bool:
     return all(find_spec(name) is not None for name in ('rclpy', 'mechanism_sim.msg'))
 
 
-APART = {'topic', 'param', 'service', 'action', 'bag', 'identify', 'node', 'run', 'sweep', 'view'}
+APART = {
+    'topic', 'param', 'service', 'action', 'bag', 'edit', 'identify', 'node', 'run', 'sweep',
+    'view',
+}  # fmt: skip
 """Commands that start processes, speak to others or take over signals."""
 
 

@@ -28,8 +28,9 @@ from mechanism_sim.report.foxglove import to_foxglove
 from mechanism_sim.report.plot_paths import plots
 from mechanism_sim.report.rviz import to_rviz
 
-ARROW, SPHERE, CYLINDER, STRIP, LINES, TRIANGLES = (
+ARROW, CUBE, SPHERE, CYLINDER, STRIP, LINES, TRIANGLES = (
     0,
+    1,
     2,
     3,
     4,
@@ -119,6 +120,7 @@ def test_markers_are_what_viewers_accept(shown):
         ARROW: 'xyz',
         SPHERE: 'xyz',
         CYLINDER: 'xyz',
+        CUBE: 'xyz',
         STRIP: 'x',
         LINES: 'x',
         TRIANGLES: 'xyz',
@@ -209,6 +211,41 @@ def test_the_lens_shows_the_pin_where_it_is(shown):
         assert (pin.color.r > pin.color.b) == closed
     assert True in seen
     assert False in seen or shown.machine.name == 'whole_machine'
+
+
+@pytest.mark.parametrize('scene', ['gear_rattle', 'valve_train', 'groove_cam'])
+def test_lenses_of_other_plays_show_what_is_between_their_walls(scene):
+    """Distances drawn, over the magnification, are the gaps of the run; the colour is contact."""
+    machine = ms.load_scene(scene)
+    seen = preview(machine)
+    solution = ms.simulate(machine)
+    t = np.linspace(0.0, solution.duration, 200)
+    k, dt = solution.motion.curve.find(t)
+    observed = machine.physics.observe(solution.motion, k, dt)
+    told = solution.sample(t)
+    picture = Picture(seen)
+    arrays = picture.at(t, observed, solution.motion.modes[k].T)
+    for i, array in enumerate(arrays):
+        lenses = [m for m in array.markers if m.ns == 'lenses']
+        for pair in seen.stage.plays:
+            walls = [lenses.pop(0) for _ in machine.physics.clearances if _.startswith(pair.name)]
+            body = lenses.pop(0)
+            assert {m.type for m in (*walls, body)} == {CUBE}
+            right = place(walls[-1].pose.position)[0] - 0.5 * walls[-1].scale.x
+            drawn = [right - (place(body.pose.position)[0] + 0.5 * body.scale.x)]
+            gaps = [told[f'gap.{pair.name}' + ('_right' if len(walls) == 2 else '')][i]]
+            if len(walls) == 2:
+                left = place(walls[0].pose.position)[0] + 0.5 * walls[0].scale.x
+                drawn.insert(0, place(body.pose.position)[0] - 0.5 * body.scale.x - left)
+                gaps.insert(0, told[f'gap.{pair.name}_left'][i])
+            width = seen.stage.widths[pair.name]
+            magnification = 2.0 * 0.04 * seen.skeleton.size / width
+            if sum(gaps) == pytest.approx(width, rel=1e-3) or len(walls) == 1:
+                assert np.array(drawn) / magnification == pytest.approx(gaps, abs=2e-3 * width)
+            modes = [told[n][i] for n in told if n.startswith(f'mode.{pair.name}')]
+            assert (body.color.r > body.color.b) == any(mode > 1 for mode in modes)
+        assert not lenses or machine.bearings
+    assert seen.stage.plays
 
 
 def test_every_impact_flashes_once_at_its_joint(shown):

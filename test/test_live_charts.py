@@ -32,6 +32,7 @@ const element = () => ({ append() {}, setAttribute() {}, getContext: () => pen,
   clientWidth: 600, clientHeight: 90, textContent: '' });
 globalThis.document = { createElement: element };
 globalThis.window = { devicePixelRatio: 1 };
+globalThis.getComputedStyle = () => ({ getPropertyValue: () => '' });
 const { Stream } = await import('page_stream');
 const { Strip } = await import('page_strip');
 const { stage, batches, seconds } = JSON.parse(readFileSync(0, 'utf8'));

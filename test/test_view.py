@@ -31,10 +31,10 @@ from mechanism_sim.messages import Motion as MotionMessage
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of, pack
 from mechanism_sim.nodes.qos import LATCHED
-from mechanism_sim.pages.controls import controls
+from mechanism_sim.pages.controls import controls, visible_pace
 from mechanism_sim.pages.live import MOST, Live
 from mechanism_sim.pages.server import PAGES, Command, Mailbox, Server
-from mechanism_sim.pages.view import NEWEST
+from mechanism_sim.pages.view import NEWEST, _contents
 
 SCENE = 'four_bar_clearance'
 PLAY = 'joints.coupler_rocker.clearance'
@@ -455,3 +455,169 @@ def test_two_servers_find_ports_of_their_own():
     for server in (*servers, third):
         server.close()
     assert eventually(lambda: not any(s._thread.is_alive() for s in (*servers, third)))
+
+
+# --- the page itself, operated by hand, with a server that answers as a run would ---------------
+
+
+class Acted:
+    """The page of a machine whose run is acted here: what it asks for is kept, not done."""
+
+    def __init__(self, tab: Any, scene: str, *ends: float) -> None:
+        self.machine = ms.load_scene(scene)
+        self.live, self.asked = Live(describe(self.machine)), Mailbox()
+        self.controls = controls(self.machine)
+        for message in messages(self.machine, list(ends)):
+            self.live.take(message)
+        self.batch = self.live.batch()
+        self.server = Server(_contents(), 0, lambda: [self.stage(), self.batch], self.asked.put)
+        self.tab, self.page = tab, tab.page
+        tab.page.goto(self.server.address)
+        assert eventually(lambda: data(tab, 'time'))
+
+    def stage(self) -> dict[str, Any]:
+        found = [control.to_json() for control in self.controls.values()]
+        return {'type': 'stage', 'stage': self.live.stage.to_json(), 'controls': found}
+
+    def tell(self, playing: bool = True, **values: float) -> None:
+        """The state of the run, as the view tells it twice a second."""
+        known = {path: control.value for path, control in self.controls.items()} | values
+        state = {'time': 0.0, 'run': 0, 'factor': 0.1, 'operable': True, 'impacts': 0}
+        self.server.send({'type': 'state', 'playing': playing, 'values': known, **state})
+        wanted = '1' if playing else ''
+        assert eventually(lambda: data(self.tab, 'playing') == wanted)
+        self.page.wait_for_timeout(100)
+
+    def command(self) -> Command:
+        """What the page asks for next."""
+        found: list[Command] = []
+        assert eventually(lambda: found.append(self.asked.take()) or found[-1])
+        return found[-1]
+
+
+@pytest.fixture
+def acted(tab):
+    """Makes pages of runs, and ends them."""
+    made: list[Acted] = []
+
+    def make(*given: Any) -> Acted:
+        made.append(Acted(tab, *given))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.server.close()
+
+
+def test_a_slider_keeps_what_was_asked_for_until_the_machine_has_it_or_refuses(acted):
+    run = acted(SCENE, 0.1, 0.2)
+    path = f'{PLAY}.radial'
+    slider = run.page.locator(f'input[data-path="{path}"]')
+    box = run.page.locator('.slider', has=slider)
+    run.tell()
+    slide(run.tab, path, 700)
+    asked = run.command()
+    assert (asked.type, asked.path) == ('set', path)
+    for _ in range(3):  # the run goes on as it was: nothing jumps back
+        run.tell()
+        assert slider.input_value() == '700'
+        assert box.locator('small').inner_text() == 'restarting …'
+    run.controls[path] = run.controls[path].at(1e-3 * asked.value)
+    run.server.send(run.stage())
+    box.get_by_text('begins the run anew').wait_for()
+    shown = math.log(asked.value / 0.0254) / math.log(100.0)
+    assert float(slider.input_value()) == pytest.approx(1e3 * shown, abs=1.0)
+    slide(run.tab, path, 900)
+    assert run.command().value > asked.value
+    run.server.send({'type': 'message', 'text': 'no such thing', 'path': path})
+    box.get_by_text('begins the run anew').wait_for()
+    assert float(slider.input_value()) == pytest.approx(1e3 * shown, abs=1.0)
+    assert run.tab.complaints == []
+
+
+def test_space_pauses_whatever_was_clicked_before(acted):
+    run = acted('whole_machine', 0.05)
+    run.tell(playing=False)
+    for selector in ('#step', '#names', 'input[data-path=realtime_factor]', '#stage', '#bearing'):
+        for playing, wanted in ((True, 'pause'), (False, 'play')):
+            run.tell(playing)
+            if selector == '#bearing':
+                run.page.select_option(selector, index=0)
+            elif selector != '#step' or not playing:  # no steps while it plays
+                run.page.locator(selector).click()
+            while command := run.asked.take():
+                assert command.type in ('step', 'set')
+            run.page.keyboard.press('Space')
+            found = run.command()
+            while found.type not in ('play', 'pause'):
+                found = run.command()
+            assert found == Command(wanted), selector
+    assert run.tab.complaints == []
+
+
+def test_every_play_has_its_lens_in_the_live_view(acted):
+    run = acted('whole_machine', 0.05, 0.1)
+    told = run.live.stage.to_json()
+    names = [play['joint'] for play in (*told['bearings'], *told['plays'])]
+    assert len(names) > 2
+    frames = {name: unpacked(packed) for name, packed in run.batch['frames'].items()}
+    for name in names:
+        run.page.select_option('#bearing', name)
+        run.page.locator('#lens .title', has_text=name.replace('_', ' ')).wait_for()
+        assert run.page.locator('#stage .callout').bounding_box()['height'] > 10
+        if name in [play['joint'] for play in told['plays']]:
+            (k,) = [k for k, play in enumerate(told['plays']) if play['joint'] == name]
+            left, right = frames['walls'][-1, k].astype(float)
+            right = 0.5 * (left - right) if told['plays'][k]['walls'] == 2 else right
+            run.page.wait_for_timeout(100)
+            shown = float(run.page.locator('#lens .journal').get_attribute('data-x'))
+            assert shown == pytest.approx(right, abs=1e-2 * told['plays'][k]['width'])
+    run.tab.shoot('live_plays')
+    assert run.tab.complaints == []
+
+
+def test_the_wheel_enlarges_where_it_points_and_the_scale_stays_true(acted):
+    run = acted(SCENE, 0.1)
+    stage, told = run.page.locator('#stage'), run.live.stage.to_json()
+    unit = told['symbol'] / 10.0
+    place = stage.bounding_box()
+    x, y = round(place['x'] + 0.7 * place['width']), round(place['y'] + 0.4 * place['height'])
+    under = """([x, y]) => {
+        const matrix = document.querySelector('#stage').getScreenCTM().inverse();
+        const point = new DOMPoint(x, y).matrixTransform(matrix);
+        return [point.x, point.y];
+    }"""
+    before = run.page.evaluate(under, [x, y])
+    whole = stage.get_attribute('viewBox')
+    run.page.mouse.move(x, y)
+    for _ in range(5):
+        run.page.mouse.wheel(0, -200)
+    run.page.wait_for_timeout(100)
+    assert run.page.evaluate(under, [x, y]) == pytest.approx(before, abs=0.5)
+    times = float(whole.split()[2]) / float(stage.get_attribute('viewBox').split()[2])
+    assert times == pytest.approx(math.exp(0.0015 * 1000), rel=1e-3)
+    rule = stage.locator('.rule:not(.of-forces)')
+    number, prefix = rule.locator('text').text_content().split()
+    length = float(number) * {'mm': 1e-3, 'm': 1.0}[prefix]
+    drawn = rule.locator('path').evaluate('x => x.getBoundingClientRect().width')
+    scale = stage.evaluate('x => x.getScreenCTM().a')
+    assert drawn * unit / scale == pytest.approx(length, rel=0.03)  # but for the line's width
+    run.page.mouse.down()
+    run.page.mouse.move(x - 40, y - 30)
+    run.page.mouse.up()
+    assert run.page.evaluate(under, [x - 40, y - 30]) == pytest.approx(before, abs=0.5)
+    run.tab.shoot('live_zoomed')
+    run.page.mouse.dblclick(x, y)
+    assert [float(v) for v in stage.get_attribute('viewBox').split()] == pytest.approx(
+        [float(v) for v in whole.split()], abs=0.01
+    )
+    assert run.tab.complaints == []
+
+
+@pytest.mark.parametrize('scene', [SCENE, 'rotary_engine', 'pendulum', 'five_bar'])
+def test_the_pace_begins_where_motion_can_be_followed(scene):
+    machine = ms.load_scene(scene)
+    pace = visible_pace(machine)
+    assert 1e-3 <= pace <= 1.0
+    if 4e-3 < machine.period < 4.0:
+        assert 4.0 <= machine.period / pace <= 10.1

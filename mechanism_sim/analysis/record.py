@@ -30,6 +30,7 @@ from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.recording import Bag, read_bag, scene_text
 from mechanism_sim.scene import Machine
 
@@ -294,9 +295,12 @@ class Record:
 
     @property
     def loose_joints(self) -> list[str]:
-        """Those with a pin loose in a bushing; on an oil film it never touches: not these."""
-        known = self.machine.physics.clearances
-        return [joint.name for joint in self.machine.bearings if joint.name in known]
+        """Those with a pin loose in a bushing; of one out of line both ends, ``JOINT_front``.
+
+        On an oil film it never touches: not these.
+        """
+        known, mechanism = self.machine.physics.clearances, self.machine.mechanism
+        return [gap for j in self.machine.bearings for gap in gaps_of(mechanism, j.name, known)]
 
     def loose(self, joint: str) -> str:
         """The joint, once sure that it has a pin loose in a bushing.

@@ -16,6 +16,7 @@ from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.study.statistics import ratio
 
 MARKED = 6  #: impacts marked in [SB] 8.11
@@ -78,7 +79,7 @@ def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
     """
     machine = record.machine
     record.loose(joint)
-    pin_joint = machine.mechanism.joint(joint)
+    pin_joint = joint_of_gap(machine.mechanism, joint)
     begin = record.begin(skip)
     chosen = [i for i in record.piece.impacts if i.joint == joint and i.t >= begin]
 

@@ -16,7 +16,9 @@ from mechanism_sim.analysis.roses import impact_rose
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import SMOOTH
+from mechanism_sim.linkages.bearing import BearingClearance
 from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.sensing.joint_view import JointView
 
 _BLOCK = 512  # segments at once
@@ -80,7 +82,7 @@ def wear_maps(
         scene's.
     """
     record.loose(joint)
-    play = record.machine.clearances[joint]
+    play = record.machine.clearances[joint_of_gap(record.machine.mechanism, joint).name]
     radius = play.pin_radius if pin_radius is None else pin_radius
     if play.friction and radius != play.pin_radius:
         raise InputError(
@@ -121,10 +123,11 @@ def _contact(
     The slip is that of `BearingClearance.slip`: ``Q'.t + rp w1 - (rp + c) w2``.
     """
     machine = record.machine
-    pair = machine.mechanism.joint(joint)
+    pair = joint_of_gap(machine.mechanism, joint)
+    gap = machine.system.gaps[machine.physics.clearances.index(joint)]
+    assert isinstance(gap, BearingClearance)  # noqa: S101 - it is a bearing
     view = JointView(machine.mechanism, pair, machine.physics, seen, np.zeros((0, 0), np.uint8))
-    apart = view.path(pair.first, pair.on_first) - view.path(pair.second, pair.on_second)
-    (x, y), (vx, vy) = apart[:2]
+    (x, y), (vx, vy), _ = view.trace(gap.apart)
     first, second = view.turning(pair.first), view.turning(pair.second)
     tangential = (x * vy - y * vx) / np.hypot(x, y)
     slip = tangential + radius * first.velocity - (radius + clearance) * second.velocity

@@ -9,7 +9,7 @@ from mechanism_sim.errors import nearest
 from mechanism_sim.nodes.arguments import Parser
 
 GROUPS = {
-    'A machine': ('new', 'scenes', 'check', 'equations'),
+    'A machine': ('new', 'edit', 'scenes', 'check', 'equations'),
     'Run it': ('solve', 'run', 'node'),
     'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view', 'layout', 'sound'),
     'Talk to what runs': ('topic', 'param', 'service', 'action', 'bag'),

@@ -49,12 +49,23 @@ def add(command: Command) -> None:
     option(sub, '--duration', 'S', 'seconds to run; 1 h if none is known', float)
     option(sub, '--revolutions', 'N', 'turns of the drive to run, instead', float)
     option(
-        sub, '--realtime-factor', 'F', 'simulated seconds in a second; 0: as fast as possible', 1.0
-    )
+        sub, '--realtime-factor', 'F',
+        'simulated seconds in a second; 0: as fast as possible; if not given, a turn takes some '
+        'seconds',
+        float,
+    )  # fmt: skip
     flag(sub, '--paused', 'begin its run paused')
     option(sub, '--port', 'N', 'of the page on this machine, 8080 if not given; 0: any', int)
     flag(sub, '--open', 'open a browser')
     option(sub, '--namespace', 'NS', 'namespace of the nodes that are followed')
+
+    sub = command('edit', _edit, 'draw and change a machine by touch, in a browser')
+    sub.add_argument(
+        'scene', metavar='SCENE', nargs='?',
+        help='a scene of the package, of which a copy is edited, or a file; without: a new one',
+    )  # fmt: skip
+    option(sub, '--port', 'N', 'of the page on this machine, 8080 if not given; 0: any', int)
+    flag(sub, '--open', 'open a browser')
 
 
 def _report(options: argparse.Namespace) -> int:
@@ -156,19 +167,38 @@ def _view(options: argparse.Namespace) -> int:
     return view(parameters, run, ros_args(options), opened)
 
 
+def _edit(options: argparse.Namespace) -> int:
+    from mechanism_sim.pages.edit.document import Document  # noqa: PLC0415
+    from mechanism_sim.pages.edit.serving import edit  # noqa: PLC0415
+
+    document = Document.open(options.scene) if options.scene else Document()
+
+    def opened(address: str) -> None:
+        if options.json:
+            print_json({'address': address})
+        else:
+            print(f'Edit: {address}', flush=True)
+
+    return edit(document, options.port, options.open, opened)
+
+
 def _run_arguments(options: argparse.Namespace) -> list[str]:
     """What `mechanism-sim run` is given, checked before a browser opens."""
+    from mechanism_sim.pages.controls import visible_pace  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     machine, overrides = read_machine(options), overrides_of(options)
     known = options.duration or machine.scene.duration or HOUR
     turns = options.revolutions
     duration = run_length(machine, turns, options.duration if turns is not None else known)
-    if not 0.0 <= options.realtime_factor < math.inf:
+    pace = options.realtime_factor
+    if pace is None:
+        pace = visible_pace(machine)
+    if not 0.0 <= pace < math.inf:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')
     return [
         options.scene, '--hold', '--duration', repr(duration),
-        '--realtime-factor', repr(options.realtime_factor),
+        '--realtime-factor', repr(pace),
         *(part for text in overrides for part in ('--set', text)),
         *(['--paused'] if options.paused else []),
         *ros_args(options),

@@ -44,7 +44,8 @@ def css() -> str:
     )
     return (
         f':root {{ {light} }}\n'
-        f'@media screen and (prefers-color-scheme: dark) {{ body.report {{ {dark} }} }}\n'
+        '@media screen and (prefers-color-scheme: dark) '
+        f'{{ body:is(.report, .edit, .live) {{ {dark} }} }}\n'
     )
 
 

@@ -92,7 +92,7 @@ class Shape:
         """Points (k, 2) [m] around all that is painted, or the outline of what is not."""
         curves = [curve for path in self.paths for curve in path.curves]
         points = np.concatenate(curves or [self.outline])
-        return points if self.bends else _around(points)
+        return points if self.bends else around(points)
 
     def _fine(self, curves: tuple[Array, ...], style: Style) -> tuple[Array, ...]:
         if not self.bends:
@@ -118,10 +118,11 @@ def subdivided(curve: Array, longest: float, closed: bool = False) -> Array:
 
 def rounded(points: Array, radius: float) -> Array:
     """The edge of the convex plate (k, 2) that reaches so far around all points (n, 2) [m]."""
-    return _around((points[:, None] + circle(radius, points=24)).reshape(-1, 2))
+    return around((points[:, None] + circle(radius, points=24)).reshape(-1, 2))
 
 
-def _around(points: Array) -> Array:
+def around(points: Array) -> Array:
+    """The corners of the convex polygon around points (n, 2), counterclockwise; all of a line."""
     if len(points) < 3 or min(np.ptp(points, axis=0)) == 0.0:
         return points
     return np.asarray(points[scipy.spatial.ConvexHull(points).vertices])

@@ -47,6 +47,7 @@ class Skeleton:
     drives : driven coordinates, each with the sign of the sense in which it sets out
     frames : bodies that carry the ground, each by the points it reaches to and those on springs
     magnified : how much larger elastic links deform here; 0: visibly
+    size : by which symbols are chosen, if not by that of the mechanism [m]
 
     Attributes
     ----------
@@ -55,6 +56,7 @@ class Skeleton:
     shapes : in the order in which they are painted
     springs : the ends of each, painted before all shapes as `shapes.coil`
     links : that move, in the order of poses
+    mounts : of each frame on springs the numbers of its springs
     bendings : of the elastic links
     """
 
@@ -68,6 +70,7 @@ class Skeleton:
         drives: Mapping[str, float] | None = None,
         frames: Mapping[str, tuple[list[Vector2], list[Vector2]]] | None = None,
         magnified: float = 0.0,
+        size: float = 0.0,
     ) -> None:
         self.mechanism = mechanism
         self.links = [body.name for body in mechanism.bodies]
@@ -88,7 +91,8 @@ class Skeleton:
             if j.second in mechanism.rotors
             for side in (-1.0, 1.0)
         ]
-        self.size = max(float(np.ptp(covered, axis=(0, 2)).max()), mechanism.longest) or 1.0
+        widest = max(float(np.ptp(covered, axis=(0, 2)).max()), mechanism.longest)
+        self.size = size or widest or 1.0
         self.symbol = self.size / 60.0
         self.bendings = bendings(mechanism, q, self.size, magnified)
         self._corners: dict[str, list[Vector2]] = {link: [] for link in self.links}
@@ -107,7 +111,10 @@ class Skeleton:
         for place in (end for ends in self.springs for end in ends):
             self._support(place)
             self.reach(place)
+        self.mounts: dict[str, range] = {}
         for name, (corners, mounts) in frames.items():
+            first = len(self.springs)
+            self.mounts[name] = range(first, first + len(mounts))
             self.add('frame', GROUND, np.array(corners + mounts), label=name)
             for x, y in mounts:
                 foot = GROUND, (x, y - _MOUNT * self.symbol)
@@ -316,9 +323,22 @@ class Skeleton:
         return sorted(lower, key=lambda j: GROUND not in (j.first, j.second))
 
 
-def skeleton_of(machine: Machine, q: Array, magnified: float = 0.0) -> Skeleton:
-    """The skeleton of a machine with its springs, named points, loose joints, drive and frames."""
-    elements = machine.plan.elements(machine.mechanism)
+def skeleton_of(
+    machine: Machine,
+    q: Array,
+    magnified: float = 0.0,
+    mechanism: Mechanism | None = None,
+    size: float = 0.0,
+) -> Skeleton:
+    """The skeleton of a machine with its springs, named points, loose joints, drive and frames.
+
+    Parameters
+    ----------
+    q : (n, N) coordinates of the machine's mechanism, or of another tree of it
+    size : by which symbols are chosen, if not by that of the machine [m]
+    """
+    mechanism = mechanism or machine.mechanism
+    elements = machine.plan.elements(mechanism)
     springs = [(e.first, e.second) for e in elements if isinstance(e, Spring)]
     points = {
         f'{link}.{name}': (link, at)
@@ -328,7 +348,7 @@ def skeleton_of(machine: Machine, q: Array, magnified: float = 0.0) -> Skeleton:
     }
     ground = [
         at
-        for j in machine.mechanism.joints
+        for j in mechanism.joints
         for link, at in ((j.first, j.on_first), (j.second, j.on_second))
         if link == GROUND
     ]
@@ -338,7 +358,7 @@ def skeleton_of(machine: Machine, q: Array, magnified: float = 0.0) -> Skeleton:
     }
     drives = {coordinate: _sense(laws[0]) for coordinate, laws in machine.plan.laws.items()}
     return Skeleton(
-        machine.mechanism, q, points, springs, machine.clearances, drives, frames, magnified
+        mechanism, q, points, springs, machine.clearances, drives, frames, magnified, size
     )
 
 

@@ -22,7 +22,7 @@ from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute, Side
-from mechanism_sim.planar.play import wall_name
+from mechanism_sim.planar.play import gaps_of, wall_name
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
@@ -53,6 +53,7 @@ class Frames:
     forces : (N, J, 2) [N] of the first-named on the second-named link, along the world's axes
     feet : (N, K, 2) [m] points on the lines of action of forces that act at no fixed point
     drive : (N,) coordinate of the main drive [rad], or [m]
+    sway : (N, F, 3) of the F frames on springs [m, rad], as much as is drawn: see `Stage.sways`
     """
 
     t: Array
@@ -65,6 +66,7 @@ class Frames:
     forces: Array
     feet: Array
     drive: Array
+    sway: Array
 
     def acting(self, stage: Stage) -> Array:
         """Where the forces act (J, 2, N) [m]."""
@@ -84,7 +86,7 @@ class Frames:
 
     def packed(self) -> dict[str, Any]:
         """All instants, as arrays in base64."""
-        single = 'poses', 'pins', 'pin_rates', 'walls', 'forces', 'feet'
+        single = 'poses', 'pins', 'pin_rates', 'walls', 'forces', 'feet', 'sway'
         return {
             't': packed(self.t),
             **{name: packed(getattr(self, name).astype('<f4')) for name in single},
@@ -103,6 +105,7 @@ class Stage:
     low, high : corners (2,) [m] of all that moves and of its usual arrows, and room around it
     force_scale : length of arrows per force [m/N]; 0 where there are no forces
     widths : of each of `plays`, how far apart its walls are, or how far it parts [m]
+    sways : of frames on springs that are known to sway, how many times as far they are drawn
     """
 
     machine: Machine
@@ -111,6 +114,7 @@ class Stage:
     high: Array
     force_scale: float
     widths: dict[str, float] = field(default_factory=dict)
+    sways: dict[str, float] = field(default_factory=dict)
 
     @property
     def links(self) -> list[str]:
@@ -173,7 +177,7 @@ class Stage:
             'bounds': [*self.low.tolist(), *self.high.tolist()],
             'symbol': self.skeleton.symbol,
             'links': self.links,
-            'shapes': [_written(shape) for shape in self.skeleton.shapes],
+            'shapes': [written(shape) for shape in self.skeleton.shapes],
             'springs': [[[link, list(at)] for link, at in x] for x in self.skeleton.springs],
             'coil': COIL.tolist(),
             'scale': dict(zip(('length', 'text'), self.skeleton.scale_bar(width), strict=True)),
@@ -183,6 +187,7 @@ class Stage:
             'force': round_below(0.12 * width / self.force_scale) if self.force_scale else 0.0,
             'bearings': [self._bearing(joint) for joint in self.bearings],
             'plays': [self._play(pair) for pair in self.plays],
+            'frames': [self._frame(name) for name in self.skeleton.mounts],
             'main': self.machine.main,
             'slides': self.machine.main in self.machine.physics.displacements,
         }
@@ -210,8 +215,8 @@ class Stage:
         known, count = dict(zip(physics.clearances, modes, strict=True)), len(t)
         touching = np.zeros((count, len(bearings)), np.uint8)
         for k, joint in enumerate(bearings):
-            if joint.name in known:  # an oil film has no gap
-                touching[:, k] = known[joint.name]
+            for gap in gaps_of(self.machine.mechanism, joint.name, known):  # a film has none
+                touching[:, k] = np.maximum(touching[:, k], known[gap])
         return Frames(
             t,
             poses,
@@ -223,6 +228,7 @@ class Stage:
             _by_instant([views[j.name].force for j in self.joints], count),
             _by_instant([views[j.name].foot for j in self.moving], count),
             o.position[physics.coordinates.index(self.machine.main)],
+            np.zeros((count, len(self.skeleton.mounts), 3)),
         )
 
     def _touched(self, modes: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
@@ -263,6 +269,12 @@ class Stage:
             **foot,
         }
 
+    def _frame(self, name: str) -> dict[str, Any]:
+        part = self.machine.scene.oscillators[name]
+        springs = list(self.skeleton.mounts[name])
+        return {'name': name, 'cog': list(part.cog), 'springs': springs,
+                'times': self.sways.get(name, 0.0)}  # fmt: skip
+
     def _bearing(self, joint: Joint) -> dict[str, Any]:
         play = self.machine.clearances[joint.name]
         return {
@@ -297,6 +309,8 @@ def stage_of(machine: Machine, observed: Observation) -> Stage:
     """The stage of a machine that moves as it was observed to, over all of its motion."""
     skeleton = skeleton_of(machine, observed.position)
     low, high = bounds(skeleton, skeleton.poses(observed.position))
+    if skeleton.mounts:  # the bars of the scale stand below the feet of the springs
+        low = low - np.array([0.0, 4.0 * skeleton.symbol])
     stage = Stage(machine, skeleton, low, high, 0.0)
     for pair in stage.plays:  # of two walls how far they are apart, else how far it parts
         width = float(np.nansum(stage._parted(observed, pair), axis=0).max())
@@ -325,7 +339,7 @@ def packed(rows: NDArray[Any]) -> dict[str, str]:
     return {'dtype': kind, 'bdata': data, **shape}
 
 
-def _written(shape: Shape) -> dict[str, Any]:
+def written(shape: Shape) -> dict[str, Any]:
     """A shape for JSON: curves as x, y, x, y ... in tenths of a symbol, outlines in metres."""
     fine = 10.0 * _FINE / shape.symbol
     return {

@@ -16,6 +16,7 @@ _UNITS = {
     'friction_loss': ('W', 'W'),
     'drive_torque': ('N m', 'N'),
     'shaking_moment': ('N m', 'N m'),
+    'bearing_moment': ('N m', 'N m'),
     't': ('s', 's'),
     'pressure_angle': ('rad', 'rad'),
     'contact': ('m', 'm'),

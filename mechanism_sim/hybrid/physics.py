@@ -15,6 +15,7 @@ from mechanism_sim.hybrid.observer import Instants, Observer, TouchTerms
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
+from mechanism_sim.planar.protocols import EndGap
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import HOLDS
 
@@ -50,8 +51,11 @@ class Physics(Protocol):
     def has_forces(self) -> bool:
         """Whether forces and energies are known, or only motion."""
 
-    def strained(self, q: Array) -> dict[str, Array]:
-        """Deflections and stresses (N,) of elastic links at coordinates (n, N), by name."""
+    def columns(self, seen: Observation) -> dict[str, Array]:
+        """Columns (N,) of elastic links, see `Mechanism.strained`, and of bearings that tilt.
+
+        ``bearing_moment.JOINT.x``, ``.y``, ``.size`` [N m]: on the second link, about the middle.
+        """
 
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
@@ -98,9 +102,18 @@ class DynamicPhysics:
         self.displacements = system.mechanism.displacements
         self.clearances = tuple(gap.name for gap in system.gaps)
 
-    def strained(self, q: Array) -> dict[str, Array]:
-        """Deflections and stresses (N,) of elastic links at coordinates (n, N), by name."""
-        return self.system.mechanism.strained(q)
+    def columns(self, seen: Observation) -> dict[str, Array]:
+        """As `Physics.columns`."""
+        found, q = self.system.mechanism.strained(seen.position), seen.position
+        moments: dict[str, Array] = {}
+        for k, gap in enumerate(self.system.gaps):
+            if isinstance(gap, EndGap):
+                own = gap.moment(q, seen.normal_force[k], seen.friction_force[k])
+                moments[gap.joint] = moments.get(gap.joint, 0.0) + own
+        for joint, (x, y) in moments.items():
+            name = f'bearing_moment.{joint}'
+            found |= {f'{name}.x': x, f'{name}.y': y, f'{name}.size': np.hypot(x, y)}
+        return found
 
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes

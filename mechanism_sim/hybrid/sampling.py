@@ -82,7 +82,7 @@ def table(physics: Physics, s: Samples) -> dict[str, Array]:
         ('acceleration', o.acceleration),
     ):
         columns |= {f'{name}.{c}': row for c, row in zip(physics.coordinates, rows, strict=True)}
-    columns |= physics.strained(o.position)
+    columns |= physics.columns(o)
     for i, joint in enumerate(physics.clearances):
         columns[f'gap.{joint}'] = o.gap[i]
         columns[f'normal_force.{joint}'] = o.normal_force[i]

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass
 
 import heyoka as hy
 import numpy as np
@@ -14,22 +12,11 @@ from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Load, Wrench, contact_wrench, moment_of
-from mechanism_sim.planar.mechanism import Mechanism, Revolute, Vector2
-from mechanism_sim.planar.play import ENDS, end_name
+from mechanism_sim.planar.loads import Load, Wrench, contact_wrench
+from mechanism_sim.planar.mechanism import Mechanism, Point
 from mechanism_sim.planar.protocols import ForceLaw
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class EndPlane:
-    """The plane of an end of a bearing, and where the axes of pin and bushing pass it."""
-
-    joint: str
-    pin: Vector2  #: [m] off the joint's point on the first link, in its frame
-    bushing: Vector2  #: [m] the same on the second link
-    height: float  #: [m] above the plane of the links
 
 
 @dataclass(frozen=True)
@@ -49,7 +36,6 @@ class BearingClearance:
     hypothesis: str = 'newton'
     pin_radius: float = 0.0  #: [m]
     law: ForceLaw | None = None
-    end: EndPlane | None = None  #: where it is, if the ends of the bearing differ
 
     def value(self, frames: Frames) -> Jet:
         """``(c^2 - Q.Q)/(2 c)`` [m]."""
@@ -60,13 +46,8 @@ class BearingClearance:
 
     @property
     def joint(self) -> str:
-        """Name of the joint, which is the gap's if it is the only one."""
-        return self.end.joint if self.end else self.name
-
-    @property
-    def softness(self) -> float:
-        """Two ends that stick hold the same: they share it, giving way so little."""
-        return 1e-9 if self.end else 0.0
+        """The gap is the joint's only one."""
+        return self.name
 
     @property
     def arm(self) -> float:
@@ -107,23 +88,17 @@ class BearingClearance:
         return -(x * minus), -(y * minus)
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """On the bushing's link, about the bushing's centre in the plane of the links."""
+        """On the bushing's link, about the bushing's centre."""
         arm = frames.parameters(f'{self.name}.arm', self.arm)
-        pressed = contact_wrench(self.normal(frames), N, T, arm)
-        if not self.end:
-            return pressed
-        joint = self.mechanism.joint(self.joint)
-        off = self.mechanism.offset(joint.second, self.end.bushing, self.end.height)
-        x, y = frames.position(off, f'{self.name}.bushing')
-        turning = moment_of((x.value, y.value), (pressed.x, pressed.y))
-        return pressed._replace(moment=add(pressed.moment, turning))
+        return contact_wrench(self.normal(frames), N, T, arm)
 
     def _pin_in_bushing(self, frames: Frames) -> tuple[Jet, Jet]:
+        return frames.position(self.apart, self.name)
+
+    @property
+    def apart(self) -> Point:
         """From the bushing's centre to the pin's, in the plane of the contact."""
-        if not self.end:
-            return frames.position(self.mechanism.separation(self.name), self.name)
-        _, *off = astuple(self.end)
-        return frames.position(self.mechanism.separation(self.joint, *off), self.name)
+        return self.mechanism.separation(self.name)
 
     def _minus_curvature(self, frames: Frames) -> hy.expression:
         """-1/c: a product costs less than a quotient and a change of sign."""
@@ -133,53 +108,6 @@ class BearingClearance:
         """The gap ``c - |Q|`` [m] that belongs to values of ``(c^2 - Q.Q)/(2 c)``."""
         c = self.clearance
         return 2.0 * value / (1.0 + np.sqrt(np.maximum(0.0, 1.0 - 2.0 * value / c)))
-
-
-def bearing_ends(
-    gap: BearingClearance, length: float, pin: Vector2, bushing: Vector2, along: float = 0.0
-) -> Iterator[BearingClearance]:
-    """The gaps at both ends of a bearing whose pin and bushing are out of line.
-
-    Exact to the first order in the inclinations: pin and bushing are circles in the end planes.
-
-    Parameters
-    ----------
-    gap : of the bearing as if pin and bushing were in line; its law is that of each end
-    length : of the bearing [m]
-    pin, bushing : inclinations of the axes [rad], the way each leans towards the reader, in the
-        frame of its link
-    along : how far its middle is above the plane of the links [m]; counts where these lean
-    """
-    joint = gap.mechanism.joint(gap.name)
-    assert isinstance(joint, Revolute)  # noqa: S101 - a bearing is
-    for end, height in zip(ENDS, (0.5 * length, -0.5 * length), strict=True):
-        on_pin, on_bushing = ((height * x, height * y) for x, y in (pin, bushing))
-        plane = EndPlane(joint.name, on_pin, on_bushing, along + height)
-        yield replace(gap, name=end_name(gap.mechanism, joint, end), end=plane)
-
-
-def seat(clearance: float, towards: Array, off: Array) -> Array:
-    """Where a pin under a load rests in a bushing with which it is out of line.
-
-    The lens that two circles have in common: on the arc of an end, or in the corner of both.
-
-    Parameters
-    ----------
-    clearance : [m] radial
-    towards : (2,) unit vector of the load on the pin
-    off : (2,) from bushing's to pin's axis at the front end [m], if they meet in the middle
-
-    Returns
-    -------
-    From the bushing's centre to the pin's in the middle of the bearing (2,) [m].
-    """
-    along = float(towards @ off)
-    square = float(off @ off)
-    if abs(along) * clearance >= square:
-        return np.asarray(clearance * towards - math.copysign(1.0, along) * off)
-    across = np.array([-off[1], off[0]])
-    side = math.sqrt((clearance**2 - square) / square)
-    return np.asarray(math.copysign(side, float(towards @ across)) * across)
 
 
 @dataclass(frozen=True)

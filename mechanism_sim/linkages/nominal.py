@@ -359,8 +359,8 @@ class NominalPhysics:
         self._ideal = ideal
         self._forces = forces
 
-    def strained(self, _: Array) -> dict[str, Array]:
-        """None: its links are rigid."""
+    def columns(self, _: Observation) -> dict[str, Array]:
+        """None: its links are rigid, its joints ideal."""
         return {}
 
     def observe(

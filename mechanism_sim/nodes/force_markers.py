@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.cycle import Cycle, cycle, is_steady
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.shapes import coil
@@ -18,12 +19,11 @@ from mechanism_sim.export.stage import Frames, Stage, stage_of
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
-from mechanism_sim.nodes.markers import STEEL, Colour, disc, frame_of, marker
+from mechanism_sim.nodes.markers import STEEL, Colour, frame_of, marker
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import GROUND, Joint
+from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.scene import Machine
-
-Array = NDArray[np.float64]
 
 FORCE: Colour = (0.80, 0.10, 0.10, 1.0)
 TOUCHING: Colour = (0.90, 0.45, 0.05, 1.0)
@@ -104,15 +104,18 @@ def preview(machine: Machine, duration: float | None = None) -> Preview:
 
 @dataclass(frozen=True)
 class _Lens:
-    """The clearance of a revolute joint, magnified, beside it."""
+    """The play of a joint, magnified, beside it."""
 
     joint: Joint
-    away: Array  #: (2,) [m] from the bushing's centre to the lens
-    radius: float  #: [m] of the bushing as it is shown
+    away: Array  #: (2,) [m] from the joint's point to the lens
+    radius: float  #: [m] of the bushing, or half the way between walls, as it is shown
     magnification: float
-    radial: float  #: [m] clearance
-    arm: float  #: [m] from the bushing's centre to the contact
-    film: bool  #: of oil, on which the pin is carried
+    play: float  #: [m] that what is between has to each side
+
+    @property
+    def inner(self) -> float:
+        """Radius of the pin [m], or half the breadth of what is between walls."""
+        return self.radius - self.magnification * self.play
 
 
 class Picture:
@@ -145,24 +148,26 @@ class Picture:
         self._size, self._stage = seen.skeleton.size, seen.stage
         default = 0.5 * self._size / seen.largest if seen.largest else 0.0
         self.force_scale = force_scale or default
-        self._lenses = [self._lens(seen, joint, magnification) for joint in machine.bearings]
+        radial = {j.name: machine.clearances[j.name].radial for j in machine.bearings}
+        half = {name: 0.5 * width for name, width in self._stage.widths.items()}
+        self._bearings, self._plays = (
+            [self._lens(seen, machine.mechanism.joint(j), x, magnification) for j, x in of.items()]
+            for of in (radial, half)
+        )
         self._springs = seen.skeleton.springs
         gaps = machine.system.gaps if machine.dynamic else []
         self._joint_of = {gap.name: machine.mechanism.joint(gap.joint) for gap in gaps}
         self._hardest = max((i.normal_impulse for i in seen.found.solution.impacts), default=0.0)
 
-    def _lens(self, seen: Preview, joint: Joint, magnification: float) -> _Lens:
-        play, physics = self._machine.clearances[joint.name], self._machine.physics
-        magnified = magnification or _PLAY * _LENS * self._size / play.radial
-        radius = max(_LENS * self._size, magnified * play.radial / _PLAY * 0.5)
+    def _lens(self, seen: Preview, joint: Joint, play: float, magnification: float) -> _Lens:
+        magnified = magnification or _PLAY * _LENS * self._size / play
+        radius = max(_LENS * self._size, magnified * play / _PLAY * 0.5)
         q = seen.found.solution.samples(seen.found.t).observed.position
         place = self._machine.mechanism.locate_all(joint.second, q, joint.on_second)
         out = place.mean(axis=1) - seen.centre
         far = float(np.hypot(*out))
         out = out / far if far > 1e-6 * self._size else np.array([0.0, 1.0])
-        film = joint.name not in physics.clearances
-        arm = play.pin_radius + play.radial
-        return _Lens(joint, 2.0 * radius * out, radius, magnified, play.radial, arm, film)
+        return _Lens(joint, 2.0 * radius * out, radius, magnified, play)
 
     def at(self, t: Array, o: Observation, modes: NDArray[np.uint8]) -> Iterator[Any]:
         """MarkerArrays at times t (N,) [s] of an observed machine, the modes of its gaps (m, N).
@@ -170,7 +175,9 @@ class Picture:
         They are the same object every time, to be published before the next.
         """
         frames = self._stage.frames(t, o, modes)
-        writers = [*self._arrows(frames), *self._loose(frames), *self._coils(frames)]
+        writers = [
+            *self._arrows(frames), *self._pins(frames), *self._walls(frames), *self._coils(frames)
+        ]  # fmt: skip
         markers = [made for made, _ in writers]
         for i, time in enumerate(t.tolist()):
             now = stamp(time)
@@ -182,7 +189,7 @@ class Picture:
     @property
     def empty(self) -> bool:
         """Whether there is nothing to show."""
-        return not (self._stage.joints or self._lenses or self._springs)
+        return not (self._stage.joints or self._bearings or self._plays or self._springs)
 
     def flash(self, impact: Any) -> Any:
         """A flash at the joint of an Impact message; its volume stands for the impulse.
@@ -226,42 +233,77 @@ class Picture:
 
             yield arrow, write
 
-    def _loose(self, frames: Frames) -> Iterator[Any]:
+    def _pins(self, frames: Frames) -> Iterator[Any]:
         """Of each loose revolute joint the lens: bushing and pin; and where they touch."""
-        s, placed = self._symbol, self._stage.skeleton.placed
-        for k, lens in enumerate(self._lenses):
-            place = np.array([lens.joint.on_second])
-            bushing = placed(lens.joint.second, place, frames.poses)[:, 0].T
+        s, physics = self._symbol, self._machine.physics
+        for k, lens in enumerate(self._bearings):
+            bushing, middle = self._beside(lens, frames)
             out = frames.pins[:, k].T
-            middle = bushing + lens.away[:, None]
-            pin = middle + lens.magnification * out
-            closed = (frames.modes[:, k] > Mode.FREE_FLIGHT) | lens.film
-            small = lens.radius - lens.magnification * lens.radial
-            heights = _HEIGHT * s, (_HEIGHT + 0.5) * s
-            flat = ((0.0, 0.0), heights[0], 0.1 * s), ((0.0, 0.0), heights[1], 0.1 * s)
-            made = disc('lenses', 2 * k, self._world, GLASS, lens.radius, *flat[0])
-            yield self._moving(made, middle)
-            made = disc('lenses', 2 * k + 1, self._world, STEEL, small, *flat[1])
-            yield self._moving(made, pin, [FLYING if not c else TOUCHING for c in closed.tolist()])
-            if lens.film:
+            film = not gaps_of(self._machine.mechanism, lens.joint.name, physics.clearances)
+            closed = (frames.modes[:, k] > Mode.FREE_FLIGHT) | film
+            size = 2.0 * lens.radius
+            yield self._moving(self._lying(2 * k, Marker.CYLINDER, GLASS, (size, size)), middle)
+            size = 2.0 * lens.inner
+            pin = self._lying(2 * k + 1, Marker.CYLINDER, STEEL, (size, size), 0.5)
+            yield self._moving(pin, middle + lens.magnification * out, closed)
+            if film:
                 continue
-            far = np.hypot(*out)
-            touch = bushing + lens.arm * np.divide(out, far, out=np.zeros_like(out), where=far > 0)
+            far, play = np.hypot(*out), self._machine.clearances[lens.joint.name]
+            along = np.divide(out, far, out=np.zeros_like(out), where=far > 0)
             dot = marker('contacts', k, self._world, Marker.SPHERE, TOUCHING, (s, s, s))
-            dot.pose.position.z = heights[1]
+            dot.pose.position.z = (_HEIGHT + 0.5) * s
+            touch = bushing + (play.pin_radius + play.radial) * along
             yield self._moving(dot, touch, shown=closed)
+
+    def _walls(self, frames: Frames) -> Iterator[Any]:
+        """Of every other play the lens: its walls, from left to right, and what is between."""
+        number = 2 * len(self._bearings)
+        for w, lens in enumerate(self._plays):
+            _, middle = self._beside(lens, frames)
+            left, right = frames.walls[:, w].T
+            thick = 0.25 * lens.radius
+            for side, gap in ((-1.0, left), (1.0, right)):
+                if not np.isnan(gap).all():
+                    wall = self._lying(number, Marker.CUBE, GLASS, (thick, 2.0 * lens.radius))
+                    aside = side * (lens.radius + 0.5 * thick)
+                    yield self._moving(wall, middle + np.array([[aside], [0.0]]))
+                    number += 1
+            way = lens.play - right if np.isnan(left).all() else 0.5 * (left - right)
+            body = self._lying(number, Marker.CUBE, STEEL, (2.0 * lens.inner, lens.radius), 0.5)
+            moved = np.stack([lens.magnification * way, np.zeros_like(way)])
+            yield self._moving(body, middle + moved, frames.touching[:, w] > 0)
+            number += 1
+
+    def _beside(self, lens: _Lens, frames: Frames) -> tuple[Array, Array]:
+        """The point of a joint and the middle of its lens (2, N) [m]."""
+        place = np.array([lens.joint.on_second])
+        at = self._stage.skeleton.placed(lens.joint.second, place, frames.poses)[:, 0].T
+        return at, at + lens.away[:, None]
+
+    def _lying(
+        self, number: int, kind: int, shade: Colour, size: tuple[float, float], above: float = 0.0
+    ) -> Any:
+        """A flat part of a lens, so many symbols above its walls."""
+        s = self._symbol
+        made = marker('lenses', number, self._world, kind, shade, (*size, 0.1 * s))
+        made.pose.position.z = (_HEIGHT + above) * s
+        return made
 
     @staticmethod
     def _moving(
-        made: Any, place: Array, colours: list[Colour] | None = None, shown: Any = None
+        made: Any, place: Array, touching: Any = None, shown: Any = None
     ) -> tuple[Any, Any]:
-        """A marker and what puts it at instant i to its place (2, N) [m]."""
+        """A marker and what puts it at instant i to its place (2, N) [m].
+
+        touching : (N,) by which its colour goes; shown : (N,) whether it is there
+        """
 
         def write(i: int) -> None:
             position = made.pose.position
             position.x, position.y = place[:, i].tolist()
-            if colours is not None:
-                made.color.r, made.color.g, made.color.b, made.color.a = colours[i]
+            if touching is not None:
+                shade = TOUCHING if touching[i] else FLYING
+                made.color.r, made.color.g, made.color.b, made.color.a = shade
             if shown is not None:
                 made.action = Marker.ADD if shown[i] else Marker.DELETE
 

@@ -79,18 +79,6 @@ def marker(
     return message
 
 
-def disc(
-    namespace: str, number: int, frame: str, colour: Colour, radius: float, at: Vector2,
-    height: float, thickness: float,
-) -> Any:  # fmt: skip
-    """A flat CYLINDER; radius, place, height and thickness in [m]."""
-    size = 2.0 * radius, 2.0 * radius, thickness
-    message = marker(namespace, number, frame, Marker.CYLINDER, colour, size)
-    position = message.pose.position
-    position.x, position.y, position.z = float(at[0]), float(at[1]), float(height)
-    return message
-
-
 def shapes(skeleton: Skeleton, prefix: str) -> Any:
     """MarkerArray of all that keeps its shape, locked to the frames of the links.
 

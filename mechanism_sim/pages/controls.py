@@ -13,6 +13,8 @@ from mechanism_sim.scene import Machine
 
 DRIVE = 'crank_drive'
 RPM = 30.0 / math.pi
+TURN, SLOWEST = 4.0, 1e-3
+"""[s] of ours in which a turn can be followed; and the slowest pace."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,16 @@ class Control:
         return replace(self, value=si * self.scale)
 
 
+def visible_pace(machine: Machine) -> float:
+    """Seconds of the machine in one of ours in which its motion can be followed, 1 at most.
+
+    At it a turn of the drive takes about four seconds.
+    """
+    pace = min(max(machine.period / TURN, SLOWEST), 1.0)
+    ten = 10.0 ** math.floor(math.log10(pace))
+    return max(x for x in (ten, 2.0 * ten, 5.0 * ten, 10.0 * ten) if x <= pace * (1.0 + 1e-9))
+
+
 def controls(machine: Machine) -> dict[str, Control]:
     """The controls of a machine by their paths."""
     return {control.path: control for control in _all(machine)}
@@ -74,7 +86,7 @@ def controls(machine: Machine) -> dict[str, Control]:
 
 def _all(machine: Machine) -> Iterator[Control]:
     yield Control(
-        'realtime_factor', 'Pace of time', '×', 1e-3, 10.0, 0.0, 1.0, 'now',
+        'realtime_factor', 'Pace of time', '×', SLOWEST, 10.0, 0.0, 1.0, 'now',
         parameter='realtime_factor', logarithmic=True,
     )  # fmt: skip
     yield from _drive(machine)

@@ -20,7 +20,7 @@ from mechanism_sim.pages.charts.style import NIGHT
 from mechanism_sim.pages.recorded import Recorded
 from mechanism_sim.units import typeset
 
-MODULES = 'svg', 'stage', 'lens', 'player', 'charts', 'curves', 'report'
+MODULES = 'svg', 'stage', 'lens', 'player', 'charts', 'curves', 'keys', 'zoom', 'report'
 
 
 @dataclass(frozen=True)
@@ -107,6 +107,7 @@ def page(
         modules=Markup(import_map(MODULES)),  # noqa: S704 - ours
         data=embedded(data),
         family=family,
+        sways=run.stage.sways,
         library=library,
         back=back,
         charts=embedded(charts),

@@ -11,6 +11,7 @@ import errno
 import logging
 import socket
 from collections.abc import Callable, Mapping
+from hmac import compare_digest
 from http import HTTPStatus
 from threading import Lock, Thread
 from typing import Any, NamedTuple
@@ -86,6 +87,10 @@ class Server:
     port : 0 for any; if it is taken, any other
     greet : messages for a page that has just been opened
     hear : called, in the server's thread, with every command of a page
+    read : the command that a message is, None if it is none
+    key : what the address of a page must end in as ``?key=``, if anything
+    largest : bytes of a command
+    name : of the command, for sentences
 
     Attributes
     ----------
@@ -102,10 +107,15 @@ class Server:
         contents: Mapping[str, Content],
         port: int,
         greet: Callable[[], list[dict[str, Any]]],
-        hear: Callable[[Command], None],
+        hear: Callable[[Any], None],
+        read: Callable[[Any], Any] | None = None,
+        key: str = '',
+        largest: int = LARGEST,
+        name: str = 'view',
     ) -> None:
         self._contents, self._greet, self._hear = contents, greet, hear
-        self._socket = _listening(port)
+        self._read, self._key, self._largest = read or command_of, key, largest
+        self._socket = _listening(port, name)
         self.port: int = self._socket.getsockname()[1]
         self._pages: set[ServerConnection] = set()
         self._loop = asyncio.new_event_loop()
@@ -145,20 +155,23 @@ class Server:
             origins=[*own, None],  # type: ignore[list-item]
             process_request=self._answer,
             compression=None,
-            max_size=LARGEST,
+            max_size=self._largest,
             close_timeout=1.0,
             logger=_silent(),
         ):
             await self._end.wait()
 
     def _answer(self, _connection: ServerConnection, request: Request) -> Response | None:
-        path = request.path.partition('?')[0]
-        if path == SOCKET and len(self._pages) < PAGES:
+        path, _, query = request.path.partition('?')
+        known = not self._key or compare_digest(query.encode(), f'key={self._key}'.encode())
+        if path == SOCKET and known and len(self._pages) < PAGES:
             return None
         kind, text = self._contents.get(path, ('text/plain', ''))
         status = HTTPStatus.OK if path in self._contents else HTTPStatus.NOT_FOUND
         if path == SOCKET:
             status, text = HTTPStatus.SERVICE_UNAVAILABLE, f'{PAGES} pages are open already.\n'
+            if not known:
+                status, text = HTTPStatus.FORBIDDEN, 'Open the address that was printed.\n'
         body = text.encode() or b'There is nothing here.\n'
         headers = Headers(
             {
@@ -193,7 +206,7 @@ class Server:
                 await page.close(CloseCode.POLICY_VIOLATION, 'too many commands')
                 return
             try:
-                command = command_of(strict_json.loads(text))
+                command = self._read(strict_json.loads(text))
             except ValueError:
                 await page.close(CloseCode.INVALID_DATA, 'no JSON')
                 return
@@ -233,15 +246,17 @@ def _silent() -> logging.Logger:
     return logger
 
 
-def _listening(port: int) -> socket.socket:
+def _listening(port: int, name: str) -> socket.socket:
     """A socket on a port of this machine, or on another if that is taken."""
     if not 0 <= port <= 65535:
-        raise InputError(f'view: the port must be between 0 and 65535, not {port}; 0 is any free')
+        raise InputError(
+            f'{name}: the port must be between 0 and 65535, not {port}; 0 is any free'
+        )
     try:
         return socket.create_server((HOST, port))
     except PermissionError as error:
-        raise InputError(f'view: port {port} is for privileged programs: use 1024 on') from error
+        raise InputError(f'{name}: port {port} is for privileged programs: use 1024 on') from error
     except OSError as error:
         if error.errno != errno.EADDRINUSE:
-            raise InputError(f'view: port {port} of {HOST}: {error.strerror}') from error
+            raise InputError(f'{name}: port {port} of {HOST}: {error.strerror}') from error
         return socket.create_server((HOST, 0))

@@ -26,7 +26,7 @@ from mechanism_sim.pages.live import Live
 from mechanism_sim.pages.operator import PAUSED, PLAYING, Operator
 from mechanism_sim.pages.server import Command, Content, Mailbox, Server
 
-MODULES = 'svg', 'stage', 'lens', 'player', 'stream', 'strip', 'sliders', 'live'
+MODULES = 'svg', 'stage', 'lens', 'player', 'stream', 'strip', 'sliders', 'keys', 'zoom', 'live'
 PORT = 8080
 
 #: Nobody waits for a page: what it is too slow for is dropped.
@@ -190,8 +190,9 @@ class View(DescribedNode):
             if path in self._controls:
                 self._controls[path] = self._controls[path].at(float(value))
 
-    def _send_message(self, text: str, level: str = 'warning') -> None:
-        self.server.send({'type': 'message', 'text': text, 'level': level})
+    def _send_message(self, text: str, level: str = 'warning', path: str = '') -> None:
+        """Tell all pages; `path`: of the value that is not set."""
+        self.server.send({'type': 'message', 'text': text, 'level': level, 'path': path})
 
     # --- what is asked ------------------------------------------------------------------------
 
@@ -211,7 +212,7 @@ class View(DescribedNode):
         finally:
             self._busy_since = None
         if reason:
-            self._send_message(reason)
+            self._send_message(reason, path=command.path)
 
     async def _do(self, command: Command) -> str:
         kind, operator = command.type, self._operator

@@ -8,6 +8,7 @@ linkage with a closed form may do better (`mechanism_sim.linkages.four_bar`).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -47,9 +48,17 @@ class Kinematics:
         self.scale = np.where(slides, mechanism.size, 1.0)  # [m], [rad]
         self.rounding = _ROUNDING * mechanism.reach  # [m] that may be left open
 
+    def holding(self, held: Sequence[str]) -> Kinematics:
+        """The same closures with other coordinates held; what is compiled serves both."""
+        _ = self._position if self._relations else None
+        other = copy(self)
+        other.held = [self.coordinates.index(c) for c in held]
+        other.sought = [i for i in range(len(self.coordinates)) if i not in other.held]
+        return other
+
     def released(self) -> Kinematics:
         """The same closures with no coordinate held."""
-        return Kinematics(self.mechanism, self._relations, ())
+        return self.holding(())
 
     @cached_property
     def _equations(self) -> Equations:

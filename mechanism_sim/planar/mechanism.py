@@ -471,8 +471,12 @@ class Mechanism:
         self, link: str, q: NDArray[np.float64], at: Vector2 = (0.0, 0.0)
     ) -> NDArray[np.float64]:
         """The same (2, N) [m] at N instants, with coordinates (n, N) in their order."""
+        return self.evaluate(self.point(link, at), q)
+
+    def evaluate(self, point: Point, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """World components (2, N) [m] of a sum over arms, likewise."""
         place, index = np.zeros((2, q.shape[1])), self.coordinates.index
-        for (frame, slide), (x, y) in self.point(link, at).items():
+        for (frame, slide), (x, y) in point.items():
             angle = 0.0 if frame == GROUND else q[index(frame)]
             s = math.prod(q[index(c)] for c in factors(slide))
             c, sn = np.cos(angle), np.sin(angle)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import heyoka as hy
@@ -130,6 +131,11 @@ def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
         if gap in own:
             return joint
     raise KeyError(gap)
+
+
+def gaps_of(mechanism: Mechanism, joint: str, gaps: Iterable[str]) -> list[str]:
+    """Those of some gaps that a joint has, by name."""
+    return [gap for gap in gaps if joint_of_gap(mechanism, gap).name == joint]
 
 
 def walls(

@@ -75,6 +75,18 @@ class JointForce(ForceElement, Protocol):
         """
 
 
+@runtime_checkable
+class Directed(ForceElement, Protocol):
+    """A force along the line between two points, which may have to have a direction."""
+
+    @property
+    def directed(self) -> bool:
+        """Whether the points must not meet."""
+
+    def length(self, q: Array) -> Array:
+        """Of the line (N,) [m] at coordinates q (n, N)."""
+
+
 class ForceLaw(Protocol):
     """How a contact pushes back when it is compressed; a law of `contact.compliant`."""
 
@@ -156,3 +168,17 @@ class Gap(Protocol):
 
     def distance(self, value: Array) -> Array:
         """The distance in metres that belongs to values of `value`."""
+
+
+@runtime_checkable
+class EndGap(Gap, Protocol):
+    """A gap at an end of a joint, where its force has a moment out of the plane."""
+
+    def moment(self, q: Array, N: Array, T: Array) -> Array:
+        """Moment (2, N) [N m] on the second-named link about the middle of the joint.
+
+        Parameters
+        ----------
+        q : (n, N) of the coordinates
+        N, T : (N,) normal and friction force [N]
+        """

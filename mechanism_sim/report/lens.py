@@ -12,6 +12,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import ACCENT, INK, colour, tint
 from mechanism_sim.export.stage import Frames, Stage
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.planar.play import gaps_of
 
 FLASH = tint(ACCENT, 0.4)
 """Of impacts."""
@@ -56,7 +57,8 @@ class Lens:
         self._largest = float(np.nanmax(np.hypot(*self._force), initial=0.0)) or 1.0
         numbers = frames.modes[:, bearing].tolist()
         self._words = [Mode(k).name.replace('_', ' ').lower() if k else '' for k in numbers]
-        self._struck = np.array([i.t for i in record.piece.impacts if i.joint == joint])
+        own = gaps_of(machine.mechanism, joint, machine.physics.clearances)
+        self._struck = np.array([i.t for i in record.piece.impacts if i.joint in own])
         events = self._struck[(self._struck >= t[0]) & (self._struck <= t[-1])]
         self._times = np.union1d(np.linspace(t[0], t[-1], _POINTS * len(t)), events)
         self._path = self._separation(record, self._times)

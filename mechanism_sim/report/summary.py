@@ -121,11 +121,11 @@ def _final(run: Stream) -> dict[str, object]:
         'velocity': by_name(o.velocity),
         'acceleration': by_name(o.acceleration),
     }
-    strained: dict[str, dict[str, float]] = {}
-    for name, row in physics.strained(o.position).items():
+    others: dict[str, dict[str, float]] = {}
+    for name, row in physics.columns(o).items():
         kind, _, link = name.partition('.')
-        strained.setdefault(kind, {})[link] = float(row[0])
-    final |= strained
+        others.setdefault(kind, {})[link] = float(row[0])
+    final |= others
     if physics.has_forces:
         final['reactions'] = {
             joint: plain(force[:, 0].tolist())
@@ -195,6 +195,8 @@ def render(run: Stream) -> str:
         carried.append((joint, *cells, *([moment] if moments else [])))
     if len(carried) > 1:
         lines += text_table.lines(carried, indent='    ')
+    for name, moment in data.get('bearing_moment', {}).items():  # type: ignore[attr-defined]
+        lines.append(f'    moment {name} {moment:14.9g} N m')
     torques: dict[str, float | None] = data.get('drive_torques', {})  # type: ignore[assignment]
     for c, torque in torques.items():
         straight = c in run.machine.physics.displacements

@@ -17,6 +17,7 @@ from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.nominal_model import Level
 from mechanism_sim.scene.oscillators import oscillator_notes
+from mechanism_sim.scene.tilt_keys import tilt_notes
 from mechanism_sim.units import Measure
 
 _WHY = {
@@ -214,6 +215,7 @@ def _notes(machine: Machine) -> list[str]:
         notes += KINDS[scene.joints[joint.name].kind].notes(machine, joint)
     notes += [f'{f.name}: friction, {f.words}' for f in machine.plan.frictions(mechanism)]
     notes += elastic_notes(machine.mechanism, machine.period, bool(machine.clearances))
+    notes += tilt_notes(machine.mechanism)
     notes += sensor_notes(machine)
     notes += oscillator_notes(machine)
     for load in machine.plan.unknowns(machine.plan.ideal):

@@ -11,6 +11,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.linkages.bearing import BearingClearance
+from mechanism_sim.linkages.bearing_ends import BearingEnd
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import DriveLaw
@@ -66,7 +67,7 @@ def _starts_closed(machine: DynamicModel, gap: Gap, value: Array) -> bool:
     if not isinstance(gap, BearingClearance) or play.film:
         return play.radial == 0.0
     near = max(1e-9 * play.radial, 1e-14 * machine.mechanism.size)
-    return not gap.end or float(gap.distance(value)[0]) <= near
+    return not isinstance(gap, BearingEnd) or float(gap.distance(value)[0]) <= near
 
 
 def _placed(machine: DynamicModel) -> tuple[Values, Values]:
@@ -220,7 +221,7 @@ def _check_inside(machine: DynamicModel, q: Array, seated: bool) -> None:
                     f'{machine.name}: initial.position puts {gap.joint} {-distance:.6g} m into '
                     'its wall'
                 )
-            if isinstance(gap, BearingClearance) and gap.end:
+            if isinstance(gap, BearingEnd):
                 raise InputError(
                     f'{machine.name}: initial.position puts the pin of {gap.joint} '
                     f'{-distance:.6g} m into its bushing, at the end {gap.name}'

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, model_validator
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import Body, Joint, Revolute
+from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Revolute
 from mechanism_sim.planar.tilt import Tilt
 from mechanism_sim.scene.quantities import Inertia, Length, Part, si
 
@@ -105,3 +106,13 @@ def check_tilts(places: Places, joints: tuple[Joint, ...]) -> None:
                     f'{places.name}: joints.{joint.name}: the link {link}, which leans, has '
                     'revolute joints only; put a rigid link between'
                 )
+
+
+def tilt_notes(mechanism: Mechanism) -> list[str]:
+    """Natural frequencies of the links that lean, each while it rests."""
+    notes = []
+    for link in {c.partition('.')[0]: None for c in mechanism.tilts}:
+        rates = mechanism.flexible[link].frequencies.items()
+        listed = ', '.join(f'{name} {w / (2.0 * math.pi):.6g} Hz' for name, w in rates)
+        notes.append(f'{link} leans out of its plane: {listed}; exact to the first order')
+    return notes

@@ -17,6 +17,7 @@ from mechanism_sim.planar.mechanism import (
     HigherPair,
     Joint,
     Mechanism,
+    Point,
     Side,
     Vector2,
     product,
@@ -64,8 +65,12 @@ class JointView:
 
     def path(self, link: str, at: Vector2) -> Array:
         """A point of a link in the world with its velocity and acceleration, (3, 2, N) [m, s]."""
+        return self.trace(self.mechanism.point(link, at))
+
+    def trace(self, point: Point) -> Array:
+        """The same (3, 2, N) of a sum over arms."""
         found = np.zeros((3, 2, self.observed.position.shape[1]))
-        for (frame, slide), (x, y) in self.mechanism.point(link, at).items():
+        for (frame, slide), (x, y) in point.items():
             angle, w, alpha = self._coordinate(frame)
             s, rate, second = product(slide, self._coordinate)
             cosine, sine = np.cos(angle), np.sin(angle)

@@ -13,8 +13,21 @@ const PIXELS = 96 / 0.0254; // in a metre
 export const MODES = ['', 'free flight', 'following', 'sticking', 'sliding forward',
   'sliding backward', 'recovering'];
 
+/**
+ * The lens over a joint with play; null where a machine has none there.
+ * @param {SVGSVGElement} svg @param {Object} stage @param {string} name of the joint
+ * @param {function(number, number): number[][]} path places of the pin of a bearing up to a time
+ */
+export function lensOf(svg, stage, name, path) {
+  const [bearing, play] = [stage.bearings, stage.plays]
+    .map((all) => all.findIndex(({ joint }) => joint === name));
+  svg.toggleAttribute('hidden', bearing < 0 && play < 0);
+  if (play >= 0) return new Slit(svg, stage, play);
+  return bearing < 0 ? null : new Lens(svg, stage, bearing, (t) => path(bearing, t));
+}
+
 /** The clearance of a bearing, magnified: its bushing, and the pin at its true place in it. */
-export class Lens {
+class Lens {
   /**
    * @param {SVGSVGElement} svg to draw in
    * @param {Object} stage as `Stage.to_json` has it
@@ -156,7 +169,7 @@ export class Lens {
 }
 
 /** A play between walls, or what may part, magnified: what has the walls, and what is between. */
-export class Slit {
+class Slit {
   /** @param {SVGSVGElement} svg to draw in @param {Object} stage @param {number} index of the play */
   constructor(svg, stage, index) {
     this.index = index;

@@ -1,8 +1,10 @@
-import { Lens } from 'lens';
+import { keys } from 'keys';
+import { lensOf } from 'lens';
 import { Stage, words } from 'stage';
 import { Stream } from 'stream';
 import { Strip } from 'strip';
 import { Sliders } from 'sliders';
+import { zoomable } from 'zoom';
 
 const AGAIN = 1000; // [ms] until a lost connection is tried again
 const SAID = 6000; // [ms] that a message stays
@@ -14,9 +16,10 @@ let socket = null;
 let shown = null; // what is shown of a machine: stage, stream, lens, strips
 let state = {};
 let quiet = 0;
+let wanted = null; // playing or not, as it was asked for, until the run says the same
 
 const sliders = new Sliders(by('sliders'), (path, value) => ask({ type: 'set', path, value }));
-const heard = { stage: begin, frames, state: tell, waiting, message: ({ text }) => say(text) };
+const heard = { stage: begin, frames, state: tell, waiting, message: refused };
 
 start();
 
@@ -24,9 +27,10 @@ function start() {
   by('play').addEventListener('click', toggle);
   by('step').addEventListener('click', () => ask({ type: 'step' }));
   by('reset').addEventListener('click', () => ask({ type: 'reset' }));
-  by('bearing').addEventListener('change', () => choose(Number(by('bearing').value)));
+  by('bearing').addEventListener('change', () => choose(by('bearing').value));
   for (const name of ['names', 'forces']) by(name).addEventListener('change', layers);
-  document.addEventListener('keydown', key);
+  keys({ ' ': toggle, ArrowRight: () => ask({ type: 'step' }) });
+  zoomable(by('stage'), () => (shown ? [shown.stage] : []));
   let before = performance.now();
   const tick = (wall) => {
     draw(Math.max(0, wall - before) / 1000, wall / 1000);
@@ -64,51 +68,52 @@ function waiting({ starting }) {
 }
 
 function begin({ stage, controls }) {
-  const bearing = shown?.bearing ?? 0;
+  const before = shown;
   document.body.dataset.shown = 'machine';
   by('scene').textContent = stage.scene;
   by('title').textContent = stage.title;
   document.title = `${stage.scene}: live view`;
-  const loose = stage.bearings.length;
-  document.body.classList.toggle('tight', !loose);
-  by('magnified').hidden = !loose;
-  by('choice').hidden = loose < 2;
+  const loose = [...stage.bearings, ...stage.plays].map(({ joint }) => joint);
+  document.body.classList.toggle('tight', !loose.length);
+  by('magnified').hidden = !loose.length;
+  by('choice').hidden = loose.length < 2;
   by('arrows').hidden = !stage.joints.length;
-  by('bearing').replaceChildren(...stage.bearings.map(({ joint }, i) => new Option(words(joint), i)));
+  by('bearing').replaceChildren(...loose.map((joint) => new Option(words(joint), joint)));
   shown = { data: stage, stage: new Stage(by('stage'), stage), stream: new Stream(stage) };
+  if (before?.data.scene === stage.scene) shown.stage.look(before.stage.box);
   layers();
-  choose(bearing < loose ? bearing : 0);
+  choose(loose.includes(before?.joint) ? before.joint : loose[0]);
   sliders.show(controls);
 }
 
-function choose(bearing) {
-  const { data, stream } = shown;
-  shown.bearing = bearing;
-  by('bearing').value = bearing;
-  shown.lens = data.bearings.length
-    ? new Lens(by('lens'), data, bearing, (t) => stream.path(bearing, t)) : null;
+function choose(joint) {
+  const { data, stage, stream } = shown;
+  shown.joint = joint;
+  by('bearing').value = joint;
+  shown.lens = lensOf(by('lens'), data, joint, (bearing, t) => stream.path(bearing, t));
+  stage.callout(joint);
   by('strips').replaceChildren();
-  shown.strips = strips(data, bearing).map(([of, what]) => ({
+  shown.strips = strips(data, joint).map(([of, what]) => ({
     of, strip: new Strip(by('strips'), what),
   }));
   for (const part of stream.parts) chart(part);
 }
 
 /** What strips show: (part of the stream, instant) to a value, and its name and unit. */
-function strips({ main, slides, joints, bearings }, bearing) {
+function strips({ main, slides, joints, force, bounds: [left, , right] }, joint) {
   const found = [[(part) => part.speed, {
-    label: `speed of ${words(main)}`, ...(slides ? { unit: 'm/s' }
+    label: `speed of ${words(main)}`, usual: 1, ...(slides ? { unit: 'm/s' }
       : { unit: 'rpm', scale: 30 / Math.PI }),
   }]];
   if (!joints.length) return found;
   found.push([(part) => part.torque, {
     label: slides ? 'force of the drive' : 'torque of the drive', unit: slides ? 'N' : 'N m',
+    usual: slides ? force : force * (right - left),
   }]);
-  const loose = bearings[bearing];
-  const index = loose ? joints.findIndex(({ name }) => name === loose.joint) : joints.length - 1;
+  const index = joint ? joints.findIndex(({ name }) => name === joint) : joints.length - 1;
   found.push([({ t, forces, joints: all }) => Array.from(t, (_, i) => Math.hypot(
     forces[(i * all + index) * 2], forces[(i * all + index) * 2 + 1])), {
-    label: `force in ${words(joints[index].name)}`, unit: 'N',
+    label: `force in ${words(joints[index].name)}`, unit: 'N', usual: force,
   }]);
   return found;
 }
@@ -140,13 +145,20 @@ function draw(passed, wall) {
   html.dataset.time = frame.t;
 }
 
+function refused({ text, path }) {
+  if (path) sliders.refuse(path);
+  wanted = null;
+  say(text);
+}
+
 function tell(news) {
   state = news;
+  if (state.playing === wanted) wanted = null;
   html.dataset.playing = state.playing ? '1' : '';
   html.dataset.run = state.run;
   by('factor').textContent = state.factor === null ? '' : `${Number(state.factor.toPrecision(2))} ×`;
   by('impacts').textContent = state.impacts;
-  by('struck').hidden = !shown?.data.bearings.length && !state.impacts;
+  by('struck').hidden = !shown?.joint && !state.impacts;
   by('play').setAttribute('aria-label', state.playing ? 'pause' : 'play');
   by('play').disabled = by('reset').disabled = !state.operable;
   by('step').disabled = !state.operable || state.playing;
@@ -165,13 +177,6 @@ function layers() {
 }
 
 function toggle() {
-  ask({ type: state.playing ? 'pause' : 'play' });
-}
-
-function key(event) {
-  if (event.ctrlKey || event.altKey || event.metaKey) return;
-  const acts = { ' ': toggle, ArrowRight: () => ask({ type: 'step' }) };
-  if (!(event.key in acts) || event.target.closest('select, button, input')) return;
-  event.preventDefault();
-  acts[event.key]();
+  wanted = !(wanted ?? state.playing);
+  ask({ type: wanted ? 'play' : 'pause' });
 }

@@ -1,8 +1,10 @@
 import { Charts, loadPlotly } from 'charts';
 import { Curves } from 'curves';
-import { Lens, Slit } from 'lens';
+import { keys } from 'keys';
+import { lensOf } from 'lens';
 import { Player, Recording } from 'player';
 import { Stage, words } from 'stage';
+import { zoomable } from 'zoom';
 
 const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10];
 const SLOWEST = 0.01; // that is offered where a turn does not need less
@@ -58,7 +60,9 @@ function start() {
     charts?.light(kind === 'link' ? link : label || link);
   });
   by('stage').addEventListener('pointerleave', () => charts?.light());
-  document.addEventListener('keydown', key);
+  keys({ ' ': toggle, ArrowLeft: () => step(-1), ArrowRight: () => step(1),
+    Home: () => seek(recording.start), End: () => seek(recording.end), Escape: () => loop(null) });
+  zoomable(by('stage'), () => [stage, ghost].filter(Boolean));
   window.addEventListener('beforeprint', () => charts?.paper());
   window.addEventListener('afterprint', () => charts?.screen());
 }
@@ -78,8 +82,10 @@ function become(member) {
   const share = (player.time - recording.start) / (recording.end - recording.start || 1);
   chosen = family[member];
   recording = new Recording(chosen);
+  const { box } = stage;
   stage = new Stage(by('stage'), chosen.stage);
   stage.trace(recording.turn());
+  stage.look(box);
   layers();
   name(member);
   ticks();
@@ -157,16 +163,11 @@ function choose(bearing) {
   player.seek(player.time);
 }
 
-/** The lens over a bearing of a run, nothing where that has no such bearing. */
+/** The lens over a bearing of a run. */
 function magnified(id, shown, run, bearing) {
-  const [index, slit] = [shown.bearings, shown.plays]
-    .map((all) => all.findIndex(({ joint }) => joint === data.bearings[bearing]));
-  by(id).toggleAttribute('hidden', index < 0 && slit < 0);
-  if (slit >= 0) return new Slit(by(id), shown, slit);
-  if (index < 0) return null;
   const turns = shown.slides ? 1 : 3; // it may run slower than in the mean
   const span = data.turn ? turns * data.turn : Infinity;
-  return new Lens(by(id), shown, index, (t) => run.path(index, t, span));
+  return lensOf(by(id), shown, data.bearings[bearing], (index, t) => run.path(index, t, span));
 }
 
 /** Plays an interval [s] over and over, and shows it in charts; without one all. */
@@ -190,15 +191,4 @@ function step(count) {
 function seek(t) {
   player.playing = false;
   player.seek(t);
-}
-
-function key(event) {
-  if (event.ctrlKey || event.altKey || event.metaKey) return;
-  const acts = { ' ': toggle, ArrowLeft: () => step(-1), ArrowRight: () => step(1),
-    Home: () => seek(recording.start), End: () => seek(recording.end), Escape: () => loop(null) };
-  // what has the focus keeps its own keys
-  const own = event.key === ' ' ? 'button, select, input:not([type=range])' : 'select';
-  if (!(event.key in acts) || event.target.closest(own)) return;
-  event.preventDefault();
-  acts[event.key]();
 }

@@ -1,6 +1,11 @@
 const EVERY = 150; // [ms] between what is sent while a slider moves
-const HELD = 1500; // [ms] after which what the machine says counts again
+const PATIENCE = 20_000; // [ms] that a value is shown as asked for while the machine has another
 const WAYS = 1000;
+const ANEW = 'begins the run anew';
+
+/** Whether a value is that of the machine, but for rounding. */
+const same = ({ known, control: { low, high } }, value) => (
+  Math.abs(value - known) <= 1e-6 * Math.abs(known) + 1e-9 * (high - low));
 
 /** Sliders for the values of a machine. */
 export class Sliders {
@@ -17,12 +22,12 @@ export class Sliders {
 
   /** @param {Object[]} controls as `Control.to_json` has them */
   show(controls) {
-    const same = controls.length === this.all.size
+    const alike = controls.length === this.all.size
       && controls.every(({ path, low, high }) => {
         const known = this.all.get(path)?.control;
         return known && known.low === low && known.high === high;
       });
-    if (!same) {
+    if (!alike) {
       this.all = new Map(controls.map((control) => [control.path, this.#make(control)]));
       this.parent.replaceChildren(...[...this.all.values()].map(({ box }) => box));
     }
@@ -33,15 +38,28 @@ export class Sliders {
   set(values, operable) {
     for (const [path, value] of Object.entries(values)) {
       const slider = this.all.get(path);
-      if (slider && performance.now() > slider.until) {
-        slider.input.value = place(slider.control, value);
-        write(slider, value);
-        slider.asked = null; // it may be asked for again, where it was refused or is changed
-      }
+      if (!slider) continue;
+      slider.known = value;
+      const waits = slider.asked !== null && !same(slider, slider.asked)
+        && performance.now() < slider.until;
+      if (!slider.held && !waits) this.#take(slider);
     }
     for (const { control, input } of this.all.values()) {
       input.disabled = !operable && control.effect === 'restart';
     }
+  }
+
+  /** What was asked for last is not done: the machine's own value is shown again. */
+  refuse(path) {
+    const slider = this.all.get(path);
+    if (slider) this.#take(slider);
+  }
+
+  #take(slider) {
+    slider.asked = null;
+    slider.input.value = place(slider.control, slider.known);
+    write(slider, slider.known);
+    if (slider.note) slider.note.textContent = ANEW;
   }
 
   #make(control) {
@@ -56,33 +74,38 @@ export class Sliders {
     label.htmlFor = input.id;
     label.textContent = control.label;
     box.append(label, output, input);
-    if (control.effect === 'restart') {
-      const note = document.createElement('small');
-      note.textContent = 'begins the run anew';
+    const note = control.effect === 'restart' ? document.createElement('small') : null;
+    if (note) {
+      note.textContent = ANEW;
+      note.setAttribute('role', 'status');
       box.append(note);
     }
-    const slider = { control, box, input, output, until: 0, sent: 0, later: 0 };
+    const slider = { control, box, input, output, note, asked: null, known: control.value,
+      held: false, until: 0, sent: 0, later: 0 };
     input.addEventListener('input', () => this.#move(slider));
-    input.addEventListener('change', () => this.#send(slider));
+    input.addEventListener('change', () => this.#send(slider, true));
     return slider;
   }
 
   #move(slider) {
-    slider.until = performance.now() + HELD;
+    slider.held = true; // by a hand
     write(slider, valueOf(slider));
     if (slider.control.effect !== 'now' || slider.later) return;
     const wait = Math.max(0, slider.sent + EVERY - performance.now());
     slider.later = setTimeout(() => this.#send(slider), wait);
   }
 
-  #send(slider) {
+  #send(slider, released = false) {
     clearTimeout(slider.later);
     slider.later = 0;
-    slider.sent = performance.now();
-    slider.until = slider.sent + HELD;
+    slider.held = !released;
     const value = valueOf(slider);
-    if (value !== slider.asked) this.ask(slider.control.path, value);
+    if (value === slider.asked || (slider.asked === null && same(slider, value))) return;
+    slider.sent = performance.now();
+    slider.until = slider.sent + PATIENCE;
     slider.asked = value;
+    if (slider.note) slider.note.textContent = 'restarting …';
+    this.ask(slider.control.path, value);
   }
 }
 

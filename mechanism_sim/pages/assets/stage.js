@@ -23,13 +23,16 @@ export class Stage {
   constructor(svg, stage) {
     const [left, bottom, right, top] = stage.bounds;
     this.stage = stage;
+    this.frames = stage.frames ?? []; // on springs
     this.unit = stage.symbol / SYMBOL;
     this.corner = [left, top];
     this.links = new Map(stage.links.map((name, i) => [name, i]));
     svg.replaceChildren();
     svg.classList.add('stage');
-    svg.setAttribute('viewBox', [0, 0, (right - left) / this.unit, (top - bottom) / this.unit]
-      .map((x) => x.toFixed(2)).join(' '));
+    svg.classList.remove('zoomed');
+    this.all = [0, 0, (right - left) / this.unit, (top - bottom) / this.unit];
+    this.box = this.all;
+    svg.setAttribute('viewBox', this.all.map((x) => x.toFixed(2)).join(' '));
     svg.setAttribute('role', 'img');
     svg.setAttribute('aria-label', stage.title);
     this.svg = svg;
@@ -43,6 +46,15 @@ export class Stage {
         words(joint.link)} in ${words(joint.name)}`;
     });
     onResize(svg, () => this.#measure());
+    this.#measure();
+  }
+
+  /** Shows a part of the drawing: left, top, width and height. @param {number[]} box */
+  look(box) {
+    this.box = box;
+    this.svg.setAttribute('viewBox', box.map((x) => x.toFixed(4)).join(' '));
+    this.svg.classList.toggle('zoomed', box[2] < this.all[2]);
+    this.#rule();
     this.#measure();
   }
 
@@ -105,8 +117,18 @@ export class Stage {
         return [u / this.unit, -v / this.unit];
       }))));
     }
-    for (const { path, ends } of this.springs) {
+    this.frames.forEach(({ name, cog }, k) => {
+      const [x, y] = this.point(this.#swayed(frame, k, cog));
+      const turn = ((-180 / Math.PI) * frame.sway[k][2]).toFixed(4);
+      const back = `${-cog[0] / this.unit} ${cog[1] / this.unit}`;
+      for (const group of this.swaying.get(name)) {
+        group.setAttribute('transform', `translate(${x} ${y}) rotate(${turn}) translate(${back})`);
+      }
+    });
+    for (const [i, { path, ends }] of this.springs.entries()) {
       const [from, to] = ends.map(([link, at]) => this.place(frame, link, at));
+      const k = this.frames.findIndex(({ springs }) => springs.includes(i));
+      if (k >= 0) [from[0], from[1]] = this.point(this.#swayed(frame, k, ends[0][1]));
       const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
       const far = SYMBOL / (Math.hypot(dx, dy) || 1);
       path.setAttribute('d', line(this.stage.coil.map(([share, aside]) => [
@@ -135,18 +157,27 @@ export class Stage {
     const { joint, second, on_second: on, link = second, at = on } = this.called;
     const foot = this.stage.joints.find(({ name }) => name === joint)?.foot;
     const [x, y] = foot === undefined ? this.place(frame, link, at) : this.point(frame.feet[foot]);
-    const { width, height } = this.svg.viewBox.baseVal;
-    const [dx, dy, r] = [0.5 * width - x, height - y, 1.6 * SYMBOL];
+    const [left, top, width, height] = this.box;
+    const [dx, dy, r] = [left + 0.5 * width - x, top + height - y, 1.6 * SYMBOL];
     const far = Math.hypot(dx, dy) || 1;
     this.line.setAttribute('d', `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0${
-      line([[x + (r * dx) / far, y + (r * dy) / far], [0.5 * width, height]])}`);
+      line([[x + (r * dx) / far, y + (r * dy) / far], [x + dx, y + dy]])}`);
   }
 
   /** What is thin or written is never smaller than can be seen: how large a pixel is here. */
   #measure() {
     this.pixel = 1 / (this.svg.getScreenCTM()?.a || 1);
-    this.svg.style.setProperty('--pixel', this.pixel.toFixed(3));
+    this.svg.style.setProperty('--pixel', this.pixel.toFixed(4));
+    this.svg.style.setProperty('--whole', (this.pixel * (this.all[2] / this.box[2])).toFixed(4));
     if (this.frame) this.show(this.frame);
+  }
+
+  /** Where a point of a frame on springs is drawn [m]. */
+  #swayed(frame, k, [x, y]) {
+    const [dx, dy, angle] = frame.sway[k];
+    const [cx, cy] = this.frames[k].cog;
+    const [c, s] = [Math.cos(angle), Math.sin(angle)];
+    return [cx + dx + c * (x - cx) - s * (y - cy), cy + dy + s * (x - cx) + c * (y - cy)];
   }
 
   #pose(frame, link) {
@@ -175,6 +206,7 @@ export class Stage {
   #machine() {
     const machine = add(this.svg, 'g', { class: 'machine' });
     this.moving = [];
+    this.swaying = new Map(this.frames.map(({ name }) => [name, []]));
     this.elastic = [];
     this.names = [];
     this.springs = this.stage.springs.map((ends) => ({
@@ -194,6 +226,7 @@ export class Stage {
       'data-label': label,
       style: `--link: var(--link-${colour})` });
     if (this.links.has(link)) this.moving.push({ group, link });
+    else if (this.swaying.has(label) && kind === 'frame') this.swaying.get(label).push(group);
     else group.setAttribute('transform', `translate(${this.point([0, 0]).join(' ')})`);
     for (const [style, flats] of paths) {
       const curves = flats.map((flat) => Array.from({ length: flat.length / 2 },
@@ -205,20 +238,28 @@ export class Stage {
     add(group, 'title').textContent = named;
   }
 
-  /** How long things are. */
+  /** How long things are, in the corner of what is shown and as large as ever. */
   #rule() {
+    const [left, top, width, height] = this.box;
+    const times = this.all[2] / width;
     const { length, text } = this.stage.scale;
-    const { height } = this.svg.viewBox.baseVal;
-    const rule = add(this.svg, 'g', { class: 'rule' });
-    const [x, y, far] = [0, height, length / this.unit];
-    add(rule, 'path', { class: 'line', d: line([[x, y - 4], [x, y], [far, y], [far, y - 4]]) });
-    add(rule, 'text', { x: far + 6, y }).textContent = text;
+    const shown = times > 1 ? below(length / times) : length;
+    const far = (shown * times) / this.unit;
+    const at = { transform: `translate(${left} ${top + height - (times > 1 ? 3 / times : 0)}) scale(${1 / times})` };
+    const hidden = this.rules?.at(-1).style.display;
+    this.rules?.forEach((rule) => rule.remove());
+    const rule = add(this.svg, 'g', { class: 'rule', ...at });
+    this.rules = [rule];
+    add(rule, 'path', { class: 'line', d: line([[0, -4], [0, 0], [far, 0], [far, -4]]) });
+    add(rule, 'text', { x: far + 6, y: 0 }).textContent = times > 1 ? quantity(shown, 'm') : text;
     if (!this.stage.force) return;
-    const long = (this.stage.force * this.stage.force_scale) / this.unit;
-    const forces = add(this.svg, 'g', { class: 'rule of-forces' });
-    const above = y - 2.4 * SYMBOL;
-    add(forces, 'path', { class: 'force', d: arrow([x, above - 3], [x + long, above - 3], 2.2) });
-    add(forces, 'text', { x: x + long + 6, y: above }).textContent = quantity(this.stage.force, 'N');
+    const force = times > 1 ? below(this.stage.force / times) : this.stage.force;
+    const long = (force * times * this.stage.force_scale) / this.unit;
+    const forces = add(this.svg, 'g', { class: 'rule of-forces', ...at });
+    this.rules.push(forces);
+    forces.style.display = hidden ?? '';
+    add(forces, 'path', { class: 'force', d: arrow([0, -2.4 * SYMBOL - 3], [long, -2.4 * SYMBOL - 3], 2.2) });
+    add(forces, 'text', { x: long + 6, y: -2.4 * SYMBOL }).textContent = quantity(force, 'N');
   }
 
   #name(names, { link, label, outline }) {
@@ -240,7 +281,7 @@ export class Stage {
     const angle = this.#pose(frame, link)[2];
     const [c, s] = [Math.cos(angle), Math.sin(angle)];
     const [ax, ay] = [(c * aside[0] - s * aside[1]) / far, -(s * aside[0] + c * aside[1]) / far];
-    const { width, height } = this.svg.viewBox.baseVal;
+    const [, , width, height] = this.all;
     const away = ax * (x - 0.5 * width) + ay * (y - 0.5 * height) < 0 ? -1 : 1;
     const room = 0.5 * BAR + 3 * this.pixel;
     const half = 3.6 * text.textContent.length * this.pixel; // of its width, about
@@ -279,6 +320,12 @@ export class Stage {
 
 const outline = (style, curves) => curves.map((curve) => line(curve, !OPEN.includes(style)))
   .join('');
+
+/** The greatest of 1, 2 and 5 times a power of ten that is not above x. */
+function below(x) {
+  const ten = 10 ** Math.floor(Math.log10(x) + 1e-9);
+  return [5, 2, 1].find((times) => times * ten <= x * (1 + 1e-9)) * ten;
+}
 
 /** A name as people read it. */
 export const words = (name) => (name ?? '').replaceAll('_', ' ');

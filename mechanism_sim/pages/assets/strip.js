@@ -2,18 +2,22 @@ import { quantity } from 'svg';
 
 const ROOM = { left: 62, right: 4, top: 8, bottom: 16 }; // [px]
 const LINES = 3;
+const ROUNDING = 1e-8; // of the largest
 
 /** A curve over the last moments, and marks where something struck. */
 export class Strip {
   /**
    * @param {HTMLElement} parent
-   * @param {{label: string, unit: string, scale?: number}} what `scale`: how many of its unit
-   *   an SI unit is; without it units take the prefixes of SI
+   * @param {{label: string, unit: string, scale?: number, usual?: number}} what `scale`: how many
+   *   of its unit an SI unit is; without it units take the prefixes of SI. `usual`: about how
+   *   large it is in this machine [SI]; what is smaller by far is rounding, and zero
    */
-  constructor(parent, { label, unit, scale }) {
+  constructor(parent, { label, unit, scale, usual = 0 }) {
     this.unit = unit;
     this.plain = scale !== undefined;
     this.scale = scale ?? 1;
+    this.usual = usual * this.scale;
+    this.largest = this.usual;
     const figure = document.createElement('figure');
     const caption = document.createElement('figcaption');
     const name = document.createElement('span');
@@ -32,6 +36,7 @@ export class Strip {
     this.t = [];
     this.y = [];
     this.struck = [];
+    this.largest = this.usual;
   }
 
   /** @param {ArrayLike<number>} t [s] @param {ArrayLike<number>} y SI */
@@ -40,6 +45,7 @@ export class Strip {
       if (!this.t.length || t[i] > this.t.at(-1) || Number.isNaN(this.y.at(-1))) {
         this.t.push(t[i]);
         this.y.push(this.scale * y[i]);
+        this.largest = Math.max(this.largest, Math.abs(this.scale * y[i]) || 0);
       }
     }
   }
@@ -75,13 +81,14 @@ export class Strip {
     const points = this.#shown(now, span);
     const values = points.map(([, y]) => y).filter((y) => !Number.isNaN(y));
     if (values.length < 2 || !width) return;
-    const [low, high] = range(values);
+    const [low, high] = range(values, ROUNDING * this.largest);
     const x = (t) => width - ROOM.right
       - ((now - t) / span) * (width - ROOM.left - ROOM.right);
     const y = (value) => ROOM.top
       + ((high - value) / (high - low)) * (height - ROOM.top - ROOM.bottom);
-    this.#frame(pen, { low, high, y, width, height, span });
-    pen.strokeStyle = '#d9730d';
+    const shade = (name) => getComputedStyle(this.canvas).getPropertyValue(name);
+    this.#frame(pen, { low, high, y, width, height, span, shade });
+    pen.strokeStyle = shade('--touching');
     pen.lineWidth = 1;
     pen.beginPath();
     for (const t of this.struck.filter((at) => at <= now)) {
@@ -89,7 +96,7 @@ export class Strip {
       pen.lineTo(x(t), height - ROOM.bottom - 7);
     }
     pen.stroke();
-    pen.strokeStyle = '#1f5f99';
+    pen.strokeStyle = shade('--accent');
     pen.lineWidth = 1.5;
     pen.lineJoin = 'round';
     pen.beginPath();
@@ -111,15 +118,17 @@ export class Strip {
     const first = Math.max(0, inside - 1);
     const points = [];
     for (let i = first; i < this.t.length && this.t[i] <= now; i += 1) {
-      points.push([Math.max(this.t[i], now - span), this.y[i]]);
+      points.push([Math.max(this.t[i], now - span), this.#rounded(this.y[i])]);
     }
     return points;
   }
 
-  #frame(pen, { low, high, y, width, height, span }) {
-    pen.strokeStyle = '#d9dde2';
+  #rounded(value) { return Math.abs(value) < ROUNDING * this.largest ? 0 : value; }
+
+  #frame(pen, { low, high, y, width, height, span, shade }) {
+    pen.strokeStyle = shade('--faint');
     pen.lineWidth = 1;
-    pen.fillStyle = '#626973';
+    pen.fillStyle = shade('--soft');
     pen.font = '11px system-ui, sans-serif';
     const each = step((high - low) / LINES);
     pen.beginPath();
@@ -144,11 +153,11 @@ export class Strip {
   }
 }
 
-/** Limits around values; never too near to each other to be read. */
-function range(values) {
+/** Limits around values; never so near to each other that rounding is seen. */
+function range(values, rounding) {
   const low = values.reduce((a, b) => Math.min(a, b), Infinity);
   const high = values.reduce((a, b) => Math.max(a, b), -Infinity);
-  const room = Math.max(0.12 * (high - low), 0.05 * Math.max(Math.abs(high), Math.abs(low)), 1e-9);
+  const room = Math.max(0.12 * (high - low), 0.05 * Math.max(Math.abs(high), Math.abs(low)), rounding) || 1;
   return [low - room, high + room];
 }
 

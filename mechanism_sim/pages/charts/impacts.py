@@ -15,7 +15,8 @@ from mechanism_sim.pages.charts.contacts import gaps_of
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.section import Chart, Section
 from mechanism_sim.pages.charts.style import brief, chart, pale, polar, written
-from mechanism_sim.planar.mechanism import Revolute
+from mechanism_sim.planar.mechanism import Joint, Revolute
+from mechanism_sim.planar.play import joint_of_gap
 
 STEMS = 1500
 """Impacts that a chart shows one by one: of more, the hardest in each of so many bins of time."""
@@ -122,7 +123,8 @@ def _rose(course: Course, rose: Rose, on_pin: bool) -> Chart:
     degrees = np.degrees(rose.on_pin if on_pin else rose.on_bushing)
     impulse = 1e3 * rose.normal_impulse
     chosen = np.argsort(-impulse, kind='stable')[:RAYS]
-    shade = colour(course.record.machine.physics.joints.index(rose.joint))
+    joint = _joint(course, rose.joint).name
+    shade = colour(course.record.machine.physics.joints.index(joint))
     figure = polar('mN s', impulse, degrees, showlegend=False)
     r = np.array([np.zeros(len(chosen)), impulse[chosen], np.full(len(chosen), np.nan)]).T
     figure.add_scatterpolar(
@@ -139,7 +141,7 @@ def _rose(course: Course, rose: Rose, on_pin: bool) -> Chart:
         hovertemplate='%{hovertext}<br>%{r:.5g} mN s<br>%{theta:.2f} deg<br>%{customdata:.9g} s',
     )  # fmt: skip
     title = f'{rose.joint}: impacts on the {part}, seen from the {link}'
-    return Chart(f'rose-{rose.joint}-{part}', title, written(figure), 'polar', rose.joint)
+    return Chart(f'rose-{rose.joint}-{part}', title, written(figure), 'polar', joint)
 
 
 def _labels(size: Array, direction: Array) -> list[str]:
@@ -156,7 +158,7 @@ def _labels(size: Array, direction: Array) -> list[str]:
 def _wear(course: Course, joint: str, skip: int) -> list[Chart]:
     """Archard's measure of wear by direction on bushing and pin."""
     maps = wear_maps(course.record, joint, skip=skip)
-    pair = course.record.machine.mechanism.joint(joint)
+    pair = _joint(course, joint)
     assert isinstance(pair, Revolute)  # noqa: S101 - else it has no maps
     if not any(m.load_way.any() for m in maps):
         return []
@@ -166,7 +168,12 @@ def _wear(course: Course, joint: str, skip: int) -> list[Chart]:
     ]
 
 
-def _map(course: Course, joint: str, part: str, wear: WearMap) -> Chart:
+def _joint(course: Course, gap: str) -> Joint:
+    return joint_of_gap(course.record.machine.mechanism, gap)
+
+
+def _map(course: Course, gap: str, part: str, wear: WearMap) -> Chart:
+    joint = _joint(course, gap).name
     shade = colour(course.record.machine.physics.joints.index(joint))
     figure = polar('N m', wear.load_way, np.degrees(wear.middles), showlegend=False)
     figure.add_barpolar(
@@ -175,5 +182,5 @@ def _map(course: Course, joint: str, part: str, wear: WearMap) -> Chart:
         marker={'color': pale(shade, 0.6), 'line': {'width': 0}}, name=part,
         hovertemplate='%{theta:.0f} deg<br>%{r:.4g} N m',
     )  # fmt: skip
-    title = f'{joint}: sliding wear of the {part} on {wear.link}, normal force times way'
-    return Chart(f'wear-{joint}-{part}', title, written(figure), 'polar', joint)
+    title = f'{gap}: sliding wear of the {part} on {wear.link}, normal force times way'
+    return Chart(f'wear-{gap}-{part}', title, written(figure), 'polar', joint)

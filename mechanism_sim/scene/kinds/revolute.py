@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pydantic import Field
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import JournalFriction
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
-from mechanism_sim.scene.contact_keys import Clearance, Friction
+from mechanism_sim.scene.clearances import leaning
+from mechanism_sim.scene.contact_keys import Clearance, Friction, Misalignment
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Position
 
@@ -74,9 +77,28 @@ def _wrong_play(given: Clearance) -> str:
     return ''
 
 
+def _notes(machine: Any, joint: Revolute) -> list[str]:
+    play = machine.clearances.get(joint.name)
+    if not (isinstance(play, Clearance) and play.length):
+        return []
+    if leaning(machine.mechanism, joint.name, play) is None:
+        return [f'{joint.name}: pin and bushing stay in line: its length changes nothing']
+    given = play.misalignment or Misalignment()
+    said = [
+        f'{name} inclined by {axis.angle:g} rad'
+        for name, axis in (('pin', given.pin), ('bushing', given.bushing))
+        if axis
+    ]
+    most = 2.0 * play.radial / play.length
+    return [
+        f'{joint.name}: contacts at both ends of {play.length:g} m, '
+        f'{"".join(f"{x}, " for x in said)}room for {most:.4g} rad'
+    ]
+
+
 register(
     JointKind(
-        'revolute', RevoluteKeys, _read,
+        'revolute', RevoluteKeys, _read, notes=_notes,
         wrong_play=_wrong_play, friction=_friction, arm=('radius', True),
     )
 )  # fmt: skip

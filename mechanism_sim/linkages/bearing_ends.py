@@ -1,0 +1,124 @@
+"""A bearing whose pin and bushing are out of line: it touches at its ends.
+
+Pin and bushing are circles in the two end planes of the bearing: exact to the first order in the
+inclinations, which are of the size of clearance over length. For larger ones see F. Marques,
+F. Isaac, N. Dourado and P. Flores, An enhanced formulation to model spatial revolute joints with
+radial and axial clearances, Mechanism and Machine Theory 116 (2017) 123-144.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.linkages.bearing import BearingClearance
+from mechanism_sim.numerics.symbolic import Term, add
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.loads import Wrench, moment_of
+from mechanism_sim.planar.mechanism import Point, Revolute, Vector2
+from mechanism_sim.planar.play import ENDS, end_name
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BearingEnd(BearingClearance):
+    """An end of a bearing, see there; Q is that of its plane."""
+
+    bearing: str = ''  #: name of the joint
+    pin: Vector2 = (0.0, 0.0)  #: [m] of its axis off the joint's point on the first link
+    bushing: Vector2 = (0.0, 0.0)  #: [m] the same on the second link
+    height: float = 0.0  #: [m] above the plane of the links
+    reach: float = 0.0  #: [m] above the middle of the bearing
+
+    softness: ClassVar[float] = 1e-9
+    """Two ends that stick in links that do not lean hold the same, giving way so little."""
+
+    @property
+    def joint(self) -> str:
+        """Name of the joint."""
+        return self.bearing
+
+    @property
+    def apart(self) -> Point:
+        """From the bushing's axis to the pin's, in the plane of this end."""
+        return self.mechanism.separation(self.bearing, self.pin, self.bushing, self.height)
+
+    def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
+        """On the bushing's link, about the joint's point, as far as it is in the plane."""
+        pressed = super().wrench(frames, N, T)
+        off = self.mechanism.offset(
+            self.mechanism.joint(self.bearing).second, self.bushing, self.height
+        )
+        x, y = frames.position(off, f'{self.name}.bushing')
+        turning = moment_of((x.value, y.value), (pressed.x, pressed.y))
+        return pressed._replace(moment=add(pressed.moment, turning))
+
+    def moment(self, q: Array, N: Array, T: Array) -> Array:
+        """Moment (2, N) [N m] on the bushing about the bearing's middle, square to its axis.
+
+        Parameters
+        ----------
+        q : (n, N) of the coordinates
+        N, T : (N,) normal and friction force [N]
+        """
+        x, y = self.mechanism.evaluate(self.apart, q)
+        size = np.hypot(x, y)
+        x, y = (np.divide(a, size, out=np.zeros_like(a), where=size > 0.0) for a in (x, y))
+        return self.reach * np.array([T * x - N * y, N * x + T * y])
+
+
+def bearing_ends(
+    gap: BearingClearance, length: float, pin: Vector2, bushing: Vector2, along: float = 0.0
+) -> Iterator[BearingEnd]:
+    """The gaps at both ends of a bearing whose pin and bushing are out of line.
+
+    Exact to the first order in the inclinations: pin and bushing are circles in the end planes.
+
+    Parameters
+    ----------
+    gap : of the bearing as if pin and bushing were in line; its law is that of each end
+    length : of the bearing [m]
+    pin, bushing : inclinations of the axes [rad], the way each leans towards the reader, in the
+        frame of its link
+    along : how far its middle is above the plane of the links [m]; counts where these lean
+    """
+    joint, m = gap.mechanism.joint(gap.name), gap.mechanism
+    assert isinstance(joint, Revolute)  # noqa: S101 - a bearing is
+    known = {field.name: getattr(gap, field.name) for field in fields(gap)}
+    for end, reach in zip(ENDS, (0.5 * length, -0.5 * length), strict=True):
+        on_pin, on_bushing = ((reach * x, reach * y) for x, y in (pin, bushing))
+        known['name'] = end_name(m, joint, end)
+        yield BearingEnd(
+            **known, bearing=joint.name, pin=on_pin, bushing=on_bushing, height=along + reach,
+            reach=reach,
+        )  # fmt: skip
+
+
+def seat(clearance: float, towards: Array, off: Array) -> Array:
+    """Where a pin under a load rests in a bushing with which it is out of line.
+
+    The lens that two circles have in common: on the arc of an end, or in the corner of both.
+
+    Parameters
+    ----------
+    clearance : [m] radial
+    towards : (2,) unit vector of the load on the pin
+    off : (2,) from bushing's to pin's axis at the front end [m], if they meet in the middle
+
+    Returns
+    -------
+    From the bushing's centre to the pin's in the middle of the bearing (2,) [m].
+    """
+    along = float(towards @ off)
+    square = float(off @ off)
+    if abs(along) * clearance >= square:
+        return np.asarray(clearance * towards - math.copysign(1.0, along) * off)
+    across = np.array([-off[1], off[0]])
+    side = math.sqrt((clearance**2 - square) / square)
+    return np.asarray(math.copysign(side, float(towards @ across)) * across)

@@ -1,0 +1,282 @@
+import { Stage, words } from 'stage';
+import { add, line } from 'svg';
+
+const NEAR = 14; // [pixels] within which a handle is caught
+const STILL = 4; // [pixels] that a click may move
+const ROOM = 70; // [pixels] around what is fitted
+
+/**
+ * The sheet on which a machine is drawn: what is seen of it, and what the pointer grabs.
+ * Places are [m] in the world, and pixels of the sheet.
+ */
+export class Canvas {
+  /**
+   * @param {SVGSVGElement} under of the grid @param {SVGSVGElement} svg of the machine
+   * @param {SVGSVGElement} over what lies above it
+   * @param {function(Object): void} act on gestures
+   */
+  constructor(under, svg, over, act) {
+    Object.assign(this, { under, svg, over, act, tool: 'move', pressed: null, handles: [] });
+    this.fingers = new Map();
+    this.centre = [0, 0];
+    this.scale = 2000; // pixels in a metre
+    this.grid = add(under, 'g', { class: 'grid' });
+    for (const name of ['curves', 'band', 'knobs']) this[name] = add(over, 'g', { class: name });
+    over.addEventListener('pointerdown', (event) => this.#down(event));
+    over.addEventListener('pointermove', (event) => this.#move(event));
+    over.addEventListener('pointerup', (event) => this.#up(event));
+    over.addEventListener('pointercancel', () => this.#cancel());
+    over.addEventListener('wheel', (event) => {
+      event.preventDefault();
+      this.zoom(Math.exp(-0.0015 * event.deltaY), this.#pixel(event));
+    }, { passive: false });
+    new ResizeObserver(() => this.#look()).observe(over);
+  }
+
+  get size() { return [this.over.clientWidth || 1, this.over.clientHeight || 1]; }
+
+  /** Of what is placed by hand: a round length of a pixel or less, or of some on a coarse grid. */
+  get step() {
+    return 10 ** Math.floor(Math.log10(5 / this.scale) + 1e-9);
+  }
+
+  /** @param {number[]} p @returns {number[]} [m] */
+  world([x, y]) {
+    const [w, h] = this.size;
+    return [this.centre[0] + (x - 0.5 * w) / this.scale, this.centre[1] - (y - 0.5 * h) / this.scale];
+  }
+
+  /** @param {number[]} p @returns {number[]} pixels */
+  sheet([x, y]) {
+    const [w, h] = this.size;
+    return [0.5 * w + (x - this.centre[0]) * this.scale, 0.5 * h - (y - this.centre[1]) * this.scale];
+  }
+
+  zoom(factor, about = this.size.map((x) => 0.5 * x)) {
+    const before = this.world(about);
+    this.scale = Math.min(1e7, Math.max(1, this.scale * factor));
+    const after = this.world(about);
+    this.centre = this.centre.map((x, i) => x + before[i] - after[i]);
+    this.#look();
+  }
+
+  /** Shows all within bounds. @param {number[]} bounds left, bottom, right, top [m] */
+  fit([left, bottom, right, top]) {
+    const [w, h] = this.size;
+    this.centre = [0.5 * (left + right), 0.5 * (bottom + top)];
+    const wide = Math.max(right - left, 1e-3);
+    const high = Math.max(top - bottom, 1e-3);
+    const room = Math.min(ROOM, 0.15 * w, 0.15 * h);
+    this.scale = Math.min((w - 2 * room) / wide, (h - 2 * room) / high);
+    this.#look();
+  }
+
+  /** Draws a machine, and where it is. */
+  show(stage, frame) {
+    this.machine = stage;
+    this.stage = new Stage(this.svg, { ...stage, bounds: [0, 0, 1, 1].map((x) => x * stage.symbol) });
+    this.frame = { forces: [], pins: [], impacts: [], ...frame };
+    this.#look();
+    this.choose(this.chosen ?? []);
+  }
+
+  /** The same machine elsewhere. */
+  pose(frame) {
+    this.frame = { ...this.frame, ...frame };
+    this.stage.show(this.frame);
+  }
+
+  /** What can be grabbed, and the paths of points. */
+  grips(handles, curves, colours) {
+    this.handles = handles;
+    this.paths = Object.entries(curves).map(([key, points]) => ({
+      key, points, colour: colours[key.split('.')[0]] ?? -1,
+    }));
+    this.#above();
+  }
+
+  /** Marks a part. @param {string[]} path in the scene */
+  choose(path) {
+    this.chosen = path;
+    const name = path[1] ?? '';
+    for (const group of this.svg.querySelectorAll('.machine g')) {
+      const own = path[0] === 'links' ? group.dataset.link === name && group.dataset.kind === 'link'
+        : path[0] === 'joints' && group.dataset.label === name;
+      group.classList.toggle('chosen', own);
+    }
+    this.#above();
+  }
+
+  names(shown) {
+    this.named = shown;
+    this.stage?.layer('names', shown);
+  }
+
+  // --- what is seen -----------------------------------------------------------------------
+
+  #look() {
+    if (this.stage) {
+      const { unit, corner } = this.stage;
+      const [w, h] = this.size;
+      const [left, top] = this.world([0, 0]);
+      this.svg.setAttribute('viewBox', [(left - corner[0]) / unit, (corner[1] - top) / unit,
+        w / this.scale / unit, h / this.scale / unit].join(' '));
+      this.stage.pixel = 1 / (this.scale * unit);
+      this.svg.style.setProperty('--pixel', this.stage.pixel.toFixed(4));
+      this.stage.layer('names', Boolean(this.named));
+      this.stage.show(this.frame);
+    }
+    this.#above();
+  }
+
+  #above() {
+    const [w, h] = this.size;
+    for (const svg of [this.under, this.over]) svg.setAttribute('viewBox', `0 0 ${w} ${h}`);
+    this.over.dataset.view = [...this.centre, this.scale].join(' ');
+    this.#grid(w, h);
+    this.curves.replaceChildren();
+    for (const { points, colour } of this.paths ?? []) {
+      add(this.curves, 'path', { d: line(points.map((p) => this.sheet(p))),
+        style: `stroke: var(--link-${colour})` });
+    }
+    const focused = document.activeElement?.dataset?.handle;
+    this.knobs.replaceChildren();
+    if (this.playing) return;
+    for (const handle of this.handles) {
+      const [x, y] = this.sheet(handle.at);
+      const kind = handle.joint ? 'joint' : handle.ground ? 'ground' : 'free';
+      const own = handle.joint ? this.chosen?.[0] === 'joints' && this.chosen[1] === handle.key : false;
+      const knob = add(this.knobs, 'circle', { class: `knob ${kind}${own ? ' chosen' : ''}`,
+        cx: x.toFixed(2), cy: y.toFixed(2), r: 8, tabindex: 0, role: 'button',
+        'data-handle': handle.key, 'aria-label': `${kind === 'free' ? 'point' : kind} ${words(handle.key)}` });
+      add(knob, 'title').textContent = words(handle.members.join(', '));
+      knob.addEventListener('keydown', (event) => this.#key(event, handle));
+      if (handle.key === focused) knob.focus();
+    }
+  }
+
+  /** Lines of a round distance, and how far apart they are. */
+  #grid(w, h) {
+    const apart = 10 ** Math.ceil(Math.log10(60 / this.scale));
+    const far = apart * this.scale > 160 ? 0.5 * apart : apart;
+    const [left, top] = this.world([0, 0]);
+    const [right, bottom] = this.world([w, h]);
+    const strokes = [];
+    for (let k = Math.ceil(left / far); k * far <= right; k += 1) {
+      strokes.push(`M${this.sheet([k * far, 0])[0].toFixed(1)} 0V${h}`);
+    }
+    for (let k = Math.ceil(bottom / far); k * far <= top; k += 1) {
+      strokes.push(`M0 ${this.sheet([0, k * far])[1].toFixed(1)}H${w}`);
+    }
+    this.grid.replaceChildren();
+    add(this.grid, 'path', { d: strokes.join('') });
+    const [x, y] = this.sheet([0, 0]);
+    add(this.grid, 'path', { class: 'axes', d: `M${x} 0V${h}M0 ${y}H${w}` });
+    const [a, b] = [12, h - 12];
+    const long = far * this.scale;
+    add(this.grid, 'path', { class: 'rule', d: `M${a} ${b - 5}V${b}H${a + long}V${b - 5}` });
+    const text = far >= 1 ? `${far} m` : `${Number((1000 * far).toPrecision(2))} mm`;
+    add(this.grid, 'text', { x: a + long + 6, y: b }).textContent = text;
+  }
+
+  // --- the pointer ------------------------------------------------------------------------
+
+  #pixel({ clientX, clientY }) {
+    const { left, top } = this.over.getBoundingClientRect();
+    return [clientX - left, clientY - top];
+  }
+
+  #caught(at) {
+    let [best, near] = [null, NEAR];
+    for (const handle of this.handles) {
+      const [x, y] = this.sheet(handle.at);
+      const far = Math.hypot(x - at[0], y - at[1]);
+      if (far < near) [best, near] = [handle, far];
+    }
+    return best;
+  }
+
+  /** What is under the pointer: a handle, or a link, or a part by its label. */
+  spot(event) {
+    const at = this.#pixel(event);
+    const handle = this.#caught(at);
+    const [x, y] = this.world(at);
+    this.over.style.pointerEvents = 'none';
+    const group = document.elementFromPoint(event.clientX, event.clientY)?.closest('g[data-kind]');
+    this.over.style.pointerEvents = '';
+    const { kind, link, label } = group?.dataset ?? {};
+    return { x, y, handle: handle?.key ?? '', link: link ?? '', kind, label, grip: handle, pixel: at };
+  }
+
+  #down(event) {
+    if (event.button > 0) return;
+    this.fingers.set(event.pointerId, this.#pixel(event));
+    this.over.setPointerCapture(event.pointerId);
+    if (this.fingers.size === 2) {
+      this.#cancel();
+      return;
+    }
+    const spot = this.spot(event);
+    this.pressed = { from: spot, centre: this.centre, moved: false };
+    this.act({ type: 'press', spot });
+  }
+
+  #move(event) {
+    const at = this.#pixel(event);
+    const before = this.fingers.get(event.pointerId);
+    if (this.fingers.size === 2 && before) {
+      const other = [...this.fingers].find(([id]) => id !== event.pointerId)[1];
+      const span = ([a, b], [c, d]) => Math.hypot(a - c, b - d) || 1;
+      this.zoom(span(at, other) / span(before, other), other);
+      this.fingers.set(event.pointerId, at);
+      return;
+    }
+    if (!this.pressed) {
+      const spot = this.spot(event);
+      this.over.dataset.over = spot.handle ? 'handle' : spot.link ? 'link' : '';
+      return;
+    }
+    const { from } = this.pressed;
+    const far = Math.hypot(at[0] - from.pixel[0], at[1] - from.pixel[1]);
+    this.pressed.moved ||= far > STILL;
+    if (!this.pressed.moved) return;
+    if (['move', 'turn', 'remove'].includes(this.tool) && !(from.handle && this.tool !== 'remove')) {
+      const [x, y] = this.pressed.centre;
+      this.centre = [x - (at[0] - from.pixel[0]) / this.scale, y + (at[1] - from.pixel[1]) / this.scale];
+      this.#look();
+      return;
+    }
+    this.act({ type: 'drag', from, spot: this.spot(event) });
+  }
+
+  #up(event) {
+    this.fingers.delete(event.pointerId);
+    const { pressed } = this;
+    this.pressed = null;
+    if (!pressed) return;
+    const spot = this.spot(event);
+    this.act({ type: pressed.moved ? 'drop' : 'click', from: pressed.from, spot });
+  }
+
+  #cancel() {
+    if (this.pressed) this.act({ type: 'cancel' });
+    this.pressed = null;
+  }
+
+  #key(event, handle) {
+    const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+    if (way) {
+      event.preventDefault();
+      event.stopPropagation();
+      const far = (event.shiftKey ? 10 : 1) * this.step;
+      const [x, y] = handle.at.map((v, i) => v + far * way[i]);
+      this.act({ type: 'nudge', handle, x, y });
+    } else if (event.key === 'Enter') this.act({ type: 'click', from: { handle: handle.key }, spot: { handle: handle.key, grip: handle, x: handle.at[0], y: handle.at[1], link: '' } });
+  }
+
+  /** A line from where a part begins to the pointer. @param {?number[][]} ends [m] */
+  stretch(ends, kind = '') {
+    this.band.replaceChildren();
+    if (ends) add(this.band, 'path', { class: kind, d: line(ends.map((p) => this.sheet(p))) });
+  }
+}

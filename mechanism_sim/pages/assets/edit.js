@@ -1,0 +1,403 @@
+import { Canvas } from 'canvas';
+import { Fields } from 'fields';
+import { Player, Recording } from 'player';
+import { words } from 'stage';
+import { quantity } from 'svg';
+
+const AGAIN = 1000; // [ms] until a lost connection is tried again
+const SAID = 6000; // [ms] that a message stays
+const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5];
+const TURN = 4; // [s] of ours that a run takes at first, or longer
+const BOUNDS = [-0.1, -0.1, 0.3, 0.2]; // [m] of a machine that is begun
+
+/** Tools: name, key, what is drawn, icon, what to do. */
+const TOOLS = [
+  ['move', 'V', '', 'M4 2v11l3-3 2 4 2-1-2-4h4z', 'Drag a joint or a point; drag the sheet to shift it'],
+  ['turn', 'T', '', 'M8 2a6 6 0 1 0 6 6h-2a4 4 0 1 1-4-4v3l5-4-5-4z', 'Drag a joint: the machine moves along its way'],
+  ['link', 'L', 'band', 'M3.5 10a2.5 2.5 0 1 0 2.4 3.2l6-6A2.5 2.5 0 1 0 9.8 5l-6 6z', 'Press where a link begins, drag to where it ends; pins come where it meets something'],
+  ['ground', 'G', 'click', 'M8 3a1.8 1.8 0 0 1 1 3.3L12 12H4l3-5.7A1.8 1.8 0 0 1 8 3zM2 13h12v1.5H2z', 'Click: a pivot of the frame, there or under the end of a link'],
+  ['slider', 'S', 'band', 'M3 5h10v6H3zM0 12.5h16V14H0z', 'Press on the free end of a link, drag along the rail'],
+  ['cylinder', 'C', 'band', 'M1 5h8v2h6v2H9v2H1z', 'Press on one point, drag to another: a cylinder with a driven rod'],
+  ['point', 'P', 'click', 'M8 5a3 3 0 1 1 0 6 3 3 0 0 1 0-6z', 'Click on a link: a point whose path is drawn'],
+  ['spring', 'R', 'band', 'M1 7.3h2l1-3 2 7 2-7 2 7 2-7 1 3h2v1.4h-3l-.3-.9-1.7 6-2-7-2 7-2-7-.3 1.9H1z', 'Press on one point, drag to another'],
+  ['drive', 'D', 'click', 'M8 2a6 6 0 0 1 6 6h2l-3 4-3-4h2a4 4 0 1 0-4 4v2A6 6 0 0 1 8 2z', 'Click on a link: it turns, or slides, at a constant speed'],
+  ['clearance', 'K', 'click', 'M8 1a7 7 0 1 1 0 14A7 7 0 0 1 8 1zm0 2a5 5 0 1 0 0 10A5 5 0 0 0 8 3zm1 1.5a3 3 0 1 1 0 6 3 3 0 0 1 0-6z', 'Click on a pin: it has play'],
+  ['masses', 'M', 'now', 'M5 4a3 3 0 0 1 6 0h2l2 11H1L3 4zm2 0h2a1 1 0 0 0-2 0z', 'Masses of bars of 1 kg/m for all links without; 1 kg for what has no length'],
+  ['remove', 'X', '', 'M4 5h8l-1 10H5zM6 1h4v1h4v2H2V2h4z', 'Click on what is to go'],
+];
+
+const by = (id) => document.getElementById(id);
+const root = document.documentElement;
+let socket = null;
+let state = null;
+let run = null; // recording, player, message
+let quiet = 0;
+let drawing = null; // where a part begins
+let waiting = null; // a gesture that is sent when the answer to the last one is there
+let flying = false;
+let soon = 0; // the frame in which it is sent
+let fitted = null; // the document that was fitted
+
+const canvas = new Canvas(by('under'), by('stage'), by('over'), gesture);
+const fields = new Fields(by('outline'), by('fields'), ask);
+const heard = { state: show, frame, pose, checked, progress, run: ran, problem() {}, said: ({ text }) => say(text) };
+start();
+
+function start() {
+  by('palette').append(...TOOLS.map(([name, key, , icon, hint]) => {
+    const button = document.createElement('button');
+    Object.assign(button, { type: 'button', title: `${hint} (${key})` });
+    button.dataset.tool = name;
+    button.innerHTML = `<svg viewBox="0 0 16 16"><path d="${icon}" fill-rule="evenodd"/></svg><span>${name}</span>`;
+    button.addEventListener('click', () => take(name));
+    return button;
+  }));
+  take('move');
+  by('undo').addEventListener('click', () => ask({ type: 'undo' }));
+  by('redo').addEventListener('click', () => ask({ type: 'redo' }));
+  by('save').addEventListener('click', save);
+  by('new').addEventListener('click', () => open(''));
+  by('scenes').addEventListener('change', () => open(by('scenes').value));
+  by('in').addEventListener('click', () => canvas.zoom(1.25));
+  by('out').addEventListener('click', () => canvas.zoom(0.8));
+  by('fit').addEventListener('click', fit);
+  by('names').addEventListener('change', () => canvas.names(by('names').checked));
+  by('text').addEventListener('change', () => ask({ type: 'text', text: by('text').value }));
+  by('play').addEventListener('click', toggle);
+  by('scrub').addEventListener('input', () => {
+    playing(true);
+    run.player.playing = false;
+    run.player.seek(run.recording.start + Number(by('scrub').value) * length());
+  });
+  by('speed').addEventListener('change', () => { run.player.speed = Number(by('speed').value); });
+  for (const name of ['parts', 'run', 'yaml']) by(`tab-${name}`).addEventListener('click', () => tab(name));
+  document.addEventListener('keydown', key);
+  window.addEventListener('beforeunload', (event) => { if (state?.changed) event.preventDefault(); });
+  connect();
+}
+
+function connect() {
+  socket = new WebSocket(`ws://${window.location.host}/live${window.location.search}`);
+  socket.addEventListener('message', ({ data }) => {
+    const message = JSON.parse(data);
+    heard[message.type]?.(message);
+  });
+  socket.addEventListener('close', () => {
+    if (state) say('The editor has ended; this page looks for it again.');
+    flying = false;
+    setTimeout(connect, AGAIN);
+  });
+}
+
+function ask(message) {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
+/** Sends gestures one after the other, of those that wait the newest. */
+function follow(message) {
+  if (flying) waiting = message;
+  else {
+    flying = true;
+    ask(message);
+  }
+}
+
+function landed() {
+  flying = false;
+  if (!waiting) return;
+  const next = waiting;
+  waiting = null;
+  flying = true;
+  soon = requestAnimationFrame(() => { flying = false; follow(next); });
+}
+
+// --- what is shown -------------------------------------------------------------------------
+
+function show(news) {
+  const other = !state || state.file !== news.file || state.name !== news.name;
+  if (state?.number !== news.number) forget();
+  state = news;
+  waiting = null;
+  flying = false;
+  drawing = null;
+  canvas.stretch(null);
+  by('title').textContent = words(news.stage.title);
+  document.title = `${news.changed ? '• ' : ''}${news.name}: editor`;
+  if (document.activeElement !== by('file')) by('file').value = news.file || `${news.name}.yaml`;
+  by('save').classList.toggle('changed', news.changed);
+  by('undo').disabled = !news.undo;
+  by('redo').disabled = !news.redo;
+  if (document.activeElement !== by('text')) by('text').value = news.text;
+  draw(news);
+  canvas.choose(news.path);
+  fields.show(news, news.stage.colours);
+  if (other && fitted !== news.name) fit();
+  fitted = news.name;
+  tell();
+  root.dataset.number = news.number;
+}
+
+function draw(news) {
+  playing(false);
+  canvas.show(news.stage, { poses: news.poses });
+  canvas.grips(news.handles, news.curves, news.stage.colours);
+  document.body.dataset.assembled = news.assembled ? '1' : '';
+}
+
+/** A frame of a drag. */
+function frame(news) {
+  draw(news);
+  state.problem = news.problem;
+  tell();
+  root.dataset.frames = Number(root.dataset.frames ?? 0) + 1;
+  landed();
+}
+
+function pose({ poses }) {
+  canvas.pose({ poses });
+  root.dataset.poses = Number(root.dataset.poses ?? 0) + 1;
+  landed();
+}
+
+function fit() {
+  const [left, bottom, right, top] = state.stage.bounds;
+  const empty = state.handles.length === 0 && state.stage.shapes.length === 0;
+  canvas.fit(empty ? BOUNDS : [left, bottom, right, top]);
+}
+
+function tell(text = '') {
+  const { problem } = state;
+  by('state').classList.toggle('wrong', Boolean(problem));
+  by('state').textContent = problem || text || (run ? by('state').textContent : 'checking …');
+  root.dataset.problem = problem;
+}
+
+function say(text) {
+  by('said').textContent = text;
+  by('said').hidden = false;
+  clearTimeout(quiet);
+  quiet = setTimeout(() => { by('said').hidden = true; }, SAID);
+  if (flying) {
+    flying = false;
+    waiting = null;
+  }
+}
+
+// --- the run --------------------------------------------------------------------------------
+
+function forget() {
+  run = null;
+  by('play').disabled = by('scrub').disabled = by('speed').disabled = true;
+  by('time').textContent = '';
+  by('run').replaceChildren();
+  root.dataset.run = '';
+  root.dataset.checked = '';
+}
+
+function checked({ data, number }) {
+  if (number !== state.number) return;
+  const driven = Object.entries(data.coordinates).filter(([, what]) => /prescribed|moved|^free$/.test(what));
+  tell([data.level, ...driven.map(([c, what]) => `${words(c)} ${what}`)].join('; '));
+  const list = (title, items) => (items.length ? `<h3>${title}</h3><ul>${
+    items.map((x) => `<li>${escape(x)}</li>`).join('')}</ul>` : '');
+  by('run').innerHTML = `<div id="figures"><p class="soft">running …</p></div><h3>Model</h3><p>${
+    escape(data.level)}: ${escape(data.why)}</p>${list('Questions', data.questions)}${
+    list('What may stop it', data.limits)}${list('Gaps', data.gaps)}${
+    list('Notes', data.notes.filter((x) => !data.limits.includes(x)))}`;
+  root.dataset.checked = number;
+}
+
+function progress({ data }) {
+  by('time').textContent = `running ${Math.round(100 * data)} %`;
+}
+
+function ran({ data, number }) {
+  if (number !== state.number) return;
+  const recording = new Recording(data);
+  run = { recording, data, player: new Player(recording, instant) };
+  by('play').disabled = by('scrub').disabled = by('speed').disabled = false;
+  const wanted = Math.log(length() / TURN);
+  const far = SPEEDS.map((x) => Math.abs(Math.log(x) - wanted));
+  run.player.speed = SPEEDS[far.indexOf(Math.min(...far))];
+  by('speed').replaceChildren(...SPEEDS.map((x) => new Option(`${x}×`, x, false, x === run.player.speed)));
+  by('time').textContent = `${Number(length().toPrecision(4))} s`;
+  const titles = { force: 'Largest forces', drive: 'Largest of the drives', impacts: 'Impacts', hardest: 'Hardest impact' };
+  let before = '';
+  const rows = data.figures.map(([what, name, value, unit, t]) => {
+    const head = what === before ? '' : `<tr><th colspan="3"><h3>${titles[what]}</h3></th></tr>`;
+    before = what;
+    const shown = value === null ? 'without limit' : unit ? quantity(value, unit) : value;
+    const at = t === null ? '' : `at ${quantity(Math.abs(t) < 1e-9 * data.end ? 0 : t, 's')}`;
+    return `${head}<tr data-figure="${what}"><th>${escape(words(name)) || 'in all'}</th><td>${shown}</td><td>${at}</td></tr>`;
+  });
+  if (by('figures')) {
+    by('figures').innerHTML = `<table>${rows.join('')}</table><p class="soft">over ${
+      quantity(data.end, 's')}; digest <code title="${data.digest}">${data.digest.slice(0, 12)}…</code></p>`;
+  }
+  root.dataset.digest = data.digest;
+  root.dataset.run = number;
+}
+
+const length = () => run.recording.end - run.recording.start || 1;
+
+function instant(now) {
+  if (!run || !canvas.playing) return;
+  canvas.pose(now);
+  by('scrub').value = (now.t - run.recording.start) / length();
+  by('time').textContent = `${now.t.toPrecision(4)} s`;
+  root.dataset.playing = run.player.playing ? '1' : '';
+  root.dataset.time = now.t;
+  by('play').setAttribute('aria-label', run.player.playing ? 'pause' : 'play');
+}
+
+/** Between the machine that is edited and the one that runs. */
+function playing(on) {
+  if (on === Boolean(canvas.playing) || (on && !run)) return;
+  canvas.playing = on;
+  if (on) {
+    canvas.show(run.data.stage, run.recording.at(run.recording.start));
+  } else if (run) {
+    run.player.playing = false;
+    root.dataset.playing = '';
+    by('play').setAttribute('aria-label', 'play');
+  }
+}
+
+function toggle() {
+  if (!run) return;
+  if (run.player.playing) {
+    run.player.pause();
+    return;
+  }
+  playing(true);
+  run.player.play();
+}
+
+// --- what is asked for ----------------------------------------------------------------------
+
+function take(tool) {
+  canvas.tool = tool;
+  const [, , how, , hint] = TOOLS.find(([name]) => name === tool);
+  if (how === 'now') {
+    ask({ type: 'draw', what: tool, step: canvas.step, from: { x: 0, y: 0 }, to: { x: 0, y: 0 } });
+    take('move');
+    return;
+  }
+  for (const button of by('palette').children) {
+    button.setAttribute('aria-pressed', button.dataset.tool === tool);
+  }
+  by('over').dataset.tool = tool;
+  by('hint').textContent = hint;
+}
+
+/** What the pointer does on the sheet. */
+function gesture({ type, from, spot, handle, x, y }) {
+  if (!state) return;
+  const { tool } = canvas;
+  const [, , how] = TOOLS.find(([name]) => name === tool);
+  const { step } = canvas;
+  if (type === 'press' || type === 'cancel') {
+    if (canvas.playing && type === 'press') back();
+    if (type === 'cancel') {
+      canvas.stretch(null);
+      if (drawing) ask({ type: 'select', path: state.path });
+      drawing = null;
+    }
+  } else if (type === 'nudge') ask({ type: 'drop', handle: handle.key, x, y, step });
+  else if (tool === 'move' || tool === 'turn') {
+    if (type === 'click') select(spot);
+    else if (from.handle) {
+      const move = { handle: from.handle, x: spot.x, y: spot.y, step };
+      if (tool === 'turn') follow({ type: 'pull', ...move });
+      else if (type === 'drag') follow({ type: 'drag', ...move });
+      else {
+        waiting = null;
+        cancelAnimationFrame(soon);
+        ask({ type: 'drop', ...move });
+      }
+    }
+  } else if (tool === 'remove') {
+    if (type === 'click' && path(spot)) ask({ type: 'remove', path: path(spot) });
+  } else if (how === 'click' && (type === 'click' || type === 'drop')) {
+    ask({ type: 'draw', what: tool, step, from: plain(from), to: plain(spot) });
+  } else if (how === 'band') {
+    if (type === 'drag') {
+      drawing = from;
+      const begin = from.grip?.at ?? [from.x, from.y];
+      canvas.stretch([begin, spot.grip?.at ?? [spot.x, spot.y]], tool);
+    } else if (type === 'drop' || type === 'click') {
+      ask({ type: 'draw', what: tool, step, from: plain(from), to: plain(spot) });
+    }
+  }
+}
+
+const plain = ({ x, y, handle, link }) => ({ x, y, handle, link });
+
+/** Where the scene says what is under the pointer. */
+function path({ grip, link, kind, label }) {
+  if (grip) {
+    const [owner, name] = grip.members[0].split('.');
+    if (grip.joint) return grip.path;
+    return ['start', 'end'].includes(name) ? ['links', owner] : ['links', owner, 'points', name];
+  }
+  if (kind === 'slider' && label) return ['joints', label];
+  return link && state.outline.some(({ name, parts }) => name === 'links' && parts.some((p) => p[1] === link))
+    ? ['links', link] : null;
+}
+
+function select(spot) {
+  const found = path(spot);
+  ask({ type: 'select', path: (found ?? []).slice(0, 2) });
+  tab('parts');
+}
+
+/** From the run to the machine that is edited. */
+function back() {
+  draw(state);
+  canvas.choose(state.path);
+}
+
+function save() {
+  ask({ type: 'save', name: by('file').value });
+}
+
+function open(name) {
+  by('scenes').value = '';
+  // eslint-disable-next-line no-alert
+  if (state?.changed && !window.confirm('What was changed is not saved. Leave it?')) return;
+  fitted = null;
+  ask({ type: 'open', name });
+}
+
+function tab(name) {
+  for (const each of ['parts', 'run', 'yaml']) {
+    by(each).hidden = each !== name;
+    by(`tab-${each}`).setAttribute('aria-selected', each === name);
+  }
+}
+
+function key(event) {
+  const letter = event.key.toLowerCase();
+  const typing = event.target.closest('input:not([type=range], [type=checkbox]), textarea, select');
+  if (event.ctrlKey || event.metaKey) {
+    const acts = { s: save, ...(typing ? {} : {
+      z: () => ask({ type: event.shiftKey ? 'redo' : 'undo' }), y: () => ask({ type: 'redo' }) }) };
+    if (!(letter in acts)) return;
+    event.preventDefault();
+    acts[letter]();
+    return;
+  }
+  if (event.altKey || typing) return;
+  const tool = TOOLS.find(([, own]) => own.toLowerCase() === letter);
+  if (tool) take(tool[0]);
+  else if (letter === 'f') fit();
+  else if (event.key === 'Escape') {
+    take('move');
+    if (canvas.playing) back();
+  } else if (['Delete', 'Backspace'].includes(event.key) && state.path.length) ask({ type: 'remove', path: state.path });
+  else if (event.key === ' ' && !event.target.closest('button')) toggle();
+  else return;
+  event.preventDefault();
+}
+
+const escape = (text) => text.replace(/[&<>"]/g, (c) => ({ '&': '&amp;', '<': '&lt;', '>': '&gt;', '"': '&quot;' })[c]);

@@ -1,0 +1,222 @@
+"""The document that is edited: the text of a scene, what was done to it, and its file."""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from mechanism_sim import documents, output
+from mechanism_sim.catalogue import config_folder
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene.files import check_scene, find_scene
+from mechanism_sim.scene.scene_text import renamed, with_value, without
+from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.table_keys import with_files
+
+GONE: Final = object()
+"""Instead of a value: the key is removed."""
+
+NEW = 'title: A new machine\nmechanism: linkage\nlinks: {}\njoints: {}\n'
+
+_KEPT = 500  # texts that undo goes back to
+
+
+class Edit(NamedTuple):
+    """A value at a path of a scene, or `GONE`."""
+
+    path: tuple[str, ...]
+    value: Any
+
+
+class Document:
+    """A scene as text, with all texts before.
+
+    Attributes
+    ----------
+    text : of the YAML file
+    file : where it is saved; None of a new one
+    name : of the scene
+    """
+
+    def __init__(self, text: str = NEW, file: Path | None = None, name: str = 'machine') -> None:
+        self.text, self.file, self.name = text, file, name
+        self._before: list[str] = []
+        self._after: list[str] = []
+        self._saved = self._clean = text
+        self._folder = file.parent if file else Path()
+        self._content: tuple[str, dict[str, Any]] | None = None
+
+    @classmethod
+    def open(cls, scene: str) -> Document:
+        """A scene of the package by name, of which a copy is edited, or a file.
+
+        Raises
+        ------
+        InputError
+            If there is no such file, or it is no text.
+        """
+        path = find_scene(scene)
+        documents.read(path, 'scene')  # of bounded size, in UTF-8, one document
+        text = path.read_bytes().decode()
+        own = path.resolve().parent != config_folder().resolve()
+        made = cls(text, path if own else Path(path.name), path.stem)
+        made._folder = path.parent
+        made._saved = text if own else ''
+        return made
+
+    @property
+    def changed(self) -> bool:
+        """Whether there is something that is not in the file."""
+        return self.text != self._clean
+
+    @property
+    def steps(self) -> tuple[int, int]:
+        """How often one can undo, and redo."""
+        return len(self._before), len(self._after)
+
+    def content(self) -> dict[str, Any]:
+        """Keys and values of the text.
+
+        Raises
+        ------
+        InputError
+            If it is no YAML, or no keys with values.
+        """
+        if self._content is None or self._content[0] != self.text:
+            try:
+                found = documents.parse(self.text)
+            except documents.DocumentError as error:
+                raise InputError(f'{self.name}:{error}') from error
+            if not isinstance(found, dict):
+                raise InputError(f'{self.name}: a scene is a list of keys with values')
+            self._content = self.text, found
+        return self._content[1]
+
+    def scene(self, edits: Iterable[Edit] = ()) -> Scene:
+        """The scene that the document is, or would be with some edits.
+
+        Raises
+        ------
+        InputError
+            As `mechanism_sim.scene.files.check_scene`.
+        """
+        content: Any = self.content()
+        edits = list(edits)
+        if edits:
+            content = copy.deepcopy(content)
+            for edit in edits:
+                _apply(content, edit)
+        return check_scene(self.name, with_files(self.name, self._folder, content))
+
+    def whole(self) -> dict[str, Any]:
+        """Keys and values, those of files that it names among them."""
+        found: dict[str, Any] = with_files(self.name, self._folder, self.content())
+        return found
+
+    def change(self, edits: Iterable[Edit]) -> None:
+        """Make edits, which are undone together.
+
+        Raises
+        ------
+        InputError
+            If one of them is not possible; then none is made.
+        """
+        text = self.text
+        for path, value in edits:
+            text = without(text, path) if value is GONE else with_value(text, path, value)
+        self.replace(text)
+
+    def rename(self, path: tuple[str, ...], name: str) -> None:
+        """Give a part another name, and wherever the scene names it."""
+        old, text = path[-1], self.text
+        if path[0] == 'links':  # which points and coordinates are named after
+            for where, value in _texts(self.content()):
+                if where[0] in ('title', 'description', 'mechanism'):
+                    continue
+                found = _replaced(value, old, name)
+                if found != value:
+                    text = with_value(text, where, found)
+            for section in ('drives', 'guess', 'initial'):
+                for inner in ((), ('position',), ('velocity',)):
+                    text = renamed(text, (section, *inner, old), name)
+        self.replace(renamed(text, path, name))
+
+    def replace(self, text: str) -> None:
+        """Take another text."""
+        if text == self.text:
+            return
+        if len(text) > documents.LARGEST:
+            raise InputError(f'{self.name}: is larger than {documents.LARGEST} bytes')
+        self._before = [*self._before, self.text][-_KEPT:]
+        self._after.clear()
+        self.text = text
+
+    def undo(self) -> None:
+        """Go back to the text before the last edit, if there is one."""
+        if self._before:
+            self._after.append(self.text)
+            self.text = self._before.pop()
+
+    def redo(self) -> None:
+        """Do again what was undone last."""
+        if self._after:
+            self._before.append(self.text)
+            self.text = self._after.pop()
+
+    def save(self, name: str = '') -> Path:
+        """Write the file; of a given name, ending in .yaml, in the folder of the program or below.
+
+        Raises
+        ------
+        InputError
+            If it cannot be written, is another one that exists, or was changed by others.
+        """
+        file = self.file or Path('machine.yaml')
+        if name:
+            file = Path(name if name.endswith(('.yaml', '.yml')) else f'{name}.yaml')
+        inside = not file.is_absolute() and '..' not in file.parts
+        if file.stem.startswith('.') or not (inside or file == self.file):
+            raise InputError(f"'{name}' is no name for a scene: write for example my_machine")
+        there = file.read_bytes().decode(errors='replace') if file.is_file() else None
+        own = self.file is not None and file == self.file
+        if there is not None and there not in ((self._saved, self.text) if own else (self.text,)):
+            reason = 'was changed by another program' if own and self._saved else 'exists already'
+            raise InputError(f"'{file}' {reason}: save under another name")
+        output.write_text(file, self.text)
+        self.file, self.name, self._folder = file, file.stem, file.parent
+        self._saved = self._clean = self.text
+        return file
+
+
+def _apply(content: Any, edit: Edit) -> None:
+    *path, last = edit.path
+    for part in path:
+        if isinstance(content, list):
+            content = content[int(part)]
+        else:
+            content[part] = {} if content.get(part) is None else content[part]
+            content = content[part]
+    if edit.value is GONE:
+        content.pop(last, None)
+    else:
+        content[int(last) if isinstance(content, list) else last] = edit.value
+
+
+def _texts(value: Any, path: tuple[str, ...] = ()) -> Iterable[tuple[tuple[str, ...], str]]:
+    """All texts among values, with their paths."""
+    if isinstance(value, str):
+        yield path, value
+    elif isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _texts(inner, (*path, key))
+    elif isinstance(value, list):
+        for i, inner in enumerate(value):
+            yield from _texts(inner, (*path, str(i)))
+
+
+def _replaced(text: str, old: str, new: str) -> str:
+    """A text with another name for a link, wherever it names the link or a point of it."""
+    return re.sub(rf'(?<![\w.]){re.escape(old)}(?!\w)', new, text)

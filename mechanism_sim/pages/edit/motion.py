@@ -1,0 +1,150 @@
+"""How the machine of a document moves without play: quick enough to follow a hand.
+
+Loops are closed from where they were in the picture before, all instants of a turn at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.pages.edit.layout import ORIGIN, Pose, Poses, coordinates
+from mechanism_sim.planar.configuration import poses as poses_of
+from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.scene import Machine
+
+INSTANTS = 73
+"""Of a turn, or of a run, both ends included."""
+
+_LEAP = 0.6
+"""[rad], or sizes of the machine, by which no coordinate goes from one instant to the next."""
+
+
+class Turn:
+    """A machine over a turn of its drive, or over its run, with closed loops.
+
+    Parameters
+    ----------
+    near : poses near those of the start; without, the machine is assembled as its scene says
+    before : the same of a machine that differed little
+    loops : the closures of the machine, if somebody has them
+
+    Attributes
+    ----------
+    mechanism : the tree whose coordinates these are
+    q : (n, N) coordinates, the first column at the start; fewer columns where the way ends
+
+    Raises
+    ------
+    InputError
+        If the loops cannot be closed at the start.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        near: Mapping[str, Pose] | None = None,
+        before: Turn | None = None,
+        loops: Kinematics | None = None,
+    ) -> None:
+        self.machine = machine
+        loops = loops or machine.kinematics(())
+        self.mechanism = loops.mechanism
+        self._held = self._ways()
+        self._kinematics = loops.holding([*self._held])
+        if near is None:
+            first = machine.assembly.q.copy()
+        else:
+            first = self._closed(coordinates(self.mechanism, near))
+        self.q = self._followed(first, before)
+
+    @cached_property
+    def start(self) -> Poses:
+        """Poses of all links at the start."""
+        return self.poses_at(0)
+
+    def poses_at(self, k: int) -> Poses:
+        """Poses of all links at one of the instants."""
+        q = dict(zip(self.mechanism.coordinates, self.q[:, k].tolist(), strict=True))
+        links = [body.name for body in self.mechanism.bodies]
+        rows = poses_of(self.mechanism, q).tolist()
+        found = {link: Pose(*row) for link, row in zip(links, rows, strict=True)}
+        return {GROUND: ORIGIN, **found}
+
+    def _ways(self) -> dict[str, Array]:
+        """Values (N,) of the driven coordinates over a turn."""
+        machine, plan = self.machine, self.machine.plan
+        moved = plan.prescribed
+        if not moved:  # what a torque or a force moves is turned by hand, if it is one
+            c = next(iter(plan.laws), None)
+            turns = c is not None and c in plan.begins and c not in self.mechanism.displacements
+            if len(plan.powered) != 1 or not turns:
+                return {}
+            angle, speed = plan.begins[str(c)]
+            way = np.copysign(2.0 * np.pi, speed or 1.0)
+            return {str(c): angle + np.linspace(0.0, way, INSTANTS)}
+        straight = machine.main in self.mechanism.displacements
+        duration = machine.period
+        if straight or not np.isfinite(duration):
+            duration = machine.scene.duration or (duration if np.isfinite(duration) else 0.0)
+        t = np.linspace(0.0, duration, INSTANTS)
+        return {c: _values(plan.laws[c], t) for c in moved}
+
+    def _closed(self, guess: Array) -> Array:
+        for c, way in self._held.items():
+            guess[self.mechanism.coordinates.index(c)] = way[0]
+        q, left = self._kinematics.positions(guess[:, None])
+        if left[0] or not np.isfinite(q).all():
+            raise InputError(
+                f'{self.machine.name}: the mechanism cannot be assembled: a loop stays open by '
+                f'{left[0]:.4g} m'
+            )
+        return q[:, 0]
+
+    def _followed(self, first: Array, before: Turn | None) -> Array:
+        held = [self.mechanism.coordinates.index(c) for c in self._held]
+        ways = np.array([*self._held.values()])
+        loops = len(self._kinematics.rows)
+        if not held or loops != len(first) - len(held) or not np.ptp(ways, axis=1).any():
+            return first[:, None]  # nothing decides how it goes on
+        if not np.isclose(first[held], ways[:, 0]).all():
+            ways = ways + (first[held] - ways[:, 0])[:, None]
+        size = np.where(
+            [c in self.mechanism.displacements for c in self.mechanism.coordinates],
+            self.mechanism.size, 1.0,
+        )  # fmt: skip
+        alike = before is not None and before.mechanism.coordinates == self.mechanism.coordinates
+        if before is not None and alike and before.q.shape[1] == INSTANTS:
+            guess = before.q + (first - before.q[:, 0])[:, None]
+            guess[held] = ways
+            q, left = self._kinematics.positions(guess)
+            leaps = np.abs(np.diff(q, axis=1)).max(axis=1) / size
+            same = np.abs(q[:, 0] - first) / size
+            if not left.any() and leaps.max() < _LEAP and same.max() < 1e-6:
+                return q
+        columns = [first]
+        for k in range(1, INSTANTS):
+            guess = columns[-1] + (columns[-1] - columns[-2] if k > 1 else 0.0)
+            guess[held] = ways[:, k]
+            q, left = self._kinematics.positions(guess[:, None])
+            if left[0] or (np.abs(q[:, 0] - columns[-1]) / size).max() > 2.0 * _LEAP:
+                break
+            columns.append(q[:, 0])
+        return np.array(columns).T
+
+
+def _values(laws: tuple[Law, ...], t: Array) -> Array:
+    """What drives prescribe at times (N,) [s], but for whole turns."""
+    known = [law for law in laws if isinstance(law, DriveLaw)]
+    found = np.empty_like(t)
+    for law in known:
+        now = t >= law.valid_from if law is not known[0] else t >= t[0]
+        found[now] = polynomial.polyval(t[now] - law.reference_time, law.coefficients)
+    return found if known[0].straight else np.unwrap(found)

@@ -1,0 +1,409 @@
+"""A document under the hands of those who have its page open: what they ask for, what they see."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mechanism_sim import documents
+from mechanism_sim.catalogue import scene_names
+from mechanism_sim.errors import InputError
+from mechanism_sim.pages.edit import drawing, gestures, panel
+from mechanism_sim.pages.edit.background import Job
+from mechanism_sim.pages.edit.document import GONE, Document, Edit
+from mechanism_sim.pages.edit.drawing import Handle
+from mechanism_sim.pages.edit.gestures import Grid, Spot
+from mechanism_sim.pages.edit.layout import ORIGIN, Poses, coordinates, placed
+from mechanism_sim.pages.edit.motion import Turn
+from mechanism_sim.pages.edit.quantities import degrees, unit_of
+from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.schema import Scene
+
+Send = Callable[[dict[str, Any]], None]
+
+_FAR = 0.2
+"""[rad], or sizes of the machine: more is another way to close the loops."""
+
+
+class Picture(NamedTuple):
+    """What is shown of a document.
+
+    Attributes
+    ----------
+    turn : of the machine, if it can be assembled
+    poses : of all links
+    problem : why it is no machine yet; empty if it is one
+    """
+
+    scene: Scene
+    turn: Turn | None
+    poses: Poses
+    problem: str
+
+
+class Session:
+    """A document, its picture, and what is grabbed of it.
+
+    Parameters
+    ----------
+    send : to all pages
+
+    Attributes
+    ----------
+    number : counts the states of the document
+    """
+
+    def __init__(self, document: Document, send: Send) -> None:
+        self.document, self._send = document, send
+        self.number = 0
+        self._path: tuple[str, ...] = ()
+        self._traced: set[str] = set()
+        self._picture = Picture(Document().scene(), None, {GROUND: ORIGIN}, '')
+        self._grabbed: tuple[str, Picture] | None = None
+        self._of: str | None = None  # the text whose picture this is
+        self._found: dict[str, dict[str, Any]] = {}
+        self._refresh()
+        self._shown = self.state()
+
+    # --- what is asked for ------------------------------------------------------------------
+
+    def handle(self, message: Mapping[str, Any]) -> None:
+        """Do what a page asks for, and show what came of it; or say why it cannot be."""
+        acts: dict[str, Callable[[Mapping[str, Any]], None]] = {
+            'drag': self._drag, 'drop': self._drop, 'pull': self._pull, 'draw': self._draw,
+            'set': self._set, 'remove': self._remove, 'rename': self._rename,
+            'select': self._select, 'trace': self._trace, 'text': self._replace,
+            'undo': lambda _: self.document.undo(), 'redo': lambda _: self.document.redo(),
+            'save': self._save, 'open': self._open,
+        }  # fmt: skip
+        kind = str(message.get('type'))
+        if kind not in acts:
+            return
+        try:
+            acts[kind](message)
+        except InputError as error:
+            self._say(str(error))
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError):
+            self._say('that was no command of this page')
+        if kind not in ('drag', 'pull'):
+            self._grabbed = None
+            self._refresh()
+            self._show()
+
+    def state(self) -> dict[str, Any]:
+        """All that a page shows."""
+        document, picture = self.document, self._picture
+        try:
+            content = document.content()
+        except InputError:
+            content = {}
+        found = panel.rows(content, self._path) if content else []
+        undo, redo = document.steps
+        return {
+            'type': 'state',
+            'number': self.number,
+            'name': document.name,
+            'file': str(document.file or ''),
+            'changed': document.changed,
+            'undo': undo,
+            'redo': redo,
+            'text': document.text,
+            'short': content.get('mechanism') == 'four_bar',
+            'path': list(self._path),
+            'rows': found,
+            'outline': panel.outline(content) if content else [],
+            'problem': picture.problem,
+            'place': _place_of(picture.problem, content),
+            **self._drawn(picture),
+        }
+
+    @property
+    def greeting(self) -> list[dict[str, Any]]:
+        """What a page is told that has just been opened."""
+        return [self._shown, *self._found.values()]
+
+    def job(self) -> Job | None:
+        """What is to be checked and run of the document; None if it is no document."""
+        try:
+            return Job(self.number, self.document.name, self.document.whole())
+        except InputError:
+            return None
+
+    def found(self, number: int, kind: str, data: Any) -> None:
+        """Show what came of a job, if it is of the document as it is."""
+        if number != self.number:
+            return
+        if kind == 'problem':
+            self._picture = self._picture._replace(problem=data)
+            self._show()
+        message = {'type': kind, 'data': data, 'number': number}
+        self._found[kind] = message
+        self._send(message)
+
+    def _show(self) -> None:
+        self._shown = self.state()
+        self._send(self._shown)
+
+    def _say(self, text: str) -> None:
+        self._send({'type': 'said', 'text': text})
+
+    # --- the picture ------------------------------------------------------------------------
+
+    def _refresh(self) -> None:
+        """Make the picture of the document anew."""
+        text = self.document.text
+        if self._of == text:
+            return
+        self.number += 1
+        self._of = text
+        self._found.clear()
+        try:
+            scene = self.document.scene()
+        except InputError as error:
+            self._picture = self._picture._replace(problem=str(error))
+            return
+        self._picture = self._seen(scene, None)
+
+    def _seen(self, scene: Scene, near: Poses | None, loops: Kinematics | None = None) -> Picture:
+        old = self._picture
+        try:
+            machine = Machine(self.document.name, scene)
+            turn = Turn(machine, near, old.turn, loops)
+        except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
+            poses = placed(scene, near or old.poses)
+            return Picture(scene, None, {**poses, **(near or {})}, str(error))
+        return Picture(scene, turn, turn.start, '')
+
+    def _drawn(self, picture: Picture) -> dict[str, Any]:
+        curves: dict[str, Any] = {}
+        if picture.turn:
+            tracers = {
+                f'{link}.{name}'
+                for link, given in picture.scene.links.items()
+                for name in given.points
+                if link != GROUND
+            }
+            symbol = self._shown['stage']['symbol'] if self._grabbed else 0.0
+            stage, curves = drawing.of_machine(picture.turn, self._traced or tracers, symbol)
+        else:
+            stage = drawing.of_parts(picture.scene, picture.poses)
+        return {
+            'stage': {'scene': self.document.name, **stage},
+            'poses': [picture.poses[link] for link in stage['links']],
+            'handles': [h.to_json() for h in drawing.handles(picture.scene, picture.poses)],
+            'curves': curves,
+            'assembled': picture.turn is not None,
+        }
+
+    def _handle(self, key: Any, picture: Picture | None = None) -> Handle:
+        picture = picture or self._picture
+        for handle in drawing.handles(picture.scene, picture.poses):
+            if handle.key == key:
+                return handle
+        raise InputError('there is nothing there any more')
+
+    def _grid(self, message: Mapping[str, Any]) -> Grid:
+        step = float(message['step'])
+        if not 1e-9 < step < 1e3:
+            raise InputError('that is too fine or too coarse')
+        return Grid(step, unit_of(self.document.content().get('links')) or 'mm')
+
+    # --- gestures ---------------------------------------------------------------------------
+
+    def _moved(self, message: Mapping[str, Any]) -> tuple[list[Edit], Picture]:
+        """What moving a handle makes of the document, and the picture of that."""
+        key, grid = str(message['handle']), self._grid(message)
+        if self._grabbed is None or self._grabbed[0] != key:
+            self._grabbed = key, self._picture
+        before = self._grabbed[1]
+        to = float(message['x']), float(message['y'])
+        handle = self._handle(key, before)
+        short = self.document.content().get('mechanism') == 'four_bar'
+        edits, poses = gestures.move(before.scene, before.poses, handle, to, grid, short)
+        scene, loops = self.document.scene(edits), None
+        try:
+            loops = Machine(self.document.name, scene).kinematics(())
+        except InputError:
+            return edits, self._seen(scene, poses)
+        tree = loops.mechanism
+        q, left = loops.positions(coordinates(tree, poses)[:, None])
+        if not left[0]:
+            found = dict(zip(tree.coordinates, q[:, 0].tolist(), strict=True))
+            if more := gestures.starts(scene, found, tree.displacements, grid):
+                edits = [*edits, *more]
+                scene = self.document.scene(edits)
+        return edits, self._seen(scene, poses, loops)
+
+    def _drag(self, message: Mapping[str, Any]) -> None:
+        _, self._picture = self._moved(message)
+        frame = {'type': 'frame', 'problem': self._picture.problem}
+        self._send({**frame, **self._drawn(self._picture)})
+
+    def _drop(self, message: Mapping[str, Any]) -> None:
+        try:
+            edits, picture = self._moved(message)
+        except InputError:
+            self._of = None  # what was dragged goes back
+            raise
+        self.document.change([*edits, *self._chosen(edits, picture)])
+
+    def _chosen(self, edits: list[Edit], picture: Picture) -> list[Edit]:
+        """Guesses, or the other branch, where the scene alone would close its loops otherwise."""
+        if picture.turn is None:
+            return []
+        scene = self.document.scene(edits)
+        try:
+            turn = Turn(Machine(self.document.name, scene))
+        except InputError:
+            turn = None
+        tree = picture.turn.mechanism
+        size = np.where([c in tree.displacements for c in tree.coordinates], tree.size, 1.0)
+        if turn is not None:
+            off = turn.q[:, 0] - picture.turn.q[:, 0]
+            off = np.where(size == 1.0, np.remainder(off + np.pi, 2.0 * np.pi) - np.pi, off / size)
+            if np.abs(off).max(initial=0.0) < _FAR:
+                return []
+        content = self.document.content()
+        if content.get('mechanism') == 'four_bar':
+            crossed = content.get('branch') != 'crossed'
+            return [Edit(('branch',), 'crossed' if crossed else GONE)]
+        q = dict(zip(tree.coordinates, picture.turn.q[:, 0].tolist(), strict=True))
+        return [
+            Edit(('guess', c), f'{x:.3g} m' if c in tree.displacements else degrees(x))
+            for c, x in q.items()
+            if c in picture.scene.links and c not in picture.turn.machine.plan.laws
+        ]
+
+    def _pull(self, message: Mapping[str, Any]) -> None:
+        """Move the machine along its way, so that a handle comes nearest to a place."""
+        picture = self._picture
+        turn = picture.turn
+        if turn is None or turn.q.shape[1] < 2:
+            raise InputError('what nothing drives, or not alone, cannot be turned by hand')
+        handle = self._handle(message['handle'])
+        link, name = next(((x, n) for x, n in handle.members if x != GROUND), ('', ''))
+        if not link:
+            return
+        at = turn.machine.plan.points[link][name]
+        x, y = turn.mechanism.locate_all(link, turn.q, at)
+        k = int(np.argmin(np.hypot(x - float(message['x']), y - float(message['y']))))
+        poses = turn.poses_at(k)
+        links = [body.name for body in turn.mechanism.bodies]
+        self._send({'type': 'pose', 'poses': [poses[link] for link in links]})
+
+    def _draw(self, message: Mapping[str, Any]) -> None:
+        grid, what = self._grid(message), str(message['what'])
+        start, end = (self._spot(message[key]) for key in ('from', 'to'))
+        before, picture = self.document.text, self._picture
+        edits = gestures.draw(picture.scene, picture.poses, what, start, end, grid)
+        short = what not in ('clearance', 'masses', 'point')
+        self.document.change([*(self._written_out() if short else []), *edits])
+        named = [e.path for e in edits if e.path[0] in ('links', 'springs', 'drive', 'drives')]
+        if what == 'clearance' or not named:
+            named = [edits[0].path] if edits else []
+        if self.document.text != before and named:
+            self._path = named[0][: 1 if named[0][0] == 'drive' else 2]
+
+    def _spot(self, data: Mapping[str, Any]) -> Spot:
+        handle = self._handle(data['handle']) if data.get('handle') else None
+        link = str(data.get('link') or '')
+        link = link if link in self._picture.scene.links and link != GROUND else ''
+        return Spot((float(data['x']), float(data['y'])), handle, link)
+
+    # --- the panel --------------------------------------------------------------------------
+
+    def _set(self, message: Mapping[str, Any]) -> None:
+        path, text = _path(message), str(message['text'])
+        if not text.strip():
+            self.document.change([Edit(path, GONE)])
+            return
+        try:
+            value = documents.parse(text)
+            documents.check(value, path)
+        except documents.DocumentError as error:
+            raise InputError(f'{".".join(path)}:{error}') from error
+        self.document.change([Edit(path, value)])
+
+    def _remove(self, message: Mapping[str, Any]) -> None:
+        path = _path(message)
+        short = self._written_out() if path[0] in ('links', 'joints') and len(path) < 3 else []
+        present = {*self.document.content(), *(edit.path[0] for edit in short)}
+        edits = gestures.remove(self._picture.scene, path)
+        self.document.change([*short, *(edit for edit in edits if edit.path[0] in present)])
+        if self._path[: len(path)] == path:
+            self._path = ()
+
+    def _rename(self, message: Mapping[str, Any]) -> None:
+        path, name = _path(message), str(message['name']).strip()
+        there: Any = self.document.content()
+        for part in path[:-1]:
+            there = there[part]
+        if name == path[-1] or path[-1] not in there:
+            return
+        fixed = len(path) < 2 or GROUND in (name, path[-1])
+        if not name.isidentifier() or name in there or fixed:
+            raise InputError(
+                f"'{name}' cannot be its name: take letters, digits and _, and none that is taken"
+            )
+        self.document.rename(path, name)
+        self._path = (*path[:-1], name)
+
+    def _select(self, message: Mapping[str, Any]) -> None:
+        self._path = _path(message)
+
+    def _trace(self, message: Mapping[str, Any]) -> None:
+        self._traced ^= {str(message['point'])}
+
+    def _replace(self, message: Mapping[str, Any]) -> None:
+        self.document.replace(str(message['text']))
+
+    # --- files ------------------------------------------------------------------------------
+
+    def _save(self, message: Mapping[str, Any]) -> None:
+        self._say(f'saved: {self.document.save(str(message.get("name") or ""))}')
+
+    def _open(self, message: Mapping[str, Any]) -> None:
+        name = str(message.get('name') or '')
+        if name and name not in scene_names():
+            raise InputError(f"there is no scene '{name}' in the package")
+        self.document = Document.open(name) if name else Document()
+        self._path, self._traced = (), set()
+        self._picture = Picture(Document().scene(), None, {GROUND: ORIGIN}, '')
+        self._of = None
+
+    def _written_out(self) -> list[Edit]:
+        """What makes a four-bar in short the linkage that it stands for."""
+        scene, content = self._picture.scene, self.document.content()
+        if content.get('mechanism') != 'four_bar':
+            return []
+        edits = [Edit(('mechanism',), 'linkage')]
+        edits += [Edit(('branch',), GONE)] if 'branch' in content else []
+        for name, joint in scene.joints.items():
+            edits.append(Edit(('joints', name, 'revolute'), list(joint.points)))
+        for key, value in (('coordinate', 'crank'), ('start_angle', '0 deg')):
+            if key not in content.get('drive', {}):
+                edits.append(Edit(('drive', key), value))
+        for link, angle in scene.guess.items():
+            edits.append(Edit(('guess', link), degrees(angle.value)))
+        return edits
+
+
+def _path(message: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(str(part) for part in message['path'])
+
+
+def _place_of(problem: str, content: Mapping[str, Any]) -> list[str]:
+    """The path of a scene that a sentence names, as far as it is there; empty if none."""
+    best: list[str] = []
+    for word in re.findall(r'[A-Za-z_]\w*(?:\.\w+)*', problem):
+        parts = word.split('.')
+        if parts[0] not in content and parts[0] not in ('drive', 'duration', 'start'):
+            continue
+        if len(parts) > len(best) and (len(parts) > 1 or f"'{word}'" in problem):
+            best = parts
+    return best

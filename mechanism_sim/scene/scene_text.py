@@ -1,0 +1,198 @@
+"""Changes of a YAML text that leave all else of it as it is: comments, order, line breaks, quotes.
+
+A library that reads and writes the whole text would set it anew: of the scenes of the package
+ruamel.yaml changes every sixth beyond the change, in its comments and line breaks. Here the places
+at which PyYAML finds keys and values are replaced, and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import yaml
+
+from mechanism_sim.errors import InputError
+
+WIDTH = 99
+"""Of lines that are written here."""
+
+Path = Sequence[str]
+"""Keys, and numbers of entries of lists as text, from the whole to a value."""
+
+_REQUIRED = ('links',), ('joints',)
+
+
+def with_value(text: str, path: Path, value: Any) -> str:
+    """The text with a value (None, bool, number, text, list, dict) at a path, there or not.
+
+    Raises
+    ------
+    InputError
+        If the path leads through a plain value or an alias.
+    """
+    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    if root is None:
+        return f'{text.rstrip()}\n'.lstrip() + '\n'.join(_entry(path[0], _nest(path[1:], value)))
+    chain, key = _chain(root, path)
+    node, rest = chain[-1], path[len(chain) - 1 :]
+    if not rest:
+        if isinstance(node, yaml.ScalarNode) and node.start_mark.index == node.end_mark.index:
+            return _put(text, node.start_mark.index, node.start_mark.index, f' {_flow(value)}')
+        start, end = node.start_mark.index, _end(text, node)
+        if key is not None and _in_lines(node):
+            rows = _entry(key.value, value, key.start_mark.column)
+            return _put(text, key.start_mark.index, end, '\n'.join(rows).lstrip())
+        return _put(text, start, end, _flow(value))
+    whole = _nest(rest, value)
+    if (isinstance(node, yaml.ScalarNode) and node.value == '') or _is_empty(node):
+        indent = 2 * (len(chain) - 1)
+        flat = key is None or _in_flow(chain[:-1]) or len(chain) > 2
+        start, end = node.start_mark.index, node.end_mark.index
+        rows = [x for k, v in whole.items() for x in _entry(k, v, indent)]
+        put = f' {_flow(whole)}' if flat and start == end else _flow(whole)
+        if not flat:
+            start = text.index(':', key.end_mark.index) + 1 if key is not None else start
+            put = '\n' + '\n'.join(rows)
+        return _put(text, start, end, put)
+    if not isinstance(node, yaml.MappingNode):
+        raise InputError(f"'{'.'.join(path)}' cannot be set: there is a plain value on the way")
+    ((name, part),) = whole.items()
+    end = _end(text, node.value[-1][1]) if node.value else node.start_mark.index + 1
+    if node.value and node.value[-1][1].start_mark.index == node.value[-1][1].end_mark.index:
+        end = max(end, text.index(':', node.value[-1][0].end_mark.index) + 1)
+    if node.flow_style:
+        more = f'{_flow(name)}: {_flow(part)}'
+        column = end - text.rfind('\n', 0, end)
+        if column + len(more) > WIDTH - 3:
+            first = node.value[0][0].start_mark.column
+            return _put(text, end, end, ',\n' + ' ' * first + more)
+        return _put(text, end, end, f', {more}' if node.value else more)
+    indent = node.value[0][0].start_mark.column
+    end = (text + '\n').index('\n', end)
+    return _put(text, end, end, '\n' + '\n'.join(_entry(name, part, indent)))
+
+
+def without(text: str, path: Path) -> str:
+    """The text without a key, or an entry of a list; unchanged if there is none.
+
+    Parts that become empty go too, but for those that every scene has.
+    """
+    chain, _ = _chain(yaml.compose(text, Loader=yaml.SafeLoader), path)
+    if len(chain) <= len(path):
+        return text
+    parent = chain[-2]
+    pairs = [x if isinstance(x, tuple) else (x, x) for x in parent.value]
+    i = next(i for i, (key, x) in enumerate(pairs) if (x is chain[-1] and key.value == path[-1])
+             or key is x is chain[-1])  # fmt: skip
+    if len(pairs) == 1 and len(path) > 1:
+        above = tuple(path[:-1])
+        return with_value(text, above, {}) if above in _REQUIRED else without(text, above)
+    key, node = pairs[i]
+    end = _end(text, node)
+    if node.start_mark.index == node.end_mark.index:
+        end = text.index(':', key.end_mark.index) + 1
+    if parent.flow_style:
+        if i:
+            return _put(text, _end(text, pairs[i - 1][1]), end, '')
+        after = pairs[1][0].start_mark.index if len(pairs) > 1 else end
+        return _put(text, key.start_mark.index, after, '')
+    line = text.rfind('\n', 0, key.start_mark.index) + 1
+    if text[line : key.start_mark.index].strip() and i + 1 < len(pairs):  # the first behind a dash
+        return _put(text, key.start_mark.index, pairs[i + 1][0].start_mark.index, '')
+    return _put(text, line, (text + '\n').index('\n', end) + 1, '')
+
+
+def renamed(text: str, path: Path, name: str) -> str:
+    """The text with another name for the key at a path; unchanged if there is none."""
+    chain, key = _chain(yaml.compose(text, Loader=yaml.SafeLoader), path)
+    if key is None or len(chain) <= len(path):
+        return text
+    return _put(text, key.start_mark.index, key.end_mark.index, _flow(name))
+
+
+def _chain(root: Any, path: Path) -> tuple[list[Any], Any]:
+    """The nodes along a path as far as there are any, the root first, and the last one's key."""
+    chain, last = [root], None
+    for part in path:
+        node, found, since = chain[-1], None, chain[-1].start_mark.index
+        if isinstance(node, yaml.MappingNode):
+            for key, x in node.value:
+                if key.value == part:
+                    last, found, since = key, x, key.end_mark.index
+        elif (
+            isinstance(node, yaml.SequenceNode) and part.isdigit() and int(part) < len(node.value)
+        ):
+            last, found = None, node.value[int(part)]
+            since = max([since, *(x.end_mark.index for x in node.value[: int(part)])])
+        if found is None:
+            break
+        if found.start_mark.index < since:
+            raise InputError(
+                f"'{'.'.join(path)}' is an alias ('*') of what stands elsewhere: change it there"
+            )
+        chain.append(found)
+    return chain, last
+
+
+def _end(text: str, node: Any) -> int:
+    """Where the text of a node ends; of block collections and block texts before what follows."""
+    if isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
+        last = node.value[-1]
+        if not isinstance(last, tuple):
+            return _end(text, last)
+        return max(_end(text, last[1]), text.index(':', last[0].end_mark.index) + 1)
+    end: int = node.end_mark.index
+    return len(text[:end].rstrip()) if node.start_mark.index < end else end
+
+
+def _in_lines(node: Any) -> bool:
+    """Whether it is a block: keys or entries on lines of their own, or a text in lines."""
+    if isinstance(node, yaml.ScalarNode):
+        return node.style in ('>', '|')
+    return not node.flow_style
+
+
+def _is_empty(node: Any) -> bool:
+    return isinstance(node, yaml.MappingNode) and not node.value
+
+
+def _in_flow(chain: Sequence[Any]) -> bool:
+    return any(node.flow_style for node in chain)
+
+
+def _nest(path: Path, value: Any) -> Any:
+    for part in reversed(path):
+        value = {part: value}
+    return value
+
+
+def _entry(key: str, value: Any, indent: int = 0) -> list[str]:
+    """Lines of a key with its value: in one, or by keys where parts have parts or it is long."""
+    space = ' ' * indent
+    if isinstance(value, str) and ('\n' in value or len(value) > WIDTH - indent):
+        import textwrap  # noqa: PLC0415 - seldom needed
+
+        rows = textwrap.wrap(value, WIDTH - 2 - indent)
+        return [f'{space}{key}: >', *(f'{space}  {row}' for row in rows)]
+    short = f'{space}{_flow(key)}: {_flow(value)}'
+    deep = isinstance(value, dict) and any(isinstance(x, dict) for x in value.values())
+    if isinstance(value, dict) and value and (len(short) > WIDTH or (deep and not indent)):
+        rows = [row for k, x in value.items() for row in _entry(k, x, indent + 2)]
+        return [f'{space}{_flow(key)}:', *rows]
+    return [short.rstrip()]
+
+
+def _flow(value: Any) -> str:
+    """A value in one line, as it may stand among others in brackets."""
+    if value is None:
+        return ''
+    text = yaml.safe_dump(
+        [value], default_flow_style=True, width=math.inf, sort_keys=False, allow_unicode=True
+    )
+    return text.strip()[1:-1]
+
+
+def _put(text: str, start: int, end: int, new: str) -> str:
+    return text[:start] + new + text[end:]
