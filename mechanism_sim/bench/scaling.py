@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,8 @@ LENGTHS = (10, 100, 500)
 STREAMED = (20, 100)
 REPEATS = 3
 CLEARANCE = {'radial': 2.54e-4, 'restitution': 0.5}
+MODES = (1, 2, 4, 6)
+LOOSE = ('coupler_rocker', 'crank_coupler', 'rocker_ground', 'ground_crank')
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class Cost:
 def scaling(show: Callable[[str], None] = lambda _: None) -> list[Cost]:
     """All families, one after the other."""
     found = []
-    for family in (_links, _sample_rates, _sensors, _lengths, _streams):
+    for family in (_links, _elastic, _sample_rates, _sensors, _lengths, _streams):
         for cost in family():
             show(f'{cost.family} {cost.size:g}: {cost.cpu_per_unit:.3g} s per {cost.unit}')
             found.append(cost)
@@ -112,6 +114,27 @@ def _links() -> Iterator[Cost]:
             yield Cost(f'links, {name}', 2 * dyads + 2, cpu / TURNS, 'revolution')
         yield from ready
     hy.llvm_state.set_diskcache_enabled(from_disk)
+
+
+def _elastic() -> Iterator[Cost]:
+    """CPU time of a revolution by the modes of coupler and rocker, and by loose joints."""
+    rubbing = CLEARANCE | {'friction': 0.1, 'pin_radius': 6e-3}
+    for n in MODES:
+        cpu = _bent(n, dict.fromkeys(LOOSE[:1], CLEARANCE))
+        yield Cost('modes of two elastic links each, one loose joint', n, cpu, 'revolution')
+    for n in range(1, len(LOOSE) + 1):
+        cpu = _bent(2, dict.fromkeys(LOOSE[:n], rubbing))
+        yield Cost('loose joints with friction, two modes of two links', n, cpu, 'revolution')
+
+
+def _bent(modes: int, loose: Mapping[str, Any]) -> float:
+    """CPU time of a revolution [s]."""
+    changes = {f'links.{link}.elastic.modes': modes for link in ('coupler', 'rocker')}
+    machine = load_scene(
+        'four_bar_elastic', changes | {f'joints.{x}.clearance': play for x, play in loose.items()}
+    )
+    machine.prepare()
+    return _cpu(lambda: simulate(machine, revolutions=TURNS)) / TURNS
 
 
 def _sample_rates() -> Iterator[Cost]:

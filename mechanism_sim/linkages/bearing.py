@@ -136,8 +136,8 @@ class FilmBearing:
         motion = [*map(dense, (x.value, y.value, x.rate, y.rate)), *spins]
         if not self.reach:
             return x, y, motion
-        if not self.film.full:
-            # along a wall the half that carries changes sides, where its force has a corner
+        if not (self.film.full or self.soft):
+            # along a rigid wall the half that carries changes sides, where its force has a corner
             frames.switch(f'{self.name}.film', self.film.across(*motion))
         if not self.soft:
             return x, y, motion

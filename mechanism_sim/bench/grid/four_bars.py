@@ -27,7 +27,7 @@ NOT_SEATED = ('no force presses', "or write 'start: centred'")
 
 
 _WHIRLS = 1000
-_DRAG = 3e4  # of a film's journal at the centre, over pi [N s/m]
+_DRAG = 3e3  # of a film's journal at the centre, over pi [N s/m]
 
 
 def pick(random: Random, values: Sequence[Any]) -> Any:
