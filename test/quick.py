@@ -53,6 +53,7 @@ CASES = {
     'test_drawing.py::test_names_do_not_cover_each_other': 4,
     'test_documentation.py::test_the_mobility_in_its_row_is_that_of_the_scene': 8,
     'test_edit.py::test_a_value_changes_one_line_and_comes_back_as_yaml': 6,
+    'test_edit.py::test_whatever_is_done_to_a_scene_it_stays_one_that_can_be_undone': 4,
     'test_edit.py::test_every_scene_opens_and_a_number_changed_by_the_panel_is_one_line': 5,
     'test_event_loop.py::test_coarse_steps_never_let_the_pin_through': 4,
     'test_every_scene.py::test_every_mechanism_moves_freely_as_inverse_dynamics_wants': 3,
