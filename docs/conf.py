@@ -59,6 +59,7 @@ html_math_renderer = 'mathml'
 MATHS = find_spec('ziamath').submodule_search_locations[0]  # STIX Two Math, under the OFL
 html_static_path = ['site/static', f'{MATHS}/fonts']
 html_css_files = ['site.css']
+html_js_files = ['site.js']
 html_extra_path = ['site/front']
 html_copy_source = False
 html_theme_options = {

@@ -35,6 +35,7 @@ OPTIONS = {
     'four_bar_crossed': '--positions 6',
     'four_bar_double_crank': "--at '0.1 s' --positions 8 --path coupler.cog",
     'four_bar_double_rocker': '--positions 8 --path coupler.cog',
+    'four_bar_misaligned': '--positions 6',
     'four_bar_nominal': '--positions 8 --path coupler.cog',
     'four_bar_triple_rocker': '--positions 6 --path coupler.cog',
     'geneva': "--at '0.22 s'",

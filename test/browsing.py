@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import base64
+import json
 import os
 import shutil
+import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from websockets.sync.client import connect
 
 PROGRAMS = 'chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable'
 OPTIONS = (
@@ -52,11 +57,16 @@ class Tab:
 
     def shoot(self, name: str, **more: Any) -> Path:
         """A screenshot, kept as evidence."""
-        folder = Path(os.environ.get(EVIDENCE) or self._folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        file = folder / f'{name}.png'
+        file = _evidence(self._folder, name)
         self.page.screenshot(path=file, **more)
         return file
+
+
+def _evidence(folder: Path, name: str) -> Path:
+    """Where a screenshot is kept."""
+    folder = Path(os.environ.get(EVIDENCE) or folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / f'{name}.png'
 
 
 @contextmanager
@@ -72,3 +82,111 @@ def browsing() -> Iterator[Any]:
         browser = playwright.chromium.launch(executable_path=found, args=list(OPTIONS))
         yield browser
         browser.close()
+
+
+def open_page(tab: Tab, file: Path) -> None:
+    """Open a report, and wait until its charts can be drawn."""
+    tab.page.goto(file.as_uri())
+    tab.page.wait_for_selector('html[data-ready="1"]', state='attached')
+
+
+Box = tuple[float, float, float, float]
+
+
+def boxes(page: Any, selector: str) -> list[Box]:
+    """Of the elements that are seen: left, top, right, bottom [px]."""
+    found: list[Box] = page.locator(selector).evaluate_all(
+        """all => all.map(x => x.getBoundingClientRect()).filter(b => b.width && b.height)
+            .map(b => [b.left, b.top, b.right, b.bottom])"""
+    )
+    return found
+
+
+def overlapping(rectangles: list[Box]) -> list[tuple[Box, Box]]:
+    """Pairs of boxes of which one covers a part of the other."""
+    return [
+        (a, b)
+        for i, a in enumerate(rectangles)
+        for b in rectangles[:i]
+        if min(a[2], b[2]) - max(a[0], b[0]) > 0.5 and min(a[3], b[3]) - max(a[1], b[1]) > 0.5
+    ]
+
+
+def firefox() -> str | None:
+    """The Firefox of this machine, if it has one."""
+    return next((x for name in ('firefox-esr', 'firefox') if (x := shutil.which(name))), None)
+
+
+class Firefox:
+    """A headless Firefox with one page, by WebDriver BiDi (W3C); Playwright needs one of its own.
+
+    Attributes
+    ----------
+    complaints, requests : as of `Tab`
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._asked = folder, 0
+        self.complaints: list[str] = []
+        self.requests: list[str] = []
+
+    def __enter__(self) -> Firefox:
+        command = [str(firefox()), '--headless', '--no-remote', '--profile', str(self._folder)]
+        self._process = subprocess.Popen(
+            [*command, '--remote-debugging-port', '0', 'about:blank'],
+            stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        lines = iter(self._process.stderr or ())
+        said = next(line for line in lines if 'WebDriver BiDi listening on' in line)
+        self._socket = connect(f'{said.split()[-1]}/session', max_size=None)
+        self._call('session.new', capabilities={})
+        self._call('session.subscribe', events=['log.entryAdded', 'network.beforeRequestSent'])
+        self._page = self._call('browsingContext.create', type='tab')['context']
+        size = {'width': 1440, 'height': 900}
+        self._call('browsingContext.setViewport', context=self._page, viewport=size)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+        self._process.terminate()
+        self._process.communicate()
+
+    def goto(self, address: str) -> None:
+        """Open a page, and wait until all of it is there."""
+        self._call('browsingContext.navigate', context=self._page, url=address, wait='complete')
+        self.evaluate("""new Promise(done => {
+            const look = () => (!document.body.matches('.report')
+                || document.documentElement.dataset.ready ? done() : setTimeout(look, 20));
+            look();
+        })""")
+
+    def evaluate(self, expression: str) -> Any:
+        """The value of an expression, whose text is JSON if it is a text."""
+        told = self._call('script.evaluate', expression=expression, awaitPromise=True,
+                          target={'context': self._page})['result']  # fmt: skip
+        value = told.get('value')
+        return json.loads(value) if told['type'] == 'string' else value
+
+    def shoot(self, name: str) -> Path:
+        """A screenshot, kept as evidence."""
+        file = _evidence(self._folder, name)
+        shot = self._call('browsingContext.captureScreenshot', context=self._page)
+        file.write_bytes(base64.b64decode(shot['data']))
+        return file
+
+    def _call(self, method: str, **parameters: Any) -> Any:
+        self._asked += 1
+        told = {'id': self._asked, 'method': method, 'params': parameters}
+        self._socket.send(json.dumps(told))
+        while True:
+            heard = json.loads(self._socket.recv(60.0))
+            if heard.get('id') == self._asked:
+                assert heard['type'] == 'success', heard
+                return heard['result']
+            self._note(heard['method'], heard['params'])
+
+    def _note(self, event: str, told: Any) -> None:
+        if event == 'log.entryAdded' and told['level'] in ('error', 'warn'):
+            self.complaints.append(str(told['text']))
+        elif event == 'network.beforeRequestSent':
+            self.requests.append(told['request']['url'])

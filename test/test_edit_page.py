@@ -318,7 +318,7 @@ def test_it_fits_windows_of_every_size_by_day_and_night(browser, tmp_path, monke
                 )
                 assert len(places) == 7
                 fills = hand.page.evaluate(
-                    "[...document.querySelectorAll('#stage .plate, #stage .body')]"
+                    "[...document.querySelectorAll('#stage .machine :is(.plate, .body)')]"
                     '.map((x) => getComputedStyle(x).fill)'
                 )
                 assert len(set(fills)) == 3  # of three links, each in its colour

@@ -17,6 +17,7 @@ from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.modes import linearised, modes, natural_modes
+from mechanism_sim.study.periodic import find_periodic
 
 TURN = 2.0 * np.pi
 L, EI, EA, RHO = 0.4, 12.0, 5e6, 0.3
@@ -680,3 +681,50 @@ def test_check_tells_frequencies_and_which_treatment_does():
     assert 'a rigid link would do' in note(drive__speed='3 rad/s')
     loose = {'radial': '0.1 mm', 'restitution': 0.5}
     assert 'impulses converge' in note(joints__rod_slider__clearance=loose)
+
+
+def test_the_periodic_response_of_an_elastic_machine():
+    """Without damping disturbances neither grow nor die: multipliers of size 1.
+
+    With it the state found is that to which the machine comes by itself.
+    """
+    free = find_periodic(ms.load_scene('elastic_slider_crank'), transient=1)
+    assert free.residual < 1e-12
+    assert np.abs(free.multipliers[:4]) == pytest.approx(1.0, abs=1e-6)
+    assert np.abs(np.imag(free.multipliers[:4])).min() > 0.1
+    damped = ms.load_scene('elastic_slider_crank', {'links.rod.elastic.damping': 0.05})
+    found = find_periodic(damped, transient=1)
+    assert found.stable
+    run = damped.start()
+    run.advance(20 * damped.period, final=True)
+    assert run.state.q[-2:] == pytest.approx(found.state.q[-2:], abs=1e-12)
+
+
+def test_instruments_turn_with_the_cross_section():
+    """By differences of what cameras would see: two points of the section and the point itself."""
+    machine = ms.load_scene('elastic_slider_crank', {'sensors': {
+        'feel': {'link': 'rod', 'at': 0.075, 'axis': 'along', 'sample_rate': 2000.0},
+        'spin': {'kind': 'gyroscope', 'link': 'rod', 'at': 0.075, 'sample_rate': 2000.0},
+    }})  # fmt: skip
+    solution = ms.simulate(machine, duration=0.02)
+    read = {}
+    for name in ('feel', 'spin'):
+        channel = machine.channel(name)
+        channel.take(solution.motion)
+        read[name] = np.concatenate([block.samples for block in channel.blocks(final=True)])
+    t, h, mechanism = np.arange(4, len(read['feel']) - 4) / 2000.0, 1e-5, machine.mechanism
+
+    def seen(at, t):
+        return mechanism.locate_all('rod', solution.samples(t).observed.position, at)
+
+    def turned(t):
+        across = seen((0.075, 1e-3), t) - seen((0.075, -1e-3), t)
+        return np.arctan2(-across[0], across[1])
+
+    rate = (turned(t + h) - turned(t - h)) / (2.0 * h)
+    assert read['spin'][4:-4] == pytest.approx(rate, abs=2e-4 * np.abs(rate).max())
+    pull = (
+        seen((0.075, 0.0), t + h) - 2.0 * seen((0.075, 0.0), t) + seen((0.075, 0.0), t - h)
+    ) / h**2
+    along = pull[0] * np.cos(turned(t)) + pull[1] * np.sin(turned(t))
+    assert read['feel'][4:-4] == pytest.approx(along, abs=1e-3 * np.abs(along).max())

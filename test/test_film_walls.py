@@ -95,7 +95,8 @@ def test_walls_that_are_never_reached_are_none():
     assert walled['position.rocker'] == pytest.approx(floating['position.rocker'], abs=1e-12)
 
 
-@pytest.mark.parametrize('more', 
+@pytest.mark.parametrize(
+    'more',
     [
         {},
         pytest.param({'stiffness': 1e10}, marks=pytest.mark.deep),

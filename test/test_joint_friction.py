@@ -421,3 +421,58 @@ def test_the_equations_show_it():
     shown = ' '.join(run('equations', 'wedge').stdout.split())
     assert 'lambda1_face*nx_face + T_bed - T_face*ux_face + F_wedge' in shown
     assert '|T_guide| <= 0.1 times the force across guide' in shown
+
+
+@pytest.mark.parametrize('hand', ['right', 'left'])
+def test_a_worm_is_as_efficient_as_its_lead_angle_allows(hand):
+    """``tan(lambda)/tan(lambda + phi)`` with ``tan phi = mu/cos(phi_n)``, either hand."""
+    lead, press = math.radians(10.0), math.radians(20.0)
+    torque = 20.0 if hand == 'left' else -20.0
+    for mu in (0.02, 0.3):
+        scene = variant('worm_drive', {
+            'joints.pair.friction': {'coefficient': mu}, 'joints.pair.hand': hand,
+            'loads.brake.torque': torque,
+        })  # fmt: skip
+        machine = build('worm', check_scene('worm', scene))
+        cycle = ms.cycle(machine)
+        expected = math.tan(lead) / math.tan(lead + math.atan(mu / math.cos(press)))
+        assert cycle.efficiency == pytest.approx(expected, rel=1e-9)
+        assert cycle['drive_torque'] == pytest.approx(20.0 / 15.0 / expected, rel=1e-9)
+        forces = machine.mechanism.joint('pair').worm.forces(20.0 / 15.0 / expected, mu)
+        for gear, side in (('worm', forces.driver), ('wheel', forces.driven)):
+            for part in ('tangential', 'radial', 'axial'):
+                seen = np.abs(cycle[f'tooth_force.pair.{gear}.{part}'])
+                assert seen == pytest.approx(getattr(side, part), rel=1e-7)
+
+
+@pytest.mark.parametrize('speed', [0.0, 300.0])
+def test_a_worm_locks_itself_from_its_friction_on(speed):
+    """The wheel drives the worm where ``mu < cos(phi_n) tan(lambda)``; else it comes to rest."""
+    locking = math.cos(math.radians(20.0)) * math.tan(math.radians(10.0))
+    for mu, locks in ((0.99 * locking, False), (1.01 * locking, True)):
+        scene = variant('worm_drive', {
+            'joints.pair.friction': {'coefficient': mu},
+            'drive': {'coordinate': 'worm', 'speed': speed, 'torque': {'constant': 0.0}},
+        })  # fmt: skip
+        solution = ms.simulate(build('worm', check_scene('worm', scene)), duration=0.3)
+        end = solution.sample(np.array([0.3]))['velocity.worm'][0]
+        assert abs(end) < 1e-9 if locks else end < -20.0
+        assert abs(solution.energy.residual) < 1e-10
+
+
+def test_bevel_teeth_lose_what_their_virtual_spur_gears_do():
+    """[V]'s loss along the path of contact, of the gears that roll like the cones' backs."""
+    mu, press, teeth = 1e-3, math.radians(20.0), (20, 40)
+    scene = variant('bevel_pair', {'joints.pair.friction': {'coefficient': mu}})
+    lost = 1.0 - ms.cycle(build('bevel', check_scene('bevel', scene))).efficiency
+    cones = math.atan2(20, 40), math.atan2(40, 20)
+    virtual = [n / math.cos(c) for n, c in zip(teeth, cones, strict=True)]
+    reach = [
+        math.sqrt((n / 2 + 1) ** 2 - (n / 2 * math.cos(press)) ** 2) - n / 2 * math.sin(press)
+        for n in virtual
+    ]
+    pitch, s = math.pi * math.cos(press), np.linspace(-reach[1], reach[0], 400_001)
+    touching = sum((s + k * pitch >= s[0]) & (s + k * pitch <= s[-1]) for k in range(-3, 4))
+    integral = np.trapezoid(np.abs(s) / touching, s)
+    expected = 2.0 * math.pi * mu / pitch**2 * sum(1.0 / n for n in virtual) * integral
+    assert lost == pytest.approx(expected, rel=1e-3)

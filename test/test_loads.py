@@ -1,13 +1,16 @@
 """Loads keep their meaning when a joint gets loose, when links turn often, and on sliders."""
 
+import math
+
 import numpy as np
 import pytest
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics import compiled
 from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.schema import Scene
 
 
@@ -154,3 +157,27 @@ def test_a_formula_out_of_its_range_ends_in_a_sentence_without_free_coordinates(
     assert 'a formula is out of its range at t = ' in said.err
     assert 'see loads.cutting' in said.err
     assert said.err.count('\n') == 1
+
+
+def on_spring(free_length, damping, start):
+    """A block whose spring hangs on the middle of its guide."""
+    scene = {
+        'mechanism': 'linkage', 'title': 'made', 'gravity': [0.0, 0.0],
+        'links': {'block': {'mass': 1.0}}, 'joints': {'guide': {'prismatic': ['ground', 'block']}},
+        'springs': {'s': {'between': ['ground', 'block'], 'stiffness': '100 N/m',
+                          'free_length': free_length, 'damping': f'{damping} N s/m'}},
+        'initial': {'position': {'block': start}},
+    }  # fmt: skip
+    return build('made', check_scene('made', scene))
+
+
+def test_ends_of_a_spring_that_is_nothing_long_may_meet():
+    for start in (0.1, 0.0):
+        solution = ms.simulate(on_spring(0.0, 0.0, start), duration=1.0)
+        seen = solution.sample(np.array([1.0]))['position.block']
+        assert seen[0] == pytest.approx(start * math.cos(10.0), abs=1e-11)
+    for length, damping in ((0.2, 0.0), (0.0, 1.0)):
+        with pytest.raises(RunError, match=r'the ends of springs\.s meet at t = 0 s'):
+            ms.simulate(on_spring(length, damping, 0.0), duration=1.0)
+    with pytest.raises(RunError, match='springs with a free length or damping whose ends'):
+        ms.simulate(on_spring(0.03, 0.0, 0.1), duration=1.0)

@@ -13,6 +13,8 @@ from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.start_configuration import joint_forces
 from mechanism_sim.study.floquet import repeated, station
+from mechanism_sim.study.frames import without_play
+from mechanism_sim.study.harmonics import harmonics
 from mechanism_sim.study.modes import (
     about,
     along,
@@ -22,7 +24,7 @@ from mechanism_sim.study.modes import (
     modes,
     natural_modes,
 )
-from mechanism_sim.study.response import harmonics, read_source, response
+from mechanism_sim.study.response import read_source, response
 from mechanism_sim.vibration.damping import damping_ratio, logarithmic_decrement
 from mechanism_sim.vibration.excitation import relative_transmissibility
 from mechanism_sim.vibration.rotors import Rotor
@@ -519,9 +521,49 @@ def test_frames_on_springs_have_their_modes():
     assert [m.frequency for m in modes(machine)] == pytest.approx(expected, rel=2e-3)
 
 
+def test_a_frame_answers_to_a_force_as_an_oscillator():
+    content = ms.load_scene('four_bar_on_frame').scene.model_dump(exclude_unset=True)
+    mount = {'at': [0.1, 0.2], 'stiffness': [4e4, 9e4], 'damping': [30.0, 0.0]}
+    content['oscillators'] = {'frame': {'mass': 10.0, 'cog': [0.1, 0.2], 'mounts': {'one': mount}}}
+    machine = scene(**{k: v for k, v in content.items() if k not in ('title', 'mechanism')})
+    f = np.array([0.0, 3.0, 10.0, 40.0])
+    for name, k, c, angle in (('x', 4e4, 30.0, 0.0), ('y', 9e4, 0.0, 0.5 * np.pi)):
+        source = read_source(machine, force='frame.one', direction=angle)
+        asked = [f'position.frame.{name}', f'acceleration.frame.{name}']
+        found = response(machine, source, asked, f).amplitudes
+        expected = Oscillator.of_coefficients(10.0, c, k).receptance(TURN * f)
+        assert found[asked[0]] == pytest.approx(expected, **EXACT)
+        assert found[asked[1]] == pytest.approx(-((TURN * f) ** 2) * expected, **EXACT)
+    with pytest.raises(InputError, match='resonance of the frame'):
+        response(machine, source, [], np.array([np.sqrt(9e4 / 10.0) / TURN]))
+    with pytest.raises(InputError, match="without 'inertia' it cannot turn"):
+        read_source(machine, torque='frame')
+    with pytest.raises(InputError, match='did you mean'):
+        read_source(machine, force='frame.on', direction=0.0)
+
+
+@pytest.mark.parametrize('joints', [None, ['ground_crank', 'rocker_ground']])
+def test_a_machine_shakes_its_frame_as_simulated(joints):
+    """The vibration of a turn, once the transient of the start has died out."""
+    damped = [3e3, 3e3]
+    overrides = {f'oscillators.frame.mounts.{x}.damping': damped for x in ('left', 'right')}
+    loose = ms.load_scene('four_bar_on_frame', overrides | {'oscillators.frame.joints': joints})
+    found = harmonics(loose, [], 25).series
+    ideal = without_play(loose)
+    t = 6.0 * loose.period + loose.period * np.arange(20) / 20
+    motion = ms.simulate(ideal, duration=7.0 * loose.period).motion
+    seen = ideal.oscillator('frame').take(motion)(t).position
+    for k, name in enumerate(('x', 'y', 'angle')):
+        series = found[f'position.frame.{name}']
+        size = np.abs(series.amplitudes[0])
+        assert seen[k] == pytest.approx(series(t), abs=1e-9 * size)
+
+
 def test_what_cannot_be_is_refused():
     with pytest.raises(InputError, match='nothing can vibrate'):
         modes(ms.load_scene('four_bar_nominal'))
+    with pytest.raises(InputError, match='with its drive held nothing else moves'):
+        along(ms.load_scene('four_bar_governed'), 2)
     hastening = ms.load_scene('torsional_shaft', {'drive.torque': {'constant': 5.0}})
     with pytest.raises(InputError, match='no equilibrium'):
         modes(hastening)

@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 import pytest
-from browsing import Tab
+from browsing import Tab, boxes, open_page, overlapping
 from test_records import angle_at, foreign
 from test_report import KINDS, simulated, write_bag
 
@@ -65,11 +65,6 @@ def opened(shared, file):
     assert shared.requests == [file.as_uri()]
 
 
-def open_page(tab, file):
-    tab.page.goto(file.as_uri())
-    tab.page.wait_for_selector('html[data-ready="1"]', state='attached')
-
-
 def time_of(page):
     return float(page.evaluate('document.documentElement.dataset.time'))
 
@@ -92,14 +87,6 @@ def scrub(page, share):
     return time_of(page)
 
 
-def boxes(page, selector):
-    """Of the elements that are seen: left, top, right, bottom [px]."""
-    return page.locator(selector).evaluate_all(
-        """all => all.map(x => x.getBoundingClientRect()).filter(b => b.width && b.height)
-            .map(b => [b.left, b.top, b.right, b.bottom])"""
-    )
-
-
 def drawn_boxes(page):
     """Of each path of the machine, by points along it: the browser's own are of turned boxes."""
     return page.locator('#stage .machine g path').evaluate_all(
@@ -113,13 +100,13 @@ def drawn_boxes(page):
     )
 
 
-def overlapping(rectangles):
-    return [
-        (a, b)
-        for i, a in enumerate(rectangles)
-        for b in rectangles[:i]
-        if min(a[2], b[2]) - max(a[0], b[0]) > 0.5 and min(a[3], b[3]) - max(a[1], b[1]) > 0.5
-    ]
+def show(tab, folder, scene, overrides=(), **length):
+    """Run a scene and open its page without charts; the run as it is shown."""
+    run = recorded(simulated(scene, overrides, **length))
+    file = folder / f'{scene}.html'
+    output.write_text(file, report.page(run))
+    open_page(tab, file)
+    return run
 
 
 def test_it_plays_and_stops(opened):
@@ -431,10 +418,7 @@ def test_nothing_overlaps_or_sticks_out(tab, file, width):
 def test_every_kind_of_scene_is_drawn(tab, tmp_path):
     """As many shapes as its skeleton has, all within the picture."""
     for scene in KINDS:
-        run = recorded(simulated(scene, duration=0.05))
-        file = tmp_path / f'{scene}.html'
-        output.write_text(file, report.page(run))
-        open_page(tab, file)
+        run = show(tab, tmp_path, scene, duration=0.05)
         scrub(tab.page, 0.4)
         drawn = tab.page.locator('#stage g[data-kind]').evaluate_all(
             'all => all.map(x => x.dataset.kind)'
@@ -457,10 +441,7 @@ def test_every_kind_of_scene_is_drawn(tab, tmp_path):
 @pytest.mark.deep
 def test_each_of_several_bearings_has_its_lens(tab, tmp_path):
     second = {'joints.crank_coupler.clearance': {'radial': '0.1 mm', 'restitution': 0.3}}
-    run = recorded(simulated('four_bar_clearance', second, duration=0.05))
-    file = tmp_path / 'two.html'
-    output.write_text(file, report.page(run))
-    open_page(tab, file)
+    run = show(tab, tmp_path, 'four_bar_clearance', second, duration=0.05)
     titles = []
     for index in range(2):
         tab.page.select_option('#bearing', str(index))
@@ -476,10 +457,7 @@ def test_each_of_several_bearings_has_its_lens(tab, tmp_path):
 
 
 def test_teeth_and_cams_have_lenses_with_a_line_to_where_they_are(tab, tmp_path):
-    run = recorded(simulated('whole_machine', duration=0.1))
-    file = tmp_path / 'plays.html'
-    output.write_text(file, report.page(run))
-    open_page(tab, file)
+    run = show(tab, tmp_path, 'whole_machine', duration=0.1)
     for k, play in enumerate(run.stage.to_json()['plays']):
         tab.page.select_option('#bearing', str(len(run.stage.bearings) + k))
         t = scrub(tab.page, 0.7)
@@ -499,10 +477,7 @@ def test_teeth_and_cams_have_lenses_with_a_line_to_where_they_are(tab, tmp_path)
 
 def test_paths_of_points_and_scales_are_those_of_the_machine(tab, tmp_path):
     """The toe's path by `cycle`; a bar and an arrow as long as they say."""
-    run = recorded(simulated('ten_links', revolutions=1))
-    file = tmp_path / 'leg.html'
-    output.write_text(file, report.page(run))
-    open_page(tab, file)
+    run = show(tab, tmp_path, 'ten_links', revolutions=1)
     stage, told = run.stage, run.stage.to_json()
     unit = stage.skeleton.symbol / 10.0
     (path,) = tab.page.locator('#stage .paths path').evaluate_all(
@@ -524,6 +499,28 @@ def test_paths_of_points_and_scales_are_those_of_the_machine(tab, tmp_path):
     assert overlapping(boxes(tab.page, '#stage .rule text')) == []
     tab.page.uncheck('#paths')
     assert not tab.page.locator('#stage .paths path').is_visible()
+
+
+def test_a_frame_on_springs_sways_as_much_as_the_page_says(tab, tmp_path):
+    """Its picture, less the magnification, is what the frame's own equations give then."""
+    run = show(tab, tmp_path, 'four_bar_on_frame', revolutions=1)
+    (times,) = run.stage.sways.values()
+    assert f'{times:g} times' in tab.page.locator('#machine .text').inner_text()
+    frame = run.record.machine.oscillator('frame').take(run.record.history)
+    part = run.record.machine.scene.oscillators['frame']
+    unit = run.stage.skeleton.symbol / 10.0
+    seen = []
+    for share in (0.2, 0.5, 0.8):
+        t = scrub(tab.page, share)
+        drawn = tab.page.locator('#stage g[data-kind=frame]').get_attribute('transform')
+        x, y, angle = (float(n) for n in re.findall(r'-?[\d.]+(?:e-?\d+)?', drawn)[:3])
+        place = run.stage.low[0] + unit * x, run.stage.high[1] - unit * y
+        true = frame(t).position[:, 0]
+        moved = [*(np.array(place) - part.cog), -math.radians(angle)]
+        assert moved == pytest.approx((times * true).tolist(), rel=2e-2, abs=1e-6)
+        seen.append(moved[1])
+    assert np.ptp(seen) > 0.1 * run.stage.skeleton.symbol
+    assert tab.complaints == []
 
 
 @pytest.mark.deep

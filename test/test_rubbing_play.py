@@ -171,3 +171,36 @@ def test_load_cells_need_impacts_without_friction_of_ideal_joints():
     })  # fmt: skip
     with pytest.raises(InputError, match='impulses'):
         ms.simulate(build('cell', check_scene('cell', scene)), revolutions=0.1)
+
+
+def yoke(radial, **keys):
+    """A Scotch yoke, its pin loose in its slot, or not."""
+    play = {'radial': radial, 'restitution': 0.0, 'friction': 0.2, **keys}
+    rub = {'clearance': play} if radial else {'friction': {'coefficient': 0.2}}
+    start = {'start': 'seated'} if radial else {}
+    scene = variant('scotch_yoke', start)
+    scene['joints']['crank_yoke'] |= rub
+    return ms.simulate(build('yoke', check_scene('yoke', scene)), revolutions=1.0)
+
+
+def test_a_tight_slot_is_the_limit_of_a_loose_one():
+    tight = yoke(0.0).energy.dissipated
+    off = [yoke(radial).energy.dissipated / tight - 1.0 for radial in (1e-3, 1e-4, 1e-5)]
+    assert 0.0 < off[2] < 0.15 * off[1] < 0.03 * off[0] < 0.01
+
+
+def test_a_pin_rubs_where_it_touches_its_slot():
+    """It slides by ``R w cos`` along the slot, and rolls on the wall by its radius."""
+    radius = 0.01
+    solution = yoke(1e-4, pin_radius=radius)
+    t = np.linspace(0.0, solution.duration, 400)
+    now = solution.sample(t)
+    N = now['reaction.crank_yoke.x']
+    pressed = np.abs(N) > 1.0
+    crank = ms.load_scene('scotch_yoke').mechanism.joint('crank_yoke').on_first[0]
+    angle, w = now['position.crank'], now['velocity.crank']
+    # the yoke's slot stands across its motion; the wall is where the pin presses
+    slip = crank * w * np.cos(angle) + radius * w * np.sign(N)
+    friction = now['reaction.crank_yoke.y']
+    assert pressed.sum() > 300
+    assert friction[pressed] == pytest.approx((0.2 * np.abs(N) * np.sign(slip))[pressed], rel=1e-9)

@@ -25,8 +25,8 @@ def bob(clearance, tilt=None, start='seated', cog=0.0, **parts):
     whole = {
         'title': 'bob', 'mechanism': 'linkage', 'gravity': [0.0, -G], 'start': start,
         'links': {'bob': link},
-        'joints': {'pin': {'revolute': ['bob', 'ground'],
-                           'clearance': {'radial': C, 'restitution': 0.0, 'length': B} | clearance}},
+        'joints': {'pin': {'revolute': ['bob', 'ground'], 'clearance': {
+            'radial': C, 'restitution': 0.0, 'length': B, **clearance}}},
         'drive': {'coordinate': 'bob', 'torque': {}}, **parts,
     }  # fmt: skip
     return build('bob', Scene.model_validate(whole))

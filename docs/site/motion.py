@@ -31,7 +31,7 @@ from mechanism_sim.messages.events import describe
 from mechanism_sim.pages import report
 from mechanism_sim.pages.assets import import_map, styles
 from mechanism_sim.pages.charts import sections
-from mechanism_sim.pages.recorded import Recorded, instants, recorded
+from mechanism_sim.pages.recorded import Recorded, frames_at, instants, recorded
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / 'build' / 'runs'
@@ -153,9 +153,7 @@ def moving(run: Recorded) -> dict[str, Any]:
     end = min(record.end, record.start + (TURNS + 1e-9) * turn) if turn else record.end
     some = record.between(record.start, end) if end < record.end else record
     t = instants(some, MOST)
-    k, dt = some.piece.motion.curve.find(t)
-    seen = record.machine.physics.observe(some.piece.motion, k, dt)
-    frames = run.stage.frames(t, seen, some.piece.motion.modes[k].T)
+    frames = frames_at(some, run.stage, t)
     none = np.zeros((len(t), 0, 2))
     frames = replace(
         frames, pins=none, pin_rates=none, walls=none, forces=none, feet=none,

@@ -28,7 +28,7 @@ from mechanism_sim.errors import InputError
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('periodic', _periodic, 'find the periodic response of a loose machine')
+    sub = command('periodic', _periodic, 'find the periodic response of a machine')
     scene_options(sub)
     option(sub, '--longest', 'P', 'longest period to look for, in revolutions', 8)
     option(sub, '--transient', 'N', 'revolutions to wait until it has settled', 60)

@@ -45,6 +45,9 @@ def add(command: Command) -> None:
     option(sub, '--torque', 'LINK', 'a moment of amplitude 1 N m on this link')
     option(sub, '--base', 'COORDINATE', 'this driven coordinate moves by 1 m, or 1 rad')
     option(sub, '--frequencies', 'A:B:N', "as '1 Hz:20 Hz:39'")
+    option(
+        sub, '--speed', 'S', "of the drive meanwhile, as '900 rpm'; it stands still if not given"
+    )
     option(sub, '--harmonics', 'N', 'instead: of the vibration under drives and loads', int)
     option(sub, '--period', 'T', "with --harmonics: as '0.1 s'; a turn of the drive if not given")
     option(sub, '--speeds', 'A:B:N', 'instead: of the first harmonic over N speeds of the drive')
@@ -112,15 +115,14 @@ def _modes(options: argparse.Namespace) -> int:
 
 def _response(options: argparse.Namespace) -> int:
     from mechanism_sim.report import vibrations as report  # noqa: PLC0415
-    from mechanism_sim.study.response import (  # noqa: PLC0415
-        harmonics,
-        read_source,
-        response,
-        unbalance_response,
-    )
+    from mechanism_sim.study.harmonics import harmonics, unbalance_response  # noqa: PLC0415
+    from mechanism_sim.study.response import read_source, response  # noqa: PLC0415
 
     file = _picture(options)
-    forced = [options.force, options.direction, options.torque, options.base, options.frequencies]
+    forced = [
+        options.force, options.direction, options.torque, options.base, options.frequencies,
+        options.speed,
+    ]  # fmt: skip
     if options.speeds is not None:
         if any(x is not None for x in (*forced, options.harmonics, options.period)):
             raise InputError('--speeds goes without a source, --frequencies and --harmonics')
@@ -145,8 +147,9 @@ def _response(options: argparse.Namespace) -> int:
     direction = None
     if options.direction is not None:
         direction = quantity('--direction', options.direction, 'rad')[0]
+    speed = quantity('--speed', options.speed, 'rad/s')[0] if options.speed else 0.0
     machine = read_machine(options)
     source = read_source(machine, options.force, direction, options.torque, options.base)
-    found = response(machine, source, options.quantities, frequency)
+    found = response(machine, source, options.quantities, frequency, speed)
     _draw(file, report.response_picture, found, machine.scene.title)
     return print_result(options, found, report.response_json, report.response_text)

@@ -32,6 +32,11 @@ Mask = NDArray[np.bool_]
 _INDEPENDENT = 1e-8
 """Square of the sine of an angle: a row that is nearer to those before it depends on them."""
 
+_SYMMETRIC = 1e-13  # of the terms beside it: rounding
+
+_FREE = 1e-16
+"""Compliance of a slip over that of its normal: with less, the links cannot change it."""
+
 ROUGH = 1e4
 """Coulomb's coefficient of rough contacts while they stay closed; in impacts it is infinite."""
 
@@ -172,10 +177,10 @@ def impulses(
     m = len(e)
     if m == 1:
         x = np.zeros(2)
-        kind, vn, vt = hypothesis[0], rate[0], rate[1]
-        x[0], x[1], _ = impulses_of_one(
-            A[0, 0], A[0, 1], A[1, 0], A[1, 1], vn, vt, e[0], mu[0], kind
-        )
+        kind, vn, vt, Ant, Atn = hypothesis[0], rate[0], rate[1], A[0, 1], A[1, 0]
+        if abs(Atn - Ant) <= _SYMMETRIC * math.sqrt(A[0, 0] * A[1, 1]):
+            Atn = Ant
+        x[0], x[1], _ = impulses_of_one(A[0, 0], Ant, Atn, A[1, 1], vn, vt, e[0], mu[0], kind)
         found = not math.isnan(x[0])
     else:
         x, found = simultaneous_impulses(A, rate, e, mu, hypothesis)
@@ -446,7 +451,8 @@ def begin(c: ContactProblem, limits: Limits, grips: Indices, kept: Mask) -> Mask
         else:
             slides = grips[r - m] == FORWARD or grips[r - m] == BACKWARD
             wanted = slides and slip_of(c, r - m, limits.still) == 0
-        if not wanted:
+        # some slips are prescribed, always or at an instant
+        if not (wanted and c.compliance[r, r] > _FREE * c.compliance[r % m, r % m]):
             continue
         left = 1.0
         for k in range(n):

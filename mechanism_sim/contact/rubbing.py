@@ -37,9 +37,12 @@ def rubs_of(terms: Array, sizes: list[list[int]], rows: int, free: int, drives: 
     k, each = len(sizes), [x for own in sizes for x in own]
     shapes = (k,), (k, free), (rows + k, k), (k, drives), (sum(each), rows + k), (len(each),)
     ends = np.cumsum([math.prod(shape) for shape in shapes])[:-1]
-    parts = [x.reshape(s) for x, s in zip(np.split(terms, ends), shapes, strict=True)]
-    owner = [i for i, own in enumerate(sizes) for _ in own]
-    return Rubs(*parts, np.cumsum(each), np.array(owner))
+    slip, response, compliance, drive, forces, coefficients = (
+        x.reshape(s) for x, s in zip(np.split(terms, ends), shapes, strict=True)
+    )
+    owner = np.array([i for i, own in enumerate(sizes) for _ in own])
+    last = np.cumsum(each)
+    return Rubs(slip, response, compliance, drive, forces, coefficients, last, owner)
 
 
 @kernel

@@ -164,6 +164,8 @@ class Ideal:
         plan = self.machine.plan
         for link in plan.ideal.flexible:
             yield f'{link}: it is rigid here, and stays in its plane'
+        for link in plan.ideal.rotors:
+            yield f'{link}: its shaft and supports do not give way here'
         for joint in plan.joints:
             if isinstance(joint, PinInSlot):
                 yield f'{joint.name}: a block of {LIGHT:g} of the heaviest link is in the slot'

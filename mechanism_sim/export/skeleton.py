@@ -56,6 +56,7 @@ class Skeleton:
     shapes : in the order in which they are painted
     springs : the ends of each, painted before all shapes as `shapes.coil`
     links : that move, in the order of poses
+    mounts : of each frame on springs the numbers of its springs
     bendings : of the elastic links
     """
 
@@ -110,7 +111,10 @@ class Skeleton:
         for place in (end for ends in self.springs for end in ends):
             self._support(place)
             self.reach(place)
+        self.mounts: dict[str, range] = {}
         for name, (corners, mounts) in frames.items():
+            first = len(self.springs)
+            self.mounts[name] = range(first, first + len(mounts))
             self.add('frame', GROUND, np.array(corners + mounts), label=name)
             for x, y in mounts:
                 foot = GROUND, (x, y - _MOUNT * self.symbol)

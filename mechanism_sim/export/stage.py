@@ -53,6 +53,7 @@ class Frames:
     forces : (N, J, 2) [N] of the first-named on the second-named link, along the world's axes
     feet : (N, K, 2) [m] points on the lines of action of forces that act at no fixed point
     drive : (N,) coordinate of the main drive [rad], or [m]
+    sway : (N, F, 3) of the F frames on springs [m, rad], as much as is drawn: see `Stage.sways`
     """
 
     t: Array
@@ -65,6 +66,7 @@ class Frames:
     forces: Array
     feet: Array
     drive: Array
+    sway: Array
 
     def acting(self, stage: Stage) -> Array:
         """Where the forces act (J, 2, N) [m]."""
@@ -84,7 +86,7 @@ class Frames:
 
     def packed(self) -> dict[str, Any]:
         """All instants, as arrays in base64."""
-        single = 'poses', 'pins', 'pin_rates', 'walls', 'forces', 'feet'
+        single = 'poses', 'pins', 'pin_rates', 'walls', 'forces', 'feet', 'sway'
         return {
             't': packed(self.t),
             **{name: packed(getattr(self, name).astype('<f4')) for name in single},
@@ -103,6 +105,7 @@ class Stage:
     low, high : corners (2,) [m] of all that moves and of its usual arrows, and room around it
     force_scale : length of arrows per force [m/N]; 0 where there are no forces
     widths : of each of `plays`, how far apart its walls are, or how far it parts [m]
+    sways : of frames on springs that are known to sway, how many times as far they are drawn
     """
 
     machine: Machine
@@ -111,6 +114,7 @@ class Stage:
     high: Array
     force_scale: float
     widths: dict[str, float] = field(default_factory=dict)
+    sways: dict[str, float] = field(default_factory=dict)
 
     @property
     def links(self) -> list[str]:
@@ -183,6 +187,7 @@ class Stage:
             'force': round_below(0.12 * width / self.force_scale) if self.force_scale else 0.0,
             'bearings': [self._bearing(joint) for joint in self.bearings],
             'plays': [self._play(pair) for pair in self.plays],
+            'frames': [self._frame(name) for name in self.skeleton.mounts],
             'main': self.machine.main,
             'slides': self.machine.main in self.machine.physics.displacements,
         }
@@ -223,6 +228,7 @@ class Stage:
             _by_instant([views[j.name].force for j in self.joints], count),
             _by_instant([views[j.name].foot for j in self.moving], count),
             o.position[physics.coordinates.index(self.machine.main)],
+            np.zeros((count, len(self.skeleton.mounts), 3)),
         )
 
     def _touched(self, modes: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
@@ -263,6 +269,12 @@ class Stage:
             **foot,
         }
 
+    def _frame(self, name: str) -> dict[str, Any]:
+        part = self.machine.scene.oscillators[name]
+        springs = list(self.skeleton.mounts[name])
+        return {'name': name, 'cog': list(part.cog), 'springs': springs,
+                'times': self.sways.get(name, 0.0)}  # fmt: skip
+
     def _bearing(self, joint: Joint) -> dict[str, Any]:
         play = self.machine.clearances[joint.name]
         return {
@@ -297,6 +309,8 @@ def stage_of(machine: Machine, observed: Observation) -> Stage:
     """The stage of a machine that moves as it was observed to, over all of its motion."""
     skeleton = skeleton_of(machine, observed.position)
     low, high = bounds(skeleton, skeleton.poses(observed.position))
+    if skeleton.mounts:  # the bars of the scale stand below the feet of the springs
+        low = low - np.array([0.0, 4.0 * skeleton.symbol])
     stage = Stage(machine, skeleton, low, high, 0.0)
     for pair in stage.plays:  # of two walls how far they are apart, else how far it parts
         width = float(np.nansum(stage._parted(observed, pair), axis=0).max())

@@ -65,7 +65,12 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
 
 def left_out(machine: Machine) -> list[str]:
     """What URDF cannot show of a machine, in sentences."""
-    return [
+    tilted = [
+        f'{link}: it does not tilt here'
+        for link, rotor in machine.mechanism.rotors.items()
+        if rotor.angles
+    ]
+    return tilted + [
         f'{joint.name}: its profile is drawn as a circle'
         for joint in machine.plan.joints
         if isinstance(joint, CamPair | Geneva)
@@ -109,6 +114,10 @@ class _Tree:
             turn, child = -j.angle if ahead else j.angle, self._before(link, here)
             self._joint(link, 'prismatic', parent, child, there, turn, way(j, link))
             return
+        if link in m.rotors:
+            self._shifted(link, parent, there)
+            self._turning(link, f'{link}.y', (0.0, 0.0), here)
+            return
         frame, offset = m.frame(parent)
         if frame == GROUND:
             self._turning(link, parent, there, here, -offset)
@@ -120,10 +129,14 @@ class _Tree:
 
     def float_free(self, body: Body) -> None:
         """Two displacements of the centre of gravity, and the angle."""
-        x, y = (self._frame(f'{body.name}.{axis}') for axis in 'xy')
-        self._joint(x, 'prismatic', GROUND, f'{body.name}.x', along=(1.0, 0.0))
-        self._joint(y, 'prismatic', f'{body.name}.x', f'{body.name}.y', along=(0.0, 1.0))
+        self._shifted(body.name, GROUND, (0.0, 0.0))
         self._turning(body.name, f'{body.name}.y', (0.0, 0.0), body.cog)
+
+    def _shifted(self, link: str, parent: str, there: Vector2) -> None:
+        """Two displacements of a link from a place of its parent."""
+        x, y = (self._frame(f'{link}.{axis}') for axis in 'xy')
+        self._joint(x, 'prismatic', parent, f'{link}.x', there, along=(1.0, 0.0))
+        self._joint(y, 'prismatic', f'{link}.x', f'{link}.y', along=(0.0, 1.0))
 
     def _turning(
         self, link: str, parent: str, there: Vector2, here: Vector2, turn: float = 0.0

@@ -4,7 +4,7 @@ Each shaft is seen along its own axis, towards the reader, and turns in the plan
 the axes themselves are at an angle in space, which the plane does not know. Those of bevel gears
 point away from the apex of their cones, so that the two turn opposite ways. Those of a worm and
 its wheel make, with the direction e from worm to wheel, ``z_wheel = e x z_worm``: then a
-right-handed worm and its wheel turn the same way. Friction is left out.
+right-handed worm and its wheel turn the same way.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 from mechanism_sim.gears.forces import WormPair
 from mechanism_sim.gears.reading import GearReading
 from mechanism_sim.gears.transmission import Transmission
+from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.planar.view import Array, Draft, ToothLoad, View, circle
 
 UNIT = WormPair(1, 1, 1.0, math.pi / 4)
@@ -44,20 +45,22 @@ class SpatialPair(Transmission):
         """At which the force acts [m]."""
 
     @abstractmethod
-    def _beside(self, tangential: Array) -> tuple[Array, Array, Array, Array]:
-        """Radial and axial forces on both [N], of the tangential one on the second (N,)."""
+    def _beside(self, view: View, tangential: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Of the tangential force on the second (N,) [N] that on the first.
+
+        Then radial and axial ones on first and second.
+        """
 
     def tooth_loads(self, view: View) -> Sequence[ToothLoad]:
         """At the pitch points: tangential forces of the torques, with those beside them."""
-        moments = -float(self.ratio) * view.moment, view.moment
-        radial_1, axial_1, radial_2, axial_2 = self._beside(view.moment / self.radii[1])
+        second = view.moment / self.radii[1]
+        first, radial_1, axial_1, radial_2, axial_2 = self._beside(view, second)
         found = []
-        for link, moment, radius, facing, along, radial, axial in zip(
-            (self.first, self.second), moments, self.radii, self.facing, self.along,
+        for link, push, radius, facing, along, radial, axial in zip(
+            (self.first, self.second), (first, second), self.radii, self.facing, self.along,
             (radial_1, radial_2), (axial_1, axial_2), strict=True,
         ):  # fmt: skip
             c, s = math.cos(facing), math.sin(facing)
-            push = moment / radius
             force = np.array([-s * push - c * radial, c * push - s * radial, axial])
             arm = np.array([radius * c, radius * s, along])[:, None] + np.zeros(view.count)
             found.append(ToothLoad(link, force, arm, False))
@@ -97,22 +100,25 @@ class BevelPair(SpatialPair):
     mean_radii : at the middle of the teeth [m]
     cones : half their openings [rad]
     pressure_angle : [rad]
+    teeth : of the first
     """
 
     mean_radii: tuple[float, float] = (math.nan, math.nan)
     cones: tuple[float, float] = (math.nan, math.nan)
     pressure_angle: float = math.nan
+    teeth: int = 1
 
     @property
     def radii(self) -> tuple[float, float]:
         """At the middle of the teeth [m]."""
         return self.mean_radii
 
-    def _beside(self, tangential: Array) -> tuple[Array, Array, Array, Array]:
+    def _beside(self, view: View, tangential: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Across the cones' common line, away from the mate: towards the shaft and the back."""
+        first = -float(self.ratio) * view.moment / self.radii[0]
         apart = np.abs(tangential) * math.tan(self.pressure_angle)
         (c1, s1), (c2, s2) = ((math.cos(g), math.sin(g)) for g in self.cones)
-        return apart * c1, apart * s1, apart * c2, apart * s2
+        return first, apart * c1, apart * s1, apart * c2, apart * s2
 
 
 @dataclass(frozen=True)
@@ -123,19 +129,36 @@ class WormDrive(SpatialPair):
     ----------
     worm : its sizes
     hand : 1 right, -1 left
+    friction : Coulomb's coefficient
     """
 
     worm: WormPair = UNIT
     hand: int = 1
+    friction: float = 0.0
 
     @property
     def radii(self) -> tuple[float, float]:
         """Pitch radii [m]."""
         return 0.5 * self.worm.diameter, 0.5 * self.worm.wheel_diameter
 
-    def _beside(self, tangential: Array) -> tuple[Array, Array, Array, Array]:
-        """The axial force on the worm is the tangential one of its wheel, and so the other way."""
-        lead, press = self.worm.lead_angle, self.worm.pressure_angle
-        apart = np.abs(tangential) * math.tan(press) / math.cos(lead)
-        around = -self.hand * math.tan(lead) * tangential
-        return apart, tangential, apart, around
+    def _beside(self, view: View, tangential: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """The axial force on the worm is the tangential one of its wheel, and so the other way.
+
+        The normal force F and ``mu F`` against the sliding along the thread, which the worm's turn
+        begins with, make both; at rest friction is not known and left out.
+        """
+        lead, press, hand = self.worm.lead_angle, self.worm.pressure_angle, self.hand
+        if not self.friction:
+            apart = np.abs(tangential) * math.tan(press) / math.cos(lead)
+            around = -hand * math.tan(lead) * tangential
+            first = -float(self.ratio) * view.moment / self.radii[0]
+            return first, apart, tangential, apart, around
+        speed = view.turning(self.first)[1]
+        if self.carrier != GROUND:
+            speed = speed - view.turning(self.carrier)[1]
+        rub = self.friction * np.sign(speed) * np.sign(tangential)
+        across = math.cos(press)
+        F = tangential / (across * math.cos(lead) - hand * rub * math.sin(lead))
+        around = -F * (hand * across * math.sin(lead) + rub * math.cos(lead))
+        apart = np.abs(F) * math.sin(press)
+        return around, apart, tangential, apart, around

@@ -148,7 +148,8 @@ class Audit:
         ):
             raise RunError(
                 f'{StopReason.ENERGY_UNBALANCED.value}: {balance.residual:.3g} J missing; try a '
-                'smaller rtol, smoother formulas of loads, or less friction'
+                'smaller rtol, smoother formulas of loads, less friction, or springs with a free '
+                'length or damping whose ends do not meet'
             )
 
     def _enter(self, motion: Motion, segments: NDArray[np.intp], work: Work) -> None:

@@ -378,7 +378,9 @@ class Contacts:
             if not guard.friction or self._leaves(gap):
                 self._touch(gap)
             elif self.modes[gap] == Mode.STICKING:
-                self._change(gap, _SLIDING[-guard.friction])
+                # corners that stick to one wall together may creep meanwhile
+                way = self._slip(self.terms(), gap) or -guard.friction
+                self._change(gap, _SLIDING[way])
             else:
                 self._change(gap, Mode.STICKING)
                 self.project()
@@ -576,7 +578,9 @@ class Contacts:
         margin = 0.0 if seen_now is None else self._touching
         if self._system.compliant:  # both factors of its guard may have fallen in one step
             for i, value in enumerate(seen[count + len(modes) : count + 2 * len(modes)]):
-                if modes[i] > 1 and value > margin and i != seen_now:
+                # what parts from a depth of roundings is through before the next step can tell
+                ended = value > margin - (self._touching if seen[count + i] > self._still else 0.0)
+                if modes[i] > 1 and ended and i != seen_now:
                     return i
         if min(seen[:count]) > 0.0:
             return None

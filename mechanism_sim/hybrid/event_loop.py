@@ -30,10 +30,12 @@ from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.step_check import StepCheck
 from mechanism_sim.hybrid.system import WATCH_SCALE, Array, System
 from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.protocols import Directed
 
 _MAX_SIMULTANEOUS = 100
 _SHORTER = 0.37  # off the powers of two, at which the search for roots bisects
 _SHORTEST = 1e-12
+_MEET = 1e-6  # of the size of the machine
 _ROW = 64  # steps after which the directions of the drives are computed anew
 _BARELY = 1e-12 * WATCH_SCALE  # of a guard: a root may be near whatever its rate
 _QUICKEST = 1e3  # times the fastest drive: rate at which errors of gaps and loops are taken back
@@ -403,6 +405,18 @@ class EventLoop:
             self._back_to(tau)
             if self._contacts.singular_joints():
                 return self._singular.undecided()
+        self._back_to(tau)
+        free = dict(zip(self._system.free, self._state, strict=False))
+        driven = zip(self._system.prescribed, self._base.laws, strict=False)
+        q = free | {c: horner(law, tau) for c, law in driven}
+        place = np.array([[q[c]] for c in self._system.coordinates])
+        size = self._system.mechanism.size
+        for e in self._system.elements:
+            if isinstance(e, Directed) and e.directed and e.length(place)[0] < _MEET * size:
+                return RunError(
+                    f'the ends of {e.name} meet at t = {self._base.high + tau:.9g} s, where its '
+                    'force has no direction; one without free_length and damping may pass there'
+                )
         far = ', or its elastic links bend too far' if self._system.mechanism.beams else ''
         return RunError(
             f'the integration broke down at t = {self._base.high + tau:.9g} s: the state '

@@ -8,7 +8,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import heyoka as hy
+import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.curves import Curve
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
@@ -38,7 +40,8 @@ class Spring(_Element):
     """A spring and a damper between points of two links.
 
     With the length l of the line from the first to the second point, it pulls with
-    ``k (l - l0) + c l'``. The points must not meet: the line would have no direction.
+    ``k (l - l0) + c l'``. The points may meet only if it has neither free length nor damping: else
+    the force has no direction there.
     """
 
     mechanism: Mechanism
@@ -48,8 +51,18 @@ class Spring(_Element):
     free_length: float = 0.0  #: [m]
     damping: float = 0.0  #: [N s/m]
 
-    def _line(self, frames: Frames) -> tuple[tuple[Term, Term], Term, Term]:
-        """Unit vector from the first to the second point, length [m], its rate [m/s]."""
+    @property
+    def directed(self) -> bool:
+        """Whether its force needs a direction where its ends meet."""
+        return bool(self.free_length or self.damping)
+
+    def length(self, q: Array) -> Array:
+        """From end to end (N,) [m] at coordinates q (n, N)."""
+        (a, at_a), (b, at_b) = self.first, self.second
+        place = self.mechanism.locate_all
+        return np.asarray(np.hypot(*(place(b, q, at_b) - place(a, q, at_a))))
+
+    def _between(self, frames: Frames) -> tuple[Jet, Jet]:
         x, y = (
             b - a
             for a, b in zip(
@@ -57,6 +70,11 @@ class Spring(_Element):
                 strict=True,
             )
         )
+        return x, y
+
+    def _line(self, frames: Frames) -> tuple[tuple[Term, Term], Term, Term]:
+        """Unit vector from the first to the second point, length [m], its rate [m/s]."""
+        x, y = self._between(frames)
         square = add(mul(x.value, x.value), mul(y.value, y.value))
         length = hy.sqrt(dense(square))
         unit = dense(x.value) / length, dense(y.value) / length
@@ -70,9 +88,12 @@ class Spring(_Element):
 
     def loads(self, frames: Frames) -> list[Load]:
         """It pulls its ends towards each other."""
-        unit, length, rate = self._line(frames)
         p = frames.parameters
         k, c = p(f'{self.key}.stiffness', self.stiffness), p(f'{self.key}.damping', self.damping)
+        if not self.directed:
+            x, y = self._between(frames)
+            return self._ends((mul(k, x.value), mul(k, y.value)))
+        unit, length, rate = self._line(frames)
         longer = add(length, neg(p(f'{self.key}.free_length', self.free_length)))
         pull = add(mul(k, longer), mul(c, rate))
         return self._ends((mul(pull, unit[0]), mul(pull, unit[1])))
@@ -88,8 +109,11 @@ class Spring(_Element):
     def energy(self, frames: Frames) -> Term:
         """``k (l - l0)^2/2``."""
         p = frames.parameters
-        longer = add(self._line(frames)[1], neg(p(f'{self.key}.free_length', self.free_length)))
         k = p(f'{self.key}.stiffness', self.stiffness)
+        if not self.directed:
+            x, y = self._between(frames)
+            return mul(k, (x.half_square() + y.half_square()).value)
+        longer = add(self._line(frames)[1], neg(p(f'{self.key}.free_length', self.free_length)))
         return mul(hy.expression(0.5), mul(k, mul(longer, longer)))
 
 

@@ -24,6 +24,7 @@ from mechanism_sim.planar.mechanism import (
     Prismatic,
     Revolute,
     Vector2,
+    rotate,
 )
 
 Array = NDArray[np.float64]
@@ -181,26 +182,37 @@ def off_line(
     )
 
 
-def converted(ideal: Mechanism, loose: Mechanism, q: Array) -> Array:
-    """Coordinates (n,) of a mechanism cut elsewhere, from those of the ideal one."""
-    known = dict(zip(ideal.coordinates, q.tolist(), strict=True))
+def converted(ideal: Mechanism, loose: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
+    """Coordinates (n,) of a mechanism cut elsewhere and their rates, from those of the ideal one.
+
+    Links move as they do in the ideal one.
+    """
+    known = dict(zip(ideal.coordinates, np.stack([q, v], axis=1), strict=True))
+    known[GROUND] = np.zeros(2)
+
+    def moved(link: str, at: Vector2) -> Array:
+        """Position and velocity (2, 2) [m, m/s] of a point."""
+        there = ideal.locate_all(link, q[:, None], at)
+        return np.hstack([there, ideal.velocity_all(link, q[:, None], v[:, None], at)]).T
+
     found = []
     for name in loose.coordinates:
         link, _, axis = name.partition('.')
         if name in ideal.deformations:
             found.append(known[name])
-        elif axis:
-            place = ideal.locate(link, known, loose.body(link).cog)
-            found.append(place['xy'.index(axis)])
+        elif axis in ('x', 'y'):
+            found.append(moved(link, loose.body(link).cog)[:, 'xy'.index(axis)])
         elif name in loose.displacements:
             j = loose.tree_joints[link]
             assert isinstance(j, Prismatic)  # noqa: S101 - it carries a displacement
-            a, b = (
-                ideal.locate(j.first, known, j.on_first),
-                ideal.locate(j.second, known, j.on_second),
-            )
-            way = ideal.angle(j.first, known) + j.axis
-            found.append((b[0] - a[0]) * np.cos(way) + (b[1] - a[1]) * np.sin(way))
+            place, rate = moved(j.second, j.on_second) - moved(j.first, j.on_first)
+            frame, offset = ideal.frame(j.first)
+            angle, spin = known[frame]
+            way = np.array(rotate((1.0, 0.0), angle + offset + j.axis))
+            across = np.array([-way[1], way[0]])
+            found.append(np.array([place @ way, rate @ way + spin * (place @ across)]))
         else:
-            found.append(ideal.angle(link, known))
-    return np.array(found)
+            frame, offset = ideal.frame(link)
+            found.append(known[frame] + [offset, 0.0])
+    both = np.array(found)
+    return both[:, 0], both[:, 1]

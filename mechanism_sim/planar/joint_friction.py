@@ -10,10 +10,11 @@ motion, in `solve_friction` for known motions. The derivation is in docs/physics
 from __future__ import annotations
 
 import math
+import operator
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any, NamedTuple
 
 import heyoka as hy
@@ -24,7 +25,14 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Load, Wrench, moment_of, together
-from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic
+from mechanism_sim.planar.mechanism import (
+    GROUND,
+    HigherPair,
+    Joint,
+    Mechanism,
+    Prismatic,
+    Vector2,
+)
 from mechanism_sim.planar.switches import Switch
 
 Array = NDArray[np.float64]
@@ -294,6 +302,74 @@ class TeethFriction(JournalFriction):
         tangential = div(mul(_along(wrench, x, y), 2.0), square)
         arm = self._number(frames, 'arm', self.coefficient * self.radius)
         return [Pressed(arm, (tangential,), self._resolution(frames))]
+
+
+@dataclass(frozen=True)
+class FlankFriction(JointFriction):
+    """Flanks of gears on crossing shafts, by moments: ``b = mu N`` of the force N across them.
+
+    They slide at ``a1 w1 + a2 w2`` with the rates of both links against their carrier.
+    """
+
+    arms: tuple[float, float] = (0.0, 0.0)  #: [m] a1 and a2
+    lever: float = 1.0  #: [m] of N about the second shaft
+    carrier: str = GROUND
+
+    @property
+    def law(self) -> str:
+        """By the force across the flanks."""
+        return f'|{{0}}| <= {self.coefficient:g} times the force across the flanks{_AGAINST}'
+
+    @property
+    def words(self) -> str:
+        """By the coefficient."""
+        return f'coefficient {self.coefficient:g}, at the pitch point'
+
+    @property
+    def _ends(self) -> list[tuple[str, str, Vector2, float]]:
+        """What its moments act on: a name, the link and its point, and the arm [m]."""
+        j, (one, two) = self.joint, self.arms
+        ends = [('first', j.first, j.on_first, one), ('second', j.second, j.on_second, two)]
+        fixed = self.carrier == GROUND
+        return ends if fixed else [*ends, ('carrier', self.carrier, (0.0, 0.0), -one - two)]
+
+    def slip(self, frames: Frames) -> Jet:
+        """Along the flanks [m/s]."""
+        return _rate(
+            reduce(operator.add, (
+                frames.turn(self.mechanism.turns(link, at), f'{self.name}.friction.{which}')
+                * lift(dense(self._number(frames, f'arm.{which}', arm)))
+                for which, link, at, arm in self._ends
+            ))
+        )  # fmt: skip
+
+    def loads(self, frames: Frames, T: Term) -> list[Load]:
+        """A moment on each, and what is left on the carrier."""
+        return [
+            Load(f'{self.name}.friction.{which}', link, at,
+                 moment=mul(T, self._number(frames, f'arm.{which}', arm)))
+            for which, link, at, arm in self._ends
+        ]  # fmt: skip
+
+    def wrench(self, frames: Frames, T: Term) -> Wrench:
+        """A moment."""
+        return Wrench(None, None, self.loads(frames, T)[1].moment)
+
+    def loss(self, force: Array, moment: Array, q: Array, v: Array) -> Array:
+        """``mu N`` times the slip, with N of the moment on the second that both make [W]."""
+        index = self.mechanism.coordinates.index
+        slip = np.zeros(q.shape[1])
+        for _, link, at, arm in self._ends:
+            for c, turn in self.mechanism.turns(link, at).items():
+                slip = slip + arm * turn * v[index(c)]
+        against = self.coefficient * self.arms[1] * np.sign(slip) * np.sign(moment)
+        return np.asarray(self.coefficient * np.abs(moment / (self.lever - against) * slip))
+
+    def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
+        """By the moment on the second."""
+        force = div(wrench.moment, self._number(frames, 'lever', self.lever))
+        mu = self._number(frames, 'coefficient', self.coefficient)
+        return [Pressed(mu, (force,), self._resolution(frames))]
 
 
 @dataclass(frozen=True)

@@ -75,6 +75,18 @@ class JointForce(ForceElement, Protocol):
         """
 
 
+@runtime_checkable
+class Directed(ForceElement, Protocol):
+    """A force along the line between two points, which may have to have a direction."""
+
+    @property
+    def directed(self) -> bool:
+        """Whether the points must not meet."""
+
+    def length(self, q: Array) -> Array:
+        """Of the line (N,) [m] at coordinates q (n, N)."""
+
+
 class ForceLaw(Protocol):
     """How a contact pushes back when it is compressed; a law of `contact.compliant`."""
 

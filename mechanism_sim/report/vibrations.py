@@ -9,8 +9,9 @@ import numpy as np
 
 from mechanism_sim import text_table
 from mechanism_sim.report.figures import strokes, titled
+from mechanism_sim.study.harmonics import Harmonics
 from mechanism_sim.study.modes import CriticalSpeed, Mode, Station
-from mechanism_sim.study.response import FrequencyResponse, Harmonics
+from mechanism_sim.study.response import FrequencyResponse
 
 
 class ModeTable(NamedTuple):

@@ -108,7 +108,8 @@ class DynamicModel(NominalModel):
 
     def at_start(self, mechanism: Mechanism) -> NDArray[np.float64]:
         """Coordinates (n,) of the ideal mechanism, however it is cut, at the start."""
-        return converted(self.plan.ideal, mechanism, self.assembly.q)
+        at = self.assembly
+        return converted(self.plan.ideal, mechanism, at.q, at.v)[0]
 
     @cached_property
     def physics(self) -> Physics:

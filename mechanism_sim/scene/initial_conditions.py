@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -17,7 +16,7 @@ from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
 from mechanism_sim.scene.dynamic_model import DynamicModel
@@ -87,7 +86,7 @@ def _placed(machine: DynamicModel) -> tuple[Values, Values]:
                 f'{machine.name}: initial.{kind}.{lost[0]} cannot be set: with its loose joints '
                 f'the machine is not carried by the guide of {lost[0]}; give other links instead'
             )
-    near = converted(plan.ideal, loose, start.q)
+    near, _ = converted(plan.ideal, loose, start.q, start.v)
     held = [c for c in loose.coordinates if c in plan.begins or c in plan.prescribed]
     placed = _places(machine, start, near, held, given[0])
     v = _rates(machine, start, placed, held, given[1])
@@ -176,7 +175,8 @@ def _rates(
         If given rates would open a joint that has no clearance.
     """
     plan, loose = machine.plan, machine.mechanism
-    near = dict(zip(loose.coordinates, _converted_rates(machine, start), strict=True))
+    _, rates = converted(plan.ideal, loose, start.q, start.v)
+    near = dict(zip(loose.coordinates, rates.tolist(), strict=True))
     firm = [j for j in loose.cut if j not in machine.clearances]
     kinematics = Kinematics(loose, closures(loose, firm), held)
     driven = {c: machine.held[c][1] for c in held if c not in plan.assumed[1]}
@@ -195,39 +195,6 @@ def _rates(
         f'{machine.name}: initial.velocity cannot be: with {said} the joint {joint}, which has no '
         f'clearance, would open at {speed:.4g} m/s; leave one of them out'
     )
-
-
-def _converted_rates(machine: DynamicModel, start: Assembly) -> list[float]:
-    """Rates of the loose mechanism's coordinates when it moves as the ideal one."""
-    ideal, loose = machine.plan.ideal, machine.mechanism
-    q, v = start.q[:, None], start.v[:, None]
-    turning = dict(zip(ideal.coordinates, start.v.tolist(), strict=True)) | {GROUND: 0.0}
-    found = []
-    for name in loose.coordinates:
-        link, _, axis = name.partition('.')
-        if name in ideal.deformations:
-            found.append(turning[name])
-        elif axis:
-            speed = ideal.velocity_all(link, q, v, loose.body(link).cog)
-            found.append(float(speed['xy'.index(axis), 0]))
-        elif name in loose.displacements:
-            j = loose.tree_joints[link]
-            assert isinstance(j, Prismatic)  # noqa: S101 - it carries a displacement
-            x, y = (
-                ideal.locate_all(j.second, q, j.on_second)
-                - ideal.locate_all(j.first, q, j.on_first)
-            )[:, 0]
-            dx, dy = (
-                ideal.velocity_all(j.second, q, v, j.on_second)
-                - ideal.velocity_all(j.first, q, v, j.on_first)
-            )[:, 0]
-            known = dict(zip(ideal.coordinates, start.q.tolist(), strict=True))
-            way, spin = ideal.angle(j.first, known) + j.axis, turning[ideal.frame(j.first)[0]]
-            c, sine = math.cos(way), math.sin(way)
-            found.append(float(dx * c + dy * sine + spin * (y * c - x * sine)))
-        else:
-            found.append(turning[ideal.frame(link)[0]])
-    return found
 
 
 def _driven_rates(machine: DynamicModel) -> tuple[Array, Array]:

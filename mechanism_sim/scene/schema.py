@@ -210,7 +210,7 @@ class SensorPart(*(kind.keys for kind in SENSORS.values())):  # type: ignore[mis
     @property
     def measures(self) -> str:
         """What its samples are, one of `QUANTITIES`."""
-        return SENSORS[self.kind].quantity(self)
+        return SENSORS[self.kind].quantity or str(self.quantity)
 
     @property
     def unit(self) -> str:

@@ -182,7 +182,7 @@ class SensorKind:
     name : value of ``kind``
     keys : all that a sensor of this kind may say
     needs : keys that must be given
-    quantity : what such a sensor measures, one of `QUANTITIES`
+    quantity : what such a sensor measures, one of `QUANTITIES`; empty if its keys say so
     source : from a machine, its sensor's keys and where they stand to what its chain is fed with
     carrier : from a machine and keys to the link or frame that carries the sensor
     place : likewise, where it is, in words
@@ -192,7 +192,7 @@ class SensorKind:
     name: str
     keys: type[SensorKeys]
     needs: tuple[str, ...]
-    quantity: Callable[[Any], str]
+    quantity: str
     source: Callable[[Any, Any], Source]
     carrier: Callable[[Any, Any], str]
     place: Callable[[Any, Any], str]

@@ -89,10 +89,11 @@ def read_rotors(places: Places) -> dict[str, Rotor]:
         if make is None:
             continue
         link, rotor = make(places, name, joint)
-        if link in found or places.scene.links[link].elastic:
+        own = places.scene.links[link]
+        if link in found or own.elastic or own.tilt:
             raise InputError(
                 f'{places.name}: joints.{name}: {link} gives way already, as a rotor in another '
-                "joint or by its key 'elastic': leave one of them out"
+                "joint or by its key 'elastic' or 'tilt': leave one of them out"
             )
         found[link] = rotor
     return found

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.rational import Array, Modes, Rational
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import Mechanism, Vector2
 from mechanism_sim.sensing.chain import Instrument
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.point import PointOnLink
@@ -23,13 +23,18 @@ class Attitude:
     Parameters
     ----------
     derivative : 0 for the angle without whole turns [rad], 1 for its rate [rad/s]
+    at : [m] in the link's frame: an elastic link turns with its cross-section there
     """
 
     inputs = 1
 
-    def __init__(self, mechanism: Mechanism, link: str, derivative: int) -> None:
-        frame, offset = mechanism.frame(link)
-        self._index = None if frame == GROUND else mechanism.coordinates.index(frame)
+    def __init__(
+        self, mechanism: Mechanism, link: str, derivative: int, at: Vector2 = (0.0, 0.0)
+    ) -> None:
+        _, offset = mechanism.frame(link)
+        self._shares = np.zeros(len(mechanism.coordinates))
+        for name, slope in mechanism.turns(link, at).items():
+            self._shares[mechanism.coordinates.index(name)] = slope
         self._offset, self._derivative = 0.0 if derivative else offset, derivative
 
     def through(self, chain: Rational) -> Modes:
@@ -39,9 +44,7 @@ class Attitude:
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Angle or rate (1, N) at instants as those of ``curve.at(segments, dt)``."""
         turned = motion.curve.local(segments, dt, self._derivative)
-        if self._index is None:
-            return np.full((1, len(turned)), self._offset)
-        return turned[None, :, self._index] + self._offset
+        return (turned @ self._shares + self._offset)[None]
 
     def impulses(self, motion: Motion) -> Array:
         """None (m, 1): an angle has no impulses, and a gyroscope is ideal here."""
@@ -82,6 +85,7 @@ class InertialUnit:
     ) -> None:
         self._period = 1.0 / instrument.sample_rate
         ideal = replace(Instrument(instrument.sample_rate), trigger=instrument.trigger)
+        place = at if isinstance(at, tuple) else (at, 0.0)
         self._channels = [
             Channel(
                 PointOnLink(mechanism, link, at, way, True, transverse),
@@ -92,7 +96,7 @@ class InertialUnit:
             for way in ('along', 'across')
         ]
         self._channels += [
-            Channel(Attitude(mechanism, link, derivative), ideal, name, drive)
+            Channel(Attitude(mechanism, link, derivative, place), ideal, name, drive)
             for derivative in (0, 1)
         ]
 

@@ -25,7 +25,8 @@ class PointOnLink:
 
     The point is ``p = sum_k s_k R(theta_k) d_k``, so that its acceleration is
     ``sum_k R(theta_k) ((s'' - s theta'^2) d + (s theta'' + 2 s' theta') E d)``, E turning by 90
-    degrees; s is 1 for arms of fixed length, and theta is 0 for those of the ground.
+    degrees; s is 1 for arms of fixed length, and theta is 0 for those of the ground. On an elastic
+    link the axis turns with the cross-section.
 
     Parameters
     ----------
@@ -52,7 +53,8 @@ class PointOnLink:
         self._place = at if isinstance(at, tuple) else (at, 0.0)
         frame, offset = mechanism.frame(link)
         arms = mechanism.point(link, self._place)
-        names = {frame, *(name for f, slide in arms for name in (f, *factors(slide)))}
+        turns = mechanism.turns(link, self._place)
+        names = {frame, *turns, *(name for f, slide in arms for name in (f, *factors(slide)))}
         used = [name for name in mechanism.coordinates if name in names]
         index = used.index
         self._used = [mechanism.coordinates.index(name) for name in used]
@@ -64,7 +66,7 @@ class PointOnLink:
             )
             for (frame, slide), d in arms.items()
         ]
-        self._frame = None if frame == GROUND else index(frame)
+        self._turns = [(index(name), slope) for name, slope in turns.items()]
         turn = offset + (0.0 if axis == 'along' else 0.5 * np.pi)
         self._turn, self._size = turn + math.atan(transverse), math.hypot(1.0, transverse)
         self._gravity = mechanism.gravity if gravity else (0.0, 0.0)
@@ -114,8 +116,10 @@ class PointOnLink:
 
     def _axis(self, q: Array) -> Array:
         """Direction [rad] of the axis in the world, by the coordinates that are used."""
-        turned = np.zeros(q.shape[1]) if self._frame is None else q[self._frame]
-        return np.asarray(self._turn + turned)
+        axis = np.full(q.shape[1], self._turn)
+        for k, slope in self._turns:
+            axis += slope * q[k]
+        return axis
 
     def _velocity(
         self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array

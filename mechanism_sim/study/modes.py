@@ -222,11 +222,14 @@ def derivatives(
         [law for law in laws if isinstance(law, TorqueLaw)], plan.elements(ideal),
         [motor for motor in plan.motors if motor.coordinate not in held], excitation,
     )  # fmt: skip
-    if machine.assembly.freedom + len(plan.powered) - len(held) <= 0:
-        raise InputError(
-            f'{machine.name}: nothing can vibrate: its drives prescribe the whole motion; give '
-            "'drive.torque' instead of a speed, or a link that moves on springs"
+    if machine.assembly.freedom - len(held) <= 0:
+        why = (
+            'with its drive held nothing else moves; leave out --along and --speeds'
+            if held
+            else "its drives prescribe the whole motion; give 'drive.torque' instead of a speed, "
+            'or a link that moves on springs'
         )
+        raise InputError(f'{machine.name}: nothing can vibrate: {why}')
     return found
 
 

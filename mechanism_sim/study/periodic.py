@@ -58,7 +58,7 @@ class Section:
             raise InputError(
                 f'{machine.name}: a periodic response needs a crank at constant speed'
             )
-        if not machine.clearances:
+        if not machine.clearances and not machine.mechanism.beams:
             raise InputError(
                 f'{machine.name}: without clearance every revolution is like the other'
             )
@@ -67,7 +67,11 @@ class Section:
             raise InputError(f'{machine.name}: a compliant machine has no section of states')
         self._run = run
         self._period = machine.period
-        self.scale = np.repeat([1.0, abs(law.coefficients[1])], len(machine.system.free))
+        mechanism, speed = machine.mechanism, abs(law.coefficients[1])
+        slides = np.array([c in mechanism.displacements for c in machine.system.free])
+        size = np.where(slides, mechanism.size, 1.0)  # [m] or [rad]
+        self._turns = np.where(slides, 0.0, float(TWO_PI))
+        self.scale = np.concatenate([size, speed * size])
 
     def start(self, state: State) -> State:
         """The state itself, brought into contact where it is meant to be."""
@@ -89,9 +93,8 @@ class Section:
 
     def difference(self, a: State, b: State) -> Array:
         """B - a, rates over the speed of the crank."""
-        turned = 2.0 * np.pi * (np.array(b.turns) - np.array(a.turns))
-        angle = np.array(b.q) - np.array(a.q) + turned
-        angle -= float(TWO_PI) * np.round(angle / float(TWO_PI))
+        angle = np.array(b.q) - np.array(a.q)
+        angle -= self._turns * np.round(angle / float(TWO_PI))
         return np.asarray(np.concatenate([angle, np.array(b.v) - np.array(a.v)]) / self.scale)
 
     def displace(self, state: State, by: Array) -> State:
@@ -128,7 +131,7 @@ def find_periodic(
     Raises
     ------
     InputError
-        If the crank has no constant speed, or there is no clearance.
+        If the crank has no constant speed, or there is neither clearance nor elasticity.
     """
     section = Section(machine)
     progress(f'{transient} revolutions until it has settled')

@@ -1,4 +1,4 @@
-"""Steady response of a scene to harmonic forces and base motions, and to its own excitation.
+"""Steady response of a scene to harmonic forces and base motions.
 
 Linear about the static equilibrium, as in `mechanism_sim.study.modes`.
 """
@@ -6,8 +6,8 @@ Linear about the static equilibrium, as in `mechanism_sim.study.modes`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,19 +18,12 @@ from mechanism_sim.planar.linearisation import Excitation
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.places import Places
-from mechanism_sim.study.modes import (
-    LinearMachine,
-    derivatives,
-    kept,
-    linearised,
-    steady_rates,
-    turning,
-)
-from mechanism_sim.vibration.excitation import FourierSeries
+from mechanism_sim.study import frames
+from mechanism_sim.study.modes import LinearMachine, derivatives, kept, linearised, turning
 
 ComplexArray = NDArray[np.complex128]
 
-_DERIVATIVES = {'position': 0, 'velocity': 1, 'acceleration': 2}
+DERIVATIVES = {'position': 0, 'velocity': 1, 'acceleration': 2}
 _AXES = ('x', 'y')
 
 
@@ -43,13 +36,15 @@ class Source:
     name : as it was asked for
     unit : of its amplitude
     excitation : a force or a moment, or
-    base : a driven coordinate that moves about its place
+    base : a driven coordinate that moves about its place, or
+    frame : a frame on springs and the load (3,) on it
     """
 
     name: str
     unit: str
     excitation: Excitation | None = None
     base: str | None = None
+    frame: tuple[str, Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -67,22 +62,6 @@ class FrequencyResponse:
     source: Source
     frequency: Array
     amplitudes: dict[str, ComplexArray]
-    units: dict[str, str]
-
-
-@dataclass(frozen=True)
-class Harmonics:
-    """The steady vibration under what repeats itself: a turning drive, loads over time.
-
-    Attributes
-    ----------
-    period : [s]
-    series : by quantity, its mean counted from the equilibrium at rest
-    units : of the quantities
-    """
-
-    period: float
-    series: dict[str, FourierSeries]
     units: dict[str, str]
 
 
@@ -121,17 +100,26 @@ def read_source(
         straight = base in machine.plan.ideal.displacements
         return Source(f'base {base}', 'm' if straight else 'rad', base=base)
     option, reference = ('--force', force) if force is not None else ('--torque', torque)
+    if str(reference).partition('.')[0] in machine.scene.oscillators:
+        own = frames.load_on(machine, option, str(reference), direction)
+        name = f'{option.strip("-")} {reference}'
+        unit = 'N m' if direction is None else 'N'
+        return Source(name, unit, frame=(str(reference).partition('.')[0], own))
     point = Places(machine.name, machine.scene).find(option, str(reference))
     if point[0] == GROUND:
         raise InputError(f'{machine.name}: {option} {reference}: the ground does not move')
     if direction is None:
         return Source(f'torque {torque}', 'N m', Excitation(point, None))
-    unit = (math.cos(direction), math.sin(direction))
-    return Source(f'force {force}', 'N', Excitation(point, unit))
+    way = (math.cos(direction), math.sin(direction))
+    return Source(f'force {force}', 'N', Excitation(point, way))
 
 
 def response(
-    machine: Machine, source: Source, quantities: Sequence[str], frequency: Array
+    machine: Machine,
+    source: Source,
+    quantities: Sequence[str],
+    frequency: Array,
+    speed: float = 0.0,
 ) -> FrequencyResponse:
     """The frequency response of quantities to a source.
 
@@ -140,6 +128,7 @@ def response(
     quantities : ``position.COORDINATE``, ``velocity.``, ``acceleration.``, ``reaction.JOINT.x``,
         ``reaction.JOINT.y``; the first of every free coordinate if empty
     frequency : (N,) [Hz]
+    speed : of the main drive, which turns steadily [rad/s]
 
     Raises
     ------
@@ -149,9 +138,21 @@ def response(
     """
     if not (np.isfinite(frequency).all() and (frequency >= 0.0).all()):
         raise InputError('frequencies must be finite and not negative')
-    one = linearised(machine, source.excitation)
+    if source.frame:
+        return _frame_response(machine, source, quantities, np.asarray(frequency, float))
+    for quantity in quantities:
+        if quantity.partition('.')[2] in frames.coordinates_of(machine):
+            raise InputError(
+                f"{machine.name}: '{quantity}': a frame answers to a force on itself, as --force "
+                'FRAME, and to its machine by --harmonics'
+            )
+    known = None
+    if speed:
+        turning(machine, '--speed')
+        known = derivatives(machine, source.excitation, kept(machine))
+    one = linearised(machine, source.excitation, speed=speed, known=known)
     names = quantities or [f'position.{one.derivatives.coordinates[i]}' for i in one.independent]
-    units = {name: _unit(one, name) for name in names}
+    units = {name: unit_of(one, name) for name in names}
     w = 2.0 * np.pi * np.asarray(frequency, float)
     reactions = any(name.startswith('reaction.') for name in names)
     if source.excitation and not reactions and not (one.B.T @ one.linear.input).any():
@@ -162,6 +163,40 @@ def response(
     moved, forces = _steady(one, source, w)
     found = {name: _amplitudes(one, name, w, moved, forces, source) for name in names}
     return FrequencyResponse(source, np.asarray(frequency, float), found, units)
+
+
+def _frame_response(
+    machine: Machine, source: Source, quantities: Sequence[str], frequency: Array
+) -> FrequencyResponse:
+    """That of a frame on springs to a load on itself."""
+    assert source.frame  # noqa: S101 - the caller looked
+    name, load = source.frame
+    known = {c: k for c, (frame, k) in frames.coordinates_of(machine).items() if frame == name}
+    units = frame_units(machine, quantities or [f'position.{c}' for c in known], known)
+    w = 2.0 * np.pi * frequency
+    u = frames.receptance(machine, name, w) @ load[: len(known)]
+    found = {}
+    for quantity in units:
+        kind, _, c = quantity.partition('.')
+        found[quantity] = (1j * w) ** DERIVATIVES[kind] * u[:, known[c]]
+    return FrequencyResponse(source, frequency, found, units)
+
+
+def frame_units(
+    machine: Machine, quantities: Sequence[str], known: Collection[str]
+) -> dict[str, str]:
+    """Units of quantities of frames; refuses others."""
+    units = {}
+    for quantity in quantities:
+        kind, _, c = quantity.partition('.')
+        if kind not in DERIVATIVES or c not in known:
+            raise InputError(
+                f"{machine.name}: '{quantity}' is no quantity of this frame{nearest(c, known)}; "
+                f'allowed: position., velocity. and acceleration. of {", ".join(known)}'
+            )
+        unit = 'rad' if c.endswith('.angle') else 'm'
+        units[quantity] = unit + ('', '/s', '/s^2')[DERIVATIVES[kind]]
+    return units
 
 
 def _steady(one: LinearMachine, source: Source, w: Array) -> tuple[ComplexArray, ComplexArray]:
@@ -179,7 +214,7 @@ def _steady(one: LinearMachine, source: Source, w: Array) -> tuple[ComplexArray,
     Z = np.asarray(linear.K + 1j * each * linear.C - each**2 * linear.M, complex)
     push = linear.input - Z @ D
     reduced = np.asarray(B.T @ Z @ B, complex)
-    _refuse_resonance(one, reduced, w)
+    refuse_resonance(one, reduced, w)
     z = np.linalg.solve(reduced, (push @ B)[:, :, None])[:, :, 0]
     moved = np.asarray(z @ B.T + D, complex)
     left = (np.einsum('kij,kj->ki', Z, moved) - linear.input)[:, free]
@@ -189,7 +224,7 @@ def _steady(one: LinearMachine, source: Source, w: Array) -> tuple[ComplexArray,
     return moved, np.asarray(forces, complex)
 
 
-def _refuse_resonance(one: LinearMachine, Z: ComplexArray, w: Array) -> None:
+def refuse_resonance(one: LinearMachine, Z: ComplexArray, w: Array) -> None:
     """Refuse frequencies at which the impedance is singular."""
     size = np.sqrt(np.abs(np.diag(one.matrices[0])))
     size = size if size.all() else np.ones(len(size))
@@ -206,18 +241,18 @@ def _refuse_resonance(one: LinearMachine, Z: ComplexArray, w: Array) -> None:
         )
 
 
-def _unit(one: LinearMachine, name: str) -> str:
+def unit_of(one: LinearMachine, name: str) -> str:
     """Unit of a quantity; refuses those that are not known."""
     kind, _, rest = name.partition('.')
     machine, coordinates = one.machine, one.derivatives.coordinates
-    if kind in _DERIVATIVES:
+    if kind in DERIVATIVES:
         if rest not in coordinates:
             raise InputError(
                 f"{machine.name}: '{name}': there is no coordinate '{rest}'"
                 f'{nearest(rest, coordinates)}; coordinates: {", ".join(coordinates)}'
             )
         unit = 'm' if rest in machine.plan.ideal.displacements else 'rad'
-        return unit + ('', '/s', '/s^2')[_DERIVATIVES[kind]]
+        return unit + ('', '/s', '/s^2')[DERIVATIVES[kind]]
     joint, _, axis = rest.rpartition('.')
     joints = [j.name for j in machine.plan.joints]
     if kind != 'reaction':
@@ -243,205 +278,10 @@ def _amplitudes(
     source: Source,
 ) -> ComplexArray:
     kind, _, rest = name.partition('.')
-    if kind in _DERIVATIVES:
+    if kind in DERIVATIVES:
         k = one.derivatives.coordinates.index(rest)
-        return np.asarray((1j * w) ** _DERIVATIVES[kind] * moved[:, k])
+        return np.asarray((1j * w) ** DERIVATIVES[kind] * moved[:, k])
     joint, _, axis = rest.rpartition('.')
     q, v, a, f, size = (x[_AXES.index(axis)] for x in one.derivatives.reaction(joint, one.at))
     found = moved @ q + 1j * w * (moved @ v) - w**2 * (moved @ a) + forces @ f
     return np.asarray(found + (size[0] if source.excitation else 0.0))
-
-
-def harmonics(
-    machine: Machine, quantities: Sequence[str], count: int, period: float | None = None
-) -> Harmonics:
-    """The steady vibration under the machine's own excitation, as a Fourier series.
-
-    The excitation is what the equations leave open if the drives turn at the speed they start
-    with, loads act at their times, and the independent coordinates stay at their equilibrium.
-    Mass, damping and stiffness are those of the equilibrium, with gyroscopic terms and those of
-    shafts at these speeds: exact where they do not change over the turn, as with rotors out of
-    balance and slider-cranks on frames.
-
-    Parameters
-    ----------
-    quantities : ``position.COORDINATE``, ``velocity.`` or ``acceleration.`` of coordinates that
-        are not driven, of which this is the vibration alone; positions of all if empty
-    count : of harmonics
-    period : [s]; a turn of the first drive that turns if not given
-
-    Raises
-    ------
-    InputError
-        If a quantity is not known, nothing gives the period, the forces do not repeat after it, a
-        harmonic meets a resonance without damping, or as `mechanism_sim.study.modes.linearised`.
-    """
-    if count < 1:
-        raise InputError(f'--harmonics {count}: expected 1 or more')
-    one = linearised(machine)
-    units = _own_units(one, quantities)
-    rates = np.array([machine.held[c][1] for c in machine.plan.prescribed])
-    length = _period(machine, rates, period)
-    constant, z = _harmonics(one, machine.plan.prescribed, rates, length, count)
-    w = 2.0 * np.pi / length * np.arange(1.0, count + 1.0)
-    found = {}
-    for name in units:
-        kind, _, rest = name.partition('.')
-        k, order = one.derivatives.coordinates.index(rest), _DERIVATIVES[kind]
-        mean = float(constant[k]) if order == 0 else 0.0
-        found[name] = FourierSeries(2.0 * np.pi / length, mean, (1j * w) ** order * z[:, k])
-    return Harmonics(length, found, units)
-
-
-def unbalance_response(
-    machine: Machine, quantities: Sequence[str], speeds: Array
-) -> FrequencyResponse:
-    """The vibration at the frequency of rotation over steady speeds (N,) [rad/s] of the drive.
-
-    Parameters
-    ----------
-    quantities : as those of `harmonics`
-
-    Raises
-    ------
-    InputError
-        As `harmonics`; or if there is no drive that turns.
-    """
-    main = turning(machine, '--speeds')
-    one = linearised(machine, known=derivatives(machine, held=kept(machine)))
-    units = _own_units(one, quantities)
-    driven = [*machine.plan.prescribed, *kept(machine)]
-    w = np.abs(np.asarray(speeds, float))
-    if not w.all():
-        raise InputError('--speeds: without rotation there is no vibration: begin above 0')
-    z = np.array([
-        _harmonics(
-            one, driven, np.array([x if c == main else 0.0 for c in driven]), 2.0 * np.pi / abs(x),
-            1,
-        )[1][0]
-        for x in speeds
-    ])  # fmt: skip
-    found = {}
-    for name in units:
-        kind, _, rest = name.partition('.')
-        amplitude = z[:, one.derivatives.coordinates.index(rest)]
-        found[name] = (1j * w) ** _DERIVATIVES[kind] * amplitude
-    source = Source(f'rotation of {main}', '')
-    return FrequencyResponse(source, w / (2.0 * np.pi), found, units)
-
-
-def _own_units(one: LinearMachine, quantities: Sequence[str]) -> dict[str, str]:
-    """Units of quantities of coordinates; of the positions of the independent ones if empty."""
-    coordinates = one.derivatives.coordinates
-    names = quantities or [f'position.{coordinates[i]}' for i in one.independent]
-    units = {name: _unit(one, name) for name in names}
-    for name in names:
-        if name.partition('.')[0] not in _DERIVATIVES:
-            raise InputError(f"{one.machine.name}: '{name}': harmonics are of coordinates only")
-    return units
-
-
-def _harmonics(
-    one: LinearMachine, drives: Sequence[str], rates: Array, length: float, count: int
-) -> tuple[Array, ComplexArray]:
-    """Means (n,) and amplitudes (count, n) of all coordinates over a period [s].
-
-    Parameters
-    ----------
-    rates : of the driven coordinates, in the order of `drives`
-    """
-    machine = one.machine
-    driven = [one.derivatives.coordinates.index(c) for c in drives]
-    samples = max(64, 8 * count)
-    t = length * np.arange(samples + 1) / samples
-    *forces, last = _excitation(one, driven, rates, t)
-    scale = np.abs(forces).max() + np.abs(one.linear.K @ np.diag(one.at.q)).max(initial=0.0)
-    if np.abs(last - forces[0]).max() > 1e-9 * scale:
-        raise InputError(
-            f'{machine.name}: after {length:.6g} s the forces on the free coordinates are not '
-            'what they were: the period is another, or a spring couples links to the drive that '
-            'turn with it; take --torque or --base with --frequencies'
-        )
-    w = 2.0 * np.pi / length * np.arange(1.0, count + 1.0)
-    # what is rounding of the forces that balance at rest would look like a response
-    rounding = 1e-13 * scale
-    spectrum = [FourierSeries.of_samples(f, length) for f in np.transpose(forces)]
-    F = np.array([s.amplitudes[:count] for s in spectrum]).T
-    M, C, K = _at_speed(one, driven, rates).matrices
-    each = w[:, None, None]
-    Z = np.asarray(K + 1j * each * C - each**2 * M, complex)
-    F[np.abs(F) <= rounding] = 0.0
-    excited = F.any(axis=1)
-    _refuse_resonance(one, Z[excited], w[excited])
-    z = np.zeros((count, len(K)), complex)
-    z[excited] = np.linalg.solve(Z[excited], F[excited][:, :, None])[:, :, 0]
-    still = np.array([s.mean for s in spectrum])
-    mean = np.linalg.lstsq(K, np.where(np.abs(still) > rounding, still, 0.0))[0]
-    return one.B @ mean, np.asarray(z @ one.B.T)
-
-
-def _at_speed(one: LinearMachine, driven: list[int], rates: Array) -> LinearMachine:
-    """The same with its drives turning, if all that they carry can turn along with them."""
-    main = one.derivatives.coordinates.index(one.machine.main)
-    if main not in driven:
-        return one
-    v = steady_rates(one.machine, float(rates[driven.index(main)]))
-    v[driven] = rates
-    linear = one.derivatives(one.at._replace(v=v))
-    apart = np.abs(linear.J @ v).max(initial=0.0)
-    carried = apart <= 1e-9 * np.abs(v).max(initial=0.0) * one.derivatives.scale.max()
-    return replace(one, linear=linear) if carried else one
-
-
-def _period(machine: Machine, rates: Array, period: float | None) -> float:
-    if period is not None:
-        if not (period > 0.0 and math.isfinite(period)):
-            raise InputError(f'--period {period:g} s: must be positive and finite')
-        return period
-    straight = machine.plan.ideal.displacements
-    turning = [
-        abs(float(rate))
-        for c, rate in zip(machine.plan.prescribed, rates, strict=True)
-        if rate and c not in straight
-    ]
-    if not turning:
-        raise InputError(
-            f'{machine.name}: no drive turns at a speed: give the period of the excitation by '
-            "--period, as '0.1 s'"
-        )
-    return 2.0 * math.pi / turning[0]
-
-
-def _excitation(one: LinearMachine, driven: list[int], rates: Array, t: Array) -> Array:
-    """Forces (N, f) on the independent coordinates at times (N,) [s], beyond those at rest."""
-    held = [*driven, *one.independent]
-    names = one.derivatives.coordinates
-    kinematics = one.machine.kinematics([names[i] for i in held])
-    q, found = one.at.q.copy(), []
-    for k, time in enumerate(t):
-        # steps small enough for loops to stay on their branch
-        before = t[k - 1] if k else 0.0
-        for part in np.linspace(before, time, 9 if len(one.linear.J) else 2)[1:]:
-            q[driven] = one.at.q[driven] + rates * part
-            moved, left = kinematics.positions(q[:, None])
-            if left.any():
-                raise InputError(
-                    f'{one.machine.name}: the loops do not close over the turn of the drive with '
-                    'the free coordinates at their equilibrium'
-                )
-            q = moved[:, 0]
-        speeds = np.concatenate([rates, np.zeros(len(one.independent))])[:, None]
-        v = kinematics.rates(q[:, None], speeds)
-        a = kinematics.accelerations(q[:, None], v, np.zeros_like(speeds))[:, 0]
-        outside = one.at.outside.copy()
-        if 'time' in one.derivatives.outside:
-            outside[one.derivatives.outside.index('time')] = time
-        at = one.at._replace(q=q, v=v[:, 0], forces=np.zeros_like(one.at.forces), outside=outside)
-        linear = one.derivatives(at, a)
-        B = np.zeros_like(one.B)
-        B[one.independent] = np.eye(len(one.independent))
-        others = [i for i in one.derivatives.free if i not in one.independent]
-        if others:
-            B[others] = -np.linalg.lstsq(linear.J[:, others], linear.J[:, one.independent])[0]
-        found.append(-B.T @ linear.F)
-    return np.array(found)

@@ -62,8 +62,11 @@ def _slot(random: Random, k: int) -> Draft:
     keys, extent = drive(random, WAYS[k // 4 % 5], (0.5, 2.0))
     scene = variant(name, {'drive': keys, 'gravity': [0.0, pick(random, (0.0, -9.81))]})
     if k % 2:
-        scene['joints'][joint]['clearance'] = _play(random)
+        play = scene['joints'][joint]['clearance'] = _play(random)
         scene['start'] = pick(random, ('seated', 'centred'))
+        if k % 8 > 4:
+            play['friction'] = decades(random, -2.0, -0.3)
+            play['pin_radius'] = decades(random, -3.0, -2.0)
     return Draft(scene, **extent)
 
 
@@ -222,7 +225,10 @@ def rub(random: Random, scene: Scene, radius: float, length: float = 0.0) -> Non
 
 def _rubbing_loose(random: Random, k: int) -> Draft:
     """A package machine with loose pins, some of its other joints with friction."""
-    draft = _loose(random, k)
+    draft = _loose(random, k if k % 12 < 11 else k - 3)  # two elastic pins of one link whirl
+    for joint in draft.scene['joints'].values():
+        if 'friction' in (play := joint.get('clearance', {})):
+            play['friction'] = min(play['friction'], 0.5)  # more jams with that of others
     rub(random, draft.scene, 2e-4 if 'film' in draft.scene['title'].lower() else 0.02)
     return draft
 
@@ -246,7 +252,6 @@ def _guide(random: Random, k: int) -> Draft:
     }  # fmt: skip
     if k % 3 == 2:
         play['restitution'] = max(0.1, min(0.9, play['restitution']))
-        play['friction'] = 0.0  # two corners that stick make steps without number
         play['contact'] = {'law': LAWS[k // 3 % 4], 'stiffness': decades(random, 7.5, 9.0)}
     scene['joints'][joint] = {**scene['joints'][joint], 'clearance': play}
     block = scene['joints'][joint]['prismatic'][1].partition('.')[0]

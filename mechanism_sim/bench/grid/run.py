@@ -10,7 +10,16 @@ import numpy as np
 import yaml
 
 from mechanism_sim import output
-from mechanism_sim.bench.grid import cams, elastic, four_bars, linkages, machines, trains
+from mechanism_sim.bench.grid import (
+    cams,
+    elastic,
+    four_bars,
+    linkages,
+    machines,
+    rotors,
+    tilted,
+    trains,
+)
 from mechanism_sim.bench.grid.case import Family, GridCase, Outcome, run_case
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.study.workers import run_local
@@ -20,7 +29,7 @@ _CHUNK = 6  # neighbouring cases that one process runs, for what it has compiled
 
 FAMILIES: tuple[Family, ...] = tuple(
     family
-    for module in (four_bars, machines, linkages, cams, trains, elastic)
+    for module in (four_bars, machines, linkages, cams, trains, elastic, rotors, tilted)
     for family in module.FAMILIES
 )
 

@@ -38,6 +38,7 @@ export class Recording {
     this.bearings = stage.bearings.length;
     this.joints = stage.joints.length;
     this.plays = stage.plays.length;
+    this.frames = stage.frames?.length ?? 0;
     this.moving = stage.joints.filter(({ foot }) => foot !== undefined).length;
     this.slides = stage.slides;
     this.wide = this.poses.length / (this.t.length * this.links) || 3;
@@ -78,6 +79,7 @@ export class Recording {
       touching: Array.from(this.touching.subarray(i * this.plays, (i + 1) * this.plays)),
       forces: between(this.forces, this.joints, 2),
       feet: between(this.feet, this.moving, 2),
+      sway: between(this.sway, this.frames, 3),
       drive: this.drive[i] + share * (this.drive[j] - this.drive[i]),
       impacts: this.#impacts(t, glow),
     };

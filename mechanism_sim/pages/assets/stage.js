@@ -23,6 +23,7 @@ export class Stage {
   constructor(svg, stage) {
     const [left, bottom, right, top] = stage.bounds;
     this.stage = stage;
+    this.frames = stage.frames ?? []; // on springs
     this.unit = stage.symbol / SYMBOL;
     this.corner = [left, top];
     this.links = new Map(stage.links.map((name, i) => [name, i]));
@@ -116,8 +117,18 @@ export class Stage {
         return [u / this.unit, -v / this.unit];
       }))));
     }
-    for (const { path, ends } of this.springs) {
+    this.frames.forEach(({ name, cog }, k) => {
+      const [x, y] = this.point(this.#swayed(frame, k, cog));
+      const turn = ((-180 / Math.PI) * frame.sway[k][2]).toFixed(4);
+      const back = `${-cog[0] / this.unit} ${cog[1] / this.unit}`;
+      for (const group of this.swaying.get(name)) {
+        group.setAttribute('transform', `translate(${x} ${y}) rotate(${turn}) translate(${back})`);
+      }
+    });
+    for (const [i, { path, ends }] of this.springs.entries()) {
       const [from, to] = ends.map(([link, at]) => this.place(frame, link, at));
+      const k = this.frames.findIndex(({ springs }) => springs.includes(i));
+      if (k >= 0) [from[0], from[1]] = this.point(this.#swayed(frame, k, ends[0][1]));
       const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
       const far = SYMBOL / (Math.hypot(dx, dy) || 1);
       path.setAttribute('d', line(this.stage.coil.map(([share, aside]) => [
@@ -161,6 +172,14 @@ export class Stage {
     if (this.frame) this.show(this.frame);
   }
 
+  /** Where a point of a frame on springs is drawn [m]. */
+  #swayed(frame, k, [x, y]) {
+    const [dx, dy, angle] = frame.sway[k];
+    const [cx, cy] = this.frames[k].cog;
+    const [c, s] = [Math.cos(angle), Math.sin(angle)];
+    return [cx + dx + c * (x - cx) - s * (y - cy), cy + dy + s * (x - cx) + c * (y - cy)];
+  }
+
   #pose(frame, link) {
     const i = this.links.get(link);
     return i === undefined ? [0, 0, 0] : frame.poses[i];
@@ -187,6 +206,7 @@ export class Stage {
   #machine() {
     const machine = add(this.svg, 'g', { class: 'machine' });
     this.moving = [];
+    this.swaying = new Map(this.frames.map(({ name }) => [name, []]));
     this.elastic = [];
     this.names = [];
     this.springs = this.stage.springs.map((ends) => ({
@@ -206,6 +226,7 @@ export class Stage {
       'data-label': label,
       style: `--link: var(--link-${colour})` });
     if (this.links.has(link)) this.moving.push({ group, link });
+    else if (this.swaying.has(label) && kind === 'frame') this.swaying.get(label).push(group);
     else group.setAttribute('transform', `translate(${this.point([0, 0]).join(' ')})`);
     for (const [style, flats] of paths) {
       const curves = flats.map((flat) => Array.from({ length: flat.length / 2 },

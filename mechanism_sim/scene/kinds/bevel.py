@@ -10,7 +10,11 @@ from pydantic import Field
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.forces import pitch_angles
+from mechanism_sim.gears.pair import Path, sliding_arm
 from mechanism_sim.gears.spatial import BevelPair
+from mechanism_sim.planar.joint_friction import FlankFriction
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.scene.contact_keys import Friction
 from mechanism_sim.scene.gear_keys import MOST_TEETH
 from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds.transmission import CarrierKeys, carrier_of
@@ -104,8 +108,34 @@ def _read(places: Names, name: str, joint: BevelKeys) -> BevelPair:
     return BevelPair(
         name, a, b, on_a, on_b, Fraction(-one, two), joint.phase,
         carrier_of(places, name, joint), *placed(joint), (first, second), cones,
-        pressure_angle_of(joint),
+        pressure_angle_of(joint), one,
     )  # fmt: skip
 
 
-register(JointKind('bevel', BevelKeys, _read, firm='bevel gears have no play here'))
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> FlankFriction:
+    """Of teeth one module high at the middle, on the spur gears that roll like the cones there.
+
+    These have the cones' back radii and roll at the shafts' rates times the cosines of the cones
+    (T. Tredgold).
+    """
+    pair = mechanism.joint(name)
+    assert isinstance(pair, BevelPair)  # noqa: S101 - of this kind
+    press = pair.pressure_angle
+    turns = [math.cos(cone) for cone in pair.cones]
+    radii = [r / c for r, c in zip(pair.radii, turns, strict=True)]
+    module = 2.0 * pair.radii[0] / pair.teeth
+    ends = [
+        min(math.sqrt((r + module) ** 2 - (r * math.cos(press)) ** 2) - r * math.sin(press),
+            other * math.sin(press))
+        for r, other in zip(radii, radii[::-1], strict=True)
+    ]  # fmt: skip
+    arm = sliding_arm(Path(-ends[1], ends[0]), math.pi * module * math.cos(press))
+    return FlankFriction(
+        name, mechanism, given.coefficient, (arm * turns[0], -arm * turns[1]),
+        pair.radii[1] * math.cos(press), pair.carrier,
+    )  # fmt: skip
+
+
+register(
+    JointKind('bevel', BevelKeys, _read, firm='bevel gears have no play here', friction=_friction)
+)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mechanism_sim.linkages.slot import PinInSlot
+from mechanism_sim.scene.contact_keys import Clearance
 from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds.prismatic import AxisKeys, line_friction
 
@@ -19,4 +20,12 @@ def _read(places: Names, name: str, joint: SlotKeys) -> PinInSlot:
     return PinInSlot(name, a, b, on_a, on_b, joint.axis)
 
 
-register(JointKind('slot', SlotKeys, _read, friction=line_friction))
+def _wrong_play(given: Clearance) -> str:
+    if given.length or given.height:
+        return 'has a clearance with length or height, which are of blocks in guides'
+    if given.contact and given.contact.law == 'film':
+        return 'has a clearance with a film, which is for pins in bushings'
+    return ''
+
+
+register(JointKind('slot', SlotKeys, _read, wrong_play=_wrong_play, friction=line_friction))

@@ -81,7 +81,7 @@ register(
         'accelerometer',
         AccelerometerKeys,
         needs=('link',),
-        quantity=lambda sensor: str(sensor.quantity),
+        quantity='',
         source=_source,
         carrier=lambda machine, sensor: str(sensor.link),  # noqa: ARG005
         place=_place,

@@ -62,7 +62,7 @@ register(
         'displacement_probe',
         ProbeKeys,
         needs=('joint',),
-        quantity=lambda sensor: 'displacement',  # noqa: ARG005
+        quantity='displacement',
         source=lambda machine, sensor: Probe(
             machine.mechanism, machine.mechanism.joint(sensor.joint), sensor.direction
         ),

@@ -132,7 +132,7 @@ register(
         'encoder',
         EncoderKeys,
         needs=('link',),
-        quantity=lambda sensor: 'angle',  # noqa: ARG005
+        quantity='angle',
         source=_source,
         carrier=lambda machine, sensor: str(sensor.link),  # noqa: ARG005
         place=lambda machine, sensor: (  # noqa: ARG005

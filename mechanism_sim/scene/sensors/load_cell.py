@@ -100,7 +100,7 @@ register(
         'load_cell',
         LoadCellKeys,
         needs=('joint',),
-        quantity=lambda sensor: 'force',  # noqa: ARG005
+        quantity='force',
         source=_source,
         carrier=lambda machine, sensor: str(machine.mechanism.joint(sensor.joint).second),
         place=lambda machine, sensor: (

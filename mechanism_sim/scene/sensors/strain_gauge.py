@@ -103,7 +103,7 @@ register(
         'strain_gauge',
         StrainKeys,
         needs=('link',),
-        quantity=lambda sensor: 'strain',  # noqa: ARG005
+        quantity='strain',
         source=lambda machine, sensor: Gauge(
             machine.mechanism, sensor.link, *_fibre(machine, sensor)
         ),

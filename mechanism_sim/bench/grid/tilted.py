@@ -1,0 +1,76 @@
+"""Bearings out of line by nothing to almost all they have room for, and links that lean."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from mechanism_sim.bench.grid.case import Draft, Family, Random, variant
+from mechanism_sim.bench.grid.four_bars import LAWS, NOT_SEATED, clearance, decades, drive, pick
+from mechanism_sim.bench.grid.machines import WAYS
+from mechanism_sim.units import to_si
+
+# the links that may lean, and pins that may be loose
+MACHINES = (
+    ('four_bar_clearance', ('coupler', 'rocker'), ('coupler_rocker', 'rocker_ground')),
+    ('slider_crank', ('rod', 'crank'), ('crank_rod', 'rod_piston')),
+    ('four_bar_nominal', ('coupler', 'rocker', 'crank'), ('crank_coupler',)),
+)
+SHARES = (0.0, 1e-7, 0.999, 1e-3, 0.1, 0.5)
+"""Of the room for misalignment; the second is less than what counts as in line."""
+
+
+def _tilted(random: Random, k: int) -> Draft:
+    name, links, pins = MACHINES[k % len(MACHINES)]
+    keys, extent = drive(random, WAYS[k // len(MACHINES) % 5], (0.3, 1.2))
+    scene = variant(name, {'gravity': [0.0, pick(random, (0.0, -9.81))]})
+    known = {'coordinate': 'crank'} if 'coordinate' in scene['drive'] else {}
+    scene['drive'] = known | keys
+    joints = scene.setdefault('joints', {})
+    for joint in pins:
+        if joint in joints:
+            joints[joint].pop('clearance', None)
+    leaning = random.permutation(links)[: int(random.integers(0, 3))].tolist()
+    for joint in random.permutation(pins)[: 1 + (k % 7 == 6)].tolist():
+        play = clearance(random, friction=k % 3 == 1, finest=-4.5)
+        play['restitution'] = min(play['restitution'], 0.9)
+        play['length'] = decades(random, -2.3, -1.3)
+        play['misalignment'] = misalignment(random, play['radial'], play['length'])
+        if leaning:
+            play['along'] = pick(random, (0.0, float(random.uniform(-0.6, 0.6)) * play['length']))
+        if k % 5 == 4:
+            play |= {'restitution': max(0.1, play['restitution']), 'hypothesis': 'newton'}
+            play.pop('friction', None)
+            play['contact'] = {'law': LAWS[k % 4], 'stiffness': decades(random, 7.5, 9.5)}
+        joints.setdefault(joint, {})['clearance'] = play
+    scene['start'] = pick(random, ('seated', 'centred'))
+    for link in leaning:
+        scene['links'][link]['tilt'] = lean(
+            random, to_si(scene['links'][link]['inertia'], 'kg m^2')
+        )
+    return Draft(scene, **extent)
+
+
+def misalignment(random: Random, radial: float, length: float) -> dict[str, Any]:
+    """Of pin, bushing or both; these alike or not."""
+    room = pick(random, SHARES) * min(2.0 * radial / length, 0.09)
+    share = pick(random, (0.0, 1.0, 0.5, float(random.random())))
+    direction = float(random.uniform(-math.pi, math.pi))
+    other = pick(random, (direction, direction + math.pi, float(random.uniform(-3.0, 3.0))))
+    return {
+        'pin': {'angle': share * room, 'direction': direction},
+        'bushing': {'angle': (1.0 - share) * room, 'direction': other},
+    }
+
+
+def lean(random: Random, normal: float) -> dict[str, Any]:
+    """What a scene says of a link that leans, with its moment of inertia about its normal."""
+    along, thick = normal * random.uniform(0.02, 0.98), normal * decades(random, -3.0, 0.0)
+    return {
+        'stiffness': decades(random, 1.7, 3.5),  # less, and forces topple it
+        'inertia': [float(normal - along + thick), float(along + thick)],
+        'damping': pick(random, (0.0, 0.05)),
+    }
+
+
+FAMILIES = (Family('tilted', 60, _tilted, NOT_SEATED),)
