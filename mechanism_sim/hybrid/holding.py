@@ -27,6 +27,7 @@ radius over the length of a link: below k = 0.3 the last one leaves a rounding.
 
 
 _OFF_ZERO = 1e-3  # of the resolution: no bound is exactly zero
+_NEVER = 1e-6  # of a coefficient, which may be none for a while
 _UNFELT = 1e3  # times the resolution: an error of so small a bound is none
 
 
@@ -107,7 +108,7 @@ def acting(
         at = own.stop
         b = _bound(bounds[k], A[own], slopes[own], found)
         held: Term = s.holds
-        least = hy.sum([p.coefficient * p.resolution for p in bounds[k]])
+        least = hy.sum([(p.coefficient + _NEVER) * p.resolution for p in bounds[k]])
         share = found[k] * b / (b * b + least * least)  # both may vanish at once
         parts.append((1.0 - held) * s.flag + 0.5 * (held * (1.0 - share)))
         left = found[k] - (1.0 - 2.0 * s.flag) * b
