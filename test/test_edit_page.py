@@ -280,6 +280,12 @@ def test_what_is_wrong_stands_beside_its_field(tab, tmp_path, monkeypatch):
         hand.fill('links.crank.length', '70 mm')
         assert hand.data('problem') == ''
         assert wrong.count() == 0
+        # a sentence that comes while somebody is typing leaves what is typed
+        field = hand.page.locator('[name="links.crank.mass"]')
+        field.fill('0.7 k')
+        hand.ran()
+        assert field.input_value() == '0.7 k'
+        hand.fill('links.crank.mass', '0.7 kg')
         clean(hand)
     assert list(tmp_path.glob('*.yaml')) == []
 

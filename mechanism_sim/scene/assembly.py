@@ -134,7 +134,7 @@ def closed_four_bar(machine: MachineModel) -> FourBarLoop | None:
     Closed forms know two branches of a four-bar; through a change point neither goes on.
     """
     plan = machine.plan
-    rigid = len(plan.laws) == 1 and not plan.ideal.flexible
+    rigid = len(plan.laws) == 1 and not plan.ideal.deformations
     loop = whole_four_bar(plan.ideal, machine.main) if rigid else None
     if loop is None or change_points(loop.linkage):
         return None

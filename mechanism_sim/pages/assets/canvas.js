@@ -77,7 +77,6 @@ export class Canvas {
     this.stage = new Stage(this.svg, { ...stage, bounds: [0, 0, 1, 1].map((x) => x * stage.symbol) });
     this.frame = { forces: [], pins: [], impacts: [], ...frame };
     this.#look();
-    this.choose(this.chosen ?? []);
   }
 
   /** The same machine elsewhere. */
@@ -86,13 +85,13 @@ export class Canvas {
     this.stage.show(this.frame);
   }
 
-  /** What can be grabbed, and the paths of points. */
-  grips(handles, curves, colours) {
+  /** What can be grabbed, the paths of points, and which part is chosen. */
+  grips(handles, curves, colours, path) {
     this.handles = handles;
     this.paths = Object.entries(curves).map(([key, points]) => ({
       key, points, colour: colours[key.split('.')[0]] ?? -1,
     }));
-    this.#above();
+    this.choose(path);
   }
 
   /** Marks a part. @param {string[]} path in the scene */
@@ -126,6 +125,10 @@ export class Canvas {
       this.stage.layer('names', Boolean(this.named));
       this.stage.show(this.frame);
     }
+    const seen = [...this.size, ...this.centre, this.scale].join(' ');
+    if (seen === this.seen) return; // by who has new handles to show, they are drawn
+    this.seen = seen;
+    this.#grid(...this.size);
     this.#above();
   }
 
@@ -133,7 +136,6 @@ export class Canvas {
     const [w, h] = this.size;
     for (const svg of [this.under, this.over]) svg.setAttribute('viewBox', `0 0 ${w} ${h}`);
     this.over.dataset.view = [...this.centre, this.scale].join(' ');
-    this.#grid(w, h);
     this.curves.replaceChildren();
     for (const { points, colour } of this.paths ?? []) {
       add(this.curves, 'path', { d: line(points.map((p) => this.sheet(p))),
@@ -246,7 +248,8 @@ export class Canvas {
       this.#look();
       return;
     }
-    this.act({ type: 'drag', from, spot: this.spot(event) });
+    const [x, y] = this.world(at);
+    this.act({ type: 'drag', from, spot: this.tool === 'move' || this.tool === 'turn' ? { x, y } : this.spot(event) });
   }
 
   #up(event) {

@@ -1,8 +1,9 @@
 import { Canvas } from 'canvas';
 import { Fields } from 'fields';
+import { lensOf } from 'lens';
 import { Player, Recording } from 'player';
 import { words } from 'stage';
-import { quantity } from 'svg';
+import { add, quantity } from 'svg';
 
 const AGAIN = 1000; // [ms] until a lost connection is tried again
 const SAID = 6000; // [ms] that a message stays
@@ -35,7 +36,6 @@ let quiet = 0;
 let drawing = null; // where a part begins
 let waiting = null; // a gesture that is sent when the answer to the last one is there
 let flying = false;
-let soon = 0; // the frame in which it is sent
 let fitted = null; // the document that was fitted
 
 const canvas = new Canvas(by('under'), by('stage'), by('over'), gesture);
@@ -107,8 +107,7 @@ function landed() {
   if (!waiting) return;
   const next = waiting;
   waiting = null;
-  flying = true;
-  soon = requestAnimationFrame(() => { flying = false; follow(next); });
+  follow(next);
 }
 
 // --- what is shown -------------------------------------------------------------------------
@@ -129,7 +128,6 @@ function show(news) {
   by('redo').disabled = !news.redo;
   if (document.activeElement !== by('text')) by('text').value = news.text;
   draw(news);
-  canvas.choose(news.path);
   fields.show(news, news.stage.colours);
   if (other && fitted !== news.name) fit();
   fitted = news.name;
@@ -140,23 +138,23 @@ function show(news) {
 function draw(news) {
   playing(false);
   canvas.show(news.stage, { poses: news.poses });
-  canvas.grips(news.handles, news.curves, news.stage.colours);
+  canvas.grips(news.handles, news.curves, news.stage.colours, state.path);
   document.body.dataset.assembled = news.assembled ? '1' : '';
 }
 
 /** A frame of a drag. */
 function frame(news) {
+  landed(); // the next is made while this one is drawn
   draw(news);
   state.problem = news.problem;
   tell();
   root.dataset.frames = Number(root.dataset.frames ?? 0) + 1;
-  landed();
 }
 
 function pose({ poses }) {
+  landed();
   canvas.pose({ poses });
   root.dataset.poses = Number(root.dataset.poses ?? 0) + 1;
-  landed();
 }
 
 function fit() {
@@ -200,7 +198,7 @@ function checked({ data, number }) {
   tell([data.level, ...driven.map(([c, what]) => `${words(c)} ${what}`)].join('; '));
   const list = (title, items) => (items.length ? `<h3>${title}</h3><ul>${
     items.map((x) => `<li>${escape(x)}</li>`).join('')}</ul>` : '');
-  by('run').innerHTML = `<div id="figures"><p class="soft">running …</p></div><h3>Model</h3><p>${
+  by('run').innerHTML = `<div id="lenses"></div><div id="figures"><p class="soft">running …</p></div><h3>Model</h3><p>${
     escape(data.level)}: ${escape(data.why)}</p>${list('Questions', data.questions)}${
     list('What may stop it', data.limits)}${list('Gaps', data.gaps)}${
     list('Notes', data.notes.filter((x) => !data.limits.includes(x)))}`;
@@ -234,14 +232,24 @@ function ran({ data, number }) {
     by('figures').innerHTML = `<table>${rows.join('')}</table><p class="soft">over ${
       quantity(data.end, 's')}; digest <code title="${data.digest}">${data.digest.slice(0, 12)}…</code></p>`;
   }
+  run.lenses = by('lenses') ? lenses(recording, data.stage) : [];
+  instant(recording.at(recording.start));
   root.dataset.digest = data.digest;
   root.dataset.run = number;
+}
+
+/** What is loose, magnified: pins with their ways, and what parts from its wall. */
+function lenses(recording, stage) {
+  return [...stage.bearings, ...stage.plays].map(({ joint }) => lensOf(add(by('lenses'), 'svg'),
+    stage, joint, (index, t) => recording.path(index, t, Infinity)));
 }
 
 const length = () => run.recording.end - run.recording.start || 1;
 
 function instant(now) {
-  if (!run || !canvas.playing) return;
+  if (!run) return;
+  for (const lens of run.lenses ?? []) lens.show(now);
+  if (!canvas.playing) return;
   canvas.pose(now);
   by('scrub').value = (now.t - run.recording.start) / length();
   by('time').textContent = `${now.t.toPrecision(4)} s`;
@@ -256,6 +264,7 @@ function playing(on) {
   canvas.playing = on;
   if (on) {
     canvas.show(run.data.stage, run.recording.at(run.recording.start));
+    canvas.choose(state.path);
   } else if (run) {
     run.player.playing = false;
     root.dataset.playing = '';
@@ -312,7 +321,6 @@ function gesture({ type, from, spot, handle, x, y }) {
       else if (type === 'drag') follow({ type: 'drag', ...move });
       else {
         waiting = null;
-        cancelAnimationFrame(soon);
         ask({ type: 'drop', ...move });
       }
     }
@@ -354,7 +362,6 @@ function select(spot) {
 /** From the run to the machine that is edited. */
 function back() {
   draw(state);
-  canvas.choose(state.path);
 }
 
 function save() {

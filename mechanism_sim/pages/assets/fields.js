@@ -24,11 +24,17 @@ export class Fields {
   /** @param {Object} state as `Session.state` has it */
   show(state, colours) {
     this.#outline(state, colours);
-    const focused = this.form.contains(document.activeElement) ? document.activeElement.name : '';
+    const own = this.form.contains(document.activeElement) ? document.activeElement : null;
+    const [focused, typed, caret] = [own?.name, own?.value, own?.selectionStart];
     const head = this.#head(state);
     const rows = state.rows.map((row) => this.#row(row, state));
     this.form.replaceChildren(...head, ...rows);
-    if (focused) this.form.elements[focused]?.focus();
+    const again = focused ? this.form.elements[focused] : null;
+    if (!again) return;
+    again.focus();
+    if (again.value === typed || again.tagName === 'SELECT') return;
+    again.value = typed; // what somebody is typing stays
+    again.setSelectionRange(caret, caret);
   }
 
   #outline({ outline, path, place }, colours) {
@@ -48,7 +54,7 @@ export class Fields {
   }
 
   /** The name of a part, and what can be done with all of it. */
-  #head({ path, name }) {
+  #head({ path, name, tracks }) {
     if (!path.length) return [html('h2', {}, words(name))];
     const last = path.at(-1);
     const title = html('input', { name: 'rename', value: last, class: 'name', spellcheck: 'false',
@@ -57,7 +63,14 @@ export class Fields {
     title.addEventListener('change', () => this.ask({ type: 'rename', path, name: title.value }));
     const away = html('button', { type: 'button', class: 'away', 'aria-label': `remove ${path.join('.')}` }, 'remove');
     away.addEventListener('click', () => this.ask({ type: 'remove', path }));
-    return [html('div', { class: 'head' }, title, ...(last === 'ground' ? [] : [away]))];
+    const head = html('div', { class: 'head' }, title, ...(last === 'ground' ? [] : [away]));
+    if (!tracks.length) return [head];
+    const boxes = tracks.map(([point, on]) => {
+      const box = html('input', { type: 'checkbox', 'data-track': point, ...(on ? { checked: '' } : {}) });
+      box.addEventListener('change', () => this.ask({ type: 'trace', point }));
+      return html('label', {}, box, ` ${words(point.split('.')[1])}`);
+    });
+    return [head, html('div', { class: 'tracks' }, 'paths of', ...boxes)];
   }
 
   #row(row, { place, problem, path }) {

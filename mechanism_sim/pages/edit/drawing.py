@@ -166,7 +166,8 @@ def of_parts(scene: Scene, poses: Poses) -> dict[str, Any]:
     pairs = [[point(scene, r) for r in spring.between] for spring in scene.springs.values()]
     springs = [[[x[0], list(x[2])] for x in pair if x] for pair in pairs if None not in pair]
     low, high = spread.min(axis=0), spread.max(axis=0)
-    corners = [*low.tolist(), *high.tolist()]
+    middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 0.25 * SMALLEST)
+    corners = [*(middle - half).tolist(), *(middle + half).tolist()]
     return _stage(scene, links, symbol, shapes) | {'springs': springs, 'bounds': corners}
 
 

@@ -9,8 +9,6 @@ from typing import Any
 from mechanism_sim.planar.mechanism import Vector2
 from mechanism_sim.units import to_si
 
-_UNITS = {'m': ('mm', 'm', 'cm', 'um', 'inch', 'in')}
-
 
 def unit_of(content: Any) -> str:
     """The unit of lengths that a scene uses first; mm if none."""

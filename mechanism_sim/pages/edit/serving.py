@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import queue
 import secrets
+import sys
 import time
 import webbrowser
 from collections.abc import Callable
@@ -18,7 +19,7 @@ from mechanism_sim.pages.edit.document import Document
 from mechanism_sim.pages.edit.session import Session
 from mechanism_sim.pages.server import HOST, Content, Server
 
-MODULES = 'svg', 'stage', 'player', 'canvas', 'fields', 'edit'
+MODULES = 'svg', 'stage', 'lens', 'player', 'canvas', 'fields', 'edit'
 PORT = 8080
 
 PAUSE = 0.3
@@ -64,6 +65,8 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
         with ending.working():
             _serve(session, runs, waiting, greeting)
     except KeyboardInterrupt:
+        if session.document.changed:
+            print('mechanism-sim: what was changed last is not saved', file=sys.stderr)
         return 0
     finally:
         server.close()

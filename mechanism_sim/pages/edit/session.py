@@ -10,13 +10,13 @@ import numpy as np
 
 from mechanism_sim import documents
 from mechanism_sim.catalogue import scene_names
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.pages.edit import drawing, gestures, panel
 from mechanism_sim.pages.edit.background import Job
 from mechanism_sim.pages.edit.document import GONE, Document, Edit
 from mechanism_sim.pages.edit.drawing import Handle
 from mechanism_sim.pages.edit.gestures import Grid, Spot
-from mechanism_sim.pages.edit.layout import ORIGIN, Poses, coordinates, placed
+from mechanism_sim.pages.edit.layout import ORIGIN, Poses, coordinates, placed, points_of
 from mechanism_sim.pages.edit.motion import Turn
 from mechanism_sim.pages.edit.quantities import degrees, unit_of
 from mechanism_sim.planar.kinematics import Kinematics
@@ -62,7 +62,7 @@ class Session:
         self.document, self._send = document, send
         self.number = 0
         self._path: tuple[str, ...] = ()
-        self._traced: set[str] = set()
+        self._traced: dict[str, bool] = {}  # points whose paths somebody asked for, or not
         self._picture = Picture(Document().scene(), None, {GROUND: ORIGIN}, '')
         self._grabbed: tuple[str, Picture] | None = None
         self._of: str | None = None  # the text whose picture this is
@@ -117,6 +117,7 @@ class Session:
             'path': list(self._path),
             'rows': found,
             'outline': panel.outline(content) if content else [],
+            'tracks': self._tracks(picture),
             'problem': picture.problem,
             'place': _place_of(picture.problem, content),
             **self._drawn(picture),
@@ -174,7 +175,7 @@ class Session:
         try:
             machine = Machine(self.document.name, scene)
             turn = Turn(machine, near, old.turn, loops)
-        except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
+        except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError) as error:
             poses = placed(scene, near or old.poses)
             return Picture(scene, None, {**poses, **(near or {})}, str(error))
         return Picture(scene, turn, turn.start, '')
@@ -182,14 +183,11 @@ class Session:
     def _drawn(self, picture: Picture) -> dict[str, Any]:
         curves: dict[str, Any] = {}
         if picture.turn:
-            tracers = {
-                f'{link}.{name}'
-                for link, given in picture.scene.links.items()
-                for name in given.points
-                if link != GROUND
-            }
+            points = picture.turn.machine.plan.points
+            every = (f'{link}.{name}' for link, at in points.items() for name in at)
+            traced = {point for point in every if self._has_path(point)}
             symbol = self._shown['stage']['symbol'] if self._grabbed else 0.0
-            stage, curves = drawing.of_machine(picture.turn, self._traced or tracers, symbol)
+            stage, curves = drawing.of_machine(picture.turn, traced, symbol)
         else:
             stage = drawing.of_parts(picture.scene, picture.poses)
         return {
@@ -199,6 +197,19 @@ class Session:
             'curves': curves,
             'assembled': picture.turn is not None,
         }
+
+    def _has_path(self, point: str) -> bool:
+        """Whether the path of a point is drawn: of named ones, if nobody says otherwise."""
+        link, _, name = point.partition('.')
+        return self._traced.get(point, name not in ('start', 'end') and link != GROUND)
+
+    def _tracks(self, picture: Picture) -> list[tuple[str, bool]]:
+        """The points of the link that is chosen, and whether their paths are drawn."""
+        link = self._path[1] if self._path[:1] == ('links',) and len(self._path) == 2 else ''
+        if link in ('', GROUND) or link not in picture.scene.links:
+            return []
+        points = (f'{link}.{name}' for name in points_of(picture.scene.links[link]))
+        return [(point, self._has_path(point)) for point in points]
 
     def _handle(self, key: Any, picture: Picture | None = None) -> Handle:
         picture = picture or self._picture
@@ -357,7 +368,8 @@ class Session:
         self._path = _path(message)
 
     def _trace(self, message: Mapping[str, Any]) -> None:
-        self._traced ^= {str(message['point'])}
+        point = str(message['point'])
+        self._traced[point] = not self._has_path(point)
 
     def _replace(self, message: Mapping[str, Any]) -> None:
         self.document.replace(str(message['text']))
@@ -372,7 +384,7 @@ class Session:
         if name and name not in scene_names():
             raise InputError(f"there is no scene '{name}' in the package")
         self.document = Document.open(name) if name else Document()
-        self._path, self._traced = (), set()
+        self._path, self._traced = (), {}
         self._picture = Picture(Document().scene(), None, {GROUND: ORIGIN}, '')
         self._of = None
 
