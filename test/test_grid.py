@@ -27,7 +27,8 @@ SAMPLE = {
 # of one long step; refusals that came only with the run
 ONCE = (
     'four_bar_compliant_066', 'four_bar_compliant_115', 'four_bar_compliant_joints_008',
-    'tilted_024', 'cam_compliant_014', 'linkage_loose_020', 'linkage_loose_029', 'four_bar_friction_005',
+    'tilted_024', 'cam_compliant_014', 'linkage_loose_020', 'linkage_loose_029',
+    'four_bar_friction_005',
 )  # fmt: skip
 CASES = [c for name, count in SAMPLE.items() for c in grid(only=[name])[:count]]
 CASES += grid(only=ONCE)

@@ -37,9 +37,10 @@ from mechanism_sim.contact.problem import (
 )
 from mechanism_sim.contact.rubbing import loss, rubs_of, with_friction
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid.clock import Base, horner
+from mechanism_sim.hybrid.clock import Base
 from mechanism_sim.hybrid.dense_output import Status, floats
 from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeChange
+from mechanism_sim.hybrid.switching import Switching, rate_of
 from mechanism_sim.hybrid.system import (
     FORCE_SCALE,
     JAMMED,
@@ -50,7 +51,7 @@ from mechanism_sim.hybrid.system import (
 )
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import charge, kernel
-from mechanism_sim.planar.switches import HOLDS, REST, SWITCH_MARGIN
+from mechanism_sim.planar.switches import HOLDS
 
 _SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 _SIGNS = {int(mode): sign for sign, mode in _SLIDING.items()}
@@ -60,17 +61,15 @@ _BEYOND = 1e3  # times the rounding of a guard: more did not fall at the same in
 _ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
 
 _RUBBED, _MOST_RUBBED = 1e-13, 200  # of impulses that friction in ideal joints changes
+_ROUGHLY_RUBBED = 1e-9  # the same, where rounding goes on turning a slip over
 
-_STILL_TURNING, _MOST_TURNS = 1e-6, 1000  # [s] between turns of a switch, so many times in a row
 
-
-class Contacts:
+class Contacts(Switching):
     """The gaps of a system at the integrator's present state, and what became of them.
 
     Attributes
     ----------
     modes : of every gap
-    switches : the present rows of what changes from part to part of the cycle
     flying : whether any gap is open
     impacts, mode_changes : the events so far
     horizon : [s] longest next step: a root much nearer to its start than to its end gets lost
@@ -85,19 +84,9 @@ class Contacts:
         rtol: float,
         speed: float,
     ) -> None:
+        super().__init__(system, integrator, base)
         self.mode_changes: list[ModeChange] = []
-        self.base = base
         self.horizon = float('inf')
-        self._system = system
-        self._ta = integrator
-        self._f = len(system.free)
-        self._state = floats(integrator.state)[: 2 * self._f]
-        self._parameters = integrator.pars
-        self._pars = floats(self._parameters)
-        self._now = np.empty(2 * self._f + len(self._pars) + 1)
-        now = floats(self._now)
-        self._now_state, self._now_pars = now[: 2 * self._f], now[2 * self._f : -1]
-        self._x = integrator.state[: 2 * self._f]
         self._rule = rule
         gaps = system.gaps
         self._names = [gap.name for gap in gaps]
@@ -119,7 +108,6 @@ class Contacts:
         self._flags[1, system.dynamics.frictional] = system.stick_index
         self._flags[2, system.dynamics.frictional] = system.slip_index
         self._flags[3, : len(system.presses_index)] = system.presses_index
-        self._rounding = 2.0 * float(np.spacing(system.mechanism.reach))
         self._touching = 4.0 * self._rounding
         self._tie = max(self._touching, min(rtol, 1e-9) * system.mechanism.size)
         self._slowest = 1e-6 * speed  # [m/s] to which the damping of a touch may refer
@@ -136,26 +124,7 @@ class Contacts:
             for guard in system.guards
         ]  # fmt: skip
         self.approach = (1.0,) * len(system.approach_index)
-        self.switches: tuple[int, ...] = (0,) * len(system.switches)
-        self._turns: dict[
-            int, tuple[float, int]
-        ] = {}  # when switches last did, how often in a row
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
-
-    @property
-    def sides(self) -> tuple[float, ...]:
-        """Signs of what presses on lines that rub."""
-        return tuple(self._pars[i] for i in self._system.side_index)
-
-    @sides.setter
-    def sides(self, signs: Sequence[float]) -> None:
-        self._set(self._system.side_index, signs)
-        self._set_status()
-
-    @property
-    def time(self) -> float:
-        """Present time [s]."""
-        return self.base.at(float(self._ta.time))
 
     def change_restitution(self, joint: str, restitution: float) -> None:
         """Let impacts in all gaps of a joint have another coefficient.
@@ -200,74 +169,12 @@ class Contacts:
         held = self._begins if begins else self._problem.closed[:0]
         write_flags(self._modes, held, self._flags, self._parameters)
 
-    def _set(self, index: Sequence[int], values: Sequence[float]) -> None:
-        for i, value in zip(index, values, strict=True):
-            self._pars[i] = value
-
-    def _at_present(
-        self, function: hy.cfunc_dbl, ahead: float = 0.0, out: Array | None = None
-    ) -> Array:
-        """A function of the system, now, or where it is a very short time `ahead` [s]."""
-        self._now_state[:], self._now_pars[:] = self._state, self._pars
-        self._now[-1] = self._ta.time + ahead
-        if ahead:
-            self._now[: self._f] += ahead * self._now[self._f : 2 * self._f]
-        values: Array = function(self._now, outputs=out)
-        return values
-
-    def set_switches(self, rows: tuple[int, ...] | None = None) -> None:
-        """Set the rows of the switches to given ones, or as the present state has them."""
-        switches = self._system.switches
-        if rows is None:
-            for _ in range(self._system.switch_levels):
-                places = zip(switches, self._places(), strict=True)
-                self.set_switches(tuple(s.row_at(x) for s, x in places))
-            return
-        self.switches = rows
-        for s, index, row in zip(switches, self._system.switch_index, rows, strict=True):
-            self._set(index, s.values(row))
-        if self._system.holding:
-            self._set_status()
-
-    def pass_edges(self) -> None:
-        """Let switches turn over that are at their edge now, where their guards fall too late.
-
-        So what begins with the run, or with a law, holds from its first instant on.
-        """
-        tau, before = float(self._ta.time), self.switches
-        rates = [*self._state[self._f :], *(rate_of(law, tau) for law in self.base.laws)]
-        fastest = max(map(abs, rates), default=0.0)
-        if not (before and fastest):
-            return
-        places = self._places(0.5 * SWITCH_MARGIN / fastest)
-        rows = [s.row_at(x) for s, x in zip(self._system.switches, places, strict=True)]
-        self.set_switches(tuple(rows))
-        guards = self._at_present(self._system.watch)[: len(self._floor)][-len(rows) :]
-        known = zip(before, rows, guards.tolist(), strict=True)
-        self.set_switches(tuple(new if guard > 0.0 else old for old, new, guard in known))
-
-    def _places(self, ahead: float = 0.0) -> list[float]:
-        """Where the switches are."""
-        seen = self._at_present(self._system.watch, ahead)
-        places: list[float] = seen[len(seen) - len(self.switches) :].tolist()
-        return places
-
     @property
     def _jumps(self) -> bool:
         """Whether a closed gap moves, more than by a step's error."""
         count, seen = len(self._floor), self._at_present(self._system.watch).tolist()
         rates = zip(self.modes, seen[count:], strict=False)
         return any(abs(x) > self._still for mode, x in rates if mode > Mode.FREE_FLIGHT)
-
-    @property
-    def _where(self) -> str:
-        """The angle of the first drive, for messages."""
-        system = self._system
-        for c, law in zip(system.prescribed, self.base.laws, strict=False):
-            if c not in system.mechanism.displacements:
-                angle = math.degrees(horner(law, self._ta.time)) % 360.0
-                return f', {c} at {angle:.6g} deg'
-        return ''
 
     def closed(self, gap: int) -> bool:
         """Whether a gap carries force."""
@@ -413,155 +320,12 @@ class Contacts:
             return
         self._record_modes(before)
 
-    def _row_after(self, switch: int) -> int:
-        """The row of a switch that follows on the present one.
-
-        Raises
-        ------
-        RunError
-            If there is none.
-        """
-        known, row, place = (
-            self._system.switches[switch],
-            self.switches[switch],
-            self._places()[switch],
-        )
-        if switch in self._system.holding:
-            held = self._system.holding[switch].holding(row, self._rates_of(switch), place)
-            if held is not None:
-                return held
-        try:
-            return known.row_after(row, place)
-        except RunError as error:
-            raise RunError(f'{error} (t = {self.time:.9g} s)') from error
-
-    def _rates_of(self, switch: int) -> list[float]:
-        """What `Switch.holding` asks for of a switch of rates."""
-        system = self._system
-        own = [*system.holding].index(switch)
-        function, kept = system.holding_rates, self._parameters.copy()
-        part = float(self._at_present(function)[len(system.holding) + own])
-        seen = []
-        for others in (True, False):
-            for k, index in enumerate(system.switch_index):
-                if k in system.holding and (k == switch or not others):
-                    self._pars[index[1]] = 0.0
-            for flag in (0.0, 1.0):
-                self._pars[system.switch_index[switch][0]] = flag
-                seen.append(float(self._at_present(function)[own]))
-        self._parameters[:] = kept
-        return [*seen, part]
-
-    def _rubbed_fast(self) -> RunError:
-        joints = [rub.friction.name for rub in self._system.dynamics.rubs]
-        return RunError(
-            f'friction jams at t = {self.time:.9g} s{self._where}: in {", ".join(joints)} no '
-            'finite forces let the motion go on; a smaller coefficient or radius runs'
-        )
-
-    @property
-    def rubbing(self) -> tuple[float, ...]:
-        """Signs of what presses on lines that rub, then where the forces of pins point."""
-        index = (*self._system.side_index, *self._system.towards_index)
-        return tuple(self._pars[i] for i in index)
-
-    @rubbing.setter
-    def rubbing(self, values: Sequence[float]) -> None:
-        self._set((*self._system.side_index, *self._system.towards_index), values)
-        self._set_status()
-
     def _begin_to_rub(self) -> None:
         """Note what presses on ideal joints that rub, and what holds there."""
         self._press_sides()
         for k in range(len(self._system.towards_index) // 2):
             self._follow_pin(k)
         self._respond_to_missed()
-
-    def _press_sides(self) -> None:
-        """Let the signs of what presses on lines that rub be those of its present forces."""
-        for _ in self._system.side_index:
-            pressed = self._at_present(self._system.pressing).tolist()
-            signs = tuple(math.copysign(1.0, x) for x in pressed)
-            if signs == self.sides:
-                break
-            self.sides = signs
-
-    def _follow_pin(self, pin: int) -> None:
-        """Note where the force of a pin that rubs points now."""
-        x, y = self._at_present(self._system.pin_forces)[2 * pin : 2 * pin + 2].tolist()
-        if size := math.hypot(x, y):
-            self._set(self._system.towards_index[2 * pin : 2 * pin + 2], (x / size, y / size))
-
-    def _freeze(self, held: Sequence[int]) -> None:
-        """Let contacts be resolved under the parts of switches that hold now."""
-        parts = self._at_present(self._system.holding_rates)[len(self._system.holding) :].tolist()
-        for k, part in zip(self._system.holding, parts, strict=True):
-            if k in held:
-                self._pars[self._system.switch_index[k][0]] = part
-
-    def _release(self) -> None:
-        """Let switches hold no more what an impact has moved.
-
-        What they would stop again within a rounding of the place is stopped now: contacts that
-        part by roundings fall back as fast, and would move it for ever.
-        """
-        places, rows = self._places(), list(self.switches)
-        moved = [k for k in self._system.holding if rows[k] == HOLDS and abs(places[k]) > REST]
-        if not moved:
-            return
-        slow = [k for k in moved if places[k] ** 2 < 2.0 * self._rounding * self._stops(k, places)]
-        for k in moved:
-            if k not in slow:
-                rows[k] = int(places[k] > 0.0)
-        self.set_switches(tuple(rows))
-        if slow:
-            self._stop(slow)
-
-    def _stops(self, switch: int, places: Sequence[float]) -> float:
-        """How fast the function of a switch comes back to zero where it acts, 0 if it does not."""
-        rates = self._rates_of(switch)[:2]
-        below, above = rates
-        return max(0.0, -above if places[switch] > 0.0 else below)
-
-    def _stop(self, held: Sequence[int]) -> None:
-        """Bring the functions of switches that hold to zero by an impulse of what holds them."""
-        kept, system, f = self._parameters.copy(), self._system, self._f
-        functions = [[*system.holding].index(k) for k in held]
-
-        def seen(acting: int | None) -> tuple[Array, Array]:
-            for k in held:
-                self._set(system.switch_index[k], (float(k == acting), 0.0))
-            rates = self._at_present(system.holding_rates)[functions]
-            return rates, self._at_present(system.accelerations).copy()
-
-        still, a = seen(None)
-        ways = [seen(k) for k in held]
-        self._parameters[:] = kept
-        places = np.array(self._places())[list(held)]
-        steps = np.column_stack([rates - still for rates, _ in ways])
-        shares = np.linalg.lstsq(steps, -places)[0]
-        for x, (_, way) in zip(shares.tolist(), ways, strict=True):
-            self._x[f:] += x * (way - a)
-        self.project()
-
-    def _count_turns(self, switch: int) -> None:
-        """Refuse a switch that turns over again and again at one place.
-
-        Raises
-        ------
-        RunError
-        """
-        since, count = self._turns.get(switch, (-math.inf, 0))
-        count = 1 if self.time - since > _STILL_TURNING else count + 1
-        self._turns[switch] = self.time, count
-        if count > _MOST_TURNS:
-            name = [*self._system.equations.frames.switches][switch]
-            load = '.'.join(name.replace(':', '.', 1).split('.')[:2])
-            raise RunError(
-                f'{load} turns over again and again at t = {self.time:.9g} s: a force that steps '
-                'against the motion (sign, or a condition on a rate) would hold it at rest; write '
-                'a steep function instead, such as tanh(vx/0.001)'
-            )
 
     def missed_event(self, seen_now: int | None = None) -> int | None:
         """A guard which is past zero already: the integrator would never see it fall.
@@ -730,10 +494,13 @@ class Contacts:
             if not x.any():
                 break
             lost = loss(rubs, x, T)
-            if np.abs(x - before).max() <= _RUBBED * np.abs(x).max():
+            if (left := np.abs(x - before).max() / np.abs(x).max()) <= _RUBBED:
                 break
             self._arrays[0][:], before = plain, x
             T = with_friction(self._problem, rubs, x, T)
+        else:
+            if left > _ROUGHLY_RUBBED:
+                raise self._rubbed_fast()
         return lost
 
     @property
@@ -1020,11 +787,3 @@ def write_flags(
                     else slip if k == 2
                     else (1.0 if FLIES < mode < RECOVERS else 0.0)
                 )  # fmt: skip
-
-
-def rate_of(law: Sequence[float], tau: float) -> float:
-    """Rate [rad/s] of a law's polynomial at local time tau [s]."""
-    rate = 0.0
-    for k in range(len(law) - 1, 0, -1):
-        rate = rate * tau + k * law[k]
-    return rate

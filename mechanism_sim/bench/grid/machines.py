@@ -227,8 +227,8 @@ def _rubbing_loose(random: Random, k: int) -> Draft:
     """A package machine with loose pins, some of its other joints with friction."""
     draft = _loose(random, k if k % 12 < 11 else k - 3)  # two elastic pins of one link whirl
     for joint in draft.scene['joints'].values():
-        if 'friction' in (play := joint.get('clearance', {})):
-            play['friction'] = min(play['friction'], 0.5)  # more jams with that of others
+        if 'friction' in (play := joint.get('clearance', {})):  # more jams with that of others
+            play['friction'] = 0.5 if play['friction'] == 'rough' else min(play['friction'], 0.5)
     rub(random, draft.scene, 2e-4 if 'film' in draft.scene['title'].lower() else 0.02)
     return draft
 
