@@ -67,7 +67,7 @@ def read_frictions(places: Places) -> Callable[[Mechanism], list[JointFriction]]
             raise InputError(f"{where} needs a '{arm}', as {arm}: 10 mm")
         if given.coefficient and kind.play(joint):
             raise InputError(
-                f"{where}: the joint is loose: give the friction of a pin, a block or a slot in "
+                f'{where}: the joint is loose: give the friction of a pin, a block or a slot in '
                 "its 'clearance'; the play of other pairs has none"
             )
         if given.coefficient:
