@@ -332,6 +332,8 @@ def test_a_tight_pin_is_the_limit_of_a_loose_one():
         ({'joints.ground_piston.friction': {'coefficient': 0.1, 'radius': 0.01}},
          'radius has no meaning in a prismatic joint'),
         ({'joints.ground_piston.friction': {'coefficient': -0.1}}, 'coefficient'),
+        ({'joints.crank_rod.clearance': {'radial': 1e-4, 'restitution': 0.5}},
+         "the joint is loose: give the friction .* in its 'clearance'"),
     ],
 )  # fmt: skip
 def test_what_makes_no_sense_is_refused(change, sentence):

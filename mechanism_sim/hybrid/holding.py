@@ -67,7 +67,8 @@ def acting(
     n = len(unknowns)
     rubs = any(T is not None for T in forces)
     if rubs:
-        slopes = [[hy.diff(x, unknown) for unknown in unknowns] for x in every]
+        # flanks of teeth bear as they would without
+        slopes = [list(hy.subs([hy.diff(x, T) for T in unknowns], none)) for x in every]
     else:  # the same of shorter expressions, whose roundings are those of long ago
         B = [hy.subs(every, none | {x: hy.expression(1.0)}) for x in unknowns]
         slopes = [[b[k] - A[k] for b in B] for k in range(len(every))]

@@ -51,7 +51,7 @@ def read_frictions(places: Places) -> Callable[[Mechanism], list[JointFriction]]
     Raises
     ------
     InputError
-        If keys do not fit the kind.
+        If keys do not fit the kind, or the joint is loose itself.
     """
     rubs = {}
     for name, joint in places.scene.joints.items():
@@ -65,6 +65,11 @@ def read_frictions(places: Places) -> Callable[[Mechanism], list[JointFriction]]
                 raise InputError(f'{where}.{key} has no meaning in a {kind.name} joint')
         if needed and getattr(given, arm) is None:
             raise InputError(f"{where} needs a '{arm}', as {arm}: 10 mm")
+        if given.coefficient and kind.play(joint):
+            raise InputError(
+                f'{where}: the joint is loose: give the friction of a pin, a block or a slot in '
+                "its 'clearance'; the play of other pairs has none"
+            )
         if given.coefficient:
             rubs[name] = given
 
