@@ -140,7 +140,7 @@ def test_samples_as_files(tmp_path, suffix):
     if suffix == 'npz':
         columns = dict(np.load(file))
     elif suffix == 'csv':
-        names = file.read_text().splitlines()[0].split(',')
+        names = [head.partition(' [')[0] for head in file.read_text().splitlines()[0].split(',')]
         columns = dict(zip(names, np.loadtxt(file, delimiter=',', skiprows=1).T, strict=True))
     else:
         columns = {name: np.array(x) for name, x in pq.read_table(file).to_pydict().items()}
