@@ -191,6 +191,8 @@ def _ends(joint: Joint) -> tuple[str, str]:
 
 def _part(mechanism: Mechanism, joint: Joint, curve: PiecewisePolynomial, impact: Impact) -> float:
     """What of the change of relative velocity the first link does, 0 to 1."""
+    if GROUND in (ends := _ends(joint)):
+        return float(ends.index(GROUND))
     slack = 4.0 * np.spacing(impact.t)
     before = int(np.searchsorted(curve.start, impact.t - slack)) - 1
     after = int(np.searchsorted(curve.start, impact.t + slack, side='right')) - 1
