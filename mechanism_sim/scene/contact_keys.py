@@ -39,8 +39,8 @@ class Contact(Part):
     radius: Length | None = None
     """Of the journal; required for a film."""
     cavitation: Literal['guembel', 'none'] = 'guembel'
-    """Of a film where its pressure falls below that of the supply: it ruptures and carries nothing
-    (Guembel); or it pulls, if the supply's pressure keeps it whole."""
+    """Of a film whose pressure falls below that of its supply. It ruptures and carries nothing
+    there (Guembel), or it pulls, if the supply's pressure keeps it whole."""
     roughness: Length | None = None
     """Thickness of a film at which its walls touch; without, they never do."""
 
