@@ -131,6 +131,7 @@ def test_an_mp4_lasts_as_long_as_it_should_and_moves(machine, solution, tmp_path
     assert [x.name for x in tmp_path.iterdir()] == ['film.mp4']
 
 
+@pytest.mark.deep
 def test_a_gif_goes_on_and_on_in_plain_colours(tmp_path):
     file = tmp_path / 'leg.gif'
     said = run_json(

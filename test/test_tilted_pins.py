@@ -225,6 +225,7 @@ def test_a_link_that_could_lean_but_is_in_line_moves_as_the_planar_one():
     assert np.abs(q[0] - q[1]).max() < 1e-12
 
 
+@pytest.mark.deep
 def test_stiffer_links_come_nearer_to_those_that_stay_in_their_plane():
     """As one over the stiffness."""
     misaligned = {'length': '20 mm', 'misalignment__pin__angle': '8 mrad', 'restitution': 0.0}
@@ -253,6 +254,7 @@ def test_ends_change_places_when_the_misalignment_is_turned_over():
         assert (swapped[a.joint], a.t) == (b.joint, pytest.approx(b.t, rel=1e-9))
 
 
+@pytest.mark.deep
 def test_the_stiffness_of_a_compliant_bearing_is_that_of_both_ends():
     """In line both are pressed alike: the sum is the planar law."""
     law = {'contact__law': 'hunt_crossley', 'contact__stiffness': 1e9}
