@@ -31,10 +31,11 @@ from mechanism_sim.messages import Motion as MotionMessage
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of, pack
 from mechanism_sim.nodes.qos import LATCHED
+from mechanism_sim.pages.assets import contents_of
 from mechanism_sim.pages.controls import controls, visible_pace
 from mechanism_sim.pages.live import MOST, Live
 from mechanism_sim.pages.server import PAGES, Command, Mailbox, Server
-from mechanism_sim.pages.view import NEWEST, _contents
+from mechanism_sim.pages.view import MODULES, NEWEST
 
 SCENE = 'four_bar_clearance'
 PLAY = 'joints.coupler_rocker.clearance'
@@ -470,7 +471,9 @@ class Acted:
         for message in messages(self.machine, list(ends)):
             self.live.take(message)
         self.batch = self.live.batch()
-        self.server = Server(_contents(), 0, lambda: [self.stage(), self.batch], self.asked.put)
+        self.server = Server(
+            contents_of('live', MODULES), 0, lambda: [self.stage(), self.batch], self.asked.put
+        )
         self.tab, self.page = tab, tab.page
         tab.page.goto(self.server.address)
         assert eventually(lambda: data(tab, 'time'))

@@ -11,6 +11,7 @@ import posixpath
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -171,14 +172,13 @@ def _key(*parts: str) -> str:
     return digest.hexdigest()[:24]
 
 
-def _program(known: list[bytes] = []) -> bytes:  # noqa: B006 - made once
+@cache
+def _program() -> bytes:
     """The program that makes the runs."""
-    if not known:
-        digest = hashlib.sha256(version('plotly').encode())
-        for file in sorted([*_sources(), Path(__file__)]):
-            digest.update(file.read_bytes())
-        known.append(digest.digest())
-    return known[0]
+    digest = hashlib.sha256(version('plotly').encode())
+    for file in sorted([*_sources(), Path(__file__)]):
+        digest.update(file.read_bytes())
+    return digest.digest()
 
 
 def _sources() -> Iterator[Path]:

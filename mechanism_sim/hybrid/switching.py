@@ -226,8 +226,7 @@ class Switching(ABC):
 
     def _stops(self, switch: int, places: Sequence[float]) -> float:
         """How fast the function of a switch comes back to zero where it acts, 0 if it does not."""
-        rates = self._rates_of(switch)[:2]
-        below, above = rates
+        below, above, *_ = self._rates_of(switch)
         return max(0.0, -above if places[switch] > 0.0 else below)
 
     def _stop(self, held: Sequence[int]) -> None:

@@ -45,6 +45,18 @@ def render(template: str, **values: Any) -> str:
     return environment.from_string(asset(template)).render(**values)
 
 
+def contents_of(name: str, modules: Iterable[str], **values: Any) -> dict[str, tuple[str, str]]:
+    """Kind and text of what a server shows, by path: a page with its own styles, and modules."""
+    page = render(
+        f'{name}.html.jinja',
+        style=styles('stage', 'style', name),
+        imports=embedded({module: f'/{module}.js' for module in modules}),
+        **values,
+    )
+    scripts = {f'/{module}.js': ('text/javascript', asset(f'{module}.js')) for module in modules}
+    return {'/': ('text/html', page), **scripts}
+
+
 def embedded(data: Any) -> Markup:
     """JSON that can stand in a page: nothing in it ends the element around it."""
     text = data if isinstance(data, str) else strict_json.dumps(data)

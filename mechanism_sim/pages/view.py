@@ -20,11 +20,11 @@ from mechanism_sim.middleware import (
 )
 from mechanism_sim.nodes.described_node import DescribedNode
 from mechanism_sim.nodes.qos import LATCHED
-from mechanism_sim.pages.assets import asset, embedded, render, styles
+from mechanism_sim.pages.assets import contents_of
 from mechanism_sim.pages.controls import Control, controls
 from mechanism_sim.pages.live import Live
 from mechanism_sim.pages.operator import PAUSED, PLAYING, Operator
-from mechanism_sim.pages.server import Command, Content, Mailbox, Server
+from mechanism_sim.pages.server import Command, Mailbox, Server
 
 MODULES = 'svg', 'stage', 'lens', 'player', 'stream', 'strip', 'sliders', 'keys', 'zoom', 'live'
 PORT = 8080
@@ -84,7 +84,9 @@ class View(DescribedNode):
         motion = self.create_subscription(Motion, 'motion', self._move, NEWEST)
         self.create_subscription(Impact, 'impacts', self._receive_impact, NEWEST)
         self._topic = motion.topic_name
-        self.server = Server(_contents(), port, lambda: self._greeting, self._asked.put)
+        self.server = Server(
+            contents_of('live', MODULES), port, lambda: self._greeting, self._asked.put
+        )
         if port and self.server.port != port:
             self.get_logger().info(f'port {port} is taken: another was chosen')
         apart = ReentrantCallbackGroup()  # who waits for an answer keeps nothing else waiting
@@ -248,19 +250,3 @@ class View(DescribedNode):
         """Close the page."""
         self.server.close()
         super().destroy_node()
-
-
-def _contents() -> dict[str, Content]:
-    modules: dict[str, Content] = {
-        f'/{name}.js': ('text/javascript', asset(f'{name}.js')) for name in MODULES
-    }
-    return {'/': ('text/html', page()), **modules}
-
-
-def page() -> str:
-    """The page as HTML."""
-    return render(
-        'live.html.jinja',
-        style=styles('stage', 'style', 'live'),
-        imports=embedded({name: f'/{name}.js' for name in MODULES}),
-    )

@@ -217,10 +217,7 @@ class Linearisation:
             If forces or their slopes are not finite on the way.
         """
         for _ in range(_STEPS):
-            at = self._closed(at)
-            linear = self(at)
-            if not all(np.isfinite(x).all() for x in linear):
-                raise FloatingPointError
+            at, linear = self._finite(at)
             B, _ = self.basis(linear.J)
             g, K = B.T @ linear.F, B.T @ linear.K @ B
             scale = 1.0 / np.abs(B / self.scale[:, None]).max(axis=0, initial=1e-300)
@@ -278,10 +275,7 @@ class Linearisation:
             If forces or their slopes are not finite on the way.
         """
         for _ in range(_STEPS):
-            at = self._closed(at)
-            linear = self(at)
-            if not all(np.isfinite(x).all() for x in linear):
-                raise FloatingPointError
+            at, linear = self._finite(at)
             B, _ = self.basis(linear.J)
             size = np.abs(B / self.scale[:, None]).max(axis=0, initial=1e-300)
             pace = max(1.0, float(np.abs(at.v).max()))
@@ -310,6 +304,20 @@ class Linearisation:
         stiff = float(np.abs(linear.K * self.scale).max(initial=0.0))
         held = float(np.abs(linear.J.T @ at.forces).max(initial=0.0))
         return max(stiff, held, inertia * 1e-3, 1e-300)
+
+    def _finite(self, at: Point) -> tuple[Point, Linear]:
+        """The nearest point with closed loops, and the equations there.
+
+        Raises
+        ------
+        FloatingPointError
+            If they are not finite.
+        """
+        at = self._closed(at)
+        linear = self(at)
+        if not all(np.isfinite(x).all() for x in linear):
+            raise FloatingPointError
+        return at, linear
 
     def _closed(self, at: Point) -> Point:
         """The nearest point with closed loops, and the forces of the closures there."""

@@ -13,11 +13,11 @@ from typing import Any
 from mechanism_sim import ending, strict_json
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.errors import InputError
-from mechanism_sim.pages.assets import asset, embedded, render, styles
+from mechanism_sim.pages.assets import contents_of
 from mechanism_sim.pages.edit.background import Background
 from mechanism_sim.pages.edit.document import Document
 from mechanism_sim.pages.edit.session import Session
-from mechanism_sim.pages.server import HOST, Content, Server
+from mechanism_sim.pages.server import HOST, Server
 
 MODULES = 'svg', 'stage', 'lens', 'player', 'canvas', 'fields', 'edit'
 PORT = 8080
@@ -46,7 +46,8 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
     key = secrets.token_urlsafe(16)
     greeting: list[dict[str, Any]] = []
     server = Server(
-        contents(), PORT if port is None else port, lambda: [*greeting],
+        contents_of('edit', MODULES, scenes=scene_names()),
+        PORT if port is None else port, lambda: [*greeting],
         lambda message: waiting.put(('page', message)),
         read=lambda data: data if isinstance(data, dict) else None, key=key, largest=_COMMAND,
         name='edit',
@@ -112,21 +113,3 @@ def _newest(message: dict[str, Any], waiting: queue.Queue[tuple[str, Any]]) -> d
             break
         message = waiting.get()[1]
     return message
-
-
-def contents() -> dict[str, Content]:
-    """The page and its modules, by path."""
-    modules: dict[str, Content] = {
-        f'/{name}.js': ('text/javascript', asset(f'{name}.js')) for name in MODULES
-    }
-    return {'/': ('text/html', page()), **modules}
-
-
-def page() -> str:
-    """The page as HTML."""
-    return render(
-        'edit.html.jinja',
-        style=styles('stage', 'style', 'edit'),
-        imports=embedded({name: f'/{name}.js' for name in MODULES}),
-        scenes=scene_names(),
-    )
