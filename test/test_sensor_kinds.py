@@ -168,6 +168,13 @@ def test_impacts_reach_a_load_cell_as_their_impulses(solution):
         assert abs(across) == pytest.approx(abs(impact.tangential_impulse), rel=0.02, abs=5e-4)
 
 
+@pytest.mark.parametrize('sensor', [{'at': 'rod.end'}, {'link': 'rod', 'at': 'end'}])
+def test_a_sensor_sits_at_a_point_by_its_name(sensor):
+    length = float(ms.load_scene('watched_compressor').scene.links['rod'].length)
+    there = changed({'s': {'link': 'rod', 'at': length}})
+    assert changed({'s': sensor}).scene.sensors == there.scene.sensors
+
+
 # --- what cannot be -----------------------------------------------------------------------------
 
 
@@ -184,6 +191,11 @@ def test_impacts_reach_a_load_cell_as_their_impulses(solution):
         ({'kind': 'displacement_probe', 'joint': 'crank_rod'}, ['no joint with a pin', JOINT]),
         ({'kind': 'load_cell', 'joint': 'crank_rot'}, ["mean 'crank_rod'?"]),
         ({'joint': 'crank_rod', 'link': 'rod'}, ["'joint'", 'no meaning']),
+        ({'at': 'rod.edn'}, ["sensors.s.at = 'rod.edn'", "mean 'rod.end'?"]),
+        ({'link': 'crank', 'at': 'rod.end'}, ["no point of the sensor's link"]),
+        ({'link': 'rod', 'at': [1.0, 'x']}, ["write for example '64 mm'"]),
+        ({'link': 'rod', 'at': [1.0, 2.0, 3.0]}, ['a pair [x, y]']),
+        ({'link': 'rod', 'at': math.nan}, ['must be finite']),
     ],
 )  # fmt: skip
 def test_sensors_that_cannot_be_are_refused(sensor, said):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
 from mechanism_sim import documents
 from mechanism_sim.catalogue import config_folder
@@ -167,7 +168,7 @@ def checked(file: str, model: type[Model], data: Mapping[str, Any]) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise InputError(f'{file}: {_first_problem(error, model)}') from error
+        raise InputError(f'{file}: {_first_problem(error, model, data)}') from error
 
 
 def _pairs(overrides: Mapping[str, Any] | Iterable[str]) -> list[tuple[str, Any]]:
@@ -202,10 +203,24 @@ def _override(data: dict[str, Any], key: str, value: Any, file: str) -> None:
     place[last] = value
 
 
-def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
+def _place(problem: ErrorDetails, data: Any) -> list[str]:
+    """Keys that lead to a problem, without what Pydantic calls the kinds that may stand there."""
+    *path, last = problem['loc'] or ('',)
+    found, here = [], data
+    for part in path:
+        try:
+            here = here[part]
+        except (KeyError, IndexError, TypeError):
+            continue
+        found.append(str(part))
+    there = isinstance(here, list | tuple) or (isinstance(here, Mapping) and last in here)
+    return [*found, str(last)] if there or problem['type'] == 'missing' else found
+
+
+def _first_problem(error: ValidationError, model: type[BaseModel], data: Any) -> str:
     problems = error.errors()
     problem = next((p for p in problems if p['type'] == 'extra_forbidden'), problems[0])
-    path = [str(part) for part in problem['loc']]
+    path = _place(problem, data)
     where = '.'.join(path)
     kind, context = problem['type'], problem.get('ctx', {})
     value = problem['input']
@@ -219,7 +234,7 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
         return f"'{where}.{context['key']}' is missing"
     if kind == 'value_error':
         shown = where if isinstance(value, dict) else f'{where} = {quoted(value)}'
-        return f'{shown} {context["error"]}'
+        return f'{shown} {context["error"]}'.lstrip()
     if kind == 'literal_error':
         hint = nearest(str(value), re.findall(r"'([^']*)'", str(context['expected'])))
         return f'{where} = {quoted(value)} is not possible{hint}; allowed: {context["expected"]}'
@@ -232,6 +247,7 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
         'int_type': 'it must be a whole number',
         'int_parsing': 'it must be a whole number',
         'int_from_float': 'it must be a whole number',
+        'float_type': 'it must be a number',
         'string_type': 'it must be text; put it in quotes',
         'bool_parsing': 'it must be true or false',
         'bool_type': 'it must be true or false',
@@ -243,7 +259,8 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
         few = 'it must not be empty' if least == 1 else f'it must have {least} entries'
         return f'{where} = {quoted(value)}: {few}'
     if kind in expected:
-        return f'{where} = {quoted(value)}: {expected[kind]}'
+        ways = [expected.get(p['type']) for p in problems if _place(p, data) == path]
+        return f'{where} = {quoted(value)}: {", or ".join(dict.fromkeys(filter(None, ways)))}'
     bounds = {
         'greater_than': ('gt', 'more than'),
         'greater_than_equal': ('ge', 'at least'),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import math
 import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -68,6 +69,25 @@ _NOT_NEGATIVE = Field(ge=0.0, allow_inf_nan=False)
 
 Length = Annotated[float, si('m'), POSITIVE]
 Position = Annotated[float, si('m'), _FINITE]
+
+
+def one_or_two(unit: str, other: str, least: float = -math.inf) -> Quantity:
+    """One quantity in `unit`, or a pair of them, each finite and at least `least`."""
+
+    def read(value: Any) -> float | tuple[float, ...]:
+        alone = not isinstance(value, list | tuple)
+        numbers = tuple(to_si(x, unit) for x in ([value] if alone else value))
+        if not alone and len(numbers) != 2:
+            raise ValueError(f'must be one quantity or two: write {other}')
+        if not all(least <= x < math.inf for x in numbers):
+            raise ValueError(f'must be finite{"" if least else " and at least 0"}')
+        return numbers[0] if alone else numbers
+
+    return Quantity(read, (unit,), other)
+
+
+Offset = Annotated[float | tuple[float, float], one_or_two('m', 'a pair [x, y]')]
+"""A place on a link: along it from its origin, or a pair [x, y] in its frame."""
 Mass = Annotated[float, si('kg'), POSITIVE]
 LinkMass = Annotated[float, si('kg'), _NOT_NEGATIVE]
 Inertia = Annotated[float, si('kg m^2'), POSITIVE]

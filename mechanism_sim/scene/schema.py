@@ -26,6 +26,7 @@ from mechanism_sim.scene.quantities import (
     Length,
     LinkMass,
     Mass,
+    Offset,
     Part,
     Position,
     Rate,
@@ -38,7 +39,7 @@ from mechanism_sim.scene.quantities import (
     si,
     si_of,
 )
-from mechanism_sim.scene.sensor_keys import QUANTITIES
+from mechanism_sim.scene.sensor_keys import QUANTITIES, seated
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.scene.tilt_keys import TiltPart
@@ -165,7 +166,7 @@ class LinkPart(Part):
     """For all moving links or for none; forces and clearances need it. 0 kg is allowed."""
     inertia: AddedInertia | None = None
     """About the centre of gravity; 0 for a point mass."""
-    cog: Position | Vector = 0.0
+    cog: Offset = 0.0
     """Centre of gravity: along the link, or as [x, y] in its frame."""
     elastic: ElasticPart | None = None
     """How it bends; without, it is rigid."""
@@ -393,6 +394,12 @@ class AnyScene(Part):
     """Curves through points, by the names by which formulas call them, as in press(ram)."""
     measures: dict[str, str] = {}
     """Figures of a run by name, as largest(reaction.pin) or rms(drive_torque, from 2 s)."""
+
+    @model_validator(mode='before')
+    @classmethod
+    def _seat_sensors(cls, data: Any) -> Any:
+        """Sensors at named points."""
+        return seated(data) if isinstance(data, dict) else data
 
 
 class Linkage(AnyScene):

@@ -13,11 +13,11 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from mechanism_sim.errors import nearest
 from mechanism_sim.scene.quantities import (
     Angle,
     Duration,
     Part,
-    Position,
     Quantity,
     Rate,
     Time,
@@ -27,7 +27,6 @@ from mechanism_sim.sensing.channel import Source
 from mechanism_sim.units import Measure, to_si_of
 
 Order = Annotated[int, Field(strict=True, ge=1, le=12)]
-Vector = tuple[Position, Position]
 QUANTITIES = {
     'acceleration': 'm/s^2', 'velocity': 'm/s', 'displacement': 'm', 'angular_velocity': 'rad/s',
     'angle': 'rad', 'force': 'N', 'strain': '',
@@ -171,6 +170,44 @@ class InJointKeys(SensorKeys):
     """Required: the joint it is in."""
     direction: Angle = 0.0
     """Of what it reads, in the frame of the joint's second link; 0: along that link."""
+
+
+def _named(data: dict[str, Any], key: str, kind: type = object) -> list[tuple[str, Any]]:
+    """Names and what they mean, as far as a file says such a thing."""
+    given = data.get(key)
+    found = given.items() if isinstance(given, dict) else ()
+    return [(name, x) for name, x in found if isinstance(x, kind)]
+
+
+def seated(data: Any) -> Any:
+    """A scene, as it was given, whose sensors at named points have their links and offsets.
+
+    Raises
+    ------
+    ValueError
+        If a link has no such point.
+    """
+    places = {
+        f'{link}.{point}': place
+        for link, x in _named(data, 'links', dict)
+        for point, place in [('start', 0.0), ('end', x.get('length')), *_named(x, 'points')]
+        if place is not None
+    }
+    found = {}
+    for name, sensor in _named(data, 'sensors', dict):
+        at = sensor.get('at')
+        if not isinstance(at, str) or not at.rpartition('.')[2].isidentifier():
+            continue
+        link = at.rpartition('.')[0] or sensor.get('link')
+        place = f'{link}.{at.rpartition(".")[2]}'
+        if place not in places or sensor.get('link', link) != link:
+            raise ValueError(
+                f"sensors.{name}.at = '{at}' is no point of the sensor's link"
+                f'{nearest(place, places)}; write LINK.POINT, for example rocker.end, a distance '
+                "along the link, '64 mm', or [x, y]"
+            )
+        found[name] = {**sensor, 'link': link, 'at': places[place]}
+    return {**data, 'sensors': {**data['sensors'], **found}} if found else data
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mechanism_sim.catalogue import config_folder, sweep_names
 from mechanism_sim.cycles.measure_text import Measure as OwnMeasure
 from mechanism_sim.cycles.measure_text import read_all
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.scene import Machine, span
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import (
@@ -330,7 +330,8 @@ def _is_path(scene: str) -> bool:
 
 
 def _describe(given: Mapping[str, Any]) -> str:
-    return f' ({", ".join(f"{k} = {v}" for k, v in given.items())})' if given else ''
+    parts = (f'{k} = {v if isinstance(v, str) else quoted(v)}' for k, v in given.items())
+    return f' ({", ".join(parts)})' if given else ''
 
 
 def _hash(content: object) -> str:

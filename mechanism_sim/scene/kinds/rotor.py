@@ -14,13 +14,21 @@ from mechanism_sim.planar.mechanism import GROUND, Revolute
 from mechanism_sim.planar.rotor import SLOPE, Rotor, Rows, Support
 from mechanism_sim.scene.elastic_keys import MATERIALS
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
-from mechanism_sim.scene.quantities import AddedInertia, LinkMass, Part, Position, Time, si
+from mechanism_sim.scene.quantities import (
+    AddedInertia,
+    LinkMass,
+    Part,
+    Position,
+    Time,
+    one_or_two,
+    si,
+)
 from mechanism_sim.vibration.rotors import shaft_rigidity
 from mechanism_sim.vibration.shafts import Bearing, condensed
 
 _NOT_NEGATIVE = Field(ge=0.0, allow_inf_nan=False)
-_Stiffness = Annotated[float, si('N/m'), _NOT_NEGATIVE]
-_Damping = Annotated[float, si('N s/m'), _NOT_NEGATIVE]
+_Stiffness = Annotated[float | tuple[float, float], one_or_two('N/m', 'a pair along x and y', 0.0)]
+_Damping = Annotated[float | tuple[float, float], one_or_two('N s/m', 'a pair along x and y', 0.0)]
 _POSITIVE = Field(gt=0.0, allow_inf_nan=False)
 _HELD = 1e-12  # least stiffness against the largest, free of units
 
@@ -30,9 +38,9 @@ class SupportPart(Part):
 
     along: Position = 0.0
     """Where it is along the shaft, from the disk."""
-    stiffness: _Stiffness | tuple[_Stiffness, _Stiffness] | None = None
+    stiffness: _Stiffness | None = None
     """In all directions, or along x and along y; without it the support is rigid."""
-    damping: _Damping | tuple[_Damping, _Damping] = 0.0
+    damping: _Damping = 0.0
     """In all directions, or along x and along y."""
     mass: LinkMass = 0.0
     """What moves with the shaft there."""
@@ -64,7 +72,7 @@ class RotorKeys(JointKeys):
     """Of a rotor that bends; without it the shaft is rigid."""
     diametral_inertia: AddedInertia | None = None
     """Of a rotor's disk about a diameter; without it the disk's tilt has no inertia."""
-    external_damping: _Damping | tuple[_Damping, _Damping] = 0.0
+    external_damping: _Damping = 0.0
     """Of a rotor, at the disk."""
 
 

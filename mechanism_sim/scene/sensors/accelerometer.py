@@ -6,14 +6,13 @@ import math
 from typing import Any, Literal
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.quantities import Position
+from mechanism_sim.scene.quantities import Offset
 from mechanism_sim.scene.sensor_keys import (
     Integrator,
     OnLinkKeys,
     SensorKind,
     ShockKeys,
     Transducer,
-    Vector,
     register,
 )
 from mechanism_sim.scene.sensors._places import check_link
@@ -25,8 +24,8 @@ from mechanism_sim.sensing.point import PointOnLink
 class AccelerometerKeys(OnLinkKeys, ShockKeys):
     """An accelerometer, with as much of its chain as matters."""
 
-    at: Position | Vector = 0.0
-    """From the link's origin: along the link, or as [x, y] in its frame."""
+    at: Offset = 0.0
+    """From the link's origin: along the link, as [x, y] in its frame, or a point of it by name."""
     axis: Literal['along', 'across'] = 'across'
     """What it reads: along the link, or 90 degrees counterclockwise from that."""
     instrument: str | None = None

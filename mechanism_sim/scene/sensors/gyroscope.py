@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from mechanism_sim.scene.quantities import Position
+from mechanism_sim.scene.quantities import Offset
 from mechanism_sim.scene.sensor_keys import (
     AnalogueKeys,
     OnLinkKeys,
     SensorKind,
-    Vector,
     register,
 )
 from mechanism_sim.scene.sensors._places import check_link
@@ -17,7 +16,7 @@ from mechanism_sim.sensing.imu import Attitude
 class GyroscopeKeys(OnLinkKeys, AnalogueKeys):
     """A gyroscope; at an impact what it reads jumps."""
 
-    at: Position | Vector = 0.0
+    at: Offset = 0.0
     """From the link's origin; counts on elastic links, which turn with their cross-sections."""
 
 

@@ -12,12 +12,11 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.rational import Array, Modes, Rational
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.quantities import Position
+from mechanism_sim.scene.quantities import Offset
 from mechanism_sim.scene.sensor_keys import (
     AnalogueKeys,
     OnLinkKeys,
     SensorKind,
-    Vector,
     register,
 )
 from mechanism_sim.scene.sensors._places import check_link
@@ -26,7 +25,7 @@ from mechanism_sim.scene.sensors._places import check_link
 class StrainKeys(OnLinkKeys, AnalogueKeys):
     """A strain gauge along an elastic link, of no length of its own."""
 
-    at: Position | Vector = 0.0
+    at: Offset = 0.0
     """Along the link, on its left side; or as [x, y] in its frame, y off its axis."""
 
 
