@@ -36,11 +36,13 @@ class Quantity:
     read : makes a number of what a file says
     units : SI units, one of which it is in; empty for a plain number
     other : what else may stand there, in words
+    pair : whether a list of two may stand there
     """
 
     read: Callable[[Any], Any]
     units: tuple[str, ...]
     other: str = ''
+    pair: bool = False
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -50,7 +52,10 @@ class Quantity:
     def __get_pydantic_json_schema__(
         self, _: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        return {'type': ['number', 'string'], 'examples': [EXAMPLES[unit] for unit in self.units]}
+        one = {'type': ['number', 'string'], 'examples': [EXAMPLES[unit] for unit in self.units]}
+        if not self.pair:
+            return one
+        return {'anyOf': [one, {'type': 'array', 'items': one, 'minItems': 2, 'maxItems': 2}]}
 
 
 def si(unit: str) -> Quantity:
@@ -83,7 +88,7 @@ def one_or_two(unit: str, other: str, least: float = -math.inf) -> Quantity:
             raise ValueError(f'must be finite{"" if least else " and at least 0"}')
         return numbers[0] if alone else numbers
 
-    return Quantity(read, (unit,), other)
+    return Quantity(read, (unit,), other, pair=True)
 
 
 Offset = Annotated[float | tuple[float, float], one_or_two('m', 'a pair [x, y]')]
