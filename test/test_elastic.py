@@ -4,6 +4,8 @@ import flexible_slider_crank as simeon
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from scipy.special import iv, jv
 
 import mechanism_sim as ms
 from mechanism_sim.cycles.cycle import cycle
@@ -198,6 +200,108 @@ def test_damping_is_what_is_asked_for():
     for mode in found:
         w = TURN * mode.frequency
         assert mode.damping_ratio == pytest.approx(0.5 * (a / w + b * w))
+
+
+def tapered(*points, **elastic):
+    """An arm of 0.4 m with sections at points."""
+    section = {'section': {'points': list(points)}, 'density': 1e3, 'youngs_modulus': 1e11}
+    rotor = {'length': L, 'elastic': {**section, 'ends': 'clamped', **elastic}}
+    return scene(
+        links={'arm': rotor},
+        joints={'hub': {'revolute': ['ground', 'arm']}},
+        drive={'coordinate': 'arm', 'speed': 0.0},
+        loads={'end': {'force': [0.0, -1e-3], 'at': 'arm.end'}},
+    )
+
+
+@pytest.mark.parametrize(
+    ('order', 'section', 'moment_over_area'),
+    [(1, {'width': 8e-3, 'height': 1e-2}, 1e-4 / 12), (2, {'diameter': 1e-2}, 1e-4 / 16)],
+)
+def test_wedges_and_cones_vibrate_as_kirchhoff_says(order, section, moment_over_area):
+    """Clamped at the thick end, pointed: J_n(z) I_n+1(z) + I_n(z) J_n+1(z) = 0, w = z^2/4 unit.
+
+    G. Kirchhoff, Berliner Monatsberichte 1879, 815-828.
+    """
+
+    def left(z):
+        return jv(order, z) * iv(order + 1, z) + iv(order, z) * jv(order + 1, z)
+
+    first = {1: 3.0, 2: 4.5}[order]
+    roots = np.array([brentq(left, first + 3.1 * k, first + 3.1 * (k + 1)) for k in range(3)])
+    pointed = {k: x if k == 'width' else 1e-13 for k, x in section.items()}
+    machine = tapered([0.0, section], [L, pointed], modes=3)
+    unit = np.sqrt(1e11 * moment_over_area / 1e3) / L**2 / TURN
+    assert frequencies(machine) == pytest.approx(roots**2 / 4.0 * unit, rel=1e-8)
+
+
+def test_a_step_of_the_section_vibrates_as_two_beams_in_a_row():
+    """Against the determinant of two uniform beams, with their moment and force at the step."""
+    first, heights = 0.15, (1e-2, 6e-3)
+    sizes = [{'width': 8e-3, 'height': h} for h in heights]
+    found = frequencies(tapered([0.0, sizes[0]], [first, sizes[0]], [first, sizes[1]],
+                                [L, sizes[1]], modes=3))  # fmt: skip
+
+    def determinant(w):
+        rows = np.zeros((8, 8))
+        for i, (h, places) in enumerate(zip(heights, ((0.0, first), (0.0, L - first)), strict=True)):
+            EI, line = 1e11 * 8e-3 * h**3 / 12.0, 1e3 * 8e-3 * h
+            k = (w**2 * line / EI) ** 0.25
+            ends = []
+            for x in places:
+                c, s, ch, sh = np.cos(k * x), np.sin(k * x), np.cosh(k * x), np.sinh(k * x)
+                ends.append(np.array([
+                    [c, s, ch, sh], k * np.array([-s, c, sh, ch]),
+                    EI * k**2 * np.array([-c, -s, ch, sh]), EI * k**3 * np.array([s, -c, sh, ch]),
+                ]))  # fmt: skip
+            if i == 0:
+                rows[:2, :4], rows[2:6, :4] = ends[0][:2], ends[1]
+            else:
+                rows[2:6, 4:], rows[6:, 4:] = -ends[0], ends[1][2:]
+        return np.linalg.det(rows / np.abs(rows).max(axis=1, keepdims=True))
+
+    for f in found:
+        assert determinant(TURN * f * (1.0 - 1e-8)) * determinant(TURN * f * (1.0 + 1e-8)) < 0.0
+
+
+def test_a_tapered_beam_bends_and_is_strained_as_statics_says():
+    """Width from b to b/2: ``w'' = -F (L - x)/(E I (1 - x/2L))``, integrated by hand."""
+    wide, narrow = ({'width': b, 'height': 1e-2} for b in (8e-3, 4e-3))
+    machine = tapered([0.0, wide], [L, narrow], modes=5, functions='polynomial')
+    beam, q = machine.mechanism.beams['arm'], linearised(machine).at.q[1:]
+    EI, F = 1e11 * 8e-3 * 1e-6 / 12.0, 1e-3
+    tip = -F * L**3 / EI * (2.0 * np.log(2.0) - 1.0)
+    assert beam.deflection(L) @ q == pytest.approx(tip, rel=1e-6)
+    assert beam.columns(q[:, None])['stress'] == pytest.approx(F * L / EI * 1e11 * 5e-3, rel=1e-3)
+    thin = tapered([0.0, {'width': 8e-3, 'height': 1e-2}], [L, {'width': 8e-3, 'height': 4e-3}])
+    beam = thin.mechanism.beams['arm']
+    assert beam.outer_fibre(0.5 * L) == pytest.approx(3.5e-3)
+    q = np.array([[1e-3], [0.0]])
+    x = np.linspace(0.0, L, 41)
+    strained = np.abs(beam.strain(x, 1.0)[0] * 1e-3 * (5e-3 - 3e-3 * x / L)).max()
+    assert beam.columns(q)['stress'] == pytest.approx(1e11 * strained)
+    body = thin.mechanism.body('arm')  # a trapezium: area, centre and moment by hand
+    assert body.mass == pytest.approx(1e3 * 8e-3 * 7e-3 * L)
+    assert body.cog[0] == pytest.approx(L / 3.0 * (1e-2 + 2 * 4e-3) / (1e-2 + 4e-3))
+
+
+def test_a_section_given_by_points_that_are_alike_is_that_section():
+    plain = ms.load_scene('elastic_slider_crank')
+    section = {'width': '8 mm', 'height': '8 mm'}
+    points = [['0 mm', section], ['0.1 m', section], ['0.5 m', section]]
+    same = ms.load_scene('elastic_slider_crank', {'links.rod.elastic.section': {'points': points}})
+    assert same.mechanism.beams == plain.mechanism.beams
+
+
+def test_a_mass_of_a_tapered_link_lies_as_its_area_does():
+    points = [[0.0, {'diameter': 0.03}], [0.2, {'diameter': 0.01}], [0.3, {'diameter': 0.02}]]
+    given = {'mass': 1.3, 'inertia': 0.02, 'cog': 0.12}
+    more = {f'links.rod.{key}': x for key, x in given.items()}
+    machine = ms.load_scene('elastic_slider_crank', {
+        **more, 'links.rod.elastic.section': {'points': points},
+    })  # fmt: skip
+    body = machine.mechanism.body('rod')
+    assert (body.mass, body.inertia, body.cog[0]) == pytest.approx((1.3, 0.02, 0.12))
 
 
 # --- motion -------------------------------------------------------------------------------------
@@ -637,6 +741,12 @@ ELASTIC = 'links.rod.elastic'
     [
         ({f'{ELASTIC}.section': None}, ["needs either 'section', or 'area' and 'second_moment'"]),
         ({f'{ELASTIC}.section': {'width': '8 mm'}}, ["'width' and 'height', or 'diameter'"]),
+        ({f'{ELASTIC}.section': {'points': [[0.0, {'diameter': 0.01}], [0.3, {'width': 0.01}]]}},
+         [f'{ELASTIC}.section.points.1', "'width' and 'height', or 'diameter', or 'area'"]),
+        ({f'{ELASTIC}.section': {'points': [[0.0, {'diameter': 0.01}], [0.3, {
+            'width': 0.01, 'height': 0.01}]]}}, ['given by different sizes']),
+        ({f'{ELASTIC}.section': {'points': [[0.1, {'diameter': 0.01}], [0.0, {
+            'diameter': 0.02}]]}}, ['whose x does not rise']),
         ({f'{ELASTIC}.youngs_modulus': None}, ["needs 'material' or 'youngs_modulus'"]),
         ({f'{ELASTIC}.density': None}, ["needs 'material' or 'density', or the link a mass"]),
         ({f'{ELASTIC}.material': 'steal'}, ["did you mean 'steel'?"]),

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.planar.beam_sections import Taper
 from mechanism_sim.planar.elastic import Beam, Damping
 from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Revolute, Vector2
 from mechanism_sim.scene.places import Places
@@ -64,10 +65,10 @@ def _body(where: str, link: str, given: LinkPart) -> Body:
     if given.length is None:
         raise InputError(f"{where}: 'length' is missing: an elastic link is a beam of that length")
     modulus, density = elastic.matter
-    area, moment, fibre = elastic.geometry
+    taper, area, moment, fibre = elastic.geometry(given.length)
     ends = (0.0, 0.0)
     if given.mass is not None:
-        line, ends = _spread(where, given, given.mass, given.length)
+        line, ends = _spread(where, given, given.mass, given.length, taper)
     elif given.inertia is not None:
         raise InputError(f"{where}.inertia: 'mass' is missing: give both, or neither")
     elif density is None:
@@ -88,6 +89,7 @@ def _body(where: str, link: str, given: LinkPart) -> Body:
         elastic.foreshortening,
         tuple((m, (x, 0.0)) for m, x in zip(ends, (0.0, given.length), strict=True) if m),
         fibre=fibre,
+        taper=taper,
     )
     return loaded(Body(link, 0.0, 0.0, (0.0, 0.0), beam), (), 0.0)
 
@@ -105,10 +107,12 @@ def loaded(body: Body, lumps: Iterable[tuple[float, Vector2]], spin: float) -> B
     return Body(body.name, mass, about + beam.spin, (x, y), beam)
 
 
-def _spread(where: str, given: LinkPart, m: float, L: float) -> tuple[float, tuple[float, float]]:
-    """Mass of the beam per length [kg/m], and the masses at its start and its end [kg].
+def _spread(
+    where: str, given: LinkPart, m: float, L: float, taper: Taper | None
+) -> tuple[float, tuple[float, float]]:
+    """Mean mass of the beam per length [kg/m], and the masses at its start and its end [kg].
 
-    A mass alone lies evenly along the beam. With a centre of gravity and a moment of inertia, part
+    A mass alone lies along the beam as its area does. With a centre of gravity and a moment of inertia, part
     of it sits at both ends, so that the undeformed link has what is given.
     """
     if given.inertia is None:
@@ -120,9 +124,14 @@ def _spread(where: str, given: LinkPart, m: float, L: float) -> tuple[float, tup
         return m / L, (0.0, 0.0)
     c, off = given.cog if isinstance(given.cog, tuple) else (given.cog, 0.0)
     second = given.inertia + m * c**2
-    # m = r L + a + b, m c = r L^2/2 + b L, second = r L^3/3 + b L^2
-    line = 6.0 * (m * c * L - second) / L**3
-    end = m * c / L - 0.5 * line * L
+    # m = r L + a + b, m c = r S + b L, second = r T + b L^2, where S, T = L^2/2, L^3/3 if even
+    if taper:
+        _, S, T = taper.moments()
+        line = (m * c * L - second) / (S * L - T)
+        end = m * c / L - line * S / L
+    else:
+        line = 6.0 * (m * c * L - second) / L**3
+        end = m * c / L - 0.5 * line * L
     start = m - end - line * L
     rounding = 1e-9 * m
     if off or line <= 0.0 or min(start, end) < -rounding:
