@@ -23,18 +23,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from mechanism_sim.planar.beam_sections import Taper
 from mechanism_sim.planar.beam_shapes import Array, Ends, Functions, gauss, shapes, tapered
+
+Vector2: TypeAlias = tuple[float, float]
 
 ROUNDING = 1e-13
 """Of a shape function's size: less is rounding, and no term of the equations."""
 
 
 _SECTIONS = 41
+_FITTED = 16
+"""Coefficients of a polynomial that is a half wave of a beam but for rounding."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,20 @@ class Damping:
     ratio: float = 0.0
     mass: float = 0.0  #: [1/s]
     stiffness: float = 0.0  #: [s]
+
+
+class AxisPieces(NamedTuple):
+    """The shapes of bending and stretch as polynomials of the place along the axis, from break to break.
+
+    Attributes
+    ----------
+    breaks : (k + 3,) [m] with the ends of the beam, and infinity beyond both
+    rows : (k + 2, n * (degree + 1)) coefficients of rising powers [1/m^j], coordinate by
+        coordinate, of the place from the middle of each piece; beyond the beam from its end
+    """
+
+    breaks: Array
+    rows: Array
 
 
 @dataclass(frozen=True)
@@ -79,7 +98,7 @@ class Beam:
     functions: Functions = 'modal'
     damping: Damping = Damping()
     shortens: bool = True
-    lumps: tuple[tuple[float, tuple[float, float]], ...] = ()
+    lumps: tuple[tuple[float, Vector2], ...] = ()
     spin: float = 0.0
     fibre: float | None = None
     taper: Taper | None = None
@@ -100,6 +119,30 @@ class Beam:
         t, way = np.asarray(x) / self.length, self.ends
         found = shapes(way, self.functions, self.modes, self.taper, t, derivative)
         return found / self.length**derivative
+
+    def axis_pieces(self) -> AxisPieces:
+        """All shapes in pieces: exactly if they are polynomials, else but for rounding."""
+        L, order = self.length, _FITTED
+        if self.taper:
+            own = tapered(self.ends, self.functions, self.modes, self.taper)
+            breaks, order = own.breaks * L, own.order
+        elif self.functions == 'polynomial':
+            breaks, order = np.array([0.0, L]), self.modes + 2
+        else:  # a half wave each
+            breaks = np.linspace(0.0, L, self.modes + 1)
+        order = max(order, self.stretch + 1)
+        s, weights = gauss(order)
+        fit = legendre.legvander(s, order - 1) * weights[:, None] * (np.arange(order) + 0.5)
+        rows = np.zeros((len(breaks) + 1, len(self.names), order))
+        for k, (a, b) in enumerate(zip(breaks[:-1], breaks[1:], strict=True), start=1):
+            x = 0.5 * (a + b) + 0.5 * (b - a) * s
+            values = np.concatenate([self.deflection(x), self.elongation(x)]) @ fit
+            powers = np.array([np.pad(p, (0, order - len(p))) for p in map(legendre.leg2poly, values)])
+            rows[k] = powers * (2.0 / (b - a)) ** np.arange(order)
+        for k, end in ((0, 0.0), (-1, L)):
+            rows[k, :, 0] = np.concatenate([self.deflection(end), self.elongation(end)])
+            rows[k, : self.modes, 1] = self.deflection(end, 1)
+        return AxisPieces(np.array([-np.inf, *breaks, np.inf]), rows.reshape(len(rows), -1))
 
     def elongation(self, x: float | Array, derivative: int = 0) -> Array:
         """Functions psi_k or their derivatives by x at places x (...,) [m]: (stretch, ...)."""
@@ -125,7 +168,7 @@ class Beam:
         slopes = self.deflection(places, 1)
         return np.asarray((slopes * weights) @ slopes.T)
 
-    def arms(self, at: tuple[float, float]) -> dict[tuple[str, ...], tuple[float, float]]:
+    def arms(self, at: Vector2) -> dict[tuple[str, ...], Vector2]:
         """How a point of the link moves in the link's frame: vectors by products of coordinates.
 
         Beside the axis a point moves with its cross-section, beyond the beam with the end of it.
@@ -137,7 +180,7 @@ class Beam:
         x = min(max(at[0], 0.0), self.length)
         beyond, y = at[0] - x, at[1]
         w, slope = self.deflection(x), self.deflection(x, 1)
-        found: dict[tuple[str, ...], tuple[float, float]] = {}
+        found: dict[tuple[str, ...], Vector2] = {}
         for i in range(self.modes):
             turned = float(slope[i])
             found[self.names[i],] = (-y * turned, float(w[i]) + beyond * turned)
@@ -154,7 +197,17 @@ class Beam:
             found[names] = (d[0] if abs(d[0]) > least else 0.0, d[1] if abs(d[1]) > least else 0.0)
         return {names: d for names, d in found.items() if d != (0.0, 0.0)}
 
-    def slopes(self, at: tuple[float, float]) -> dict[str, float]:
+    def turned(self, at: Vector2, v: Vector2) -> dict[tuple[str, ...], Vector2]:
+        """How a vector moves that is fixed to the cross-section at a point, like `arms`."""
+        slope = self.slopes(at)
+        found = {(name,): (-x * v[1], x * v[0]) for name, x in slope.items()}
+        if self.shortens:
+            for (i, x), (j, y) in combinations_with_replacement(slope.items(), 2):
+                share = (-0.5 if i == j else -1.0) * x * y
+                found[i, j] = (share * v[0], share * v[1])
+        return found
+
+    def slopes(self, at: Vector2) -> dict[str, float]:
         """How much a cross-section turns with each coordinate [rad/m]."""
         slope = self.deflection(min(max(at[0], 0.0), self.length), 1).tolist()
         return {name: x for name, x in zip(self.names, slope, strict=False) if x}
@@ -189,7 +242,7 @@ class Beam:
         return self.taper.shares(x) if self.taper else (1.0, 1.0)
 
     @cached_property
-    def particles(self) -> tuple[tuple[float, tuple[float, float]], ...]:
+    def particles(self) -> tuple[tuple[float, Vector2], ...]:
         """Masses [kg] and their points [m] that stand for the beam in integrals; then the lumps.
 
         Gauss' quadrature: integrals of products of shape functions are exact but for rounding.

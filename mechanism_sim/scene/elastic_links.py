@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,15 +11,28 @@ import numpy as np
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.beam_sections import Taper
 from mechanism_sim.planar.elastic import Beam, Damping
-from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Revolute, Vector2
+from mechanism_sim.linkages.slot import PinInSlot
+from mechanism_sim.planar.mechanism import (
+    Body,
+    Joint,
+    Mechanism,
+    Prismatic,
+    Revolute,
+    Vector2,
+    bending_guides,
+)
+from mechanism_sim.planar.rails import PARALLEL
+from mechanism_sim.scene.drives import is_straight
 from mechanism_sim.scene.places import Places
-from mechanism_sim.scene.schema import LinkPart
+from mechanism_sim.scene.schema import DrivePart, LinkPart
 
 _QUASI_STATIC, _RIGID = 20.0, 200.0
 """Ratios of the first mode to the drive from which on vibration, and then bending, is small."""
 
 
-def read_beams(places: Places, joints: Iterable[Joint], driven: Iterable[str]) -> dict[str, Body]:
+def read_beams(
+    places: Places, joints: Iterable[Joint], driven: Mapping[str, DrivePart]
+) -> dict[str, Body]:
     """The elastic links as bodies, of what they weigh by themselves, by name.
 
     Raises
@@ -34,11 +47,8 @@ def read_beams(places: Places, joints: Iterable[Joint], driven: Iterable[str]) -
     }
     for joint in joints:
         for link in (joint.first, joint.second):
-            if link in found and not isinstance(joint, Revolute):
-                raise InputError(
-                    f'{places.name}: joints.{joint.name}: the elastic link {link} has revolute '
-                    'joints only; put a rigid link between'
-                )
+            if link in found:
+                _check(places, joint, found[link], driven)
     for link in driven:
         body = found.get(link)
         if body and body.beam and body.beam.ends != 'clamped':
@@ -47,6 +57,30 @@ def read_beams(places: Places, joints: Iterable[Joint], driven: Iterable[str]) -
                 'direction of its link where that starts'
             )
     return found
+
+
+def _check(places: Places, joint: Joint, body: Body, driven: Mapping[str, DrivePart]) -> None:
+    """Refuse joints that ask more of an elastic link than where its cross-sections are."""
+    where, link = f'{places.name}: joints.{joint.name}', body.name
+    if not isinstance(joint, Revolute | Prismatic | PinInSlot):
+        raise InputError(
+            f'{where}: the elastic link {link} has revolute joints, guides and slots only; put a '
+            'rigid link between'
+        )
+    carrier = joint.second if isinstance(joint, PinInSlot) else joint.first
+    friction = places.scene.joints[joint.name].friction
+    along = not isinstance(joint, Revolute) and abs(math.sin(joint.axis)) <= PARALLEL
+    if friction and friction.coefficient and along and link == carrier:
+        raise InputError(
+            f'{where}.friction: along the elastic link {link} only what has play rubs: give the '
+            "friction in a 'clearance'"
+        )
+    slides = joint.second if bending_guides([body], [joint]) else ''
+    if slides in driven and is_straight(driven[slides]):
+        raise InputError(
+            f'{where}: a drive cannot push {slides} along a guide of the elastic link {link}: put '
+            'a rigid link between'
+        )
 
 
 def stiffened(link: LinkPart) -> LinkPart:
