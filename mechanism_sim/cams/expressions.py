@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.cams.laws import Eccentric, Law, Raised
 from mechanism_sim.cams.piecewise import Piece, Piecewise
-from mechanism_sim.numerics.symbolic import Term, add, dense, mul
+from mechanism_sim.numerics.symbolic import dense, polynomial
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 

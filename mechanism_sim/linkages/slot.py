@@ -38,6 +38,10 @@ class PinInSlot(HigherPair):
         """The pin stays on the centre line."""
         return SlotClosure(self, mechanism)
 
+    def bears(self, _: str) -> bool:
+        """Pins are at points, slots at cross-sections or along the axis."""
+        return True
+
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """The distance of the pin from the centre line [m]."""
         slot = pose(self.second)

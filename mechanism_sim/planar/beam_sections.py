@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -57,7 +58,7 @@ class Taper:
         place, sizes = np.array([x for x, _ in self.points]), np.array([s for _, s in self.points])
         breaks = np.unique([0.0, *place[(place > 0.0) & (place < self.length)], self.length])
         starts, ends = [], []
-        for a, b in zip(breaks[:-1], breaks[1:], strict=True):
+        for a, b in pairwise(breaks.tolist()):
             i = np.searchsorted(place, a, 'right') - 1
             if i < 0 or i == len(place) - 1:
                 held = sizes[max(i, 0)]
@@ -87,7 +88,7 @@ class Taper:
         i = np.clip(np.searchsorted(breaks, x, 'right') - 1, 0, len(starts) - 1)
         share = ((x - breaks[i]) / (breaks[i + 1] - breaks[i]))[..., None]
         sizes = starts[i] + share * (ends[i] - starts[i])
-        return geometry(self.shape, np.moveaxis(sizes, -1, 0))
+        return geometry(self.shape, [*np.moveaxis(sizes, -1, 0)])
 
     def nodes(self, count: int, end: float) -> tuple[Array, Array]:
         """Places and weights (N,) [m] of quadrature from 0 to `end`, `count` in each interval."""

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, pairwise
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -56,7 +56,7 @@ class Damping:
 
 
 class AxisPieces(NamedTuple):
-    """The shapes of bending and stretch as polynomials of the place along the axis, from break to break.
+    """All shapes as polynomials of the place along the axis, from break to break.
 
     Attributes
     ----------
@@ -134,10 +134,12 @@ class Beam:
         s, weights = gauss(order)
         fit = legendre.legvander(s, order - 1) * weights[:, None] * (np.arange(order) + 0.5)
         rows = np.zeros((len(breaks) + 1, len(self.names), order))
-        for k, (a, b) in enumerate(zip(breaks[:-1], breaks[1:], strict=True), start=1):
+        for k, (a, b) in enumerate(pairwise(breaks.tolist()), start=1):
             x = 0.5 * (a + b) + 0.5 * (b - a) * s
             values = np.concatenate([self.deflection(x), self.elongation(x)]) @ fit
-            powers = np.array([np.pad(p, (0, order - len(p))) for p in map(legendre.leg2poly, values)])
+            powers = np.array(
+                [np.pad(p, (0, order - len(p))) for p in map(legendre.leg2poly, values)]
+            )
             rows[k] = powers * (2.0 / (b - a)) ** np.arange(order)
         for k, end in ((0, 0.0), (-1, L)):
             rows[k, :, 0] = np.concatenate([self.deflection(end), self.elongation(end)])
@@ -200,7 +202,9 @@ class Beam:
     def turned(self, at: Vector2, v: Vector2) -> dict[tuple[str, ...], Vector2]:
         """How a vector moves that is fixed to the cross-section at a point, like `arms`."""
         slope = self.slopes(at)
-        found = {(name,): (-x * v[1], x * v[0]) for name, x in slope.items()}
+        found: dict[tuple[str, ...], Vector2] = {
+            (name,): (-x * v[1], x * v[0]) for name, x in slope.items()
+        }
         if self.shortens:
             for (i, x), (j, y) in combinations_with_replacement(slope.items(), 2):
                 share = (-0.5 if i == j else -1.0) * x * y

@@ -409,7 +409,11 @@ class ContactFriction(JointFriction):
         (nx, ny), (dx, dy) = self._contact(frames)
         x1, y1 = frames.position(m.point(j.first, j.on_first), f'{self.name}.friction.first')
         x2, y2 = frames.position(m.point(j.second, j.on_second), f'{self.name}.friction.second')
-        w1, w2 = (frames.angle(m.frame(link)[0]).rate for link in (j.first, j.second))
+        ends = ('first', j.first, j.on_first), ('second', j.second, j.on_second)
+        w1, w2 = (
+            m.turning(frames, link, at, f'{self.name}.friction.{which}').rate
+            for which, link, at in ends
+        )
         from_first = add(x2.value, dx, neg(x1.value)), add(y2.value, dy, neg(y1.value))
         vx = add(x2.rate, neg(mul(w2, dy)), neg(x1.rate), mul(w1, from_first[1]))
         vy = add(y2.rate, mul(w2, dx), neg(y1.rate), neg(mul(w1, from_first[0])))

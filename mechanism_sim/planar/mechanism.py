@@ -134,6 +134,10 @@ class HigherPair(ABC):
     def closure(self, mechanism: Mechanism) -> PairClosure:
         """The relation that keeps it closed."""
 
+    def bears(self, link: str) -> bool:
+        """Whether one of its links may be elastic: then it asks for points and cross-sections."""
+        return False
+
     @abstractmethod
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """Its row at the poses of links, whatever the tree."""
@@ -367,15 +371,19 @@ class Mechanism:
         return _plus(found, self._arms(link, turned))
 
     def turning(self, frames: Frames, link: str, at: Vector2, label: str) -> Jet:
-        """The angle of a link [rad] less its offset, see `frame`, with its cross-section at a point.
+        """The angle of a link's cross-section at a point [rad], less the offset of `frame`.
 
         Parameters
         ----------
         label : of the parameters
         """
-        if link not in self.beams:
-            return frames.angle(self.frame(link)[0])
-        return frames.turn(self.turns(link, at), label)
+        angle = frames.angle(self.frame(link)[0])
+        return angle + self.bent(frames, link, at, label) if link in self.beams else angle
+
+    def bent(self, frames: Frames, link: str, at: Vector2, label: str) -> Jet:
+        """How far the cross-section at a point of a link has turned in its frame [rad]."""
+        slopes = self.beams[link].slopes(at) if link in self.beams else {}
+        return frames.turn({f'{link}.{name}': x for name, x in slopes.items()}, label)
 
     def point(self, link: str, at: Vector2 = (0.0, 0.0), deformed: bool = True) -> Point:
         """The point `at` (in the link's frame, [m]) as a sum over arms.

@@ -13,15 +13,17 @@ the curvature of the rail among them: what slides along a bent rail is accelerat
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass
+from functools import reduce
 from typing import NamedTuple
 
 import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import add, dense, mul, polynomial
 from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.mechanism import Mechanism, Vector2
+from mechanism_sim.planar.jet import Jet, lift
+from mechanism_sim.planar.mechanism import Mechanism, Vector2, rotate
 
 Pair = tuple[Jet, Jet]
 
@@ -118,9 +120,7 @@ class Rail:
         return Foot(away, cosine, sine, way, slip)
 
 
-def rail_of(
-    mechanism: Mechanism, name: str, link: str, on: Vector2, axis: float
-) -> Rail | None:
+def rail_of(mechanism: Mechanism, name: str, link: str, on: Vector2, axis: float) -> Rail | None:
     """The rail that a line of a link is if that is elastic and the line goes along its axis.
 
     Any other line is straight, and goes with the cross-section at its point.
@@ -132,3 +132,28 @@ def rail_of(
     if link not in mechanism.beams or abs(math.sin(axis)) > PARALLEL:
         return None
     return Rail(name, mechanism, link, on[1], math.copysign(1.0, math.cos(axis)))
+
+
+def chord(mechanism: Mechanism, frames: Frames, link: str, a: Vector2, b: Vector2) -> Jet:
+    """How far the line from one point of an elastic link to another has turned in its frame.
+
+    Parameters
+    ----------
+    a, b : [m] in the link's frame, before it is deformed
+    """
+    beam, apart = mechanism.beams[link], (b[0] - a[0], b[1] - a[1])
+    there, here = beam.arms(b), beam.arms(a)
+    label, none = f'links:{link}.chord:{a}:{b}', (0.0, 0.0)
+    along = lift(dense(frames.parameters(f'{label}.length', math.hypot(*apart))))
+    across = Jet(None, {}, None, None)
+    for k, names in enumerate(dict.fromkeys((*there, *here))):
+        d = [p - q for p, q in zip(there.get(names, none), here.get(names, none), strict=True)]
+        x, y = rotate((d[0], d[1]), -math.atan2(apart[1], apart[0]))
+        size = reduce(operator.mul, (frames.displacement(f'{link}.{name}') for name in names))
+        along += size * lift(dense(frames.parameters(f'{label}.{k}.x', x)))
+        across += size * lift(dense(frames.parameters(f'{label}.{k}.y', y)))
+    r = 1.0 / dense(along.value)
+    slope = across * along.chain(r, -(r * r), 2.0 * (r * r * r))
+    t = dense(slope.value)
+    less = 1.0 / (1.0 + t * t)
+    return slope.chain(hy.atan(t), less, -2.0 * t * less * less)

@@ -97,10 +97,11 @@ class SectionPart(Part):
         return self
 
     @property
-    def alone(self) -> StationPart | None:
-        """The section where it does not change."""
-        sizes = {'width': self.width, 'height': self.height, 'diameter': self.diameter}
-        return None if self.points else StationPart(**sizes)
+    def first(self) -> StationPart:
+        """The section where the link starts."""
+        if self.points:
+            return self.points[0][1]
+        return StationPart(width=self.width, height=self.height, diameter=self.diameter)
 
     def taper(self, length: float) -> Taper | None:
         """How it changes along a link of a length [m]; None if it does not."""
@@ -171,9 +172,9 @@ class ElasticPart(Part):
         return modulus, self.density or density
 
     def geometry(self, length: float) -> tuple[Taper | None, float, float, float | None]:
-        """How a link of a length [m] tapers, if it does; and for the whole of it or in the mean:
+        """How a link of a length [m] tapers, if it does; what its section is then in the mean.
 
-        area [m^2], second moment of area [m^4], largest distance of the outer fibres [m] if known.
+        That is area [m^2], second moment [m^4], and the largest outer fibre [m] if it is known.
         """
         if self.section is None:
             return None, self.area or 0.0, self.second_moment or 0.0, self.outer_fibre
@@ -181,6 +182,6 @@ class ElasticPart(Part):
         if taper:
             fibre = max(geometry(taper.shape, sizes)[2] for _, sizes in taper.points)
             return taper, *taper.means, fibre or None
-        one = self.section.alone or self.section.points[0][1]
+        one = self.section.first
         area, moment, fibre = geometry(one.shape, one.sizes)
         return None, area, moment, fibre or None

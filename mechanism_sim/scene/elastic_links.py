@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.beam_sections import Taper
 from mechanism_sim.planar.elastic import Beam, Damping
-from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import (
     Body,
+    HigherPair,
     Joint,
     Mechanism,
     Prismatic,
-    Revolute,
     Vector2,
     bending_guides,
 )
@@ -46,7 +46,7 @@ def read_beams(
         if (given := places.scene.links[link]).elastic
     }
     for joint in joints:
-        for link in (joint.first, joint.second):
+        for link in dict.fromkeys((joint.first, joint.second, getattr(joint, 'carrier', ''))):
             if link in found:
                 _check(places, joint, found[link], driven)
     for link in driven:
@@ -62,15 +62,18 @@ def read_beams(
 def _check(places: Places, joint: Joint, body: Body, driven: Mapping[str, DrivePart]) -> None:
     """Refuse joints that ask more of an elastic link than where its cross-sections are."""
     where, link = f'{places.name}: joints.{joint.name}', body.name
-    if not isinstance(joint, Revolute | Prismatic | PinInSlot):
+    if isinstance(joint, HigherPair) and not joint.bears(link):
+        kind = places.scene.joints[joint.name].kind
         raise InputError(
-            f'{where}: the elastic link {link} has revolute joints, guides and slots only; put a '
-            'rigid link between'
+            f'{where}: this {kind} needs the whole of {link}, which is elastic: make it rigid, or '
+            'put a rigid link between'
         )
-    carrier = joint.second if isinstance(joint, PinInSlot) else joint.first
+    line = isinstance(joint, Prismatic | PinInSlot) and (
+        joint.second if isinstance(joint, PinInSlot) else joint.first, joint.axis
+    )
     friction = places.scene.joints[joint.name].friction
-    along = not isinstance(joint, Revolute) and abs(math.sin(joint.axis)) <= PARALLEL
-    if friction and friction.coefficient and along and link == carrier:
+    along = line and line[0] == link and abs(math.sin(line[1])) <= PARALLEL
+    if along and friction and friction.coefficient:
         raise InputError(
             f'{where}.friction: along the elastic link {link} only what has play rubs: give the '
             "friction in a 'clearance'"
@@ -146,7 +149,8 @@ def _spread(
 ) -> tuple[float, tuple[float, float]]:
     """Mean mass of the beam per length [kg/m], and the masses at its start and its end [kg].
 
-    A mass alone lies along the beam as its area does. With a centre of gravity and a moment of inertia, part
+    A mass alone lies along the beam as its area does. With a centre of gravity and a moment of
+    inertia, part
     of it sits at both ends, so that the undeformed link has what is given.
     """
     if given.inertia is None:
