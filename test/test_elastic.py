@@ -1,13 +1,16 @@
 """Elastic links: against closed forms of beams, and against other formulations."""
 
-import flexible_slider_crank as simeon
 import numpy as np
 import pytest
+from references.make_spinning_beam import chain_tip, extrapolated
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import iv, jv
 
 import mechanism_sim as ms
+from mechanism_sim.bench import flexible_slider_crank as simeon
+from mechanism_sim.bench.problems import elastic_slider_crank, spinning_beam
+from mechanism_sim.bench.problems.elastic_slider_crank import elongations, stretching
 from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.elastic import Beam
@@ -307,25 +310,10 @@ def test_a_mass_of_a_tapered_link_lies_as_its_area_does():
 # --- motion -------------------------------------------------------------------------------------
 
 
-def stretching_slider_crank(**more):
-    """The scene with the rod of the IVP test set, which stretches, too, and its start."""
-    linear = {'links.rod.elastic.stretch': 2, 'links.rod.elastic.foreshortening': False,
-              'initial': None, **more}  # fmt: skip
-    machine = ms.load_scene('elastic_slider_crank', linear)
-    nodes = elongations(machine)
-    q, v = (np.linalg.solve(nodes, simeon.START[part]) for part in (slice(5, 7), slice(12, 14)))
-    bends = dict(zip(('rod.bend1', 'rod.bend2'), simeon.START[10:12].tolist(), strict=True))
-    names = 'rod.stretch1', 'rod.stretch2'
-    return ms.load_scene('elastic_slider_crank', {
-        **linear,
-        'initial': {'position': dict(zip(names, q.tolist(), strict=True)),
-                    'velocity': bends | dict(zip(names, v.tolist(), strict=True))},
-    })  # fmt: skip
-
-
-def elongations(machine):
-    """Elongations of the middle and of the end of the rod (2, 2) by its coordinates."""
-    return machine.mechanism.beams['rod'].elongation(np.array([0.15, 0.3])).T
+def solved(until, **how):
+    """Places (7,) at a time [s], by DOP853 on Simeon's own matrices."""
+    start, rate = simeon.closed_start(), simeon.rates(**how)
+    return solve_ivp(rate, (0.0, until), start, 'DOP853', rtol=1e-12, atol=1e-16).y[:7, -1]
 
 
 def places(machine, solution, t):
@@ -338,21 +326,16 @@ def places(machine, solution, t):
 
 def test_the_flexible_slider_crank_moves_by_its_own_matrices():
     """Simeon's discretisation, written out by hand and integrated by another method."""
-    machine = stretching_slider_crank()
+    machine = stretching()
     found = places(machine, ms.simulate(machine, duration=0.001), np.array([0.001]))[:, 0]
-    # the start of the test set is rounded; both begin with closed loops
-    start = simeon.START.copy()
-    start[2] = simeon.L1 + simeon.L2 + start[6]
-    start[8] = -simeon.L1 * simeon.SPEED / (simeon.L2 + start[6])
-    start[9] = start[13]
-    exact = simeon.solve(0.001, start=start)
+    exact = solved(0.001)
     assert found[:5] == pytest.approx(exact[:5], rel=1e-10)
     assert found[5:] == pytest.approx(exact[5:], rel=1e-7)
 
 
 def test_the_flexible_slider_crank_ends_where_the_test_set_says():
     """Up to what the test set's mass along the rod, 15 times too large, changes."""
-    machine = stretching_slider_crank()
+    machine = stretching()
     solution = ms.simulate(machine, duration=simeon.END)
     found = places(machine, solution, np.array([simeon.END]))[:, 0]
     assert found[1:3] == pytest.approx(simeon.PUBLISHED[1:3], rel=5e-7)
@@ -362,12 +345,12 @@ def test_the_flexible_slider_crank_ends_where_the_test_set_says():
 
 @pytest.mark.deep
 def test_the_published_values_have_the_wrong_mass_along_the_rod():
-    published = simeon.solve(simeon.END, simeon.J2_PUBLISHED, along=1.0)
+    published = solved(simeon.END, inertia=simeon.J2_PUBLISHED, along=1.0)
     assert published[1:5] == pytest.approx(simeon.PUBLISHED[1:5], rel=1e-6)
     assert published[5:] == pytest.approx(simeon.PUBLISHED[5:], rel=5e-6)
-    machine = stretching_slider_crank()
+    machine = stretching()
     solution = ms.simulate(machine, duration=simeon.END)
-    exact = simeon.solve(simeon.END, simeon.J2_PUBLISHED)
+    exact = solved(simeon.END, inertia=simeon.J2_PUBLISHED)
     found = places(machine, solution, np.array([simeon.END]))[:, 0]
     assert found[:5] == pytest.approx(exact[:5], rel=1e-6)
     assert np.abs(exact[5:] / simeon.PUBLISHED[5:] - 1.0).min() > 5e-3
@@ -440,50 +423,20 @@ def test_a_beam_that_spins_up_moves_as_a_chain_of_rigid_segments():
     t = np.array([5.0, 8.0, 11.0, 14.0])
     x, beam = ms.simulate(machine, duration=15.0).sample(t), machine.mechanism.beams['arm']
     tip = beam.deflection(10.0) @ np.array([x[f'position.arm.bend{i}'] for i in (1, 2, 3, 4)])
-    coarse, fine = (chain_tip(n, t) for n in (10, 14))
-    limit = (14**2 * fine - 10**2 * coarse) / (14**2 - 10**2)
+    limit = extrapolated((10, 14), [chain_tip(n, t) for n in (10, 14)])
     assert tip == pytest.approx(limit, abs=2e-3)
 
 
-def chain_tip(count, t):
-    """Tip deflection (N,) [m] of Kane's beam as so many rigid segments, the first one half."""
-    h = 10.0 / count
-    lengths = np.array([0.5 * h, *[h] * (count - 1), 0.5 * h])
-    mass = 1.2 * lengths
-    beyond = np.append(np.cumsum(mass[::-1])[::-1][1:], 0.0)
-    P = np.empty((count + 1, count + 1))
-    for i in range(count + 1):
-        for j in range(count + 1):
-            k = max(i, j)
-            P[i, j] = lengths[i] * lengths[j] * beyond[k]
-            if i == j:
-                P[i, j] += mass[i] * lengths[i] ** 2 / 3.0
-            else:
-                P[i, j] += 0.5 * mass[k] * lengths[k] * lengths[min(i, j)]
-    spring = 1.4e4 / h
-
-    def hub(time):
-        s = time / 15.0
-        return 90.0 * (s**3 - 0.5 * s**4), 6.0 * (3 * s**2 - 2 * s**3), 2.4 * (s - s**2)
-
-    def rates(time, y):
-        angle, w, push = hub(time)
-        th = np.concatenate([[angle], y[:count]])
-        v = np.concatenate([[w], y[count:]])
-        apart = th[:, None] - th
-        moments = -(P * np.sin(apart)) @ v**2
-        bends = spring * np.diff(th)
-        moments[:-1] += bends
-        moments[1:] -= bends
-        A = P * np.cos(apart)
-        return np.concatenate([
-            y[count:], np.linalg.solve(A[1:, 1:], moments[1:] - A[1:, 0] * push)
-        ])  # fmt: skip
-
-    found = solve_ivp(rates, (0.0, t[-1]), np.zeros(2 * count), 'DOP853', t, rtol=1e-9, atol=1e-11)
-    angle = np.array([hub(x)[0] for x in t])
-    relative = np.vstack([np.zeros_like(t), found.y[:count] - angle])
-    return lengths @ np.sin(relative)
+@pytest.mark.deep
+def test_peers_answer_the_problems_of_elastic_links():
+    """SciPy on Simeon's matrices; where it is installed, Exudyn on the beams themselves."""
+    assert elastic_slider_crank.error(elastic_slider_crank.ours(1e-12)()().answer) < 1e-12
+    assert spinning_beam.error(spinning_beam.ours(6)()().answer) < 2e-4
+    for problem, largest in ((elastic_slider_crank.PROBLEM, 2e-5), (spinning_beam.PROBLEM, 2e-3)):
+        for method in problem.methods[1:]:
+            if not method.missing() and 'Radau' not in method.name:
+                outcome = method.prepare(method.settings[-1])()()
+                assert problem.error(outcome.answer) < largest, method.name
 
 
 def test_energy_is_balanced():

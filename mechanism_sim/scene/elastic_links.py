@@ -69,7 +69,8 @@ def _check(places: Places, joint: Joint, body: Body, driven: Mapping[str, DriveP
             'put a rigid link between'
         )
     line = isinstance(joint, Prismatic | PinInSlot) and (
-        joint.second if isinstance(joint, PinInSlot) else joint.first, joint.axis
+        joint.second if isinstance(joint, PinInSlot) else joint.first,
+        joint.axis,
     )
     friction = places.scene.joints[joint.name].friction
     along = line and line[0] == link and abs(math.sin(line[1])) <= PARALLEL

@@ -93,7 +93,7 @@ class Plan:
         if not self.clearances:
             return self.ideal
         links, cut = [body.name for body in self.bodies], [*self.clearances]
-        cut += [j for j in bending_guides(self.bodies, self.joints) if j not in cut]
+        cut += [j for j in self.bending if j not in cut]
         straight = [c for c in self.laws if c in self.ideal.displacements]
         while True:
             found = self.mechanism(closing_joints(links, self.joints, cut, straight))
@@ -106,6 +106,11 @@ class Plan:
             if not guides:
                 return found
             cut += guides
+
+    @property
+    def bending(self) -> list[str]:
+        """The guides of elastic links."""
+        return bending_guides(self.bodies, self.joints)
 
     @property
     def elastic(self) -> list[str]:
