@@ -7,6 +7,10 @@ from scipy.optimize import brentq
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.messages import LinkageState, deserialize
+from mechanism_sim.nodes import markers
+from mechanism_sim.nodes.force_markers import Picture, preview
+from mechanism_sim.nodes.publications import linkage_states
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.modes import modes
@@ -297,3 +301,32 @@ def test_what_an_elastic_link_cannot_bear_is_refused(change, words):
     for text in words:
         assert text in str(error.value)
     assert '\n' not in str(error.value)
+
+
+# --- what nodes show ----------------------------------------------------------------------------
+
+
+def test_messages_show_elastic_links_bent():
+    """Markers as figures have them, deflection and stress beside them in LinkageState."""
+    machine = ms.load_scene('elastic_slider_crank')
+    seen = preview(machine, 0.01)
+    fixed = markers.shapes(seen.skeleton, '').markers
+    assert {m.header.frame_id for m in fixed} == {'world', 'crank', 'slider'}
+    samples = seen.found.solution.samples(np.array([0.005]))
+    picture = Picture(seen)
+    (array,) = picture.at(samples.t, samples.observed, samples.modes)
+    lines = [m for m in array.markers if m.header.frame_id == 'rod']
+    assert lines
+    points = np.array([[p.x, p.y] for m in lines if m.ns == 'links' for p in m.points])
+    bending = seen.skeleton.bendings['rod']
+    q = samples.observed.position[machine.mechanism.amplitudes('rod')][:, 0]
+    shown = bending.magnified * bending.beam.deflection(0.15) @ q
+    middle = points[np.abs(points[:, 0] - 0.15) < 0.01, 1]
+    assert abs(shown) > 0.002
+    assert 0.5 * (middle.min() + middle.max()) == pytest.approx(shown, abs=2e-3)
+    (data,) = linkage_states(machine.physics, machine.mechanism, 'world')(samples)
+    state = deserialize(data, LinkageState)
+    assert state.elastic_links == ['rod']
+    strained = machine.mechanism.strained(samples.observed.position)
+    assert state.deflections[0] == strained['deflection.rod'][0]
+    assert state.stresses[0] == strained['stress.rod'][0] > 0.0

@@ -58,7 +58,8 @@ def beam(random: Random, driven: bool) -> dict[str, Any]:
     drive, or more.
     """
     modulus, stiffness = 1e11, bars.decades(random, 1.0, 2.5)  # [Pa], [N m^2]
-    section: Scene = {'area': bars.decades(random, -5.0, -4.0), 'second_moment': stiffness / modulus}
+    area = bars.decades(random, -5.0, -4.0)
+    section: Scene = {'area': area, 'second_moment': stiffness / modulus}
     if random.random() < 0.4:
         section = {'section': {'points': _taper(random, section)}}
     return {

@@ -177,7 +177,7 @@ def method(prepare: Callable[[int, float], Run], cables: int, steps: Sequence[fl
         tuple(steps),
         'steps',
         lambda setting: prepare(cables, setting),
-        f'{cables} elements ObjectANCFCable2D, which stretch; generalised alpha with a spectral '
-        f'radius of {_DAMPED:g}.',
+        f'{cables} elements ObjectANCFCable2D, which bend without limits and shorten thereby, as '
+        f'linear theory has it not; generalised alpha with a spectral radius of {_DAMPED:g}.',
         lambda: missing('exudyn'),
     )
