@@ -239,8 +239,20 @@ def _check_contact(where: str, clearance: Play) -> None:
             raise InputError(
                 f"{where}.contact: '{key}' is missing: the law {contact.law} needs it"
             )
-    if thin and not film:
-        raise InputError(f'{where}.contact.roughness is for the law film: there is no oil')
+    for key in ('roughness', 'supply_pressure', 'cavitation_pressure'):
+        if getattr(contact, key) and not film:
+            raise InputError(f'{where}.contact.{key} is for the law film: there is no oil')
+    supply, lowest = contact.supply_pressure, contact.cavitation_pressure
+    if supply < lowest:
+        raise InputError(
+            f'{where}.contact.supply_pressure = {supply:g} Pa is less than cavitation_pressure, '
+            f'{lowest:g} Pa: oil that ruptures where it comes in fills nothing'
+        )
+    if supply > lowest and contact.cavitation == 'none':
+        raise InputError(
+            f'{where}.contact.cavitation = none: the film is whole whatever the pressure of its '
+            "supply: leave it out, or 'supply_pressure' and 'cavitation_pressure'"
+        )
     if thin and thin >= clearance.radial:
         raise InputError(
             f'{where}.contact.roughness = {thin:g} m must be less than radial, '

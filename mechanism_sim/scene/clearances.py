@@ -71,7 +71,8 @@ def oil_film(clearance: Play) -> ShortBearing | None:
     given = (contact.viscosity, contact.width, contact.radius)
     viscosity, width, radius = (value or 0.0 for value in given)  # checked to be there
     full = contact.cavitation == 'none'
-    return ShortBearing(viscosity, width, radius, clearance.radial, full)
+    supply = contact.supply_pressure - contact.cavitation_pressure
+    return ShortBearing(viscosity, width, radius, clearance.radial, full, supply)
 
 
 class Leaning(NamedTuple):

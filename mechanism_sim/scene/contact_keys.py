@@ -39,8 +39,12 @@ class Contact(Part):
     radius: Length | None = None
     """Of the journal; required for a film."""
     cavitation: Literal['guembel', 'none'] = 'guembel'
-    """Of a film whose pressure falls below that of its supply. It ruptures and carries nothing
+    """Of a film whose pressure falls below `cavitation_pressure`. It ruptures and carries nothing
     there (Guembel), or it pulls, if the supply's pressure keeps it whole."""
+    supply_pressure: Annotated[float, si('Pa'), Field(allow_inf_nan=False)] = 0.0
+    """Of the oil at both ends of a film, above that of the surroundings."""
+    cavitation_pressure: Annotated[float, si('Pa'), Field(allow_inf_nan=False)] = 0.0
+    """At which a film ruptures, above that of the surroundings: negative if oil holds together."""
     roughness: Length | None = None
     """Thickness of a film at which its walls touch; without, they never do."""
 
