@@ -4,11 +4,19 @@ import math
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from running import run as command
+from running import run_json
 from scipy.linalg import expm
 
 import mechanism_sim as ms
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.bearing_ends import seat
+from mechanism_sim.messages import JointReactions, deserialize
+from mechanism_sim.nodes.publications import reactions, wrenches
+from mechanism_sim.recording import BagWriter, Qos, read_bag
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
 from mechanism_sim.scene.schema import Scene
@@ -309,3 +317,69 @@ def test_the_largest_misalignment_that_has_room_runs():
 def test_links_that_cannot_be_are_refused(tilt, said):
     with pytest.raises(InputError, match=said):
         _ = bob({}, tilt={'stiffness': 1.0, **tilt}).system
+
+
+# --- messages --------------------------------------------------------------------------------
+
+
+def test_a_foreign_reader_finds_the_moments_on_joint_reactions(tmp_path):
+    """As columns of samples have them; in the frame of the bushing's link on wrenches."""
+    machine = four_bar(length='20 mm', misalignment__pin__angle='5 mrad')
+    t = np.array([0.01, 0.02, 0.03])
+    solution = ms.simulate(machine, duration=0.04)
+    columns, seen = solution.sample(t), solution.samples(t).observed
+    path = tmp_path / 'moments.mcap'
+    joint, physics = 'coupler_rocker', machine.physics
+    wrench = wrenches(physics, machine.mechanism, lambda name: name, [joint])[joint]
+    published = ('/joint_reactions', reactions(physics, 'world')), ('/wrench', wrench)
+    with BagWriter(path) as bag:
+        bag.add_topic('/joint_reactions', 'mechanism_sim/msg/JointReactions', Qos())
+        bag.add_topic('/wrench', 'geometry_msgs/msg/WrenchStamped', Qos())
+        for topic, write in published:
+            for data, time in zip(write(t, seen), t, strict=True):
+                bag.write(topic, data, int(1e9 * time))
+    with path.open('rb') as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        said: dict[str, list] = {'/joint_reactions': [], '/wrench': []}
+        for _, channel, _, message in reader.iter_decoded_messages():
+            said[channel.topic].append(message)
+    k = physics.joints.index(joint)
+    for j, message in enumerate(said['/joint_reactions']):
+        moment = [columns[f'bearing_moment.{joint}.{axis}'][j] for axis in 'xy']
+        assert [message.moment_x[k], message.moment_y[k]] == moment
+        assert len(message.moment_x) == len(message.joints) == len(message.force_z)
+        torque = said['/wrench'][j].wrench.torque
+        turned = complex(torque.x, torque.y) * np.exp(1j * columns['position.rocker'][j])
+        assert turned == pytest.approx(complex(*moment), rel=1e-12)
+    assert np.hypot(*moment) > 0.01
+    summary = analyze(path)
+    largest = columns[f'bearing_moment.{joint}.size'].max()
+    assert [(p.name, p.value) for p in summary.loads.moments] == [
+        (joint, pytest.approx(largest, rel=1e-15))
+    ]
+
+
+def test_bearings_in_line_add_nothing_to_messages():
+    machine = four_bar()
+    seen = ms.simulate(machine, duration=0.01).samples(0.005).observed
+    (data,) = reactions(machine.physics, 'world')(np.array([0.005]), seen)
+    message = deserialize(data, JointReactions)
+    assert [len(x) for x in (message.moment_x, message.moment_y, message.force_z)] == [0, 0, 0]
+
+
+@pytest.mark.deep
+def test_nodes_publish_bearing_moments_and_bags_give_them_back(tmp_path):
+    bag = tmp_path / 'run.mcap'
+    run_json('run', 'four_bar_misaligned', '--revolutions', '0.5', '--record', str(bag))
+    summary = analyze(bag)
+    solved = ms.simulate(ms.load_scene('four_bar_misaligned'), revolutions=0.5)
+    assert summary.digest == solved.digest
+    ((peak,),) = (summary.loads.moments,)
+    name = 'bearing_moment.coupler_rocker.size'
+    assert solved.sample(np.array([peak.time]))[name][0] == pytest.approx(peak.value, rel=1e-9)
+    messages = [m for _, m, _ in read_bag(bag).messages('/joint_reactions')]
+    k = list(messages[0].joints).index('coupler_rocker')
+    for m in messages:
+        assert np.hypot(m.moment_x[k], m.moment_y[k]) <= peak.value
+    done = command('plot', str(bag), name, '-o', str(tmp_path / 'x.svg'))
+    assert done.returncode == 0, done.stderr

@@ -36,6 +36,7 @@ class BearingEnd(BearingClearance):
     height: float = 0.0  #: [m] above the plane of the links
     reach: float = 0.0  #: [m] above the middle of the bearing
 
+    thrust: ClassVar[float] = 0.0
     softness: ClassVar[float] = 1e-9
     """Two ends that stick in links that do not lean hold the same, giving way so little."""
 
