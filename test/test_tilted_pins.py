@@ -9,6 +9,7 @@ from mcap_ros2.decoder import DecoderFactory
 from running import run as command
 from running import run_json
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
@@ -173,6 +174,133 @@ def test_an_impact_at_one_end_keeps_the_books(spin):
     assert abs(residual(run)) < 1e-14
 
 
+# --- stops along the axis --------------------------------------------------------------------
+
+WIDE, RADIUS, CROWN = 1e-3, 8e-3, 1e-7
+"""Of stops: axial play, and of their faces radius and crown [m]."""
+
+
+def falling(axial=(), tilt=None, clearance=(), **parts):
+    """A bob on a pin that stands upright, seen from above: it falls away from the reader."""
+    stops = {'play': WIDE, **dict(axial)}
+    parts = {'start': 'centred', 'gravity': [0.0, 0.0, -G], **parts}
+    return bob(
+        {'axial': stops, **dict(clearance)},
+        tilt={'stiffness': 0.0, **LEAN, **(tilt or {})},
+        **parts,
+    )
+
+
+def test_a_link_falls_between_stops_and_bounces_as_a_ball_does():
+    e = 0.6
+    run = ms.simulate(falling({'restitution': e}), duration=0.12)
+    t = math.sqrt(2.0 * WIDE / G)
+    v = G * t
+    for hit in run.impacts[:6]:
+        assert (hit.joint, hit.normal_angle) == ('pin_stop_rear', 0.0)
+        assert (hit.t, hit.approach_speed) == pytest.approx((t, v), rel=1e-10)
+        assert hit.normal_impulse == pytest.approx((1.0 + e) * v * MASS, rel=1e-10)
+        v *= e
+        t += 2.0 * v / G
+    way, force, moment, potential = at(
+        run, 0.12, 'position.bob.axial', 'axial_force.pin', 'bearing_moment.pin.size',
+        'energy.potential',
+    )  # fmt: skip
+    assert (way, force, moment) == (-WIDE, pytest.approx(-MASS * G, rel=1e-12), 0.0)
+    assert potential == pytest.approx(-MASS * G * WIDE, rel=1e-12)
+    assert run.energy.dissipated == pytest.approx(MASS * G * WIDE, rel=1e-12)
+
+
+@pytest.mark.parametrize(('along', 'lean'), [('x', 5e-3), ('y', -4e-3)])
+@pytest.mark.parametrize('up', [1.0, -1.0])
+def test_an_impact_at_the_rim_of_a_face_keeps_the_books(along, lean, up):
+    """A face out of line meets the stop with its rim: time, impulse and rates in closed form."""
+    e = 0.5
+    run = ms.simulate(
+        falling(
+            {'restitution': e, 'face_radius': RADIUS, 'crown': CROWN},
+            gravity=[0.0, 0.0, up * G], initial={'position': {f'bob.tilt_{along}': lean}},
+        ),
+        duration=0.02,
+    )  # fmt: skip
+    hit = run.impacts[0]
+    bulge = math.hypot(CROWN, RADIUS * lean)
+    arm = RADIUS**2 * abs(lean) / bulge
+    assert arm == pytest.approx(RADIUS, rel=1e-5)
+    fall = WIDE - (bulge - CROWN)
+    inertia = LEAN['inertia']['yx'.index(along)]  # leaning along x is turning about y
+    speed = math.sqrt(2.0 * G * fall)
+    impulse = (1.0 + e) * speed / (1.0 / MASS + arm**2 / inertia)
+    assert hit.joint == ('pin_stop_front' if up > 0.0 else 'pin_stop_rear')
+    assert hit.t == pytest.approx(math.sqrt(2.0 * fall / G), rel=1e-10)
+    assert hit.normal_impulse == pytest.approx(impulse, rel=1e-10)
+    assert hit.energy_loss == pytest.approx(0.5 * (1.0 - e) * speed * impulse, rel=1e-10)
+    way, turn = at(run, hit.t, 'velocity.bob.axial', f'velocity.bob.tilt_{along}')
+    assert way == pytest.approx(up * (speed - impulse / MASS), rel=1e-9)
+    assert turn == pytest.approx(-math.copysign(arm * impulse / inertia, lean), rel=1e-9)
+    assert abs(residual(run)) < 1e-15
+
+
+@pytest.mark.parametrize('law', [None, 'hunt_crossley'])
+def test_a_collar_under_a_load_beside_its_axis_leans_until_moments_balance(law):
+    """Of weight, face and stiffness: k s = weight (off - arm(s)); the depth is that of the law."""
+    off, k = 5e-3, 50.0
+    contact = {'contact': {'law': law, 'stiffness': 1e9}} if law else {}
+    machine = falling(
+        {'play': 1e-4, 'restitution': 0.1 if law else 0.0, 'face_radius': RADIUS, 'crown': 1e-6},
+        {'stiffness': k, 'damping': 0.9}, cog=[off, 0.0], clearance=contact,
+    )  # fmt: skip
+    run = ms.simulate(machine, duration=0.15)
+    weight = MASS * G
+
+    def unbalanced(s):
+        return k * s - weight * (off - RADIUS**2 * s / math.hypot(1e-6, RADIUS * s))
+
+    lean = brentq(unbalanced, 1e-9, 1e-2, xtol=1e-18)
+    found, force, x, y, way = at(
+        run, 0.15, 'position.bob.tilt_x', 'axial_force.pin', 'bearing_moment.pin.x',
+        'bearing_moment.pin.y', 'position.bob.axial',
+    )  # fmt: skip
+    assert found == pytest.approx(lean, rel=1e-5)
+    assert force == pytest.approx(-weight, rel=1e-5)
+    assert (x, y) == (0.0, pytest.approx(weight * off - k * lean, rel=1e-5))
+    # the pin is the origin: it is higher by lean times the way from the centre of gravity
+    depth = (weight / 1e9) ** (2.0 / 3.0) if law else 0.0
+    bulge = math.hypot(1e-6, RADIUS * lean) - 1e-6
+    assert way + off * lean == pytest.approx(bulge - 1e-4 - depth, rel=1e-5)
+    assert abs(residual(run)) < (1e-11 if law else 1e-15)
+
+
+@pytest.mark.deep
+def test_stops_that_are_never_met_change_nothing_in_the_plane():
+    tilt = {'stiffness': 100.0, 'thickness': '10 mm'}
+    given = {'length': '20 mm', 'misalignment__pin__angle': '5 mrad'}
+    one, other = (
+        ms.simulate(four_bar(tilt=tilt, **given, **more), revolutions=0.3)
+        for more in ({}, {'axial__play': '1 m'})
+    )
+    assert [i.t for i in one.impacts] == [i.t for i in other.impacts]
+    t = np.linspace(0.0, 0.05, 30)
+    for name in ('position.rocker', 'position.coupler.tilt_y'):
+        np.testing.assert_array_equal(one.sample(t)[name], other.sample(t)[name])
+
+
+def test_a_coupler_with_axial_play_rattles_between_stops():
+    """It leans by its misaligned pin, and its end comes to both stops: energy stays in balance."""
+    tilt = {'stiffness': 100.0, 'thickness': '10 mm', 'axial_stiffness': '2 kN/m'}
+    run = ms.simulate(
+        four_bar(
+            tilt=tilt, length='20 mm', misalignment__pin__angle='5 mrad', axial__play='0.06 mm',
+            axial__face_radius='8 mm', axial__crown='1 um', axial__restitution=0.4,
+        ),
+        revolutions=0.5,
+    )  # fmt: skip
+    assert {i.joint for i in run.impacts} >= {
+        f'coupler_rocker_stop_{x}' for x in ('front', 'rear')
+    }
+    assert abs(run.energy.residual) < 1e-11
+
+
 # --- links that lean -------------------------------------------------------------------------
 
 
@@ -293,6 +421,9 @@ def test_check_tells_how_much_room_is_left_and_how_fast_links_lean():
         ({'misalignment': {'pin': {'angle': 1e-3}}, 'length': None}, "needs 'length'"),
         ({'along': 1e-3, 'length': None}, "needs 'length'"),
         ({'height': 1e-3}, 'height'),
+        ({'axial': {'play': 1e-3}}, "none of its links can move along the axis: give 'links.bob"),
+        ({'axial': {'play': 1e-3, 'crown': 1e-6}}, "needs 'face_radius' and 'crown' together"),
+        ({'axial': {'play': 0.0}}, 'greater than 0'),
     ],
 )
 def test_bearings_that_cannot_be_are_refused(keys, said):
@@ -307,11 +438,18 @@ def test_the_largest_misalignment_that_has_room_runs():
     assert abs(residual(run)) < 1e-12
 
 
+def test_a_start_beyond_a_stop_is_refused():
+    machine = falling(initial={'position': {'bob.axial': 1.1 * WIDE}})
+    with pytest.raises(InputError, match='into each other at pin_stop_front: give more axial'):
+        ms.simulate(machine, duration=1e-3)
+
+
 @pytest.mark.parametrize(
     ('tilt', 'said'),
     [
         ({'inertia': [1e-5, 1e-5]}, 'no body has the moments of inertia'),
         ({'thickness': 0.5}, 'no body has the moments of inertia'),
+        ({**LEAN, 'axial_stiffness': 1e3}, 'it does not move along the axes'),
     ],
 )
 def test_links_that_cannot_be_are_refused(tilt, said):

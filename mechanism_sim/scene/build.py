@@ -13,7 +13,7 @@ from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.kinematics import Array, Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
 from mechanism_sim.planar.unknowns import NO_WORK
-from mechanism_sim.scene.contact_keys import Play
+from mechanism_sim.scene.contact_keys import Clearance, Play
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.instruments import check_sensors
 from mechanism_sim.scene.machine import Machine
@@ -207,7 +207,9 @@ def _check_joints(machine: Machine) -> None:
         _check_contact(where, clearance)
         if clearance.wall == 'soft' and math.isinf(clearance.friction):
             raise InputError(f'{where}.friction = rough is for rigid contacts only')
-        if clearance.contact and clearance.contact.law == 'flores' and not clearance.restitution:
+        axial = clearance.axial if isinstance(clearance, Clearance) else None
+        dead = not clearance.restitution or (axial and axial.restitution == 0.0)
+        if clearance.contact and clearance.contact.law == 'flores' and dead:
             raise InputError(f'{where}: the law of Flores needs a restitution above 0')
         if clearance.pin_radius and not clearance.friction:
             raise InputError(

@@ -62,7 +62,7 @@ class Plan:
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...]
     closing: tuple[str, ...]
-    gravity: Vector2
+    gravity: tuple[float, ...]
     clearances: dict[str, Play]
     laws: dict[str, tuple[Law, ...]]
     begins: dict[str, tuple[float, float]]
@@ -79,7 +79,8 @@ class Plan:
 
     def mechanism(self, cut: Sequence[str]) -> Mechanism:
         """The tree that is left when some joints are cut."""
-        return Mechanism(self.bodies, self.joints, tuple(cut), self.gravity)
+        x, y, *along = self.gravity
+        return Mechanism(self.bodies, self.joints, tuple(cut), (x, y), *along)
 
     @property
     def ideal(self) -> Mechanism:
@@ -145,8 +146,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
     check_tilts(places, joints)
     rotors = read_rotors(places)
     massless = tuple(
-        elastic.get(link)
-        or replace(without_mass(link, scene.links[link].tilt), rotor=rotors.get(link))
+        elastic.get(link) or replace(without_mass(places, link), rotor=rotors.get(link))
         for link in places.links
     )
     tree = Mechanism(massless, joints, closing)

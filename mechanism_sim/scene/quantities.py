@@ -119,7 +119,7 @@ Friction = Annotated[
 Coefficient = Annotated[float, si(''), Field(ge=0.0, le=1.0)]
 
 
-Gravity = tuple[Acceleration, Acceleration]
+Gravity = Annotated[tuple[Acceleration, ...], Field(min_length=2, max_length=3)]
 
 
 def _describe(schema: dict[str, Any], model: Any) -> None:

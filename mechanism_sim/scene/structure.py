@@ -175,7 +175,7 @@ def read_bodies(
                     'without moving any mass: give it more'
                 )
             body = replace(body, mass=body.mass + rotors[link].mass, rotor=rotors[link])
-        found.append(tilted(body, given.tilt, f'{places.name}: links.{link}', added))
+        found.append(tilted(body, places, added))
     return tuple(found)
 
 
