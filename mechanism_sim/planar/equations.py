@@ -175,7 +175,7 @@ class Equations:
         )
         link, _, name = f.partition('.')
         if name == 'axial':
-            along = -self.mechanism.body(link).mass * self.mechanism.gravity_along
+            along = -self.mechanism.body(link).mass * self.mechanism.axial_gravity
             weight = self.parameters(f'weight:{f}.along', along)
         return add(weight, self._beams.stiffness(f))
 

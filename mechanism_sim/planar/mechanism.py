@@ -195,7 +195,7 @@ class Mechanism:
     joints: tuple[Joint, ...]
     cut: tuple[str, ...]
     gravity: Vector2 = (0.0, 0.0)  #: [m/s^2]
-    gravity_along: float = 0.0  #: [m/s^2] along the axes, towards the reader
+    axial_gravity: float = 0.0  #: [m/s^2] along the axes, towards the reader
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:

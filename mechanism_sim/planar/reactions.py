@@ -153,7 +153,7 @@ def energies(equations: Equations) -> tuple[Term, Term]:
             gravity = equations.parameters(f'gravity:{axis}', g)
             potential.append(neg(mul(mul(mass, gravity), jet.value)))
         if body.tilt and body.tilt.axial is not None:
-            gravity = equations.parameters('gravity:2', equations.mechanism.gravity_along)
+            gravity = equations.parameters('gravity:2', equations.mechanism.axial_gravity)
             way = equations.frames.q[f'{body.name}.axial']
             potential.append(neg(mul(mul(mass, gravity), way)))
     return mul(hy.expression(0.5), kinetic), add(*potential)

@@ -62,7 +62,8 @@ class Plan:
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...]
     closing: tuple[str, ...]
-    gravity: tuple[float, ...]
+    gravity: Vector2
+    axial_gravity: float
     clearances: dict[str, Play]
     laws: dict[str, tuple[Law, ...]]
     begins: dict[str, tuple[float, float]]
@@ -79,8 +80,7 @@ class Plan:
 
     def mechanism(self, cut: Sequence[str]) -> Mechanism:
         """The tree that is left when some joints are cut."""
-        x, y, *along = self.gravity
-        return Mechanism(self.bodies, self.joints, tuple(cut), (x, y), *along)
+        return Mechanism(self.bodies, self.joints, tuple(cut), self.gravity, self.axial_gravity)
 
     @property
     def ideal(self) -> Mechanism:
@@ -187,6 +187,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         joints,
         closing,
         scene.gravity,
+        scene.axial_gravity,
         plays,
         laws or {free: (TorqueLaw(free),)},
         begins,

@@ -119,7 +119,7 @@ Friction = Annotated[
 Coefficient = Annotated[float, si(''), Field(ge=0.0, le=1.0)]
 
 
-Gravity = Annotated[tuple[Acceleration, ...], Field(min_length=2, max_length=3)]
+Gravity = tuple[Acceleration, Acceleration]
 
 
 def _describe(schema: dict[str, Any], model: Any) -> None:

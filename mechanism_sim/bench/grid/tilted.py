@@ -55,7 +55,7 @@ def _tilted(random: Random, k: int) -> Draft:
 
 def stop(random: Random, scene: Scene, leaning: list[str]) -> None:
     """Stops along the axes in the loose joints of links that lean, and weight along them."""
-    scene['gravity'] = [*scene['gravity'], pick(random, (0.0, 0.0, -9.81, 30.0))]
+    scene['axial_gravity'] = pick(random, (0.0, 0.0, -9.81, 30.0))
     for joint, keys in scene['joints'].items():
         play, links = keys.get('clearance'), {*joint.split('_')} & {*leaning}
         if not play or not links:
