@@ -18,6 +18,7 @@ from sympy.simplify.fu import TR8
 
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.rotor import SLOPE
 from mechanism_sim.planar.switches import Table
 from mechanism_sim.report.parameters import bare, describe
 
@@ -111,8 +112,10 @@ class Symbols:
         if link in mechanism.rotors and axis:
             pair, _, way = axis.rpartition('_')
             if c not in self._displacements:
-                return axis, link, f'slope of the axis of {link} towards {way}', 'rad'
-            where = f'its support {pair}' if pair else 'its middle'
+                disk = pair.removesuffix(SLOPE).removesuffix('_')
+                at = f'of {link} at its disk {disk}' if disk else f'of {link}'
+                return axis, link, f'slope of the axis {at} towards {way}', 'rad'
+            where = f'its disk or support {pair}' if pair else 'its middle'
             return axis, link, f'{way} of the axis of {link} in {where}, from where it rests', 'm'
         if c in mechanism.deformations:
             return axis, link, f'amplitude of the shape {axis} of the elastic link {link}', 'm'

@@ -174,7 +174,9 @@ def read_bodies(
                     f"{places.name}: 'links.{link}.mass' is 0: the axis of the rotor could move "
                     'without moving any mass: give it more'
                 )
-            body = replace(body, mass=body.mass + rotors[link].mass, rotor=rotors[link])
+            rotor = rotors[link]
+            mass, inertia = body.mass + rotor.mass, body.inertia + rotor.inertia
+            body = replace(body, mass=mass, inertia=inertia, rotor=rotor)
         found.append(tilted(body, given.tilt, f'{places.name}: links.{link}', added))
     return tuple(found)
 
