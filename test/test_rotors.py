@@ -212,6 +212,25 @@ def test_a_run_up_keeps_its_energy_balance_and_its_supports_carry_the_reaction()
         assert sum(forces) == pytest.approx(expected, rel=1e-9, abs=1e-7)
 
 
+def test_supports_of_two_disks_carry_what_newton_and_euler_want():
+    """Sums of forces, and of moments about the left support, gyroscopic ones among them."""
+    machine = ms.load_scene('two_disk_rotor')
+    solution = ms.simulate(machine, duration=0.05)
+    seen = columns_of(solution, np.linspace(0.01, 0.05, 7), False, machine)
+    m, diametral, polar, w = 19.2913424, 0.0793758, 0.1507136, 2000.0 * TURN / 60.0
+    for axis, wheel, other, sign in (('x', np.cos, 'y', 1.0), ('y', np.sin, 'x', -1.0)):
+        force, moment = 0.0, 0.0
+        for disk, off, arm in (('', 35e-6, 0.325), ('second_', 46e-6, 0.675)):
+            a = seen[f'acceleration.disk.{disk}{axis}'] - off * w**2 * wheel(w * seen['t'])
+            push = m * a + 30.0 * seen[f'velocity.disk.{disk}{axis}']
+            force, moment = force + push, moment + arm * push
+            moment += diametral * seen[f'acceleration.disk.{disk}tilt_{axis}']
+            moment += sign * polar * w * seen[f'velocity.disk.{disk}tilt_{other}']
+        left, right = (seen[f'bearing_force.ground_disk.{x}.{axis}'] for x in ('left', 'right'))
+        assert left + right == pytest.approx(force, rel=1e-9, abs=1e-7)
+        assert 1.2 * right == pytest.approx(moment, rel=1e-9, abs=1e-7)
+
+
 @pytest.mark.deep
 def test_a_weak_motor_stays_at_the_critical_speed():
     """Sommerfeld's effect: half the torque ends below, although nothing brakes beyond."""

@@ -45,6 +45,11 @@ class Support:
     rigid: bool = False  #: whether this is the force of the shaft, with its internal damping
 
 
+def disk_of(pair: str) -> str:
+    """The disk whose slope a pair of coordinates is; empty for the link's own."""
+    return pair.removesuffix(SLOPE).removesuffix('_')
+
+
 class Lump(NamedTuple):
     """A mass on the axis, or beside it: of a support, or of a disk beside that of the link."""
 
@@ -193,6 +198,8 @@ class RotorForces:
             if not rotor.diametral[k]:
                 continue
             x, y = names[0][k], names[1][k]
-            gyroscopic = mul(p(f'links:{x}.polar_inertia', polar), spin)
+            disk = disk_of(rotor.pairs[k])
+            name = f'links:{link}.{disk}' if disk else f'links:{link}'
+            gyroscopic = mul(p(f'{name}.polar_inertia', polar), spin)
             self.other[x] = add(self.other[x], mul(gyroscopic, v[y]))
             self.other[y] = add(self.other[y], neg(mul(gyroscopic, v[x])))

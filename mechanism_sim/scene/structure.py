@@ -175,8 +175,12 @@ def read_bodies(
                     'without moving any mass: give it more'
                 )
             rotor = rotors[link]
-            mass, inertia = body.mass + rotor.mass, body.inertia + rotor.inertia
-            body = replace(body, mass=mass, inertia=inertia, rotor=rotor)
+            body = replace(
+                body,
+                mass=body.mass + rotor.mass,
+                inertia=body.inertia + rotor.inertia,
+                rotor=rotor,
+            )
         found.append(tilted(body, given.tilt, f'{places.name}: links.{link}', added))
     return tuple(found)
 
