@@ -53,8 +53,11 @@ def joint_states(physics: Physics) -> Callable[[Array, Observation], list[bytes]
     return write
 
 
-def linkage_states(physics: Physics, world: str) -> Callable[[Samples], list[bytes]]:
+def linkage_states(
+    physics: Physics, mechanism: Mechanism, world: str
+) -> Callable[[Samples], list[bytes]]:
     """LinkageState messages, in the frame of the world."""
+    elastic = [*mechanism.beams]
     names, joints = list(physics.coordinates), list(physics.clearances)
     each, gap = float64_array(np.zeros(len(names))), float64_array(np.zeros(len(joints)))
     message = LinkageState(coordinates=names, joints=joints)
@@ -62,6 +65,8 @@ def linkage_states(physics: Physics, world: str) -> Callable[[Samples], list[byt
     message.position = message.velocity = message.acceleration = each
     message.gaps = message.normal_forces = message.friction_forces = gap
     message.modes = uint8_array(np.zeros(len(joints)))
+    message.elastic_links = elastic
+    message.deflections = message.stresses = float64_array(np.zeros(len(elastic)))
     layout = Layout(message)
 
     def write(s: Samples) -> list[bytes]:
@@ -80,6 +85,11 @@ def linkage_states(physics: Physics, world: str) -> Callable[[Samples], list[byt
             'drive_work': s.drive_work,
             'dissipated': s.dissipated,
         }
+        if elastic:
+            strained, unknown = mechanism.strained(o.position), np.full(len(s.t), np.nan)
+            for field, what in (('deflections', 'deflection'), ('stresses', 'stress')):
+                each = [strained.get(f'{what}.{link}', unknown) for link in elastic]
+                columns[field] = np.transpose(each)
         if not o.drive_torque.size:  # nor are energies known
             columns |= dict.fromkeys(ENERGIES, np.zeros(len(s.t)))
         return layout.write(s.t, columns)
