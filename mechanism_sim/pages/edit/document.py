@@ -6,7 +6,7 @@ import copy
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any
 
 from mechanism_sim import documents, output
 from mechanism_sim.catalogue import config_folder
@@ -14,21 +14,12 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.scene.files import check_scene, find_scene
 from mechanism_sim.scene.scene_text import renamed, with_value, without
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.sketch import GONE, Edit
 from mechanism_sim.scene.table_keys import with_files
-
-GONE: Final = object()
-"""Instead of a value: the key is removed."""
 
 NEW = 'title: A new machine\nmechanism: linkage\nlinks: {}\njoints: {}\n'
 
 _KEPT = 500  # texts that undo goes back to
-
-
-class Edit(NamedTuple):
-    """A value at a path of a scene, or `GONE`."""
-
-    path: tuple[str, ...]
-    value: Any
 
 
 class Document:

@@ -13,12 +13,13 @@ from numpy.polynomial import polynomial
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.pages.edit.layout import ORIGIN, Pose, Poses, coordinates
+from mechanism_sim.pages.edit.layout import coordinates
 from mechanism_sim.planar.configuration import poses as poses_of
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.sketch import ORIGIN, Pose, Poses
 
 INSTANTS = 73
 """Of a turn, or of a run, both ends included."""

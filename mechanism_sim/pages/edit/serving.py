@@ -13,7 +13,8 @@ from typing import Any
 from mechanism_sim import ending, strict_json
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.errors import InputError
-from mechanism_sim.pages.assets import contents_of
+from mechanism_sim.pages.assets import contents_of, embedded
+from mechanism_sim.pages.edit import palette
 from mechanism_sim.pages.edit.background import Background
 from mechanism_sim.pages.edit.document import Document
 from mechanism_sim.pages.edit.session import Session
@@ -46,7 +47,8 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
     key = secrets.token_urlsafe(16)
     greeting: list[dict[str, Any]] = []
     server = Server(
-        contents_of('edit', MODULES, scenes=scene_names()),
+        contents_of('edit', MODULES, scenes=scene_names(),
+                    tools=embedded(palette.to_json())),
         PORT if port is None else port, lambda: [*greeting],
         lambda message: waiting.put(('page', message)),
         read=lambda data: data if isinstance(data, dict) else None, key=key, largest=_COMMAND,

@@ -11,18 +11,27 @@ import numpy as np
 from mechanism_sim import documents
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.pages.edit import drawing, gestures, panel
+from mechanism_sim.pages.edit import drawing, gestures, palette, panel
 from mechanism_sim.pages.edit.background import Job
-from mechanism_sim.pages.edit.document import GONE, Document, Edit
-from mechanism_sim.pages.edit.drawing import Handle
-from mechanism_sim.pages.edit.gestures import Grid, Spot
-from mechanism_sim.pages.edit.layout import ORIGIN, Poses, coordinates, placed, points_of
+from mechanism_sim.pages.edit.document import Document
+from mechanism_sim.pages.edit.layout import coordinates, placed
 from mechanism_sim.pages.edit.motion import Turn
-from mechanism_sim.pages.edit.quantities import degrees, unit_of
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.rounding import degrees, unit_of
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.sketch import (
+    GONE,
+    ORIGIN,
+    Edit,
+    Grid,
+    Handle,
+    Poses,
+    Sketch,
+    Spot,
+    points_of,
+)
 
 Send = Callable[[dict[str, Any]], None]
 
@@ -195,6 +204,7 @@ class Session:
             'poses': [picture.poses[link] for link in stage['links']],
             'handles': [h.to_json() for h in drawing.handles(picture.scene, picture.poses)],
             'curves': curves,
+            'marks': drawing.marks(picture.scene),
             'assembled': picture.turn is not None,
         }
 
@@ -311,14 +321,25 @@ class Session:
         grid, what = self._grid(message), str(message['what'])
         start, end = (self._spot(message[key]) for key in ('from', 'to'))
         before, picture = self.document.text, self._picture
-        edits = gestures.draw(picture.scene, picture.poses, what, start, end, grid)
-        short = what not in ('clearance', 'masses', 'point')
-        self.document.change([*(self._written_out() if short else []), *edits])
-        named = [e.path for e in edits if e.path[0] in ('links', 'springs', 'drive', 'drives')]
-        if what == 'clearance' or not named:
-            named = [edits[0].path] if edits else []
-        if self.document.text != before and named:
-            self._path = named[0][: 1 if named[0][0] == 'drive' else 2]
+        sketch = Sketch(picture.scene, picture.poses, grid)
+        edits = palette.draw(sketch, what, start, end)
+        if written := self._written_out():
+            try:
+                self.document.scene(edits)
+            except InputError:  # the short form cannot say it
+                edits = [*written, *edits]
+        self.document.change([*edits, *self._as_drawn(edits, sketch.poses)])
+        if self.document.text != before and edits:
+            path = edits[0].path
+            self._path = path[: 1 if path[0] == 'drive' else 2]
+
+    def _as_drawn(self, edits: list[Edit], poses: Poses) -> list[Edit]:
+        """Guesses, where what was drawn would be assembled in another way than it was drawn."""
+        try:
+            scene = self.document.scene(edits)
+            return self._chosen(edits, self._seen(scene, placed(scene, poses)))
+        except InputError:
+            return []  # it is no machine yet
 
     def _spot(self, data: Mapping[str, Any]) -> Spot:
         handle = self._handle(data['handle']) if data.get('handle') else None

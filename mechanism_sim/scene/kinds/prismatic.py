@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
+from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import ContactFriction, LineFriction
-from mechanism_sim.planar.mechanism import Mechanism, Prismatic
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic
 from mechanism_sim.scene.contact_keys import Clearance, Friction
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Angle
+from mechanism_sim.scene.rounding import degrees
+from mechanism_sim.scene.sketch import GONE, ORIGIN, Edit, Pose, Sketch, Spot, Tool, round_axis
 
 
 class AxisKeys(JointKeys):
@@ -52,9 +57,70 @@ def _wrong_play(given: Clearance) -> str:
     return ''
 
 
+def _slider(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
+    """A block pinned to the free end of a link, on a rail of the frame or of another link."""
+    if start.handle is None or start.handle.joint:
+        raise InputError('a slider is put on the free end of a link: press there, drag its way')
+    at, own = start.handle.at, sketch.reference(start)[0]
+    axis = round_axis(at, end.at) if math.dist(at, end.at) > sketch.grid.step else 0.0
+    carrier = end.link or next((x for x, _ in end.handle.members), '') if end.handle else end.link
+    if carrier in ('', GROUND, own.partition('.')[0]):
+        block, along, guide = sketch.slider('slider', at, axis)
+        lies = [Edit(('guess', block), sketch.long(along))]
+    else:
+        block, guide, lies = sketch.name('slider'), [], []
+        pose = sketch.poses[carrier]
+        sketch.poses[block] = Pose(*at, pose.angle)
+        (x, y), (u, v) = pose.within(at), pose.within(sketch.where(end))
+        if abs(y) < 2.0 * sketch.grid.step > abs(v):  # along a bar, from its origin
+            base, axis = carrier, 0.0
+        else:
+            base, guide = sketch.point(carrier, at)
+            axis = round_axis((x, y), (u, v))
+        guide += sketch.guide(base, block, axis)
+    return [sketch.link(block), *guide, *sketch.joint(own, block), *lies]
+
+
+def _guide(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
+    """A link that slides on another, or a new block on a link or on the frame."""
+    a, b, apart = sketch.ends(start, end, 'guide')
+    on = start.link or (start.handle.members[-1][0] if start.handle else GROUND)
+    links = [x for x, _ in end.handle.members] if end.handle else [end.link]
+    runner = next((x for x in links if x not in ('', GROUND, on)), '')
+    pose = sketch.poses.get(on, ORIGIN)
+    if not runner:
+        base, edits = sketch.reference(start)
+        block = sketch.name('slider')
+        axis = round_axis(pose.within(a), pose.within(b))
+        guess = Edit(('guess', block), sketch.long(apart))
+        return [*sketch.guide(base, block, axis), sketch.link(block), *edits, guess]
+    base, edits = sketch.reference(start)
+    far, more = sketch.reference(end._replace(handle=None, link=runner)) if end.link else (
+        next(f'{x}.{n}' if n != 'start' else x for x, n in end.handle.members if x == runner), []
+    )  # fmt: skip
+    (joint,) = sketch.guide(base, far, math.atan2(b[1] - a[1], b[0] - a[0]) - pose.angle)
+    turned = sketch.poses[runner].angle - pose.angle
+    joint.value['angle'] = degrees(turned, 6)
+    known = runner in sketch.scene.guess  # which may be an angle no more
+    return [joint, *edits, *more, *([Edit(('guess', runner), GONE)] if known else [])]
+
+
+_TOOLS = (
+    Tool(
+        'slider', 'S', 'M3 5h10v6H3zM0 12.5h16V14H0z',
+        'Press on the free end of a link, drag along the rail; let go on another link, and the '
+        'rail is on that', _slider, 'band',
+    ),
+    Tool(
+        'guide', 'U', 'M0 7h16v2H0zm5-3h6v2H5zm0 6h6v2H5z',
+        'Press on a link or the frame, drag along the rail: to a link that slides on it, or to '
+        'where a block is to be', _guide, 'band',
+    ),
+)  # fmt: skip
+
 register(
     JointKind(
         'prismatic', PrismaticKeys, _read,
-        wrong_play=_wrong_play, friction=line_friction, arm=('length', False),
+        wrong_play=_wrong_play, friction=line_friction, arm=('length', False), tools=_TOOLS,
     )
 )  # fmt: skip
