@@ -249,7 +249,7 @@ class Sketch:
     def reference(self, spot: Spot) -> tuple[str, list[Edit]]:
         """LINK.POINT of a place on a link or on the ground, and the point if it is new."""
         if spot.handle:
-            return _referred(*spot.handle.members[-1]), []
+            return referred(*spot.handle.members[-1]), []
         return self.point(spot.link or GROUND, self.where(spot))
 
     def point(self, link: str, at: Vector2) -> tuple[str, list[Edit]]:
@@ -273,7 +273,7 @@ class Sketch:
         if spot.handle:
             for link, name in reversed(spot.handle.members):
                 if link != GROUND:
-                    return _referred(link, name), []
+                    return referred(link, name), []
         if spot.handle or not spot.link:
             raise InputError(f'{what} on a link: press on one of its points, or on the link')
         if way := self.sliding(spot):  # a block is small
@@ -300,10 +300,10 @@ class Sketch:
             whose point this is
         """
         handle = spot.handle
-        if handle and handle.joint:
-            found = self._pivots((handle.key,))
-        else:
-            found = self._pivots(self.scene.joints, spot.link) if spot.link else []
+        found = []
+        if (handle and handle.joint) or spot.link:
+            joints = (handle.key,) if handle else self.scene.joints
+            found = self._pivots(joints, spot.link)
         if found:
             return found[0]
         base, edits = self.reference(spot)
@@ -327,8 +327,8 @@ class Sketch:
             two = self._coaxial(stem, two)
         if one.link == two.link or math.dist(one.at, two.at) < 1e-9:
             raise InputError(
-                f'{what} is drawn from one link that turns to another: press on the first or where '
-                'its pivot is to be, and drag'
+                f'{what} is drawn from one link that turns to another: press on the first or '
+                'where its pivot is to be, and drag'
             )
         return one, two
 
@@ -359,11 +359,10 @@ class Sketch:
             if link:
                 pairs = [x for x in (ends, ends[::-1]) if x[1] and x[1][0] == link]
             for one, two in pairs[-1:]:
-                assert one and two  # noqa: S101 - looked at above
+                if one is None or two is None:
+                    continue
                 at = self.poses[one[0]].place(one[2])
-                found.append(
-                    Shaft(two[0], at, one[0], _referred(*two[:2]), _referred(*one[:2]), [])
-                )
+                found.append(Shaft(two[0], at, one[0], referred(*two[:2]), referred(*one[:2]), []))
         return sorted(found, key=lambda x: x.on != GROUND)
 
     def sliding(self, spot: Spot) -> Way | None:
@@ -372,7 +371,7 @@ class Sketch:
         for joint in self.scene.joints.values():
             one, two = (point(self.scene, reference) for reference in joint.points)
             if joint.kind == 'prismatic' and one and two and one[0] == GROUND and two[0] in links:
-                own = _referred(*two[:2])
+                own = referred(*two[:2])
                 return Way(two[0], own, self.poses[two[0]].place(two[2]), joint.axis)
         return None
 
@@ -403,7 +402,7 @@ class Sketch:
         return [Edit(('drive',), {'coordinate': link, 'speed': '60 rpm'})]
 
 
-def _referred(link: str, name: str) -> str:
+def referred(link: str, name: str) -> str:
     """LINK.POINT, or LINK of the point at its origin."""
     return f'{link}.{name}' if name != 'start' or link == GROUND else link
 

@@ -253,8 +253,9 @@ export class Canvas {
     let [best, near] = [null, NEAR];
     for (const handle of this.handles) {
       const [x, y] = this.sheet(handle.at);
-      const far = Math.hypot(x - at[0], y - at[1]);
-      if (far < near) [best, near] = [handle, far];
+      // a point of the frame lies below what moves there
+      const far = Math.hypot(x - at[0], y - at[1]) + (handle.ground && !handle.joint ? 4 : 0);
+      if (far < near - (best ? 1 : 0)) [best, near] = [handle, far];
     }
     return best;
   }

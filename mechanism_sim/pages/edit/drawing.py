@@ -39,7 +39,7 @@ def handles(scene: Scene, poses: Mapping[str, Pose]) -> list[Handle]:
         assert on is not None  # noqa: S101 - looked at above
         found.append(Handle(name, members, poses[on[0]].place(on[2]), True))
         met |= set(members)
-    for link in dict.fromkeys([GROUND, *scene.links]):
+    for link in [*(x for x in scene.links if x != GROUND), GROUND]:  # what moves lies above
         given = scene.links.get(link)
         for name, at in points_of(given).items():
             bare = link == GROUND and name in ('start', 'end')

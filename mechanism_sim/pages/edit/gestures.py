@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
 
 from mechanism_sim.planar.mechanism import GROUND, Vector2
 from mechanism_sim.scene.rounding import degrees, place, rounded
@@ -13,6 +13,7 @@ from mechanism_sim.scene.sketch import GONE, Edit, Grid, Handle, Pose, Poses, po
 
 _ON_AXIS = 0.02
 """Of the frame's length: a joint so near its axis stays on it."""
+
 
 class Moved(NamedTuple):
     """A point that was moved: what it changes, and where links lie then."""

@@ -343,7 +343,7 @@ class Session:
 
     def _spot(self, data: Mapping[str, Any]) -> Spot:
         handle = self._handle(data['handle']) if data.get('handle') else None
-        link = str(data.get('link') or '')
+        link = '' if handle else str(data.get('link') or '')
         link = link if link in self._picture.scene.links and link != GROUND else ''
         return Spot((float(data['x']), float(data['y'])), handle, link)
 

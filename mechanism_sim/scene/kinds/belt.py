@@ -318,7 +318,8 @@ def _drawn(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, list[str]]:
 
 
 _TOOL = Tool(
-    'belt', 'B', 'M3.5 6a2 2 0 0 0 0 4L11 13a5 5 0 0 0 0-10zm0 1.3L11 4.3a3.7 3.7 0 0 1 0 7.4L3.5 8.7z',
+    'belt', 'B',
+    'M3.5 6a2 2 0 0 0 0 4L11 13a5 5 0 0 0 0-10zm0 1.3L11 4.3a3.7 3.7 0 0 1 0 7.4L3.5 8.7z',
     'Press on a link that turns, or where a pulley is to be; drag to the other', between(
         'belt', 'pulley', _drawn), 'band',
 )  # fmt: skip

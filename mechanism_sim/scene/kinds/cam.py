@@ -466,12 +466,14 @@ def _notes(machine: Any, pair: CamPair) -> list[str]:
 def _draw(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A roller on a link that swings or slides, or on a new one that slides away from the cam.
 
-    It rises and returns by a quarter of its distance, with dwells; it starts in a dwell where it is.
+    It rises and returns by a quarter of its distance, and starts in a dwell where it is.
     """
     a, b, apart = sketch.ends(start, end, 'cam')
     cam = sketch.turning(start, 'cam')
     if cam.on != GROUND:
-        raise InputError('a cam turns on the ground: press on a link that does, or where it is to be')
+        raise InputError(
+            'a cam turns on the ground: press on a link that does, or where it is to be'
+        )
     links = [x for x, _ in end.handle.members] if end.handle else [end.link]
     rail, rise = sketch.sliding(end), sketch.size(0.25 * apart)
     swings = next((x for x in map(sketch.pivot, links) if x and x.link != cam.link), None)
@@ -507,7 +509,9 @@ def _draw(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
 
 
 _TOOL = Tool(
-    'cam', 'A', 'M8 4a5 5 0 0 1 5 5 5 5 0 0 1-10 0c0-3 3-3 5-5zm0 3.5a1.5 1.5 0 1 0 0 3 1.5 1.5 0 0 0 0-3zM8 0a1.6 1.6 0 1 1 0 3.2A1.6 1.6 0 0 1 8 0z',
+    'cam', 'A',
+    'M8 4a5 5 0 0 1 5 5 5 5 0 0 1-10 0c0-3 3-3 5-5zm0 3.5a1.5 1.5 0 1 0 0 3 1.5 1.5 0 0 0 '
+    '0-3zM8 0a1.6 1.6 0 1 1 0 3.2A1.6 1.6 0 0 1 8 0z',
     'Press on a link that turns, or where a cam is to be; drag to a link that swings or slides, '
     'or to where its follower is to be', _draw, 'band',
 )  # fmt: skip

@@ -58,7 +58,9 @@ def crank_of(sketch: Sketch, start: Spot, what: str) -> tuple[str, Vector2, Shaf
     pin, at = sketch.on_link(start, f'the pin of {what} is')[0], sketch.where(start)
     shaft = sketch.pivot(pin.partition('.')[0])
     if start.handle is None or shaft is None or math.dist(shaft.at, at) < 1e-9:
-        raise InputError(f'{what} is driven by the end of a crank that turns on the ground: press there')
+        raise InputError(
+            f'{what} is driven by the end of a crank that turns on the ground: press there'
+        )
     return pin, at, shaft
 
 
@@ -87,7 +89,7 @@ def _draw(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
 
 _TOOL = Tool(
     'geneva', 'W', 'M8 1l1.5 4.5L14 4l-2.5 4 2.5 4-4.5-1.5L8 15l-1.5-4.5L2 12l2.5-4L2 4l4.5 1.5z',
-    'Press on the end of a crank, drag to where the Geneva wheel turns: its slots fit the distance',
+    'Press on the end of a crank, drag to the centre of a Geneva wheel: slots fit the distance',
     _draw, 'band',
 )  # fmt: skip
 

@@ -415,12 +415,15 @@ def _with_rack(sketch: Sketch, one: Shaft, rack: str, radius: float) -> list[Edi
 
 _TOOLS = (
     Tool(
-        'gears', 'E', 'M4 3l.5-1h1L6 3h1l1 1v1l1 .5v1L8 7v1L7 9H6l-.5 1h-1L4 9H3L2 8V7l-1-.5v-1L2 5V4l1-1zm6 5l.5-1h2l.5 1 1 .5v1l1 1-1 1.5v1l-1 1h-1l-1 1-1-1h-1l-1-1v-1l-1-1.5 1-1v-1z',
+        'gears', 'E',
+        'M4 3l.5-1h1L6 3h1l1 1v1l1 .5v1L8 7v1L7 9H6l-.5 1h-1L4 9H3L2 8V7l-1-.5v-1L2 5V4l1-1z'
+        'm6 5l.5-1h2l.5 1 1 .5v1l1 1-1 1.5v1l-1 1h-1l-1 1-1-1h-1l-1-1v-1l-1-1.5 1-1v-1z',
         'Press on a link that turns, or where a gear is to be; drag to another, or to a link that '
         'slides', _gears, 'band',
     ),
     Tool(
-        'rack', 'Q', 'M8 1a4 4 0 1 1 0 8 4 4 0 0 1 0-8zM0 14v-3h2v-1h2v1h2v-1h2v1h2v-1h2v1h2v-1h2v4z',
+        'rack', 'Q',
+        'M8 1a4 4 0 1 1 0 8 4 4 0 0 1 0-8zM0 14v-3h2v-1h2v1h2v-1h2v1h2v-1h2v1h2v-1h2v4z',
         'Press on a link that turns, or where a pinion is to be; drag to its rack', _rack, 'band',
     ),
 )  # fmt: skip

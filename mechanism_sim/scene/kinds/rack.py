@@ -8,8 +8,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.indexing import SlottedRack
 from mechanism_sim.planar.mechanism import GROUND, rotate
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
-from mechanism_sim.scene.kinds.prismatic import contact_friction
 from mechanism_sim.scene.kinds.geneva import crank_of
+from mechanism_sim.scene.kinds.prismatic import contact_friction
 from mechanism_sim.scene.quantities import Length
 from mechanism_sim.scene.rounding import exactly, place
 from mechanism_sim.scene.sketch import Edit, Sketch, Spot, Tool

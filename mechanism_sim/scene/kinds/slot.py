@@ -60,7 +60,9 @@ def _draw(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
 
 
 _TOOL = Tool(
-    'slot', 'O', 'M4 5h8a3 3 0 0 1 0 6H4a3 3 0 0 1 0-6zm0 1.3a1.7 1.7 0 0 0 0 3.4h2.2a2.4 2.4 0 0 1 0-3.4zm5.8 0a2.4 2.4 0 0 1 0 3.4H12a1.7 1.7 0 0 0 0-3.4z',
+    'slot', 'O',
+    'M4 5h8a3 3 0 0 1 0 6H4a3 3 0 0 1 0-6zm0 1.3a1.7 1.7 0 0 0 0 3.4h2.2a2.4 2.4 0 0 1 '
+    '0-3.4zm5.8 0a2.4 2.4 0 0 1 0 3.4H12a1.7 1.7 0 0 0 0-3.4z',
     'Press on a pin, drag to the link with the slot; where there is nothing, a yoke slides that '
     'way', _draw, 'band',
 )  # fmt: skip

@@ -260,7 +260,8 @@ _TOOLS = (
         'Press on a link, drag: an arrow of 1 N a millimetre', _force, 'band',
     ),
     Tool(
-        'torque', 'Shift+T', 'M13 13.5A7 7 0 1 1 14.5 5l1.5-.5-1.5 4L11 6l1.7-.4A5 5 0 1 0 11.6 12z',
+        'torque', 'Shift+T',
+        'M13 13.5A7 7 0 1 1 14.5 5l1.5-.5-1.5 4L11 6l1.7-.4A5 5 0 1 0 11.6 12z',
         'Press on a link, drag up or down: a torque of 1 N m for 100 mm, down it is clockwise',
         _torque, 'band',
     ),

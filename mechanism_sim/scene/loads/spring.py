@@ -102,11 +102,14 @@ def _two_links(one: str, two: str) -> None:
 
 _TOOLS = (
     Tool(
-        'spring', 'R', 'M1 7.3h2l1-3 2 7 2-7 2 7 2-7 1 3h2v1.4h-3l-.3-.9-1.7 6-2-7-2 7-2-7-.3 1.9H1z',
+        'spring', 'R',
+        'M1 7.3h2l1-3 2 7 2-7 2 7 2-7 1 3h2v1.4h-3l-.3-.9-1.7 6-2-7-2 7-2-7-.3 1.9H1z',
         'Press on one point, drag to another', _draw, 'band',
     ),
     Tool(
-        'torsion', 'Shift+R', 'M8 7a1 1 0 1 1-1 1 3 3 0 1 1 4 2.8V15H9.5v-5.5A1.5 1.5 0 1 0 6.5 8 1.5 1.5 0 0 0 8 9.5 3 3 0 0 1 5 7a5 5 0 1 1 8 4l-1-1a3.6 3.6 0 1 0-5.6-2.5z',
+        'torsion', 'Shift+R',
+        'M8 7a1 1 0 1 1-1 1 3 3 0 1 1 4 2.8V15H9.5v-5.5A1.5 1.5 0 1 0 6.5 8 1.5 1.5 0 0 0 8 '
+        '9.5 3 3 0 0 1 5 7a5 5 0 1 1 8 4l-1-1a3.6 3.6 0 1 0-5.6-2.5z',
         'Press on a link, drag to another or to the frame: a torsion spring', _draw_torsion,
         'band',
     ),

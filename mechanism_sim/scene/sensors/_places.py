@@ -40,7 +40,10 @@ def check_joint(where: str, joint: str, known: Iterable[str], what: str) -> None
 
 
 def tool_on_link(
-    name: str, key: str, icon: str, values: Mapping[str, Any],
+    name: str,
+    key: str,
+    icon: str,
+    values: Mapping[str, Any],
     seat: Literal['point', 'along', ''] = 'point',
 ) -> Tool:
     """What puts a sensor on a link, with some of its keys.
@@ -52,9 +55,9 @@ def tool_on_link(
 
     def draw(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
         at, edits = sketch.on_link(start, f'a sensor ({name}) is')
-        link, _, point = at.partition('.')
+        link, _dot, named = at.partition('.')
         where: dict[str, Any] = {'link': link}
-        if seat == 'point' and point:
+        if seat == 'point' and named:
             where['at'] = at
         elif seat == 'along' and not sketch.scene.links[link].elastic:
             raise InputError(f"a sensor ({name}) needs a link with 'elastic', not {link}")
@@ -67,7 +70,11 @@ def tool_on_link(
 
 
 def tool_in_joint(
-    name: str, key: str, icon: str, values: Mapping[str, Any], play: Mapping[str, Any] | None = None
+    name: str,
+    key: str,
+    icon: str,
+    values: Mapping[str, Any],
+    play: Mapping[str, Any] | None = None,
 ) -> Tool:
     """What puts a sensor into a joint, with some of its keys; `play` if that must be loose."""
 

@@ -85,6 +85,10 @@ register(
         carrier=lambda machine, sensor: str(sensor.link),  # noqa: ARG005
         place=_place,
         check=_check,
-        tools=(tool_on_link('accelerometer', 'Shift+A', 'M2 4h12v8H2zm2 2v4h2V6zm4 0v1h5V6zm0 2.5v1h4v-1z', {}),),
+        tools=(
+            tool_on_link(
+                'accelerometer', 'Shift+A', 'M2 4h12v8H2zm2 2v4h2V6zm4 0v1h5V6zm0 2.5v1h4v-1z', {}
+            ),
+        ),
     )
 )

@@ -108,8 +108,10 @@ register(
             f'{machine.mechanism.joint(sensor.joint).second}'
         ),
         check=_check,
-        tools=(tool_in_joint(
-            'load_cell', 'Shift+L', 'M3 2h10v3H9v6h4v3H3v-3h4V5H3z', {'kind': 'load_cell'}
-        ),),
+        tools=(
+            tool_in_joint(
+                'load_cell', 'Shift+L', 'M3 2h10v3H9v6h4v3H3v-3h4V5H3z', {'kind': 'load_cell'}
+            ),
+        ),
     )
 )
