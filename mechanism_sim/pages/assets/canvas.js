@@ -23,6 +23,7 @@ export class Canvas {
     this.grid = add(under, 'g', { class: 'grid' });
     for (const name of ['curves', 'signs', 'band', 'knobs', 'pen']) this[name] = add(over, 'g', { class: name });
     this.marks = [];
+    this.layers = { names: false, forces: true };
     over.setAttribute('tabindex', 0);
     over.setAttribute('role', 'application');
     over.setAttribute('aria-label', 'sheet: arrows move the pen, Enter draws');
@@ -97,10 +98,24 @@ export class Canvas {
   grips({ handles, curves, marks }, colours, path) {
     this.handles = handles;
     this.marks = marks;
+    this.trace(curves, colours);
+    this.choose(path);
+  }
+
+  /** Paths of points. @param {Object<string, number[][]>} curves [m] by LINK.POINT */
+  trace(curves, colours) {
     this.paths = Object.entries(curves).map(([key, points]) => ({
       key, points, colour: colours[key.split('.')[0]] ?? -1,
     }));
-    this.choose(path);
+    this.#curves();
+  }
+
+  #curves() {
+    this.curves.replaceChildren();
+    for (const { points, colour } of this.paths ?? []) {
+      add(this.curves, 'path', { d: line(points.map((p) => this.sheet(p))),
+        style: `stroke: var(--link-${colour})` });
+    }
   }
 
   /** Marks a part. @param {string[]} path in the scene */
@@ -115,9 +130,10 @@ export class Canvas {
     this.#above();
   }
 
-  names(shown) {
-    this.named = shown;
-    this.stage?.layer('names', shown);
+  /** Shows or hides names, or forces. */
+  layer(name, shown) {
+    this.layers[name] = shown;
+    this.stage?.layer(name, shown);
   }
 
   // --- what is seen -----------------------------------------------------------------------
@@ -131,7 +147,7 @@ export class Canvas {
         w / this.scale / unit, h / this.scale / unit].join(' '));
       this.stage.pixel = 1 / (this.scale * unit);
       this.svg.style.setProperty('--pixel', this.stage.pixel.toFixed(4));
-      this.stage.layer('names', Boolean(this.named));
+      for (const [name, shown] of Object.entries(this.layers)) this.stage.layer(name, shown);
       this.stage.show(this.frame);
     }
     const seen = [...this.size, ...this.centre, this.scale].join(' ');
@@ -145,11 +161,7 @@ export class Canvas {
     const [w, h] = this.size;
     for (const svg of [this.under, this.over]) svg.setAttribute('viewBox', `0 0 ${w} ${h}`);
     this.over.dataset.view = [...this.centre, this.scale].join(' ');
-    this.curves.replaceChildren();
-    for (const { points, colour } of this.paths ?? []) {
-      add(this.curves, 'path', { d: line(points.map((p) => this.sheet(p))),
-        style: `stroke: var(--link-${colour})` });
-    }
+    this.#curves();
     this.#signs();
     this.#pen();
     const focused = document.activeElement?.dataset?.handle;

@@ -25,6 +25,8 @@ const root = document.documentElement;
 let socket = null;
 let state = null;
 let run = null; // recording, player, message
+let shown = null; // the state or the frame of a drag that is drawn
+let pressed = null; // forces of ideal joints over a turn, or at its start
 let quiet = 0;
 let drawing = null; // where a part begins
 let waiting = null; // a gesture that is sent when the answer to the last one is there
@@ -33,7 +35,7 @@ let fitted = null; // the document that was fitted
 
 const canvas = new Canvas(by('under'), by('stage'), by('over'), gesture);
 const fields = new Fields(by('outline'), by('fields'), ask);
-const heard = { state: show, frame, pose, checked, progress, run: ran, problem() {}, said: ({ text }) => say(text) };
+const heard = { state: show, frame, pose, forces, checked, progress, run: ran, problem, said: ({ text }) => say(text) };
 start();
 
 function start() {
@@ -51,7 +53,7 @@ function start() {
   by('in').addEventListener('click', () => canvas.zoom(1.25));
   by('out').addEventListener('click', () => canvas.zoom(0.8));
   by('fit').addEventListener('click', fit);
-  by('names').addEventListener('change', () => canvas.names(by('names').checked));
+  for (const name of ['names', 'forces']) by(name).addEventListener('change', () => canvas.layer(name, by(name).checked));
   by('text').addEventListener('change', () => ask({ type: 'text', text: by('text').value }));
   by('play').addEventListener('click', toggle);
   by('scrub').addEventListener('input', () => {
@@ -136,23 +138,46 @@ function show(news) {
 
 function draw(news) {
   playing(false);
-  canvas.show(news.stage, { poses: news.poses });
+  shown = news;
+  pressed = news.forces ?? null;
+  canvas.show({ ...news.stage, ...(pressed ?? {}) }, { poses: news.poses, ...acting(0) });
   canvas.grips(news, news.stage.colours, state.path);
   document.body.dataset.assembled = news.assembled ? '1' : '';
+}
+
+/** Forces and where they act at an instant of a turn, as a stage wants them. */
+const acting = (k) => (pressed ? { forces: pressed.forces[k], feet: pressed.feet[k] } : { forces: [] });
+
+/** Forces of ideal joints over a turn, of the machine that is shown. */
+function forces({ data, number }) {
+  if (number !== state.number || canvas.playing) return;
+  if (shown === state) state.forces = data;
+  draw({ ...shown, forces: data });
+}
+
+/** What a run of what is dragged says. */
+function problem({ data, number }) {
+  if (number !== state.number) return;
+  state.problem = data;
+  tell();
 }
 
 /** A frame of a drag. */
 function frame(news) {
   landed(); // the next is made while this one is drawn
+  if (state.number !== news.number) {
+    if (run || root.dataset.checked) forget();
+    state.number = news.number;
+  }
   draw(news);
   state.problem = news.problem;
   tell();
   root.dataset.frames = Number(root.dataset.frames ?? 0) + 1;
 }
 
-function pose({ poses }) {
+function pose({ poses, instant: k }) {
   landed();
-  canvas.pose({ poses });
+  canvas.pose({ poses, ...acting(k) });
   root.dataset.poses = Number(root.dataset.poses ?? 0) + 1;
 }
 
@@ -232,6 +257,7 @@ function ran({ data, number }) {
       quantity(data.end, 's')}; digest <code title="${data.digest}">${data.digest.slice(0, 12)}…</code></p>`;
   }
   run.lenses = by('lenses') ? lenses(recording, data.stage) : [];
+  if (Object.keys(shown.traced).length) canvas.trace(traces(recording, data.stage), shown.stage.colours);
   instant(recording.at(recording.start));
   root.dataset.digest = data.digest;
   root.dataset.run = number;
@@ -241,6 +267,18 @@ function ran({ data, number }) {
 function lenses(recording, stage) {
   return [...stage.bearings, ...stage.plays].map(({ joint }) => lensOf(add(by('lenses'), 'svg'),
     stage, joint, (index, t) => recording.path(index, t, Infinity)));
+}
+
+/** Paths that only a run knows: of points of a machine that nothing drives, or not alone. */
+function traces(recording, { links }) {
+  const instants = Array.from({ length: 400 }, (_, i) => recording.at(recording.start + (i / 399) * length()));
+  return Object.fromEntries(Object.entries(shown.traced).map(([key, [link, [px, py]]]) => {
+    const i = links.indexOf(link);
+    return [key, instants.map(({ poses: { [i]: [x, y, angle] } }) => {
+      const [c, s] = [Math.cos(angle), Math.sin(angle)];
+      return [x + c * px - s * py, y + s * px + c * py];
+    })];
+  }));
 }
 
 const length = () => run.recording.end - run.recording.start || 1;

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from mechanism_sim.pages.edit.document import texts_of
 from mechanism_sim.planar.mechanism import GROUND, Vector2
 from mechanism_sim.scene.rounding import degrees, place, rounded
 from mechanism_sim.scene.schema import DrivePart, Scene
@@ -151,28 +153,59 @@ def starts(
 # --- what is removed ----------------------------------------------------------------------------
 
 
-def remove(scene: Scene, path: tuple[str, ...]) -> list[Edit]:
-    """A part removed, with what cannot be without it."""
-    edits = [Edit(path, GONE)]
-    if path[0] != 'links' or len(path) not in (2, 4):
-        return edits
-    link, lost = path[1], path[3] if len(path) == 4 else None
-
-    def gone(reference: str) -> bool:
-        on, _, name = reference.partition('.')
-        return on == link and (lost is None or name == lost)
-
-    for name, joint in scene.joints.items():
-        if any(map(gone, joint.points)):
-            edits.append(Edit(('joints', name), GONE))
-    for section in ('springs', 'masses', 'sensors', 'loads', 'gears'):
-        for name, part in getattr(scene, section, {}).items():
-            named = [getattr(part, key, None) for key in ('at', 'link', 'on')]
-            named += list(getattr(part, 'between', ()))
-            if any(isinstance(x, str) and gone(x) for x in named):
-                edits.append(Edit((section, name), GONE))
-    if lost is None:
-        edits += [Edit((key, link), GONE) for key in ('guess', 'drives')]
-        if scene.drive and (scene.drive.coordinate or 'crank') == link:
+def remove(scene: Scene, content: Mapping[str, Any], path: tuple[str, ...]) -> list[Edit]:
+    """A part removed, with what cannot be without it: of gears what only they mesh for."""
+    gone = [path]
+    for lost in gone:  # which grows
+        more = [part for part in _parts(scene, content) if _needs(scene, content, part, lost)]
+        if lost[0] == 'joints' and len(lost) == 2 and scene.joints[lost[1]].kind == 'mesh':
+            left = {
+                gear
+                for name, joint in scene.joints.items()
+                if joint.kind == 'mesh' and ('joints', name) not in gone
+                for gear in joint.points
+            }
+            more += [('gears', gear) for gear in scene.joints[lost[1]].points if gear not in left]
+        gone += [part for part in more if part not in gone]
+    edits = [Edit(part, GONE) for part in gone]
+    if path[0] == 'links' and len(path) == 2:
+        edits += [Edit((key, path[1]), GONE) for key in ('guess', 'drives')]
+        edits += [Edit(('initial', key, path[1]), GONE) for key in ('position', 'velocity')]
+        if scene.drive and (scene.drive.coordinate or 'crank') == path[1]:
             edits.append(Edit(('drive',), GONE))
     return edits
+
+
+_NAMING = 'springs', 'masses', 'loads', 'sensors', 'gears', 'measures'
+"""Sections of parts that name others, beside joints."""
+
+
+def _parts(scene: Scene, content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    found = [('joints', name) for name in scene.joints]
+    return found + [(key, str(name)) for key in _NAMING for name in content.get(key) or {}]
+
+
+def _needs(
+    scene: Scene, content: Mapping[str, Any], part: tuple[str, str], lost: tuple[str, ...]
+) -> bool:
+    """Whether a part names another that is lost: a link, a point of one, a joint, or a gear."""
+    section, name = part
+    if section == 'joints':
+        joint = scene.joints[name]
+        texts = [*joint.points, str(getattr(joint, 'carrier', None) or '')]
+        if (lost[0] == 'gears') != (joint.kind == 'mesh'):
+            return False
+    else:
+        texts = [text for _, text in texts_of({name: content[section][name]}, ('kind',))]
+    word = re.escape(lost[-1])
+    if section == 'measures':
+        pattern = rf'(?<!\w){word}(?!\w)'
+    elif lost[0] == 'links' and len(lost) == 4:
+        pattern = rf'^{re.escape(lost[1])}\.{word}$'
+    elif lost[0] == 'links' and len(lost) == 2:
+        pattern = rf'(?<![\w.]){word}(_rate)?(?!\w)'
+    elif (lost[0], section) in (('joints', 'sensors'), ('gears', 'joints')):
+        pattern = rf'^{word}$'
+    else:
+        return False
+    return any(re.search(pattern, text) for text in texts)

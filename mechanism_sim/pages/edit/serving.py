@@ -23,10 +23,10 @@ from mechanism_sim.pages.server import HOST, Server
 MODULES = 'svg', 'stage', 'lens', 'player', 'canvas', 'fields', 'edit'
 PORT = 8080
 
-PAUSE = 0.3
-"""[s] without an edit after which the document is checked and run."""
+PAUSE = 0.1
+"""[s] without an edit after which the document is checked and run, as it is dragged."""
 
-_LOOK = 0.1  # [s] between looks at what runs
+_LOOK = 0.05  # [s] between looks at what runs
 _COMMAND = 400_000  # bytes: a whole document, its quotes escaped
 
 
@@ -97,6 +97,9 @@ def _serve(
                 number, what, text = item
                 session.found(number, what, strict_json.loads(text))
             if kind:
+                greeting[:] = session.greeting
+            if not kind:
+                session.pause()
                 greeting[:] = session.greeting
             if session.number != ran and time.monotonic() > since + PAUSE:
                 ran = session.number

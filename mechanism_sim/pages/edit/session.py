@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from mechanism_sim import documents
+from mechanism_sim.arrays import Array
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.pages.edit import drawing, gestures, palette, panel
 from mechanism_sim.pages.edit.background import Job
 from mechanism_sim.pages.edit.document import Document
 from mechanism_sim.pages.edit.layout import coordinates, placed
-from mechanism_sim.pages.edit.motion import Turn
+from mechanism_sim.pages.edit.motion import Forces, Turn
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene import Machine
@@ -34,6 +36,15 @@ from mechanism_sim.scene.sketch import (
 )
 
 Send = Callable[[dict[str, Any]], None]
+
+_BUDGET = 0.014
+"""[s] of a frame, of 17 ms; forces are left out of a drag that needs more."""
+
+_LATE = 5
+"""Frames one after the other, beyond which that is so."""
+
+_ARROW = 0.3
+"""Length of the arrow of the largest force, of the machine's size."""
 
 _FAR = 0.2
 """[rad], or sizes of the machine: more is another way to close the loops."""
@@ -75,6 +86,10 @@ class Session:
         self._picture = Picture(Document().scene(), None, {GROUND: ORIGIN}, '')
         self._grabbed: tuple[str, Picture] | None = None
         self._of: str | None = None  # the text whose picture this is
+        self._tried: list[Edit] = []  # what is dragged makes of it
+        self._forces: tuple[int, float] = (0, 0.0)  # the state whose forces these are; [m/N]
+        self._late = 0
+        self._pulled: Array | None = None  # coordinates of a machine that is turned by hand
         self._found: dict[str, dict[str, Any]] = {}
         self._refresh()
         self._shown = self.state()
@@ -100,7 +115,7 @@ class Session:
         except (KeyError, TypeError, ValueError, IndexError, AttributeError):
             self._say('that was no command of this page')
         if kind not in ('drag', 'pull'):
-            self._grabbed = None
+            self._grabbed, self._tried, self._pulled = None, [], None
             self._refresh()
             self._show()
 
@@ -138,9 +153,9 @@ class Session:
         return [self._shown, *self._found.values()]
 
     def job(self) -> Job | None:
-        """What is to be checked and run of the document; None if it is no document."""
+        """What is to be checked and run, as it is dragged; None if it is no document."""
         try:
-            return Job(self.number, self.document.name, self.document.whole())
+            return Job(self.number, self.document.name, self.document.whole(self._tried))
         except InputError:
             return None
 
@@ -148,12 +163,31 @@ class Session:
         """Show what came of a job, if it is of the document as it is."""
         if number != self.number:
             return
-        if kind == 'problem':
+        if kind == 'problem' and not self._grabbed:
             self._picture = self._picture._replace(problem=data)
             self._show()
         message = {'type': kind, 'data': data, 'number': number}
         self._found[kind] = message
         self._send(message)
+
+    def pause(self) -> None:
+        """Show the forces of ideal joints, if that is not done: nobody asks for anything now."""
+        if self._forces[0] == self.number or self._grabbed:
+            return
+        turn, scale = self._picture.turn, 0.0
+        try:
+            known = turn.forces() if turn else None
+        except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError):
+            known = None
+        if turn and known:
+            stage = self._shown['stage']
+            largest = float(np.hypot(*known.forces.transpose(2, 0, 1)).max(initial=0.0))
+            scale = _ARROW * 60.0 * stage['symbol'] / largest if largest else 0.0
+        self._forces = self.number, scale
+        if known and scale:
+            data = _of_forces(known, scale)
+            self._found['forces'] = {'type': 'forces', 'number': self.number, 'data': data}
+            self._send(self._found['forces'])
 
     def _show(self) -> None:
         self._shown = self.state()
@@ -191,10 +225,13 @@ class Session:
 
     def _drawn(self, picture: Picture) -> dict[str, Any]:
         curves: dict[str, Any] = {}
+        traced: dict[str, Any] = {}
         if picture.turn:
             points = picture.turn.machine.plan.points
-            every = (f'{link}.{name}' for link, at in points.items() for name in at)
-            traced = {point for point in every if self._has_path(point)}
+            every = (
+                (f'{link}.{x}', link, at) for link, own in points.items() for x, at in own.items()
+            )
+            traced = {key: [link, at] for key, link, at in every if self._has_path(key)}
             symbol = self._shown['stage']['symbol'] if self._grabbed else 0.0
             stage, curves = drawing.of_machine(picture.turn, traced, symbol)
         else:
@@ -204,6 +241,7 @@ class Session:
             'poses': [picture.poses[link] for link in stage['links']],
             'handles': [h.to_json() for h in drawing.handles(picture.scene, picture.poses)],
             'curves': curves,
+            'traced': {} if curves else traced,
             'marks': drawing.marks(picture.scene),
             'assembled': picture.turn is not None,
         }
@@ -261,16 +299,25 @@ class Session:
         return edits, self._seen(scene, poses, loops)
 
     def _drag(self, message: Mapping[str, Any]) -> None:
-        _, self._picture = self._moved(message)
-        frame = {'type': 'frame', 'problem': self._picture.problem}
-        self._send({**frame, **self._drawn(self._picture)})
+        begun = time.thread_time()
+        edits, self._picture = self._moved(message)
+        if list(edits) != self._tried:
+            self._tried = list(edits)
+            self.number += 1
+        frame = {'type': 'frame', 'number': self.number, 'problem': self._picture.problem}
+        frame |= self._drawn(self._picture)
+        state, scale = self._forces
+        if scale and self._picture.turn:
+            if known := self._picture.turn.forces(1):
+                frame['forces'] = _of_forces(known, scale)
+            self._late = self._late + 1 if time.thread_time() > begun + _BUDGET else 0
+            if self._late > _LATE:  # no machine for that
+                self._forces = state, 0.0
+        self._send(frame)
 
     def _drop(self, message: Mapping[str, Any]) -> None:
-        try:
-            edits, picture = self._moved(message)
-        except InputError:
-            self._of = None  # what was dragged goes back
-            raise
+        self._of = None  # what was dragged goes back, if it cannot stay
+        edits, picture = self._moved(message)
         self.document.change([*edits, *self._chosen(edits, picture)])
 
     def _chosen(self, edits: list[Edit], picture: Picture) -> list[Edit]:
@@ -302,20 +349,27 @@ class Session:
 
     def _pull(self, message: Mapping[str, Any]) -> None:
         """Move the machine along its way, so that a handle comes nearest to a place."""
-        picture = self._picture
-        turn = picture.turn
-        if turn is None or turn.q.shape[1] < 2:
-            raise InputError('what nothing drives, or not alone, cannot be turned by hand')
+        turn = self._picture.turn
+        if turn is None or not turn.q.size:
+            raise InputError('what is no machine yet cannot be turned by hand')
         handle = self._handle(message['handle'])
         link, name = next(((x, n) for x, n in handle.members if x != GROUND), ('', ''))
         if not link:
             return
         at = turn.machine.plan.points[link][name]
+        links = [body.name for body in turn.mechanism.bodies]
+        if not turn.moves:  # whichever way its several motions let it
+            before = turn.q[:, 0] if self._pulled is None else self._pulled
+            self._pulled = turn.reached(
+                before, link, at, (float(message['x']), float(message['y']))
+            )
+            poses = turn.poses_of(self._pulled)
+            self._send({'type': 'pose', 'instant': 0, 'poses': [poses[link] for link in links]})
+            return
         x, y = turn.mechanism.locate_all(link, turn.q, at)
         k = int(np.argmin(np.hypot(x - float(message['x']), y - float(message['y']))))
         poses = turn.poses_at(k)
-        links = [body.name for body in turn.mechanism.bodies]
-        self._send({'type': 'pose', 'poses': [poses[link] for link in links]})
+        self._send({'type': 'pose', 'instant': k, 'poses': [poses[link] for link in links]})
 
     def _draw(self, message: Mapping[str, Any]) -> None:
         grid, what = self._grid(message), str(message['what'])
@@ -365,7 +419,7 @@ class Session:
         path = _path(message)
         short = self._written_out() if path[0] in ('links', 'joints') and len(path) < 3 else []
         present = {*self.document.content(), *(edit.path[0] for edit in short)}
-        edits = gestures.remove(self._picture.scene, path)
+        edits = gestures.remove(self._picture.scene, self.document.content(), path)
         self.document.change([*short, *(edit for edit in edits if edit.path[0] in present)])
         if self._path[: len(path)] == path:
             self._path = ()
@@ -424,6 +478,16 @@ class Session:
         for link, angle in scene.guess.items():
             edits.append(Edit(('guess', link), degrees(angle.value)))
         return edits
+
+
+def _of_forces(known: Forces, scale: float) -> dict[str, Any]:
+    """Forces for the page: of N, and of metres a thousandth of a symbol, nobody sees less."""
+    return {
+        'joints': known.joints,
+        'force_scale': scale,
+        'forces': [[[float(f'{x:.4g}') for x in f] for f in row] for row in known.forces],
+        'feet': np.round(known.feet, 7).tolist(),
+    }
 
 
 def _path(message: Mapping[str, Any]) -> tuple[str, ...]:
