@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 
 from mechanism_sim.pages.edit.document import texts_of
 from mechanism_sim.planar.mechanism import GROUND, Vector2
+from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.rounding import degrees, place, rounded
 from mechanism_sim.scene.schema import DrivePart, Scene
-from mechanism_sim.scene.sketch import GONE, Edit, Grid, Handle, Pose, Poses, point
+from mechanism_sim.scene.sketch import GONE, Edit, Grid, Handle, Pose, Poses, Sketch, point
 
 _ON_AXIS = 0.02
 """Of the frame's length: a joint so near its axis stays on it."""
@@ -122,6 +123,16 @@ def _guesses(scene: Scene, before: Mapping[str, Pose], after: Mapping[str, Pose]
         for c, rough in scene.guess.items()
         if c in after and after[c].angle != before[c].angle and rough.unit != 'm'
     ]
+
+
+def fitting(scene: Scene, poses: Poses, grid: Grid) -> list[Edit]:
+    """What joints whose parts must fit each other change when their links have been moved."""
+    sketch, edits = None, []
+    for name, joint in scene.joints.items():
+        if refit := KINDS[joint.kind].refit:
+            sketch = sketch or Sketch(scene, poses, grid)
+            edits += refit(sketch, name, joint)
+    return edits
 
 
 def starts(

@@ -285,6 +285,9 @@ class Session:
         short = self.document.content().get('mechanism') == 'four_bar'
         edits, poses = gestures.move(before.scene, before.poses, handle, to, grid, short)
         scene, loops = self.document.scene(edits), None
+        if not short and (more := gestures.fitting(scene, poses, grid)):
+            edits = [*edits, *more]
+            scene = self.document.scene(edits)
         try:
             loops = Machine(self.document.name, scene).kinematics(())
         except InputError:

@@ -64,6 +64,19 @@ def crank_of(sketch: Sketch, start: Spot, what: str) -> tuple[str, Vector2, Shaf
     return pin, at, shaft
 
 
+def _refit(sketch: Sketch, _name: str, joint: GenevaKeys) -> list[Edit]:
+    """The crank's length that the distance of the centres asks for."""
+    pin, wheel = joint.points
+    crank, _, end = pin.partition('.')
+    one, two = sketch.pivot(crank), sketch.pivot(wheel.partition('.')[0])
+    if not (one and two and joint.slots and end == 'end' and one.own == crank):
+        return []
+    length = math.dist(one.at, two.at) * math.sin(math.pi / joint.slots)
+    if abs(sketch.scene.links[crank].length / length - 1.0) < 1e-7:
+        return []
+    return [Edit(('links', crank, 'length'), exactly(length, sketch.grid.unit))]
+
+
 def _draw(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A wheel whose centre is as far away as its slots, nearest to the place, ask for."""
     pin, at, shaft = crank_of(sketch, start, 'a Geneva wheel')
@@ -93,4 +106,6 @@ _TOOL = Tool(
     _draw, 'band',
 )  # fmt: skip
 
-register(JointKind('geneva', GenevaKeys, _read, friction=contact_friction, tools=(_TOOL,)))
+register(
+    JointKind('geneva', GenevaKeys, _read, friction=contact_friction, tools=(_TOOL,), refit=_refit)
+)

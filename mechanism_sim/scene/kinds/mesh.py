@@ -389,6 +389,28 @@ def _fixed(sketch: Sketch, shaft: Shaft) -> tuple[str, int, float]:
     return '', 0, 0.0
 
 
+def _refit(sketch: Sketch, _name: str, joint: MeshKeys) -> list[Edit]:
+    """The module that the distance of the centres asks for, unless that is to leave play."""
+    scene = sketch.scene
+    gears = [scene.gears.get(gear) for gear in joint.points]
+    if None in gears or (joint.backlash and joint.backlash.width is None):
+        return []
+    one, two = gears
+    ends = [point(scene, gear.at) for gear in gears]
+    if None in ends or one.shift or two.shift or one.helix_angle:
+        return []
+    a, b = (sketch.poses[end[0]].place(end[2]) for end in ends if end)
+    apart, teeth = math.dist(a, b), (one.teeth or 0) * (-1 if one.internal else 1)
+    teeth += (two.teeth or 0) * (-1 if two.internal else 1)
+    if two.rack:
+        rail = sketch.sliding(Spot(b, link=ends[1][0] if ends[1] else ''))
+        apart = abs(rotate((b[0] - a[0], b[1] - a[1]), -rail.axis)[1]) if rail else 0.0
+    if not teeth or not apart or abs(2.0 * apart / abs(teeth) / one.module - 1.0) < 1e-9:
+        return []
+    module = exactly(2.0 * apart / abs(teeth), sketch.grid.unit)
+    return [Edit(('gears', gear, 'module'), module) for gear in joint.points]
+
+
 def _rack(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A pinion and a rack that slides across the line from its centre to the place."""
     _, _, apart = sketch.ends(start, end, 'rack')
@@ -431,6 +453,6 @@ _TOOLS = (
 register(
     JointKind(
         'mesh', MeshKeys, _read, firm="the play of teeth is their 'backlash'", notes=_notes,
-        friction=_friction, tools=_TOOLS,
+        friction=_friction, tools=_TOOLS, refit=_refit,
     )
 )  # fmt: skip

@@ -12,7 +12,7 @@ from mechanism_sim.scene.kinds.geneva import crank_of
 from mechanism_sim.scene.kinds.prismatic import contact_friction
 from mechanism_sim.scene.quantities import Length
 from mechanism_sim.scene.rounding import exactly, place
-from mechanism_sim.scene.sketch import Edit, Sketch, Spot, Tool
+from mechanism_sim.scene.sketch import Edit, Sketch, Spot, Tool, point
 
 
 class RackKeys(JointKeys):
@@ -47,6 +47,18 @@ def _read(places: Names, name: str, joint: RackKeys) -> SlottedRack:
     return SlottedRack(name, pin[0], rack[0], pin[1], rack[1], pitch, guides[0].axis, centre)
 
 
+def _refit(sketch: Sketch, name: str, joint: RackKeys) -> list[Edit]:
+    """The pitch that the circle of the pin asks for."""
+    pin = point(sketch.scene, joint.points[0])
+    shaft = sketch.pivot(pin[0]) if pin else None
+    if not (pin and shaft and joint.pitch):
+        return []
+    pitch = 2.0 * math.dist(sketch.poses[pin[0]].place(pin[2]), shaft.at)
+    if abs(joint.pitch / pitch - 1.0) < 1e-7:
+        return []
+    return [Edit(('joints', name, 'pitch'), exactly(pitch, sketch.grid.unit))]
+
+
 def _draw(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A rack that slides across the line from the crank's centre to the place."""
     pin, at, shaft = crank_of(sketch, start, 'a slotted rack')
@@ -78,4 +90,6 @@ _TOOL = Tool(
     _draw, 'band',
 )  # fmt: skip
 
-register(JointKind('rack', RackKeys, _read, friction=contact_friction, tools=(_TOOL,)))
+register(
+    JointKind('rack', RackKeys, _read, friction=contact_friction, tools=(_TOOL,), refit=_refit)
+)
