@@ -32,7 +32,7 @@ def cpu_of(process: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
-def measure(scene: str, joint: str) -> None:
+def measure(scene: str = 'four_bar_clearance', joint: str = '') -> None:
     """Drag a joint of a scene and print what it takes."""
     server = ending.start(
         command('edit', scene, '--port', '0', '--json'), text=True, stdout=subprocess.PIPE,
@@ -83,5 +83,4 @@ def measure(scene: str, joint: str) -> None:
 
 
 if __name__ == '__main__':
-    measure(*(sys.argv[1:] + ['four_bar_clearance', ''])[:2] if len(sys.argv) < 2
-            else (sys.argv + [''])[1:3])  # fmt: skip
+    measure(*sys.argv[1:])

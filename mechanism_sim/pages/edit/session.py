@@ -213,10 +213,16 @@ class Session:
             return
         self._picture = self._seen(scene, None)
 
-    def _seen(self, scene: Scene, near: Poses | None, loops: Kinematics | None = None) -> Picture:
+    def _seen(
+        self,
+        scene: Scene,
+        near: Poses | None,
+        loops: Kinematics | None = None,
+        machine: Machine | None = None,
+    ) -> Picture:
         old = self._picture
         try:
-            machine = Machine(self.document.name, scene)
+            machine = machine or Machine(self.document.name, scene)
             turn = Turn(machine, near, old.turn, loops)
         except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError) as error:
             poses = placed(scene, near or old.poses)
@@ -285,11 +291,12 @@ class Session:
         short = self.document.content().get('mechanism') == 'four_bar'
         edits, poses = gestures.move(before.scene, before.poses, handle, to, grid, short)
         scene, loops = self.document.scene(edits), None
-        if not short and (more := gestures.fitting(scene, poses, grid)):
+        if not short and (more := gestures.fitting(scene, placed(scene, poses), grid)):
             edits = [*edits, *more]
             scene = self.document.scene(edits)
+        made: Machine | None = (machine := Machine(self.document.name, scene))
         try:
-            loops = Machine(self.document.name, scene).kinematics(())
+            loops = machine.kinematics(())
         except InputError:
             return edits, self._seen(scene, poses)
         tree = loops.mechanism
@@ -297,9 +304,9 @@ class Session:
         if not left[0]:
             found = dict(zip(tree.coordinates, q[:, 0].tolist(), strict=True))
             if more := gestures.starts(scene, found, tree.displacements, grid):
-                edits = [*edits, *more]
+                edits, made = [*edits, *more], None
                 scene = self.document.scene(edits)
-        return edits, self._seen(scene, poses, loops)
+        return edits, self._seen(scene, poses, loops, made)
 
     def _drag(self, message: Mapping[str, Any]) -> None:
         begun = time.thread_time()

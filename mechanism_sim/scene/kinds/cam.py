@@ -169,6 +169,8 @@ class CamKeys(PhaseKeys):
 
 Place = tuple[str, Vector2]
 _UNITS = ('rad', 'm')
+_RIGHT: dict[Any, Cam] = {}
+_MOST = 32  # profiles that are known
 #: pressure angles [deg] above these are usually avoided
 LARGEST_PRESSURE = {False: 30.0, True: 45.0}  # for followers that slide, that swing
 
@@ -251,8 +253,7 @@ class _Reader:
             away = guide.at[0] - centre[0], guide.at[1] - centre[1]
             beside = -sense * rotate(away, -direction)[1]
         touching = self._follower(guide, math.dist(guide.at, centre), beside, sense)
-        whole = Cam(self._law(guide, touching), touching, joint.base_radius or 0.0)
-        self._check_cam(whole)
+        whole = self._cam(guide, touching)
         kind = GroovePair if joint.groove else CamPair
         return kind(
             self.name,
@@ -270,6 +271,17 @@ class _Reader:
             # a jump of its second order would be one of the gap
             bool(joint.groove and joint.groove.clearance) and not check_smoothness(whole.law, 2),
         )
+
+    def _cam(self, guide: Guide, touching: Follower) -> Cam:
+        """The profile; one that was found right is known for a while, for that takes long."""
+        key = self.joint.model_dump_json(), guide.swings, self._slides, touching
+        if key not in _RIGHT:
+            cam = Cam(self._law(guide, touching), touching, self.joint.base_radius or 0.0)
+            self._check_cam(cam)
+            if len(_RIGHT) >= _MOST:
+                _RIGHT.pop(next(iter(_RIGHT)), None)
+            _RIGHT[key] = cam
+        return _RIGHT[key]
 
     def _check_keys(self) -> None:
         """What every cam needs, and what excludes each other."""
