@@ -116,6 +116,7 @@ function landed() {
 function show(news) {
   const other = !state || state.file !== news.file || state.name !== news.name;
   if (state?.number !== news.number) forget();
+  else news.forces = state.forces;
   state = news;
   waiting = null;
   flying = false;
@@ -150,9 +151,9 @@ const acting = (k) => (pressed ? { forces: pressed.forces[k], feet: pressed.feet
 
 /** Forces of ideal joints over a turn, of the machine that is shown. */
 function forces({ data, number }) {
-  if (number !== state.number || canvas.playing) return;
-  if (shown === state) state.forces = data;
-  draw({ ...shown, forces: data });
+  if (number !== state.number) return;
+  state.forces = data;
+  if (!canvas.playing) draw({ ...shown, forces: data });
 }
 
 /** What a run of what is dragged says. */
