@@ -341,6 +341,7 @@ def test_what_is_drawn_is_accessible_and_overlaps_nowhere(
         names = hand.page.locator('#palette span')
         wide = names.evaluate_all(
             'all => all.filter(x => x.scrollWidth > x.parentElement.offsetWidth)'
+            '.map(x => x.textContent)'
         )
         assert wide == []
         hand.tab.shoot(f'edit_train_{width}_{scheme}')
@@ -349,11 +350,12 @@ def test_what_is_drawn_is_accessible_and_overlaps_nowhere(
 
 
 @pytest.mark.deep
-def test_firefox_drags_a_joint(tmp_path, monkeypatch):
+def test_firefox_drags_a_joint(tmp_path, tmp_path_factory, monkeypatch):
     if firefox() is None:
         pytest.skip('no Firefox here: install the package firefox-esr')
     monkeypatch.chdir(tmp_path)
-    with editing('four_bar_clearance') as address, Firefox(tmp_path / 'profile') as found:
+    profile = tmp_path_factory.mktemp('profile')
+    with editing('four_bar_clearance') as address, Firefox(profile) as found:
         found.goto(address)
 
         def until(text: str) -> None:
@@ -362,7 +364,7 @@ def test_firefox_drags_a_joint(tmp_path, monkeypatch):
                 assert time.monotonic() < end, found.complaints
                 time.sleep(0.02)
 
-        until('document.documentElement.dataset.run')
+        until('Boolean(document.documentElement.dataset.run)')
         x, y = found.evaluate(
             """JSON.stringify((({x, y, width}) => [x + width / 2, y + width / 2])(
                 document.querySelector('[data-handle="coupler_rocker"]').getBoundingClientRect()))"""
