@@ -40,7 +40,8 @@ Spread: TypeAlias = dict[Arm, Any]
 class Body:
     """A link; of an elastic one mass, inertia and centre of gravity before it is deformed.
 
-    The mass of a rotor includes its supports; centre of gravity and inertia are the disk's.
+    Mass and inertia of a rotor are those of all disks and supports, the centre of gravity is that
+    of the link's own disk.
     """
 
     name: str
@@ -201,6 +202,7 @@ class Mechanism:
     joints: tuple[Joint, ...]
     cut: tuple[str, ...]
     gravity: Vector2 = (0.0, 0.0)  #: [m/s^2]
+    axial_gravity: float = 0.0  #: [m/s^2] along the axes, towards the reader
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:
@@ -231,8 +233,8 @@ class Mechanism:
     @property
     def tilts(self) -> tuple[str, ...]:
         """The inclinations of links that lean among them [rad]."""
-        tilted = {body.name for body in self.bodies if body.tilt}
-        return tuple(c for c in self.deformations if c.partition('.')[0] in tilted)
+        tilted = {body.name: body.tilt for body in self.bodies if body.tilt}
+        return tuple(f'{link}.{name}' for link, x in tilted.items() for name in x.inclinations)
 
     @cached_property
     def rotors(self) -> dict[str, Rotor]:
@@ -452,8 +454,13 @@ class Mechanism:
         tilt = self.body(link).tilt if height and link != GROUND else None
         if not tilt:
             return {}
-        ways = (height, 0.0), (0.0, height)
-        return {(link, f'{link}.{name}'): d for name, d in zip(tilt.names, ways, strict=True)}
+        along, across = (f'{link}.{name}' for name in tilt.inclinations)
+        return {(link, along): (height, 0.0), (link, across): (0.0, height)}
+
+    def rise(self, link: str, at: Vector2) -> dict[str, float]:
+        """How much a point of a link's plane moves along the axes with each coordinate."""
+        tilt = None if link == GROUND else self.body(link).tilt
+        return {f'{link}.{name}': x for name, x in tilt.rise(at).items()} if tilt else {}
 
     def spread(self, link: str) -> tuple[Any, Spread]:
         """The same with all masses (K,) in one array, and the arms of all points: (2, K) each.
@@ -580,6 +587,16 @@ class Mechanism:
         first = _plus(self.point(j.first, j.on_first), self.offset(j.first, pin, height))
         second = _plus(self.point(j.second, j.on_second), self.offset(j.second, bushing, height))
         return _plus(first, _minus(second))
+
+    def inclination(self, joint: str, pin: Vector2, bushing: Vector2) -> Point:
+        """That of the first link against the second at a joint, and of their axes [rad].
+
+        Parameters
+        ----------
+        pin, bushing : inclinations by manufacture, in the links' frames
+        """
+        j = self.joint(joint)
+        return _plus(self.offset(j.first, pin, 1.0), _minus(self.offset(j.second, bushing, 1.0)))
 
     def offset(self, link: str, off: Vector2, height: float) -> Point:
         """A vector of a link's frame, and what a height above the plane adds by leaning [m]."""

@@ -21,6 +21,7 @@ from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
+from mechanism_sim.scene.contact_keys import in_plane
 from mechanism_sim.scene.elastic_links import stiffened
 from mechanism_sim.scene.joint_keys import KINDS
 from mechanism_sim.scene.model import MachineModel
@@ -87,7 +88,9 @@ class NominalModel(MachineModel):
             for kind in ('position', 'velocity')
         }
         joints = {
-            name: JointPart.model_validate({'revolute': j.points}) if KINDS[j.kind].rotor else j
+            name: JointPart.model_validate({'revolute': j.points})
+            if KINDS[j.kind].rotor
+            else j.model_copy(update={'clearance': in_plane(j.clearance)})
             for name, j in scene.joints.items()
         }
         changed = {

@@ -64,6 +64,7 @@ class Plan:
     joints: tuple[Joint, ...]
     closing: tuple[str, ...]
     gravity: Vector2
+    axial_gravity: float
     clearances: dict[str, Play]
     laws: dict[str, tuple[Law, ...]]
     begins: dict[str, tuple[float, float]]
@@ -80,7 +81,7 @@ class Plan:
 
     def mechanism(self, cut: Sequence[str]) -> Mechanism:
         """The tree that is left when some joints are cut."""
-        return Mechanism(self.bodies, self.joints, tuple(cut), self.gravity)
+        return Mechanism(self.bodies, self.joints, tuple(cut), self.gravity, self.axial_gravity)
 
     @property
     def ideal(self) -> Mechanism:
@@ -153,8 +154,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
     check_tilts(places, joints)
     rotors = read_rotors(places)
     massless = tuple(
-        elastic.get(link)
-        or replace(without_mass(link, scene.links[link].tilt), rotor=rotors.get(link))
+        elastic.get(link) or replace(without_mass(places, link), rotor=rotors.get(link))
         for link in places.links
     )
     tree = Mechanism(massless, joints, closing)
@@ -195,6 +195,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         joints,
         closing,
         scene.gravity,
+        scene.axial_gravity,
         plays,
         laws or {free: (TorqueLaw(free),)},
         begins,
