@@ -43,7 +43,7 @@ PROBLEM = Problem(
             'modes',
             ours,
             'The event loop of `simulate`: modes of a cantilever without stretch, rtol 1e-12. '
-            'What more of them leave is the third order of the deflection, 4 % of the length here.',
+            'What more of them leave is of third order in the deflection, 4 % of the length here.',
         ),
         method(partial(prepare_spinning_beam, END), 4, (800, 3200)),
         method(partial(prepare_spinning_beam, END), 8, (1600, 6400)),
