@@ -73,10 +73,9 @@ def paint(chart: Chart) -> Picture:
 
 def _room(row: Sequence[Panel], width: float) -> float:
     """What legends and titles above a row of panels take [in]."""
-    lines = [
-        bool(p.title) + sum(len(text) + 8 for text in p.entries) / (_LETTERS * width) for p in row
-    ]
-    return _TOP * float(np.ceil(max(lines)))
+    letters = max(sum(len(text) + 8 for text in p.entries) for p in row)
+    lines = np.ceil(letters / (_LETTERS * width))
+    return _TOP * max(float(lines), float(any(p.title for p in row)))
 
 
 def _shared(panel: Panel, below: Panel | None) -> bool:
@@ -107,9 +106,11 @@ def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
     if entries := panel.entries:
         longest = max(map(len, entries))
         width = axes.figure.get_figwidth() * axes.get_position().width
+        side = 'right' if panel.title else 'left'
         axes.legend(
-            [artists[e] for e in entries], entries, loc='lower left', bbox_to_anchor=(0.0, 1.0),
-            borderaxespad=0.2, frameon=False, fontsize=7.5, handlelength=2.6,
+            [artists[e] for e in entries], entries, loc=f'lower {side}',
+            bbox_to_anchor=(float(bool(panel.title)), 1.0), borderaxespad=0.2, frameon=False,
+            fontsize=7.5, handlelength=2.6,
             ncols=max(1, int(1.3 * _LETTERS * width) // (longest + 8)),
         )  # fmt: skip
     if panel.form == 'polar':
@@ -171,7 +172,7 @@ def _stroke(curve: Curve) -> dict[str, Any]:
 
 
 def _draw(axes: Any, panel: Panel, curve: Curve) -> list[Any]:
-    """The artists of a curve; the first one has its data."""
+    """The artists of a curve; the last one has its data."""
     x = np.radians(curve.x) if panel.form == 'polar' else curve.x
     y, label = curve.y, curve.label or '_nolegend_'
     if curve.form == 'area' and curve.low is not None:
@@ -191,7 +192,7 @@ def _draw(axes: Any, panel: Panel, curve: Curve) -> list[Any]:
         found += axes.plot(*rays, label='_nolegend_', rasterized=len(x) > 2000, **many)
         stroke |= {'ls': '', 'lw': 0.0}
     step = {'drawstyle': 'steps-mid'} if curve.form == 'steps' else {}
-    found = [*axes.plot(x, y, label=label, **stroke, **step), *found]
+    found += axes.plot(x, y, label=label, **stroke, **step)
     if curve.error is not None:
         axes.errorbar(x, y, curve.error, fmt='none', ecolor=curve.shade, elinewidth=0.9,
                       capsize=_CAP)  # fmt: skip
