@@ -51,7 +51,7 @@ def of_a_cycle():
 
 
 def of_vibrations():
-    table = vibrations.ModeTable('x', modes(ms.load_scene('quarter_car')))
+    table = vibrations.ModeTable('x', modes(ms.load_scene('half_car')))
     return [vibrations.modes_chart(table, 'modes')]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator
 from typing import Any
 
@@ -218,8 +219,8 @@ class _Figure:
 
 def _axis(axis: Axis, panel: Panel, side: str) -> Json:
     title = axis.title
-    if side == 'y' and len(title) * _LETTER > _INCH * panel.height:
-        title = title.replace(' [', '<br>[')
+    if side == 'y':
+        title = '<br>'.join(textwrap.wrap(title, int(_INCH * panel.height / _LETTER))) or title
     found: Json = {'title': {'text': title}}
     ends = [axis.low, axis.high]
     if axis.log:

@@ -202,7 +202,8 @@ def response_chart(found: FrequencyResponse, title: str) -> Chart:
         sizes = {n: np.abs(found.amplitudes[n]) for n in names if _per(found, n) == unit}
         log = all((y > 0.0).any() for y in sizes.values())
         curves = tuple(Curve(found.frequency, y, n, n, shades[n]) for n, y in sizes.items())
-        panels.append(Panel(x, Axis('amplitude', unit, log=log), curves))
+        head = next(iter(sizes)) if len(sizes) == 1 else ''
+        panels.append(Panel(x, Axis('amplitude', unit, log=log), curves, head))
     phases = tuple(
         Curve(found.frequency, np.degrees(np.unwrap(np.angle(z))), name, name, shades[name])
         for name, z in found.amplitudes.items()
