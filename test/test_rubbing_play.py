@@ -189,6 +189,40 @@ def test_a_tight_slot_is_the_limit_of_a_loose_one():
     assert 0.0 < off[2] < 0.15 * off[1] < 0.03 * off[0] < 0.01
 
 
+LIMITS = (
+    ('geneva', 'crank_wheel', {}, lambda x: {'clearance': {'radial': x}}),
+    ('gear_pair', 'mesh', {}, lambda x: {'backlash': {'width': x}}),
+    ('linear_intermittent', 'crank_rack', {}, lambda x: {'clearance': {'radial': x}}),
+    ('groove_cam', 'contact', {'radius': 2e-3},
+     lambda x: {'groove': {'clearance': x, 'pin_radius': 2e-3}}),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('name', 'joint', 'pin', 'loose'),
+    [pytest.param(*x, marks=[pytest.mark.deep] if k > 1 else []) for k, x in enumerate(LIMITS)],
+    ids=[x[0] for x in LIMITS],
+)
+def test_tight_walls_are_the_limit_of_loose_ones(name, joint, pin, loose):
+    """Wheels, teeth, racks and grooves: losses differ by the play."""
+
+    def dissipated(keys):
+        scene = variant(name, {})
+        scene['joints'][joint] |= keys
+        solution = ms.simulate(build(name, check_scene(name, scene)), revolutions=1.0)
+        assert abs(solution.energy.residual) < 1e-9 * solution.energy.dissipated
+        return solution.energy.dissipated
+
+    ideal = {'groove': {'clearance': 0}} if name == 'groove_cam' else {}
+    tight = dissipated({**ideal, 'friction': {'coefficient': 0.1, **pin}})
+    off = []
+    for play in (1e-4, 1e-5):
+        ((key, given),) = loose(play).items()
+        found = dissipated({key: {**given, 'restitution': 0.0, 'friction': 0.1}})
+        off.append(abs(found / tight - 1.0))
+    assert off[1] < 0.15 * off[0] < 0.01
+
+
 def test_a_pin_rubs_where_it_touches_its_slot():
     """It slides by ``R w cos`` along the slot, and rolls on the wall by its radius."""
     radius = 0.01

@@ -30,19 +30,22 @@ class Rubs(NamedTuple):
     coefficients: Array  #: (t,) of every term of all bounds
     ends: Indices  #: (t,) how many components there are up to that of a term
     owner: Indices  #: (t,) whose bound a term belongs to
+    walls: Indices  #: (t,) 1 or -1 if it is of forces of that sign only, else 0
 
 
-def rubs_of(terms: Array, sizes: list[list[int]], rows: int, free: int, drives: int) -> Rubs:
+def rubs_of(
+    terms: Array, sizes: list[list[tuple[int, int]]], rows: int, free: int, drives: int
+) -> Rubs:
     """Views of the terms in one row."""
-    k, each = len(sizes), [x for own in sizes for x in own]
+    k, each = len(sizes), [x for own in sizes for x, _ in own]
     shapes = (k,), (k, free), (rows + k, k), (k, drives), (sum(each), rows + k), (len(each),)
     ends = np.cumsum([math.prod(shape) for shape in shapes])[:-1]
     slip, response, compliance, drive, forces, coefficients = (
         x.reshape(s) for x, s in zip(np.split(terms, ends), shapes, strict=True)
     )
     owner = np.array([i for i, own in enumerate(sizes) for _ in own])
-    last = np.cumsum(each)
-    return Rubs(slip, response, compliance, drive, forces, coefficients, last, owner)
+    last, walls = np.cumsum(each), np.array([wall for own in sizes for _, wall in own])
+    return Rubs(slip, response, compliance, drive, forces, coefficients, last, owner, walls)
 
 
 @kernel
@@ -53,6 +56,7 @@ def friction_impulses(
     coefficients: Array,
     ends: Indices,
     owner: Indices,
+    walls: Indices,
     x: Array,
     start: Array,
 ) -> Array:
@@ -72,13 +76,14 @@ def friction_impulses(
             bound, first = 0.0, 0
             for t in range(len(owner)):
                 if owner[t] == j:
-                    square = 0.0
+                    square, force = 0.0, 0.0
                     for c in range(first, ends[t]):
                         force = 0.0
                         for i in range(r + k):
                             force += forces[c, i] * every[i]
                         square += force * force
-                    bound += coefficients[t] * math.sqrt(square)
+                    if walls[t] * force >= 0.0:
+                        bound += coefficients[t] * math.sqrt(square)
                 first = ends[t]
             slip = free[j]
             for i in range(k):
@@ -108,8 +113,9 @@ def with_friction(c: ContactProblem, rubs: Rubs, x: Array, start: Array) -> Arra
     They (k,) themselves.
     """
     found: Array = friction_impulses(
-        rubs.rate, rubs.compliance, rubs.forces, rubs.coefficients, rubs.ends, rubs.owner, x, start
-    )
+        rubs.rate, rubs.compliance, rubs.forces, rubs.coefficients, rubs.ends, rubs.owner,
+        rubs.walls, x, start,
+    )  # fmt: skip
     share = np.outer(found, x / (x @ x))
     rows = len(x)
     c.response[:] += share.T @ rubs.response

@@ -19,6 +19,7 @@ from mechanism_sim.contact.problem import (
     LOSS,
     NORMAL,
     RECOVERS,
+    ROUGH,
     SLIDES_BACKWARD,
     SLIDES_FORWARD,
     STICKS,
@@ -51,7 +52,7 @@ from mechanism_sim.hybrid.system import (
 )
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import charge, kernel
-from mechanism_sim.planar.switches import HOLDS
+from mechanism_sim.planar.switches import HOLDS, Switch
 
 _SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 _SIGNS = {int(mode): sign for sign, mode in _SLIDING.items()}
@@ -59,6 +60,8 @@ INSIDE = 1e-13  # [m] depth at which a compliant contact begins: its force has n
 _SET_DOWN = 0.01  # of the speed that its load makes: what touches slower is loaded from rest
 _BEYOND = 1e3  # times the rounding of a guard: more did not fall at the same instant
 _ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
+
+_IDLE = 1e-30  # coefficient of what slides without friction for a while
 
 _RUBBED, _MOST_RUBBED = 1e-13, 200  # of impulses that friction in ideal joints changes
 _ROUGHLY_RUBBED = 1e-9  # the same, where rounding goes on turning a slip over
@@ -100,6 +103,10 @@ class Contacts(Switching):
             np.array([Hypothesis(gap.hypothesis).code for gap in gaps], dtype=np.int64),
         )
         self._problem = problem_of(*self._arrays)
+        flags = {s.flag: k for k, s in enumerate(system.switches) if isinstance(s, Switch)}
+        self._engaged = {
+            i: system.switch_index[flags[flag]][0] for i, flag in system.dynamics.engaged.items()
+        }
         self._modes = np.zeros(m, dtype=np.int64)
         self._touched, self._resting, self._begins, self._drawn = np.zeros((4, m), dtype=np.bool_)
         self._none = np.zeros(m, dtype=np.int64)
@@ -139,6 +146,13 @@ class Contacts(Switching):
             self._problem.restitution[i] = restitution
         if not own:
             raise KeyError(joint)
+
+    def set_switches(self, rows: tuple[int, ...] | None = None) -> None:
+        """Set the rows of the switches, and which contacts rub by them."""
+        super().set_switches(rows)
+        for i, flag in self._engaged.items():
+            rubs = self._pars[flag] > 0.0
+            self._problem.friction[i] = self._system.gaps[i].friction if rubs else _IDLE
 
     def set_modes(self, modes: tuple[int, ...], approach: tuple[float, ...] | None = None) -> None:
         """Set the modes that hold from now on, and the speeds of first touches [m/s]."""
@@ -185,7 +199,7 @@ class Contacts(Switching):
         if self.switches:
             self.set_switches()
             self.pass_edges()
-        if self._system.dynamics.rubs:
+        if self._system.slipping:
             self.sides = (1.0,) * len(self._system.side_index)
             if not self.modes:
                 self._begin_to_rub()
@@ -203,7 +217,7 @@ class Contacts(Switching):
         if any(closed) or self._system.relations:
             self.project()
         self.settle()
-        if self.modes and self._system.dynamics.rubs:
+        if self.modes and self._system.slipping:
             self._begin_to_rub()
         self.mode_changes = [
             ModeChange(self.time, name, Mode(mode), Mode.UNKNOWN)
@@ -325,6 +339,7 @@ class Contacts(Switching):
         self._press_sides()
         for k in range(len(self._system.towards_index) // 2):
             self._follow_pin(k)
+        self._hold_still(self._system.slipping)
         self._respond_to_missed()
 
     def missed_event(self, seen_now: int | None = None) -> int | None:
@@ -714,7 +729,7 @@ class Contacts(Switching):
     ) -> tuple[list[int], Array, list[float]]:
         """Rows of gaps, rates of these per unit impulse, and coefficients of friction."""
         rows = [*gaps, *(len(self.modes) + i for i in gaps)]
-        friction = [self._system.dynamics.friction[i] for i in gaps]
+        friction = np.minimum(terms.friction[gaps], ROUGH).tolist()
         return rows, terms.compliance[np.ix_(rows, rows)], friction
 
     def _free(

@@ -117,6 +117,13 @@ class Dynamics:
         self.friction = [min(gap.friction, ROUGH) for gap in gaps]
         self.frictional = [i for i, mu in enumerate(self.friction) if mu > 0.0]
         self.mu = {i: p(f'{gaps[i].name}.friction', self.friction[i]) for i in self.frictional}
+        #: of contacts that rub in a part of their cycle only: flags of these parts
+        self.engaged = {
+            i: flag
+            for i in self.frictional
+            if (flag := getattr(gaps[i], 'engaged', lambda _: None)(eq.frames)) is not None
+        }
+        self.mu |= {i: mul(self.mu[i], flag) for i, flag in self.engaged.items()}
         self.closed = [p.reserve(f'{g.name}.closed') for g in gaps]
         self.sticks = {i: p.reserve(f'{gaps[i].name}.sticks') for i in self.frictional}
         self.slips = {i: p.reserve(f'{gaps[i].name}.slips') for i in self.frictional}

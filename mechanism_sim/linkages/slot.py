@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from mechanism_sim.numerics.symbolic import Term, add, mul, neg
+from mechanism_sim.numerics.symbolic import Term, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.configuration import off_line, turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
+from mechanism_sim.planar.loads import Wrench, moment_of
 from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose
-from mechanism_sim.planar.play import Wall
+from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import Draft
 
 
@@ -36,6 +36,10 @@ class PinInSlot(HigherPair):
     def closure(self, mechanism: Mechanism) -> SlotClosure:
         """The pin stays on the centre line."""
         return SlotClosure(self, mechanism)
+
+    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch:
+        """Where the pin touches a wall."""
+        return Touch(self.closure(mechanism), f'{self.name}.friction', radius, at_pin=True)
 
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """The distance of the pin from the centre line [m]."""
@@ -67,44 +71,3 @@ class SlotClosure(HigherClosure[PinInSlot]):
         nx, ny = self.normal(frames)
         force = neg(mul(forces[0], nx.value)), neg(mul(forces[0], ny.value))
         return Wrench(*force, moment_of((x.value, y.value), force))
-
-
-@dataclass(frozen=True)
-class SlotWall(Wall):
-    """A wall of a slot with play, along which its pin may rub."""
-
-    pin_radius: float = 0.0  #: [m]
-
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """From the centre line to the wall."""
-        joint, way = self.closure.joint, 0.5 if self.side == 'left' else -0.5
-        across = self.closure.mechanism.direction(
-            joint.second, getattr(joint, 'axis', 0.0) + way * math.pi
-        )
-        return frames.position(across, f'{self.name}.normal')
-
-    def slip(self, frames: Frames) -> Jet:
-        """Velocity of the pin's surface along the wall, in the direction of the normal turned.
-
-        The pin's own along the slot, and its radius times its turning on the slot.
-        """
-        joint, mechanism = self.closure.joint, self.closure.mechanism
-        nx, ny = self.normal(frames)
-        x, y = frames.position(mechanism.separation(self.joint), self.joint)
-        along = nx * y - ny * x
-        slip = Jet(None, along.gradient, along.rate, along.curvature)
-        ends = (joint.first, joint.on_first, 1.0), (joint.second, joint.on_second, -1.0)
-        for link, at, way in ends:
-            for c, turn in mechanism.turns(link, at).items():
-                r = frames.parameters(f'{self.name}.slip:{link}@{c}', way * turn * self.pin_radius)
-                if r is not None:
-                    slip += Jet(None, {c: r}, mul(r, frames.v[c]), None)
-        return slip
-
-    def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """What the pin does to the slot, where it touches."""
-        force = contact_wrench(self.normal(frames), N, T)
-        x, y = frames.position(self.closure.mechanism.separation(self.joint), self.joint)
-        arm = frames.parameters(f'{self.name}.pin_radius', self.pin_radius)
-        moment = moment_of((x.value, y.value), (force.x, force.y))
-        return Wrench(force.x, force.y, add(moment, neg(mul(arm, T))))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from mechanism_sim.planar.joint_friction import ContactFriction, LineFriction
-from mechanism_sim.planar.mechanism import Mechanism, Prismatic
+from mechanism_sim.planar.joint_friction import ContactFriction, JointFriction, LineFriction
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
+from mechanism_sim.planar.touch import Touch
 from mechanism_sim.scene.contact_keys import Clearance, Friction
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Angle
@@ -30,14 +31,18 @@ def _read(places: Names, name: str, joint: PrismaticKeys) -> Prismatic:
     return Prismatic(name, a, b, on_a, on_b, joint.axis, joint.angle)
 
 
-def line_friction(name: str, given: Friction, mechanism: Mechanism) -> LineFriction:
+def line_friction(name: str, given: Friction, mechanism: Mechanism) -> list[JointFriction]:
     """Friction along a guide or a slot."""
-    return LineFriction(name, mechanism, given.coefficient, given.length or 0.0)
+    return [LineFriction(name, mechanism, given.coefficient, given.length or 0.0)]
 
 
-def contact_friction(name: str, given: Friction, mechanism: Mechanism) -> ContactFriction:
+def contact_friction(name: str, given: Friction, mechanism: Mechanism) -> list[JointFriction]:
     """Friction of a pin in a slot that it leaves."""
-    return ContactFriction(name, mechanism, given.coefficient)
+    joint = mechanism.joint(name)
+    assert isinstance(joint, HigherPair)  # noqa: S101 - of such kinds
+    touch = joint.touch(mechanism)
+    assert isinstance(touch, Touch)  # noqa: S101
+    return [ContactFriction(name, mechanism, given.coefficient, touch)]
 
 
 def _wrong_play(given: Clearance) -> str:
@@ -55,6 +60,6 @@ def _wrong_play(given: Clearance) -> str:
 register(
     JointKind(
         'prismatic', PrismaticKeys, _read,
-        wrong_play=_wrong_play, friction=line_friction, arm=('length', False),
+        wrong_play=_wrong_play, friction=line_friction, rubs_by=(('length',), False),
     )
 )  # fmt: skip

@@ -51,8 +51,8 @@ def _read(places: Names, name: str, joint: RevoluteKeys) -> Revolute:
     return Revolute(name, a, b, on_a, on_b)
 
 
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> JournalFriction:
-    return JournalFriction(name, mechanism, given.coefficient, given.radius or 0.0)
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[JournalFriction]:
+    return [JournalFriction(name, mechanism, given.coefficient, given.radius or 0.0)]
 
 
 def _wrong_play(given: Clearance) -> str:
@@ -99,6 +99,6 @@ def _notes(machine: Any, joint: Revolute) -> list[str]:
 register(
     JointKind(
         'revolute', RevoluteKeys, _read, notes=_notes,
-        wrong_play=_wrong_play, friction=_friction, arm=('radius', True),
+        wrong_play=_wrong_play, friction=_friction, rubs_by=(('radius',), True),
     )
 )  # fmt: skip
