@@ -65,7 +65,7 @@ class Wall:
         return slip if self.side == 'left' else -slip
 
     def engaged(self, frames: Frames) -> Term:
-        """1 while the wall rubs, 0 while something without friction holds; None if it always does."""
+        """1 while the wall rubs, 0 while what has no friction holds; None if it always does."""
         return self._rubs().engaged(frames) if self.friction else None
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
@@ -161,7 +161,7 @@ def walls(
 ) -> list[Wall]:
     """All walls of a higher pair; `play` [m] is from where its offset is zero."""
     touch = closure.joint.touch(closure.mechanism, pin_radius) if friction else None
-    friction *= touch.share if touch else 0.0
+    friction *= touch.share if touch else 1.0
     return [
         Wall(closure, side, play, restitution, friction, hypothesis, law, touch)
         for side in closure.joint.sides
