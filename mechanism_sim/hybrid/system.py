@@ -401,7 +401,7 @@ class System:
         if not self.dynamics.rubs:
             return {}
         carried, frames = self.reactions(solved), self.equations.frames
-        found = {}
+        found: dict[hy.expression, list[Pressed]] = {}
         for rub in self.dynamics.rubs:
             name = rub.friction.name
             key = f'{rub.friction.label}.friction.side'

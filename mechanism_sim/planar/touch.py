@@ -28,9 +28,7 @@ class Touch:
     name: str  #: of its parameters
     offset: float = 0.0  #: [m]
     at_pin: bool = False  #: whether that is the point on the first-named link
-    share: float = (
-        1.0  #: of Coulomb's coefficient: of a roller, the radius of its pin over its own
-    )
+    share: float = 1.0  #: of the coefficient: of a roller, the radius of its pin over its own
 
     def on(self, way: float) -> Touch:
         """On the wall that presses so, 1 or -1, on the second along the positive force."""
@@ -94,10 +92,10 @@ class Touch:
         between = add(x2.value, neg(x1.value)), add(y2.value, neg(y1.value))
         back = neg(x), neg(y)
         other = add(neg(moment), moment_of(between, back))
-        (_, *first), (_, *second) = self._ends
+        j = self.closure.joint
         return [
-            Load(f'{self.name}.first', *first, back, other),
-            Load(f'{self.name}.second', *second, (x, y), moment),
+            Load(f'{self.name}.first', j.first, j.on_first, back, other),
+            Load(f'{self.name}.second', j.second, j.on_second, (x, y), moment),
         ]
 
     def engaged(self, frames: Frames) -> Term:

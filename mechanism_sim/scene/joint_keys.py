@@ -108,7 +108,7 @@ class JointKind:
     firm : why it can have no ``clearance``; empty if it can
     notes : what can be said of a joint of a machine without moving it
     mounted : a joint as it is put together where coordinates have rough values [rad, m]
-    friction : those of an ideal joint, of its name, its keys and the mechanism; None if it has none
+    friction : those of an ideal joint, of its name, its keys and the mechanism; None if none
     rubs_by : the keys that its friction may have beside the coefficient, and whether the first,
         which says where friction acts, must be given
     slips : whether a joint is loose because friction alone holds it

@@ -367,8 +367,8 @@ def _held(joint: BeltKeys) -> float:
 def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFriction]:
     """Of a chain: of its efficiency e it loses ``k = 2 (1 - e)/(1 + e)`` of the pull.
 
-    Half of that acts on each wheel against its turning, so that of the pull N they have ``1 + k/2``
-    and ``1 - k/2``.
+    Half of that acts on each wheel against its turning: with the pull N they have
+    ``(1 + k/2) N`` and ``(1 - k/2) N``.
     """
     belt = mechanism.joint(name)
     assert isinstance(belt, Belt)  # noqa: S101 - of this kind
@@ -406,7 +406,8 @@ def _notes(_: Any, joint: Belt) -> list[str]:
 
 register(
     JointKind(
-        'belt', BeltKeys, _read, _play, notes=_notes, firm='belts and chains have strands', mounted=_mounted,
-        friction=_friction, rubs_by=(('groove', 'efficiency'), False), slips=True,
+        'belt', BeltKeys, _read, _play, firm='belts and chains have strands', notes=_notes,
+        mounted=_mounted, friction=_friction, rubs_by=(('groove', 'efficiency'), False),
+        slips=True,
     )
 )  # fmt: skip

@@ -41,7 +41,7 @@ def contact_friction(name: str, given: Friction, mechanism: Mechanism) -> list[J
     joint = mechanism.joint(name)
     assert isinstance(joint, HigherPair)  # noqa: S101 - of such kinds
     touch = joint.touch(mechanism)
-    assert isinstance(touch, Touch)  # noqa: S101
+    assert isinstance(touch, Touch)  # noqa: S101 - and of no teeth
     return [ContactFriction(name, mechanism, given.coefficient, touch)]
 
 
