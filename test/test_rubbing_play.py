@@ -16,12 +16,13 @@ STRIKES = math.sqrt(2.0 * PLAY * m / PUSH)  # [s] when
 SPEED = PUSH / m * STRIKES
 
 
-def ball(angle, mu, block, **clearance):
+def ball(angle, mu, block, length=None, cog=0.0, **clearance):
     """A ball in the hole of a block that slides with friction, pushed against its wall."""
     scene = {
         'mechanism': 'linkage', 'title': 'ball', 'gravity': [0.0, 0.0], 'start': 'centred',
-        'links': {'block': {'mass': M}, 'ball': {'mass': m, 'inertia': 2e-5, 'cog': 0.0}},
-        'joints': {'guide': {'prismatic': ['ground', 'block'], 'friction': {'coefficient': mu}},
+        'links': {'block': {'mass': M, 'cog': cog}, 'ball': {'mass': m, 'inertia': 2e-5, 'cog': 0.0}},
+        'joints': {'guide': {'prismatic': ['ground', 'block'], 
+                             'friction': {'coefficient': mu, 'length': length}},
                    'hole': {'revolute': ['ball', 'block'],
                             'clearance': {'radial': PLAY, **clearance}}},
         'loads': {'push': {'at': 'ball',
@@ -68,6 +69,23 @@ def test_an_impact_makes_friction_in_a_guide(hypothesis):
         left = own - p / m * of_ball
         lost = 0.5 * m * (own @ own - left @ left) + 0.5 * M * (block**2 - after**2)
         assert first.energy_loss == pytest.approx(lost, abs=1e-12)
+
+
+def test_the_friction_of_an_impact_bears_on_what_makes_it():
+    """The impulse of a block off its guide turns it against both ends, less by its own friction.
+
+    There ``T = 2 mu M/L`` of ``M = h (p - T)``, as if the block had ``1 + 2 mu h/L`` of its mass.
+    """
+    mu, e, h, length = 0.4, 0.5, 0.3, 0.2
+    machine = ball(0.0, mu, 0.2, length=length, cog=[0.0, h], restitution=e)
+    solution = ms.simulate(machine, duration=1.2 * STRIKES)
+    mass = M * (1.0 + 2.0 * mu * h / length)
+    first = solution.impacts[0]
+    p = (1.0 + e) * first.approach_speed / (1.0 / m + 1.0 / mass)
+    assert first.normal_impulse == pytest.approx(p, rel=1e-9)
+    seen = solution.sample(np.array([1.1 * STRIKES]))
+    assert seen['velocity.block'][0] == pytest.approx(0.2 + p / mass, rel=1e-9)
+    assert abs(solution.energy.residual) < 1e-12
 
 
 @pytest.mark.parametrize('case', [CASES[1], CASES[4]])

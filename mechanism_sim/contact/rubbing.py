@@ -17,6 +17,7 @@ from mechanism_sim.numerics.complementarity import Array, Indices
 from mechanism_sim.numerics.kernels import kernel
 
 _SWEEPS, _SETTLED = 10_000, 1e-15
+_GROWS, _LEAST_STEP = 0.95, 0.02  # of a change that is not settling; of the way to a bound
 
 
 class Rubs(NamedTuple):
@@ -64,7 +65,7 @@ def friction_impulses(
 
     Each ends its slip, or is as large as its bound and against the slip that is left.
     """
-    k, r, size = len(rate), len(x), 0.0
+    k, r, size, before, step = len(rate), len(x), 0.0, math.inf, 1.0
     every = np.concatenate((x, start))
     free = rate.copy()
     for j in range(k):
@@ -88,13 +89,16 @@ def friction_impulses(
             slip = free[j]
             for i in range(k):
                 slip += compliance[r + j, i] * every[r + i]
-            own, before = compliance[r + j, j], every[r + j]
-            wanted = before - slip / own if own > 0.0 else -math.inf * slip if slip != 0.0 else 0.0
-            every[r + j] = min(max(wanted, -bound), bound)
-            change = max(change, abs(every[r + j] - before))
+            own, now = compliance[r + j, j], every[r + j]
+            wanted = now - slip / own if own > 0.0 else -math.inf * slip if slip != 0.0 else 0.0
+            every[r + j] += step * (min(max(wanted, -bound), bound) - now)
+            change = max(change, abs(every[r + j] - now))
             size = max(size, bound)
         if change <= _SETTLED * size:
             break
+        if change > _GROWS * before:  # bounds that grow much with their own friction
+            step = max(0.5 * step, _LEAST_STEP)
+        before = change
     return every[r:]
 
 

@@ -576,7 +576,7 @@ class System:
         d, frames = self.dynamics, self.equations.frames
         unit = [hy.make_vars(f'struck{k}') for k in range(len(d.rows))]
         impulses = [*unit, *(rub.T for rub in d.rubs)]
-        carried = self.reactions(d.struck(impulses))
+        carried = self.reactions(d.struck(unit))
         bounds = [rub.friction.pressed(frames, carried[rub.friction.name]) for rub in d.rubs]
         forces = [dense(c) for b in bounds for p in b for c in p.components]
         terms = [
