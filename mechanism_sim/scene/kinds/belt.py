@@ -89,7 +89,7 @@ class Belt(Transmission):
     stiffness: float = 0.0  #: [N/m]; 0 for an ideal belt
     damping: float = 0.0  #: [N s/m]
     pretension: float = 0.0  #: [N]
-    friction: float = 0.0  #: coefficient, if that alone holds it; as on a flat pulley
+    friction: float | None = None  #: coefficient, if that alone holds it; as on a flat pulley
 
     @property
     def bearings(self) -> tuple[str, ...]:
@@ -104,7 +104,7 @@ class Belt(Transmission):
     @property
     def slips(self) -> bool:
         """Whether friction alone holds it."""
-        return self.friction > 0.0
+        return self.friction is not None
 
     @property
     def wrap(self) -> float:
@@ -116,7 +116,7 @@ class Belt(Transmission):
     @property
     def most(self) -> float:
         """The largest difference of tensions before it slips [N]."""
-        return 2.0 * self.pretension * math.tanh(0.5 * self.friction * self.wrap)
+        return 2.0 * self.pretension * math.tanh(0.5 * (self.friction or 0.0) * self.wrap)
 
     @property
     def sense(self) -> float:
@@ -342,14 +342,15 @@ def _read(places: Names, name: str, joint: BeltKeys) -> Belt:
             "write fewer digits, or give the belt a 'stiffness'"
         )
     held = _held(joint)
-    if held and joint.stiffness:
+    if held is not None and joint.stiffness:
         raise InputError(f'{where}.friction: strands that give way do not slip: leave out one')
-    if held and not joint.pretension:
+    if held is not None and not joint.pretension:
         raise InputError(
             f"{where}.pretension is missing: what friction can hold goes with it, as '200 N'"
         )
     for key in ('damping', 'pretension'):
-        if getattr(joint, key) and not (joint.stiffness or (held and key == 'pretension')):
+        allowed = held is not None and key == 'pretension'
+        if getattr(joint, key) and not (joint.stiffness or allowed):
             raise InputError(f"{where}.{key} needs 'stiffness': an ideal belt has none")
     return Belt(
         name, a, b, on_a, on_b, -ratio if joint.crossed else ratio, joint.phase, carrier,
@@ -358,10 +359,12 @@ def _read(places: Names, name: str, joint: BeltKeys) -> Belt:
     )  # fmt: skip
 
 
-def _held(joint: BeltKeys) -> float:
-    """The coefficient of friction that alone holds a belt, as if its pulleys were flat; or 0."""
+def _held(joint: BeltKeys) -> float | None:
+    """The coefficient of friction that alone holds a belt, as if its pulleys were flat."""
     given = joint.friction
-    return given.coefficient / math.sin(0.5 * (given.groove or math.pi)) if given else 0.0
+    if given is None or given.efficiency is not None:
+        return None
+    return given.coefficient / math.sin(0.5 * (given.groove or math.pi))
 
 
 def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFriction]:
@@ -372,7 +375,7 @@ def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFri
     """
     belt = mechanism.joint(name)
     assert isinstance(belt, Belt)  # noqa: S101 - of this kind
-    if given.efficiency is None:
+    if given.efficiency in (None, 1.0):
         return []
     (r1, r2), s = belt.radii, belt.sense
     lost = 2.0 * (1.0 - given.efficiency) / (1.0 + given.efficiency)
@@ -381,7 +384,7 @@ def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFri
 
 
 def _play(joint: BeltKeys) -> Play | None:
-    soft = joint.stiffness or _held(joint)
+    soft = joint.stiffness or _held(joint) is not None
     return Play(radial=0.0, restitution=0.0) if soft else None
 
 
@@ -395,7 +398,7 @@ def _mounted(joint: Belt, start: Mapping[str, float]) -> Belt:
 
 def _notes(_: Any, joint: Belt) -> list[str]:
     """What it can pull."""
-    if not joint.slips:
+    if joint.friction is None:
         return []
     wrap, ratio = math.degrees(joint.wrap), math.exp(joint.friction * joint.wrap)
     return [
