@@ -670,7 +670,7 @@ class Contacts(Switching):
     def _possible(self, resting: Mask, slips: Indices) -> Iterator[Indices]:
         """Modes (m,) of all gaps, of those at rest all that their slips allow."""
         gaps = _chosen(resting)
-        choices = []
+        choices: list[tuple[int, ...]] = []
         for i in gaps:
             way = int(slips[i]) or self._slip(self._problem, i)
             if not self._problem.friction[i]:
