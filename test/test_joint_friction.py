@@ -109,6 +109,32 @@ def lifted(mu, way=1.0, load=1000.0):
     return face * (math.sin(tilt) + way * mu * math.cos(tilt))
 
 
+@pytest.mark.parametrize('share', [0.99, 1.01])
+def test_a_slot_is_a_clutch(share):
+    """A shoe is pressed on a pin that is pushed along its slot: it comes along, or slips."""
+    mu, F, M, m, end = 0.3, 200.0, 3.0, 2.0, 0.5
+    push = share * mu * F * (M + m) / m
+    machine = made({
+        'links': {'driver': {'mass': M}, 'sled': {'mass': 0.5}, 'shoe': {'mass': m - 0.5}},
+        'joints': {'rail': {'prismatic': ['ground', 'driver']},
+                   'base': {'prismatic': ['ground', 'sled']},
+                   'column': {'prismatic': ['sled', 'shoe'], 'axis': '90 deg'},
+                   'clutch': {'slot': ['driver', 'shoe'], 'friction': {'coefficient': mu}}},
+        'loads': {'press': {'at': 'shoe', 'force': [0.0, -F]},
+                  'push': {'at': 'driver', 'force': [push, 0.0]}},
+        'gravity': [0.0, 0.0], 'duration': end,
+    })  # fmt: skip
+    solution = ms.simulate(machine)
+    x = solution.sample(np.array([0.0, end]))
+    along = min(share, 1.0) * mu * F
+    for link, a in (('driver', (push - along) / M), ('sled', along / m)):
+        assert x[f'acceleration.{link}'] == pytest.approx(a, rel=1e-12)
+        assert x[f'velocity.{link}'][1] == pytest.approx(a * end, rel=1e-12)
+    slid = x['position.driver'][1] - x['position.sled'][1]
+    assert solution.energy.dissipated == pytest.approx(mu * F * slid, abs=1e-10)
+    assert (slid > 0.01) is (share > 1.0)
+
+
 @pytest.mark.parametrize('mu', [0.0, 0.05, 0.1, 0.17])
 def test_a_wedge_lifts_and_lowers_and_holds(mu):
     rubs = {f'joints.{n}.friction.coefficient': mu for n in ('bed', 'guide', 'face')}
