@@ -87,8 +87,7 @@ def test_energy_closes_through_bounces(name):
 
 def test_a_torque_starts_a_cam_from_rest():
     scene = variant('offset_roller_cam', {
-        'drive': {'coordinate': 'cam', 'speed': 0.0, 'start_angle': 2.5, 'torque': {'constant': 2}},
-        'gravity': [0.0, 0.0],
+        'drive': {'coordinate': 'cam', 'speed': 0, 'start_angle': 2.5, 'torque': {'constant': 2}},
     })  # fmt: skip
     solution = ms.simulate(build('cam', check_scene('cam', scene)), duration=0.01)
     x = solution.sample(np.array([0.0, 0.01]))

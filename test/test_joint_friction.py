@@ -133,7 +133,7 @@ def test_a_slot_is_a_clutch(share):
     slid = x['position.driver'][1] - x['position.sled'][1]
     work = push * (x['position.driver'][1] - x['position.driver'][0])
     assert solution.energy.dissipated + work == pytest.approx(mu * F * slid, abs=1e-9)
-    assert (slid > 0.01) is (share > 1.0)
+    assert (slid > 0.01) == (share > 1.0)
 
 
 @pytest.mark.parametrize('mu', [0.0, 0.05, 0.1, 0.17])
