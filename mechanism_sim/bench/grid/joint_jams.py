@@ -1,4 +1,4 @@
-"""Whether friction in ideal joints lets no forces go on: each mode of contacts and joints is tried.
+"""Whether friction in ideal joints lets no forces go on: all modes of contacts and joints.
 
 That friction grows with forces that it is a part of. Here each combination of modes is a set of
 equations with roots of squares, which SciPy solves from several places; the engine follows its own
