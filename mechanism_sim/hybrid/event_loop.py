@@ -146,8 +146,8 @@ class EventLoop:
 
     def _leave_singular(self, distance: float, first: bool = False) -> bool:
         """Take the first step from a singular position; False if there is none so near."""
-        if first and self._system.switches:
-            self._contacts.set_switches()
+        if first and self._system.relations and self._system.switches:
+            self._contacts.set_switches()  # closures may depend on them
         if not self._singular.is_within(distance):
             return False
         if self._system.gaps:

@@ -230,10 +230,11 @@ class LineFriction(JointFriction):
 
     def _direction(self, frames: Frames, angle: float, what: str) -> tuple[Jet, Jet]:
         joint: Any = self.joint  # both kinds have an axis
-        link = joint.first if self._guided else joint.second
-        return frames.position(
-            self.mechanism.direction(link, joint.axis + angle), f'{self.name}.{what}'
-        )
+        link, at = self.joint.first, self.joint.on_first
+        if not self._guided:
+            link, at = joint.second, joint.on_second
+        direction = self.mechanism.direction(link, joint.axis + angle, at)
+        return frames.position(direction, f'{self.name}.{what}')
 
     def _along(self, frames: Frames) -> tuple[Jet, Jet]:
         return self._direction(frames, 0.0, 'along')

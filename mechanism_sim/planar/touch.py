@@ -68,7 +68,10 @@ class Touch:
         m = self.closure.mechanism
         (nx, ny), (dx, dy) = self.contact(frames)
         (x1, y1), (x2, y2) = self._points(frames)
-        w1, w2 = (frames.angle(m.frame(link)[0]).rate for _, link, _ in self._ends)
+        w1, w2 = (
+            m.turning(frames, link, at, f'{self.name}.{which}').rate
+            for which, link, at in self._ends
+        )
         from_first = add(x2.value, dx, neg(x1.value)), add(y2.value, dy, neg(y1.value))
         vx = add(x2.rate, neg(mul(w2, dy)), neg(x1.rate), mul(w1, from_first[1]))
         vy = add(y2.rate, mul(w2, dx), neg(y1.rate), neg(mul(w1, from_first[0])))
