@@ -501,11 +501,12 @@ def test_paths_of_points_and_scales_are_those_of_the_machine(tab, tmp_path):
     assert not tab.page.locator('#stage .paths path').is_visible()
 
 
-def test_a_frame_on_springs_sways_as_much_as_the_page_says(tab, tmp_path):
+def test_a_frame_on_springs_sways_as_much_as_the_scale_bar_says(tab, tmp_path):
     """Its picture, less the magnification, is what the frame's own equations give then."""
     run = show(tab, tmp_path, 'four_bar_on_frame', revolutions=1)
-    (times,) = run.stage.sways.values()
-    assert f'{times:g} times' in tab.page.locator('#machine .text').inner_text()
+    (times,) = run.stage.skeleton.sways.values()
+    rule = tab.page.locator('#stage .rule:not(.of-forces) text').text_content()
+    assert rule.endswith(f'; sway {times:g} times larger')
     frame = run.record.machine.oscillator('frame').take(run.record.history)
     part = run.record.machine.scene.oscillators['frame']
     unit = run.stage.skeleton.symbol / 10.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 import scipy
@@ -12,7 +12,7 @@ import scipy
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.points import Place, Poses
 from mechanism_sim.export.bending import bendings
-from mechanism_sim.export.scale import scale_bar
+from mechanism_sim.export.scale import round_below, scale_bar
 from mechanism_sim.export.shapes import BOX, Shape, inside
 from mechanism_sim.linkages.forces import Spring
 from mechanism_sim.planar.drive import DriveLaw, Law
@@ -31,6 +31,14 @@ from mechanism_sim.scene import Machine
 _MOUNT = 9.0  # length of the springs of a frame, in symbols
 _BODIES: tuple[Kind, ...] = 'wheel', 'cam', 'slider'
 _NEAR = 0.8  # a centre of gravity so near a joint is not marked, likewise
+_SWAY = 2.0  # that a frame on springs is seen to sway, about, likewise
+
+
+class Mounted(NamedTuple):
+    """A frame on springs."""
+
+    cog: Vector2  #: [m] where it is at rest
+    springs: range  #: their numbers
 
 
 class Skeleton:
@@ -45,7 +53,8 @@ class Skeleton:
     springs : their ends
     loose : joints with clearance, whose bushings are drawn
     drives : driven coordinates, each with the sign of the sense in which it sets out
-    frames : bodies that carry the ground, each by the points it reaches to and those on springs
+    frames : bodies that carry the ground, each by the points that it reaches to, its centre of
+        gravity the last of them, and those on springs
     magnified : how much larger elastic links deform here; 0: visibly
     size : by which symbols are chosen, if not by that of the mechanism [m]
 
@@ -56,7 +65,8 @@ class Skeleton:
     shapes : in the order in which they are painted
     springs : the ends of each, painted before all shapes as `shapes.coil`
     links : that move, in the order of poses
-    mounts : of each frame on springs the numbers of its springs
+    mounts : the frames on springs
+    sways : of those that are known to sway, how many times as far they are drawn
     bendings : of the elastic links
     """
 
@@ -111,10 +121,11 @@ class Skeleton:
         for place in (end for ends in self.springs for end in ends):
             self._support(place)
             self.reach(place)
-        self.mounts: dict[str, range] = {}
+        self.mounts: dict[str, Mounted] = {}
+        self.sways: dict[str, float] = {}
         for name, (corners, mounts) in frames.items():
             first = len(self.springs)
-            self.mounts[name] = range(first, first + len(mounts))
+            self.mounts[name] = Mounted(corners[-1], range(first, first + len(mounts)))
             self.add('frame', GROUND, np.array(corners + mounts), label=name)
             for x, y in mounts:
                 foot = GROUND, (x, y - _MOUNT * self.symbol)
@@ -157,10 +168,42 @@ class Skeleton:
     def scale_bar(self, width: float) -> tuple[float, str]:
         """A round length for a drawing of that width [m]; how it is written, and magnification."""
         length, text = scale_bar(width)
-        for factor in {x.magnified for x in self.bendings.values()}:
-            text += '; bending '
-            text += 'to scale' if factor == 1.0 else f'{factor:.4g} times larger'
+        bent, swayed = (x.magnified for x in self.bendings.values()), self.sways.values()
+        for what, factors in (('bending', bent), ('sway', swayed)):
+            for factor in sorted(set(factors)):
+                text += f'; {what} '
+                text += 'to scale' if factor == 1.0 else f'{factor:.4g} times larger'
         return length, text
+
+    def magnify(self, sway: Array) -> None:
+        """Choose how far frames on springs are drawn that sway (N, F, 3) [m, rad] in a run."""
+        for k, name in enumerate(self.mounts):
+            largest = float(np.abs(sway[:, k, :2]).max(initial=0.0))
+            if largest > 1e-9 * self.size:
+                self.sways[name] = max(1.0, round_below(_SWAY * self.symbol / largest))
+
+    def swayed(self, points: Array, frame: str, sway: Array) -> Array:
+        """Points (k, 2) [m] of a frame on springs, (N, k, 2).
+
+        Parameters
+        ----------
+        sway : (N, F, 3) [m, rad] of all frames, as much as is drawn
+        """
+        x, y, angle = sway[:, list(self.mounts).index(frame)].T
+        cog, c, s = np.array(self.mounts[frame].cog), np.cos(angle), np.sin(angle)
+        turned = (points - cog) @ np.array([[c, s], [-s, c]]).transpose(2, 0, 1)
+        return np.asarray(turned + cog + np.stack([x, y], axis=1)[:, None])
+
+    def coiled(self, poses: Array, sway: Array) -> Array:
+        """The ends of all springs at N poses, and swayings of `swayed`, (springs, N, 2, 2) [m]."""
+        found = [
+            [self.placed(link, np.array([at]), poses)[:, 0] for link, at in ends]
+            for ends in self.springs
+        ]
+        for name, (_, springs) in self.mounts.items():
+            for k in springs:
+                found[k][0] = self.swayed(np.array([self.springs[k][0][1]]), name, sway)[:, 0]
+        return np.array(found).reshape(len(found), 2, len(poses), 2).swapaxes(1, 2)
 
     def placed(self, link: str, points: Array, poses: Array) -> Array:
         """Points (k, 2) [m] of a link in the world (N, k, 2)."""

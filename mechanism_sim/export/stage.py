@@ -6,7 +6,7 @@ All in SI units and as plain data. Who shows it draws and moves it, and knows no
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
@@ -19,6 +19,7 @@ from mechanism_sim.export.palette import index
 from mechanism_sim.export.scale import round_below
 from mechanism_sim.export.shapes import COIL, Shape
 from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute, Side
@@ -55,7 +56,7 @@ class Frames:
     forces : (N, J, 2) [N] of the first-named on the second-named link, along the world's axes
     feet : (N, K, 2) [m] points on the lines of action of forces that act at no fixed point
     drive : (N,) coordinate of the main drive [rad], or [m]
-    sway : (N, F, 3) of the F frames on springs [m, rad], as much as is drawn: see `Stage.sways`
+    sway : (N, F, 3) of the F frames on springs [m, rad], as much as is drawn: see `Skeleton.sways`
     """
 
     t: Array
@@ -107,7 +108,6 @@ class Stage:
     low, high : corners (2,) [m] of all that moves and of its usual arrows, and room around it
     force_scale : length of arrows per force [m/N]; 0 where there are no forces
     widths : of each of `plays`, how far apart its walls are, or how far it parts [m]
-    sways : of frames on springs that are known to sway, how many times as far they are drawn
     """
 
     machine: Machine
@@ -116,7 +116,6 @@ class Stage:
     high: Array
     force_scale: float
     widths: dict[str, float] = field(default_factory=dict)
-    sways: dict[str, float] = field(default_factory=dict)
 
     @property
     def links(self) -> list[str]:
@@ -202,13 +201,16 @@ class Stage:
             'slides': self.machine.main in self.machine.physics.displacements,
         }
 
-    def frames(self, t: Array, o: Observation, modes: NDArray[np.uint8]) -> Frames:
+    def frames(
+        self, t: Array, o: Observation, modes: NDArray[np.uint8], sway: Array | None = None
+    ) -> Frames:
         """The machine at times t (N,) [s].
 
         Parameters
         ----------
         o : the observed machine then
         modes : (m, N) of its gaps
+        sway : (N, F, 3) of its frames on springs, see `Swaying`; without, they are at rest
         """
         physics, bearings = self.machine.physics, self.bearings
         views = {
@@ -238,8 +240,14 @@ class Stage:
             _by_instant([views[j.name].force for j in self.joints], count),
             _by_instant([views[j.name].foot for j in self.moving], count),
             o.position[physics.coordinates.index(self.machine.main)],
-            np.zeros((count, len(self.skeleton.mounts), 3)),
+            self.drawn(np.zeros((count, len(self.skeleton.mounts), 3)) if sway is None else sway),
         )
+
+    def drawn(self, sway: Array) -> Array:
+        """As much of the sway (N, F, 3) of frames on springs as is drawn."""
+        sways = self.skeleton.sways
+        times = [sways.get(name, 0.0) for name in self.skeleton.mounts]
+        return np.asarray(sway * np.array(times)[:, None])
 
     def _touched(self, modes: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
         found = np.zeros((count, len(self.plays)), np.uint8)
@@ -280,10 +288,8 @@ class Stage:
         }
 
     def _frame(self, name: str) -> dict[str, Any]:
-        part = self.machine.scene.oscillators[name]
-        springs = list(self.skeleton.mounts[name])
-        return {'name': name, 'cog': list(part.cog), 'springs': springs,
-                'times': self.sways.get(name, 0.0)}  # fmt: skip
+        cog, springs = self.skeleton.mounts[name]
+        return {'name': name, 'cog': list(cog), 'springs': list(springs)}
 
     def _bearing(self, joint: Joint) -> dict[str, Any]:
         play = self.machine.clearances[joint.name]
@@ -316,9 +322,42 @@ class Stage:
         }
 
 
-def stage_of(machine: Machine, observed: Observation) -> Stage:
-    """The stage of a machine that moves as it was observed to, over all of its motion."""
+class Swaying:
+    """The frames on springs of a machine, which follow its motion piece by piece."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._frames = [machine.oscillator(name) for name in machine.scene.oscillators]
+
+    def take(self, motion: Motion) -> Callable[[Array], Array]:
+        """Follow a piece of motion, which comes after that of the last call.
+
+        Returns
+        -------
+        At times (N,) [s] of it, where the F frames are (N, F, 3) [m, rad], from where their mounts
+        carry them alone
+        """
+        moved = [frame.take(motion) for frame in self._frames]
+
+        def sway(t: Array) -> Array:
+            found = np.zeros((len(t), len(moved), 3))
+            for k, move in enumerate(moved):
+                place = move(t).position
+                found[:, k, : len(place)] = place.T
+            return found
+
+        return sway
+
+
+def stage_of(machine: Machine, observed: Observation, sway: Array | None = None) -> Stage:
+    """The stage of a machine that moves as it was observed to, over all of its motion.
+
+    Parameters
+    ----------
+    sway : (N, F, 3) of its frames on springs, see `Swaying`; without, they are drawn at rest
+    """
     skeleton = skeleton_of(machine, observed.position)
+    if sway is not None:
+        skeleton.magnify(sway)
     low, high = bounds(skeleton, skeleton.poses(observed.position))
     if skeleton.mounts:  # the bars of the scale stand below the feet of the springs
         low = low - np.array([0.0, 4.0 * skeleton.symbol])
