@@ -475,6 +475,41 @@ def test_teeth_and_cams_have_lenses_with_a_line_to_where_they_are(tab, tmp_path)
     assert tab.complaints == []
 
 
+@pytest.mark.deep
+def test_a_block_in_its_guide_leans_as_its_corners_do(tab, tmp_path):
+    """Its corners, as they are drawn, are as far from the walls as the gaps of the run."""
+    leaning = {'links.slider.cog': ['15 mm', '10 mm']}
+    run = show(tab, tmp_path, 'slider_with_play', leaning, duration=0.1)
+    wide, least = 2e-3, []
+    for share in (0.15, 0.4, 0.55, 0.7, 0.85):
+        t = scrub(tab.page, share)
+        told = run.record.piece.sample(np.array([t]))
+        corners = tab.page.locator('#lens .journal').evaluate(
+            """rect => [['x', 'y'], ['X', 'y'], ['x', 'Y'], ['X', 'Y']].map(([x, y]) => {
+                const of = rect.getBBox(), at = new DOMPoint(
+                    x === 'x' ? of.x : of.x + of.width, y === 'y' ? of.y : of.y + of.height);
+                const to = at.matrixTransform(rect.getScreenCTM());
+                return to.x; })"""
+        )
+        walls = sorted(boxes(tab.page, '#lens .part:not(.journal)'))
+        inner = walls[0][2], walls[1][0]
+        half = 0.5 * (corners[1] - corners[0])
+        metre = (inner[1] - inner[0] - 2.0 * half) / wide
+        for name, x, wall in zip(
+            ('front_left', 'front_right', 'rear_left', 'rear_right'),
+            corners,
+            inner * 2,
+            strict=True,
+        ):
+            gap = abs(x - wall) / metre
+            assert gap == pytest.approx(told[f'gap.guide_{name}'][0], abs=0.02 * wide)
+        least.append(abs(corners[2] - corners[0]) / metre)
+    assert max(least) > 0.05 * wide
+    assert overlapping(boxes(tab.page, '#lens text')) == []
+    tab.shoot('lens_guide')
+    assert tab.complaints == []
+
+
 def test_paths_of_points_and_scales_are_those_of_the_machine(tab, tmp_path):
     """The toe's path by `cycle`; a bar and an arrow as long as they say."""
     run = show(tab, tmp_path, 'ten_links', revolutions=1)

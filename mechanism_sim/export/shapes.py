@@ -208,12 +208,18 @@ def _slot(shape: Shape) -> list[Path]:
 
 
 def _rail(shape: Shape) -> list[Path]:
-    """A rod of a link; of the frame a line, hatched below where the slider does not reach."""
+    """A rod of a link; of the frame a line, hatched below where the slider does not reach.
+
+    Of a guide with play each wall, hatched on its outer side.
+    """
     if shape.link != GROUND:
         return [Path('body', (rounded(shape.outline, 0.6 * BAR * shape.symbol),))]
     start, end = shape.outline
     along = (end - start) / np.hypot(*(end - start))
     below = np.array([along[1], -along[0]])
+    if shape.label:  # a wall: what slides is on its other side
+        below = -below if shape.label == 'left wall' else below
+        return _hatched(shape.outline, below, shape.symbol)
     below = -below if below[1] > 1e-9 else below
     foot = shape.outline + 1.1 * shape.symbol * below
     return [Path('line', (shape.outline,)), *_hatched(foot, below, shape.symbol)]

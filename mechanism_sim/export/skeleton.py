@@ -27,6 +27,7 @@ from mechanism_sim.planar.mechanism import (
 )
 from mechanism_sim.planar.view import Kind, circle
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.contact_keys import Clearance
 
 _MOUNT = 9.0  # length of the springs of a frame, in symbols
 _BODIES: tuple[Kind, ...] = 'wheel', 'cam', 'slider'
@@ -52,6 +53,7 @@ class Skeleton:
     points : of links, by name, that have no joint; their links reach to them, and they are marked
     springs : their ends
     loose : joints with clearance, whose bushings are drawn
+    blocks : of those that slide the block's length and height, and its play to each side [m]
     drives : driven coordinates, each with the sign of the sense in which it sets out
     frames : bodies that carry the ground, each by the points that it reaches to, its centre of
         gravity the last of them, and those on springs
@@ -81,8 +83,9 @@ class Skeleton:
         frames: Mapping[str, tuple[list[Vector2], list[Vector2]]] | None = None,
         magnified: float = 0.0,
         size: float = 0.0,
+        blocks: Mapping[str, tuple[float, float, float]] | None = None,
     ) -> None:
-        self.mechanism = mechanism
+        self.mechanism, self._blocks = mechanism, blocks or {}
         self.links = [body.name for body in mechanism.bodies]
         self.springs, self._loose = list(springs), set(loose)
         self._poses = Poses(mechanism, q)
@@ -236,10 +239,18 @@ class Skeleton:
             self.add('support', GROUND, np.array([place[1]]))
 
     def _prismatic(self, joint: Prismatic) -> None:
-        """A box on `second`, on a rail of `first`."""
+        """A box on `second`, on a rail of `first`; a loose block between walls, true to scale."""
         runner = self._poses.within(joint.first, (joint.second, joint.on_second))
-        self.rail('rail', (joint.first, joint.on_first), joint.axis, runner)
         length, width = (self.symbol * x for x in BOX)
+        base = joint.first, joint.on_first
+        if joint.name in self._blocks:
+            length, width, play = np.array(self._blocks[joint.name]) * (0.5, 0.5, 1.0)
+            for side, label in ((1.0, 'left wall'), (-1.0, 'right wall')):
+                off = rotate((0.0, side * (width + play)), joint.axis)
+                wall = base[0], _plus(base[1], off)
+                self.rail('rail', wall, joint.axis, runner + np.array(off)[:, None], length, label)
+        else:
+            self.rail('rail', base, joint.axis, runner)
         corners = ((-length, -width), (length, -width), (length, width), (-length, width))
         turn = joint.axis - joint.angle
         box = np.array([_plus(joint.on_second, rotate(c, turn)) for c in corners])
@@ -287,15 +298,24 @@ class Skeleton:
         if link != GROUND:
             self._corners[link].append(at)
 
-    def rail(self, kind: Kind, place: Place, axis: float, runner: Array) -> None:
-        """A line of a link, as long as what runs (2, N) on it, in the link's frame, needs."""
+    def rail(
+        self, kind: Kind, place: Place, axis: float, runner: Array, half: float = 0.0,
+        label: str = '',
+    ) -> None:  # fmt: skip
+        """A line of a link, as long as what runs (2, N) on it, in the link's frame, needs.
+
+        Parameters
+        ----------
+        half : length of what runs [m], to each side
+        label : of a wall, the side of what runs on which it is
+        """
         link, base = place
         way = rotate((1.0, 0.0), axis)
         along = way @ (runner - np.array(base)[:, None])
-        spare = 2.5 * self.symbol
+        spare = half + 2.5 * self.symbol
         ends = float(along.min()) - spare, float(along.max()) + spare
         start, end = (_plus(base, (s * way[0], s * way[1])) for s in ends)
-        self.add(kind, link, np.array([start, end]))
+        self.add(kind, link, np.array([start, end]), label=label)
         if link != GROUND:
             self._rails.append((link, start, end))
 
@@ -400,8 +420,17 @@ def skeleton_of(
         for name, part in machine.scene.oscillators.items()
     }
     drives = {coordinate: _sense(laws[0]) for coordinate, laws in machine.plan.laws.items()}
+    drives |= {
+        motor.coordinate: motor.ratio * motor.characteristic.starting
+        for motor in machine.plan.motors
+    }
+    blocks = {
+        name: (play.length, play.height, play.radial)
+        for name, play in machine.clearances.items()
+        if isinstance(play, Clearance) and play.length and play.height
+    }
     return Skeleton(
-        mechanism, q, points, springs, machine.clearances, drives, frames, magnified, size
+        mechanism, q, points, springs, machine.clearances, drives, frames, magnified, size, blocks
     )
 
 
@@ -423,7 +452,7 @@ def bounds(skeleton: Skeleton, poses: Array) -> tuple[Array, Array]:
     low, high = everything.min(axis=0), everything.max(axis=0)
     room = 2.5 * skeleton.symbol
     centre = 0.5 * (low + high)
-    half = np.maximum(0.5 * (high - low) + room, [0.0, 18.0 * skeleton.symbol])
+    half = np.maximum(0.5 * (high - low) + room, 18.0 * skeleton.symbol)
     return centre - half, centre + half
 
 

@@ -52,6 +52,7 @@ class Frames:
     modes : (N, B) of contact, as in ModeChange; 0 with an oil film
     walls : (N, W, 2) [m] distance from the left and the right wall of a play, of a block that of
         the middle of its side; nan without one
+    tilts : (N, W) [m] how much nearer to the left wall the front of a block is than its rear
     touching : (N, W) 1 where the left wall is touched, 2 the right one, 3 both
     forces : (N, J, 2) [N] of the first-named on the second-named link, along the world's axes
     feet : (N, K, 2) [m] points on the lines of action of forces that act at no fixed point
@@ -65,6 +66,7 @@ class Frames:
     pin_rates: Array
     modes: NDArray[np.uint8]
     walls: Array
+    tilts: Array
     touching: NDArray[np.uint8]
     forces: Array
     feet: Array
@@ -89,7 +91,7 @@ class Frames:
 
     def packed(self) -> dict[str, Any]:
         """All instants, as arrays in base64."""
-        single = 'poses', 'pins', 'pin_rates', 'walls', 'forces', 'feet', 'sway'
+        single = 'poses', 'pins', 'pin_rates', 'walls', 'tilts', 'forces', 'feet', 'sway'
         return {
             't': packed(self.t),
             **{name: packed(getattr(self, name).astype('<f4')) for name in single},
@@ -160,6 +162,14 @@ class Stage:
         for side, numbers in self._walls(pair).items():
             gaps[SIDES.index(side)] = o.gap[numbers].mean(axis=0)
         return gaps
+
+    def _tilted(self, o: Observation, pair: HigherPair | Prismatic) -> Array:
+        """How a block stands in its guide (N,) [m], see `Frames.tilts`; by either wall."""
+        for side, corners in self._walls(pair).items():
+            if isinstance(pair, Prismatic):
+                rear, front = o.gap[corners]
+                return np.asarray(rear - front if side == 'left' else front - rear)
+        return np.zeros(o.position.shape[1])
 
     def struck(self, gap: str) -> tuple[int, int]:
         """Numbers of the bearing and the joint that a gap belongs to; -1 if there is none."""
@@ -236,6 +246,7 @@ class Stage:
             _by_instant([path[1] for path in pins], count),
             touching,
             _by_instant([self._parted(o, pair) for pair in self.plays], count),
+            np.array([self._tilted(o, x) for x in self.plays]).reshape(-1, count).T,
             self._touched(modes, count),
             _by_instant([views[j.name].force for j in self.joints], count),
             _by_instant([views[j.name].foot for j in self.moving], count),
@@ -319,6 +330,7 @@ class Stage:
             'width': self.widths[pair.name],
             'face': index(numbers.get(face, -1)),
             'body': index(numbers.get(body, -1)),
+            'tilts': isinstance(pair, Prismatic),
         }
 
 

@@ -273,9 +273,11 @@ class Picture:
                     yield self._moving(wall, middle + np.array([[aside], [0.0]]))
                     number += 1
             way = lens.play - right if np.isnan(left).all() else 0.5 * (left - right)
-            body = self._lying(number, Marker.CUBE, STEEL, (2.0 * lens.inner, lens.radius), 0.5)
+            body = self._lying(number, Marker.TRIANGLE_LIST, STEEL, (1.0, 1.0), 0.5)
+            body.scale.z = 1.0
             moved = np.stack([lens.magnification * way, np.zeros_like(way)])
-            yield self._moving(body, middle + moved, frames.touching[:, w] > 0)
+            lean = 0.5 * lens.magnification * frames.tilts[:, w]
+            yield self._leaning(body, lens, lean, middle + moved, frames.touching[:, w] > 0)
             number += 1
 
     def _beside(self, lens: _Lens, frames: Frames) -> tuple[Array, Array]:
@@ -292,6 +294,22 @@ class Picture:
         made = marker('lenses', number, self._world, kind, shade, (*size, 0.1 * s))
         made.pose.position.z = (_HEIGHT + above) * s
         return made
+
+    def _leaning(
+        self, body: Any, lens: _Lens, lean: Array, place: Array, touching: Any
+    ) -> tuple[Any, Any]:
+        """What is between walls, whose ends are so far (N,) [m] off its middle."""
+        put, half = self._moving(body, place, touching)[1], 0.5 * lens.radius
+
+        def write(i: int) -> None:
+            put(i)
+            corners = [
+                Point(x=float(x * lens.inner - y * lean[i]), y=float(y * half))
+                for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+            ]
+            body.points = [corners[k] for k in (0, 1, 2, 0, 2, 3)]
+
+        return body, write
 
     @staticmethod
     def _moving(

@@ -148,5 +148,5 @@ def _observe(record: Record, t: Array) -> tuple[Observation, NDArray[np.uint8]]:
 def _size(stage: Stage) -> int:
     """Bytes of an instant on the page."""
     numbers = 3 * len(stage.links) + 4 * len(stage.bearings) + 2 * len(stage.joints)
-    numbers += 2 * len(stage.plays) + 3 * len(stage.skeleton.mounts)
+    numbers += 3 * len(stage.plays) + 3 * len(stage.skeleton.mounts)
     return 16 + 4 * numbers + len(stage.bearings) + len(stage.plays)
