@@ -7,9 +7,11 @@ import json
 import os
 import shutil
 import subprocess
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from websockets.sync.client import connect
@@ -142,9 +144,23 @@ class Firefox:
         self._call('session.new', capabilities={})
         self._call('session.subscribe', events=['log.entryAdded', 'network.beforeRequestSent'])
         self._page = self._call('browsingContext.create', type='tab')['context']
-        size = {'width': 1440, 'height': 900}
-        self._call('browsingContext.setViewport', context=self._page, viewport=size)
+        self.resize(1440, 900)
         return self
+
+    def resize(self, width: int, height: int) -> None:
+        """Make the page so large [px]."""
+        size = {'width': width, 'height': height}
+        self._call('browsingContext.setViewport', context=self._page, viewport=size)
+
+    @property
+    def tab(self) -> Any:
+        """The same as tests have of a tab of Chromium, as far as `test_view.Acted` needs it."""
+        page = SimpleNamespace(
+            goto=self.goto,
+            evaluate=lambda text: self.evaluate(f'JSON.stringify({text})'),
+            wait_for_timeout=lambda ms: time.sleep(1e-3 * ms),
+        )
+        return SimpleNamespace(page=page)
 
     def __exit__(self, *_: object) -> None:
         self._socket.close()

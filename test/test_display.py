@@ -232,13 +232,15 @@ def test_lenses_of_other_plays_show_what_is_between_their_walls(scene):
         for pair in seen.stage.plays:
             walls = [lenses.pop(0) for _ in machine.physics.clearances if _.startswith(pair.name)]
             body = lenses.pop(0)
-            assert {m.type for m in (*walls, body)} == {CUBE}
+            assert [m.type for m in (*walls, body)] == [*[CUBE] * len(walls), TRIANGLES]
+            half = max(p.x for p in body.points)
+            assert {abs(p.x) for p in body.points} == {half}  # upright
             right = place(walls[-1].pose.position)[0] - 0.5 * walls[-1].scale.x
-            drawn = [right - (place(body.pose.position)[0] + 0.5 * body.scale.x)]
+            drawn = [right - (place(body.pose.position)[0] + half)]
             gaps = [told[f'gap.{pair.name}' + ('_right' if len(walls) == 2 else '')][i]]
             if len(walls) == 2:
                 left = place(walls[0].pose.position)[0] + 0.5 * walls[0].scale.x
-                drawn.insert(0, place(body.pose.position)[0] - 0.5 * body.scale.x - left)
+                drawn.insert(0, place(body.pose.position)[0] - half - left)
                 gaps.insert(0, told[f'gap.{pair.name}_left'][i])
             width = seen.stage.widths[pair.name]
             magnification = 2.0 * 0.04 * seen.skeleton.size / width
