@@ -38,7 +38,8 @@ Spread: TypeAlias = dict[Arm, Any]
 class Body:
     """A link; of an elastic one mass, inertia and centre of gravity before it is deformed.
 
-    The mass of a rotor includes its supports; centre of gravity and inertia are the disk's.
+    Mass and inertia of a rotor are those of all disks and supports, the centre of gravity is that
+    of the link's own disk.
     """
 
     name: str
