@@ -560,14 +560,44 @@ def test_a_frame_on_springs_sways_as_much_as_the_scale_bar_says(tab, tmp_path):
 
 
 @pytest.mark.deep
+def test_the_keyboard_goes_through_the_page_as_it_is_read(opened):
+    """Contents, machine, lens, player; each seen to have the focus, none twice."""
+    opened.evaluate('document.activeElement.blur(); getSelection().removeAllRanges()')
+    seen = []
+    for _ in range(40):
+        opened.keyboard.press('Tab')
+        seen.append(opened.evaluate(
+            """() => {
+                const at = document.activeElement, box = at.getBoundingClientRect();
+                const ring = getComputedStyle(at).outlineStyle;
+                return [at.id || at.getAttribute('href') || at.tagName, box.width > 0, ring];
+            }"""
+        ))  # fmt: skip
+        if seen[-1][0] == 'forces':
+            break
+    names = [name for name, *_ in seen]
+    count = opened.locator('.contents a').count()
+    assert count > 5
+    assert all(name.startswith('#section-') for name in names[:count])
+    wanted = ['machine', 'back', 'play', 'on', 'scrub', 'speed', 'names', 'forces']
+    assert names[count:] == wanted
+    assert all(shown and ring != 'none' for _, shown, ring in seen)
+
+
+@pytest.mark.deep
 def test_a_minute_is_a_page_like_any_other(tab, tmp_path):
-    """350 turns, 17,000 impacts: less than 10 MB, and the last instant is there."""
+    """350 turns, 17,000 impacts: less than 10 MB, opened in two seconds, all of it there."""
     run = recorded(simulated('four_bar_clearance', duration=60.0))
     text = report.page(run, sections(run.record))
     file = tmp_path / 'minute.html'
     output.write_text(file, text)
     assert file.stat().st_size < 10e6
+    session = tab.page.context.new_cdp_session(tab.page)
+    session.send('Performance.enable', {'timeDomain': 'threadTicks'})  # of CPU
     open_page(tab, file)
+    tab.page.wait_for_selector('.js-plotly-plot .trace', state='attached')
+    told = session.send('Performance.getMetrics')['metrics']
+    assert next(x['value'] for x in told if x['name'] == 'TaskDuration') < 2.0  # 1.3 to 1.5
     tab.page.keyboard.press('End')
     assert time_of(tab.page) == pytest.approx(60.0, abs=1e-9)
     assert tab.complaints == []
