@@ -14,6 +14,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
 from websockets.sync.client import connect
 
 PROGRAMS = 'chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable'
@@ -90,6 +91,14 @@ def open_page(tab: Tab, file: Path) -> None:
     """Open a report, and wait until its charts can be drawn."""
     tab.page.goto(file.as_uri())
     tab.page.wait_for_selector('html[data-ready="1"]', state='attached')
+
+
+def violations(page: Any) -> list[tuple[str, Any, str]]:
+    """What axe-core finds on a page that was opened without its policy, of which it is no part."""
+    axe = pytest.importorskip('axe_playwright_python', reason='pip install axe-playwright-python')
+    page.evaluate(Path(axe.__file__).with_name('axe.min.js').read_text(encoding='utf-8'))
+    found = page.evaluate('axe.run({ iframes: false, preload: false })')['violations']
+    return [(v['id'], v['nodes'][0]['target'], v['nodes'][0]['failureSummary']) for v in found]
 
 
 Box = tuple[float, float, float, float]

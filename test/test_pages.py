@@ -6,15 +6,13 @@ those of the site): ``MECHANISM_SIM_EVIDENCE=shots python -m pytest -m '' test/t
 
 from __future__ import annotations
 
-import importlib.util
 import time
 from contextlib import ExitStack
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from blocks import ROOT
-from browsing import Firefox, Tab, boxes, firefox, overlapping
+from browsing import Firefox, Tab, boxes, firefox, overlapping, violations
 from middleware_network import eventually
 from test_edit_page import Hand, editing
 from test_report import simulated
@@ -69,16 +67,10 @@ TEXTS = {
 """Pages, and of each what must not overlap what else is chosen by the same words."""
 SCROLL = ('#palette button',)
 """Whose parent scrolls where it is too narrow."""
+QUICK = 'live', 1440, 'dark'
+"""That of reports is in their own tests."""
+RADIAL = 'joints.coupler_rocker.clearance.radial'
 LOOKS = [(1440, 'light'), (390, 'dark'), (390, 'light'), (1440, 'dark')]
-
-
-@pytest.fixture(scope='module')
-def axe():
-    """The program axe-core."""
-    found = importlib.util.find_spec('axe_playwright_python')
-    if found is None:
-        pytest.skip('no axe-core here: pip install axe-playwright-python')
-    return Path(found.origin).with_name('axe.min.js').read_text(encoding='utf-8')
 
 
 @pytest.fixture(scope='module')
@@ -117,9 +109,9 @@ def pages(tmp_path_factory):
 
 
 @pytest.fixture(params=[
-    pytest.param((kind, *look), marks=[] if k % 4 == n and k in (0, 3) else [pytest.mark.deep],
+    pytest.param((kind, *look), marks=[] if (kind, *look) == QUICK else [pytest.mark.deep],
                  id=f'{kind}-{look[0]}-{look[1]}')
-    for k, kind in enumerate(TEXTS) for n, look in enumerate(LOOKS)
+    for kind in TEXTS for look in LOOKS
 ])  # fmt: skip
 def opened(request, browser, pages, tmp_path):
     """A page in a size and a scheme, without its policy, for axe-core is no part of it."""
@@ -160,7 +152,7 @@ def editor(tmp_path_factory):
             yield address
 
 
-def test_a_page_is_in_order_for_everybody(opened, axe):
+def test_a_page_is_in_order_for_everybody(opened):
     """axe-core finds nothing; nothing overlaps, sticks out, complains or asks for a network."""
     page = opened.page
     for selector in TEXTS[opened.kind]:
@@ -169,10 +161,7 @@ def test_a_page_is_in_order_for_everybody(opened, axe):
         if not opened.kind.startswith('site') and selector not in SCROLL:
             assert all(box[0] >= 0.0 and box[2] <= opened.width + 0.5 for box in found), selector
     assert page.evaluate('document.documentElement.scrollWidth') <= opened.width
-    page.evaluate(axe)
-    found = page.evaluate('axe.run({ iframes: false, preload: false })')['violations']
-    said = [(v['id'], v['nodes'][0]['target'], v['nodes'][0]['failureSummary']) for v in found]
-    assert said == []
+    assert violations(page) == []
     assert opened.tab.complaints == []
     local = ('file:', 'http://127.0.0.1:', 'ws://127.0.0.1:')
     assert all(request.startswith(local) for request in opened.tab.requests)
@@ -221,15 +210,16 @@ def test_firefox_shows_the_live_view_and_is_obeyed(foreign, width):
         assert eventually(lambda: foreign.evaluate(f'JSON.stringify({place})') != before)
         foreign.evaluate("document.getElementById('play').click()")
         assert run.command() == Command('pause')
-        foreign.evaluate("""(() => {
-            const slider = document.querySelector('input[data-path="drive.speed"]');
-            slider.value = 700;
-            for (const kind of ['input', 'change'])
-                slider.dispatchEvent(new Event(kind, { bubbles: true }));
-        })()""")
-        assert run.command().path == 'drive.speed'
-        said = 'document.querySelector(\'.slider:has([data-path="drive.speed"]) small\').innerText'
-        assert foreign.evaluate(f'JSON.stringify({said})') == 'restarting …'
+        slider = f'document.querySelector(\'input[data-path="{RADIAL}"]\')'
+        foreign.evaluate(
+            f'{slider}.value = 700; for (const kind of ["input", "change"])'
+            f' {slider}.dispatchEvent(new Event(kind));'
+        )
+        assert run.command().path == RADIAL
+        said = foreign.evaluate(
+            f'JSON.stringify({slider}.parentElement.querySelector("small").innerText)'
+        )
+        assert said == 'restarting …'
         assert foreign.complaints == []
         home = run.server.address
         assert all(
@@ -237,6 +227,7 @@ def test_firefox_shows_the_live_view_and_is_obeyed(foreign, width):
         )
         assert foreign.shoot(f'firefox_live_{width}').stat().st_size > 10_000
     finally:
+        foreign.goto('about:blank')  # it would look for its server again and again
         run.server.close()
         foreign.resize(1440, 900)
 
@@ -255,12 +246,15 @@ def test_firefox_shows_and_plays_the_same(foreign, pages, kind):
         assert overlapping(foreign_boxes(foreign, selector)) == [], selector
     # machines of lessons are in frames
     moves = foreign.evaluate("!!document.querySelector('a.plays, #stage')")
-    place = "document.querySelector('svg.stage [data-link][transform*=rotate]')?.outerHTML"
+    place = (
+        "[...document.querySelectorAll('svg.stage [data-link]')]"
+        ".map(x => x.getAttribute('transform')).join() || null"
+    )
     foreign.evaluate("document.querySelector('a.plays, #stage')?.scrollIntoView()")
     foreign.evaluate("document.getElementById('play')?.click()")
     seen = set()
     for _ in range(100):
-        seen.add(foreign.evaluate(f'JSON.stringify({place} ?? null)'))
+        seen.add(foreign.evaluate(f'JSON.stringify({place})'))
         if len(seen - {None}) > 2 or not moves:
             break
         time.sleep(0.05)
@@ -269,3 +263,23 @@ def test_firefox_shows_and_plays_the_same(foreign, pages, kind):
     assert all(request.startswith(('file:', 'data:', 'blob:')) for request in foreign.requests)
     name = kind.removesuffix('.html').replace('/', '_')
     assert foreign.shoot(f'firefox_{name}').stat().st_size > 10_000
+
+
+@pytest.mark.deep
+def test_every_scene_plays_on_its_card_and_opens_its_report(tab):
+    """Each card of the gallery moves once it is in view, and leads to a page that is there."""
+    if not (SITE / 'docs' / 'mechanisms.html').exists():
+        pytest.skip('the site has not been built: make docs')
+    tab.page.goto((SITE / 'docs' / 'mechanisms.html').as_uri())
+    cards = tab.page.locator('a.plays')
+    seen = {}
+    for k in range(cards.count()):
+        card = cards.nth(k)
+        card.scroll_into_view_if_needed()
+        card.locator('svg.stage').wait_for()
+        assert card.get_attribute('data-moves') == '1'
+        seen[card.get_attribute('href').rpartition('/')[2]] = card.locator('[data-link]').count()
+    assert seen.keys() == {f'{name}.html' for name in ms.scene_names()}
+    assert all((SITE / 'runs' / name).exists() for name in seen)
+    assert min(seen.values()) > 1
+    assert tab.complaints == []
