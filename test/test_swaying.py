@@ -79,6 +79,26 @@ def test_as_markers_it_goes_as_in_a_film(record, true):
             assert moved(turn, (at.x, at.y), cog) == pytest.approx(times * true[:2, i], abs=1e-9)
 
 
+def test_in_a_film_a_block_leans_as_its_corners_do():
+    """Its corners under the lens are as far from the walls as the gaps of the run."""
+    run = simulated('slider_with_play', {'links.slider.cog': ['15 mm', '10 mm']}, duration=0.1)
+    t = np.linspace(0.01, 0.09, 9)
+    with figures.style():
+        screen = Screen(run, t, Shown(), 1.0, 480)
+    axes = screen.figure.axes[1]
+    (body,) = (x for x in axes.patches if x.get_gid() == 'lens-guide')
+    told, lean = run.piece.sample(t), []
+    for i in screen.frames():
+        corners = (body.get_transform() - axes.transData).transform_path(body.get_path()).vertices
+        for end, up in (('front', 1.0), ('rear', -1.0)):
+            x = [x for x, y in corners if up * y > 0.0]
+            gaps = np.array([told[f'gap.guide_{end}_{side}'][i] for side in ('left', 'right')])
+            drawn = np.array([1.0 + min(x), 1.0 - max(x)])
+            assert drawn == pytest.approx(gaps * drawn.sum() / gaps.sum(), abs=0.02)
+        lean.append(gaps[0])
+    assert np.ptp(lean) > 1e-4
+
+
 def test_the_live_view_shows_it_where_all_motion_since_the_start_is_known(record):
     machine = record.machine
     told = messages(machine, [0.05, 0.1, 0.17])

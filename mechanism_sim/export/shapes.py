@@ -60,7 +60,7 @@ class Shape:
     curves : (k, 2) [m] each, in the link's frame, that define it; a single point, ends, corners
     symbol : size of a joint in this drawing [m]
     label : of the link or joint; none if empty
-    size : of wheels, of which the largest are painted first
+    size : of wheels and hands, of which the largest are painted first
     number : of the link among those that move, which stands for its colour; -1 of the ground
     bends : whether its link is elastic: edges have points enough to bend
     """

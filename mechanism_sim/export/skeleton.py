@@ -341,12 +341,13 @@ class Skeleton:
         for owner, start, end in self._rails:
             if owner == link:
                 corners.append(_nearest(start, end, corners))
-        cog = self.mechanism.body(link).cog
+        cog, hand = self.mechanism.body(link).cog, 0.0
         if len(set(corners)) == 1 and link not in self._bodied:
             corners.append(cog)  # a pendulum
             if math.dist(corners[0], cog) < 0.5 * self.symbol:  # a rotor: a hand shows its turn
                 self._hands += 1
-                corners[-1] = corners[0][0] + 6.0 * self._hands * self.symbol, corners[0][1]
+                hand = 6.0 * self._hands * self.symbol  # shorter ones lie on longer ones
+                corners[-1] = corners[0][0] + hand, corners[0][1]
         distinct: list[Vector2] = []
         for corner in corners or [cog]:
             if all(math.dist(corner, other) > 1e-9 for other in distinct):
@@ -356,7 +357,7 @@ class Skeleton:
             at = at[:1]
         first = _corners(at, self.symbol)
         rest = np.delete(at, first, axis=0)
-        self.add('link', link, at[first], *([rest] if len(rest) else []), label=link)
+        self.add('link', link, at[first], *([rest] if len(rest) else []), label=link, size=hand)
 
     def _covered(self, link: str, points: Array) -> bool:
         """Whether a wheel or a slider of a link shows all of some points (k, 2) of it."""

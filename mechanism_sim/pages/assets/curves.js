@@ -2,7 +2,7 @@ import { add, line } from 'svg';
 import { search, unpack } from 'player';
 
 const [WIDEST, HEIGHT] = [640, 220];
-const ROOM = { left: 56, right: 12, top: 26, bottom: 34 };
+const ROOM = { left: 56, right: 12, top: 30, bottom: 34 };
 
 /** A quantity of each run of a family over time: the chosen one in colour, all others pale. */
 export class Curves {
