@@ -192,6 +192,16 @@ class Firefox:
         value = told.get('value')
         return json.loads(value) if told['type'] == 'string' else value
 
+    def drag(self, places: list[tuple[float, float]]) -> None:
+        """Press the mouse at the first of some places [px], and let go at the last."""
+        moves = [
+            {'type': 'pointerMove', 'x': round(x), 'y': round(y), 'duration': 16}
+            for x, y in places
+        ]
+        down, up = ({'type': f'pointer{way}', 'button': 0} for way in ('Down', 'Up'))
+        mouse = {'type': 'pointer', 'id': 'mouse', 'actions': [moves[0], down, *moves[1:], up]}
+        self._call('input.performActions', context=self._page, actions=[mouse])
+
     def shoot(self, name: str) -> Path:
         """A screenshot, kept as evidence."""
         file = _evidence(self._folder, name)

@@ -23,9 +23,9 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.pages.edit.background import Background
 from mechanism_sim.pages.edit.document import Document
 from mechanism_sim.pages.edit.motion import INSTANTS, Turn
-from mechanism_sim.pages.edit.quantities import rounded
 from mechanism_sim.pages.edit.session import Session
 from mechanism_sim.scene import Machine, load_scene
+from mechanism_sim.scene.rounding import rounded
 from mechanism_sim.scene.scene_text import renamed, with_value, without
 
 TOOLS = (

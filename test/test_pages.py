@@ -24,10 +24,10 @@ from mechanism_sim.analysis.comparison import compare
 from mechanism_sim.pages import report
 from mechanism_sim.pages.assets import contents_of
 from mechanism_sim.pages.charts import sections
-from mechanism_sim.pages.charts.overlay import overlaid
 from mechanism_sim.pages.recorded import recorded, together
 from mechanism_sim.pages.server import Command, Server
 from mechanism_sim.pages.view import MODULES
+from mechanism_sim.report.charts.overlay import overlaid
 
 REPORT = '.facts > div', '.controls > *', '#lens text', '.contents li', '.report h2'
 SITE = ROOT / 'build' / 'site'

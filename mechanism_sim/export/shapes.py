@@ -167,21 +167,22 @@ def simplified(curve: Array, tolerance: float) -> Array:
     D. H. Douglas, T. K. Peucker, Cartographica 10(2), 1973, from the first point and the one that
     is farthest from it.
     """
-    points = np.concatenate([curve, curve[:1]])
+    points, each = np.concatenate([curve, curve[:1]]), np.arange(len(curve))
     far = int(np.hypot(*(curve - curve[0]).T).argmax())
-    kept, spans = {0, far}, [(0, far), (far, len(curve))]
-    while spans:
-        a, b = spans.pop()
-        if b - a < 2:
-            continue
-        way, to = points[b] - points[a], points[a + 1 : b] - points[a]
-        share = np.clip(to @ way / (float(way @ way) or 1.0), 0.0, 1.0)
+    kept = np.unique([0, far, len(curve)])
+    while True:  # all spans between those that are kept at once
+        span = np.searchsorted(kept, each, 'right') - 1
+        first, last = points[kept[:-1]][span], points[kept[1:]][span]
+        way, to = last - first, curve - first
+        square = (way * way).sum(axis=1)
+        share = np.clip((to * way).sum(axis=1) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
         off = np.hypot(*(to - share[:, None] * way).T)
-        k = int(off.argmax())
-        if off[k] > tolerance:
-            kept.add(a + 1 + k)
-            spans += [(a, a + 1 + k), (a + 1 + k, b)]
-    return np.asarray(curve[sorted(kept)])
+        off[kept[:-1]] = 0.0
+        most = np.maximum.reduceat(off, kept[:-1])
+        apart = np.flatnonzero((off == most[span]) & (off > tolerance))
+        if not apart.size:
+            return np.asarray(curve[kept[:-1]])
+        kept = np.union1d(kept, apart[np.unique(span[apart], return_index=True)[1]])
 
 
 def _body(shape: Shape) -> list[Path]:

@@ -1,4 +1,7 @@
-"""Markers of what changes from instant to instant: forces, contacts, plays, springs, frames."""
+"""Markers of what changes from instant to instant: forces, contacts, plays, springs.
+
+And the shapes of elastic links, which bend, and of frames on springs, which sway, as figures show.
+"""
 
 from __future__ import annotations
 
@@ -155,6 +158,10 @@ class Picture:
             [self._lens(seen, machine.mechanism.joint(j), x, magnification) for j, x in of.items()]
             for of in (radial, half)
         )
+        skeleton = seen.skeleton
+        parts = painted(skeleton, prefix)
+        self._elastic = [part for part in parts if part[0].link in skeleton.bendings]
+        self._swaying = [part[:2] for part in parts if sways(skeleton, part[0])]
         gaps = machine.system.gaps if machine.dynamic else []
         self._joint_of = {gap.name: machine.mechanism.joint(gap.joint) for gap in gaps}
         self._hardest = max((i.normal_impulse for i in seen.found.solution.impacts), default=0.0)
@@ -179,7 +186,7 @@ class Picture:
         frames = self._stage.frames(t, o, modes, sway)
         writers = [
             *self._arrows(frames), *self._pins(frames), *self._walls(frames),
-            *self._coils(frames), *self._frames(frames),
+            *self._coils(frames), *self._bent(frames), *self._sway(frames),
         ]  # fmt: skip
         markers = [made for made, _ in writers]
         for i, time in enumerate(t.tolist()):
@@ -192,8 +199,8 @@ class Picture:
     @property
     def empty(self) -> bool:
         """Whether there is nothing to show."""
-        springs = self._stage.skeleton.springs
-        return not (self._stage.joints or self._bearings or self._plays or springs)
+        known = self._stage.joints or self._bearings or self._plays or self._elastic
+        return not (known or self._stage.skeleton.springs)
 
     def flash(self, impact: Any) -> Any:
         """A flash at the joint of an Impact message; its volume stands for the impulse.
@@ -343,11 +350,21 @@ class Picture:
 
             yield made, write
 
-    def _frames(self, frames: Frames) -> Iterator[Any]:
+    def _bent(self, frames: Frames) -> Iterator[Any]:
+        """Elastic links, in their frames."""
+        for shape, made, points in self._elastic:
+            placed = self._stage.skeleton.bent(shape.link, points, frames.poses)
+
+            def write(i: int, made: Any = made, placed: Array = placed) -> None:
+                for point, (x, y) in zip(made.points, placed[i].tolist(), strict=True):
+                    point.x, point.y = x, y
+
+            yield made, write
+
+    def _sway(self, frames: Frames) -> Iterator[Any]:
         """Frames on springs that sway: turned about where the world's origin has been moved to."""
         skeleton = self._stage.skeleton
-        swaying = [shape for shape in skeleton.shapes if sways(skeleton, shape)]
-        for shape, made in painted(skeleton, swaying, self._prefix):
+        for shape, made in self._swaying:
             origin = skeleton.swayed(np.zeros((1, 2)), shape.label, frames.sway)[:, 0].T
             half = 0.5 * frames.sway[:, list(skeleton.mounts).index(shape.label), 2]
             place = self._moving(made, origin)[1]

@@ -80,12 +80,13 @@ def marker(
 
 
 def shapes(skeleton: Skeleton, prefix: str) -> Any:
-    """MarkerArray of all that stands still in the frames of the links, locked to them.
-
-    A namespace is a kind of shapes, see `NAMESPACES`: what is filled as triangles, then edges.
-    """
-    still = (shape for shape in skeleton.shapes if not sways(skeleton, shape))
-    return MarkerArray(markers=[made for _, made in painted(skeleton, still, prefix)])
+    """MarkerArray of all that stands still in the frames of the links, and keeps its shape."""
+    made = [
+        each
+        for shape, each, _ in painted(skeleton, prefix)
+        if not (shape.link in skeleton.bendings or sways(skeleton, shape))
+    ]
+    return MarkerArray(markers=made)
 
 
 def sways(skeleton: Skeleton, shape: Shape) -> bool:
@@ -93,12 +94,15 @@ def sways(skeleton: Skeleton, shape: Shape) -> bool:
     return shape.kind == 'frame' and shape.label in skeleton.sways
 
 
-def painted(skeleton: Skeleton, shapes: Iterable[Shape], prefix: str) -> list[tuple[Shape, Any]]:
-    """Some of the shapes as markers, with what they are of."""
-    made: list[tuple[Shape, Any]] = []
+def painted(skeleton: Skeleton, prefix: str) -> list[tuple[Shape, Any, Array]]:
+    """Markers of the shapes, locked to the frames of links: shape, marker, its points (k, 2) [m].
+
+    A namespace is a kind of shapes, see `NAMESPACES`: what is filled as triangles, then edges.
+    """
+    made: list[tuple[Shape, Any, Array]] = []
     count: Counter[str] = Counter()
     kinds, s = get_args(Kind), skeleton.symbol
-    for shape in shapes:
+    for shape in skeleton.shapes:
         name, frame = NAMESPACES[shape.kind], frame_of(shape.link, prefix)
         for path in shape.paths:
             # links lie on each other
@@ -106,22 +110,24 @@ def painted(skeleton: Skeleton, shapes: Iterable[Shape], prefix: str) -> list[tu
             fill, edge = _colours(path.style, shape.number)
             if fill is not None:
                 corners = triangles(path.curves).reshape(-1, 2)
-                made.append((shape, marker(
+                filled = marker(
                     name, count[name], frame, Marker.TRIANGLE_LIST, fill, (1.0, 1.0, 1.0),
                     corners, height,
-                )))  # fmt: skip
+                )  # fmt: skip
+                made.append((shape, filled, corners))
                 count[name] += 1
             if edge is not None:
                 lines = (np.stack([c, np.roll(c, -1, axis=0)], axis=1) for c in path.curves)
                 if path.style in OPEN:
                     lines = (np.stack([c[:-1], c[1:]], axis=1) for c in path.curves)
                 ends = np.concatenate(list(lines)).reshape(-1, 2)
-                made.append((shape, marker(
+                drawn = marker(
                     name, count[name], frame, Marker.LINE_LIST, edge,
                     (_EDGE * s, 0.0, 0.0), ends, height + 0.1 * _LAYER * s,
-                )))  # fmt: skip
+                )  # fmt: skip
+                made.append((shape, drawn, ends))
                 count[name] += 1
-    for _, each in made:
+    for _, each, _ in made:
         each.frame_locked = True
     return made
 

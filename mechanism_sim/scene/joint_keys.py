@@ -16,6 +16,7 @@ from mechanism_sim.planar.mechanism import GROUND, Joint, LinkPoint, Mechanism, 
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.contact_keys import Clearance, Friction, Play
 from mechanism_sim.scene.quantities import Part
+from mechanism_sim.scene.sketch import Edit, Sketch, Tool
 from mechanism_sim.units import Measure
 
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
@@ -111,6 +112,8 @@ class JointKind:
     friction : that of an ideal joint, of its name, its keys and the mechanism; None if it has none
     arm : the key that says where friction acts, and whether it must be given
     rotor : if it lets the axis of a link give way: that link, and how
+    tools : by which such joints are drawn
+    refit : of a sketch whose links were moved, of a joint's name and keys: what makes it fit
     """
 
     name: str
@@ -124,6 +127,8 @@ class JointKind:
     friction: Callable[[str, Friction, Mechanism], JointFriction] | None = None
     arm: tuple[str, bool] = ('', False)
     rotor: Callable[[Names, str, Any], tuple[str, Rotor]] | None = None
+    tools: tuple[Tool, ...] = ()
+    refit: Callable[[Sketch, str, Any], list[Edit]] | None = None
 
 
 KINDS: dict[str, JointKind] = {}

@@ -181,7 +181,7 @@ def read_bodies(
                 inertia=body.inertia + rotor.inertia,
                 rotor=rotor,
             )
-        found.append(tilted(body, given.tilt, f'{places.name}: links.{link}', added))
+        found.append(tilted(body, places, added))
     return tuple(found)
 
 

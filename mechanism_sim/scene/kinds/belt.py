@@ -37,6 +37,7 @@ from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds.transmission import PhaseKeys
 from mechanism_sim.scene.quantities import Length, si
+from mechanism_sim.scene.sketch import Shaft, Sketch, Tool, between
 
 _LARGEST = 10_000  # of the whole numbers whose ratio the radii have
 
@@ -175,14 +176,19 @@ class BeltForce:
         (r1, r2), s = joint.radii, joint.sense
         value: Term = p(f'{self.name}.phase', s * r2 * joint.phase)
         rate: Term = None
-        turning = (joint.first, r1), (joint.second, -s * r2), (joint.carrier, s * r2 - r1)
-        for k, (link, arm) in enumerate(turning):
+        turning = (
+            (joint.first, joint.on_first, r1), (joint.second, joint.on_second, -s * r2),
+            (joint.carrier, (0.0, 0.0), s * r2 - r1),
+        )  # fmt: skip
+        for k, (link, at, arm) in enumerate(turning):
             frame, offset = m.frame(link)
             lever = p(f'{self.name}.arm.{k}', arm)
             value = add(value, p(f'{self.name}.offset.{k}', arm * offset))
             if frame != GROUND:
                 value = add(value, mul(lever, frames.unwound(frame)))
                 rate = add(rate, mul(lever, frames.v[frame]))
+            bent = m.bent(frames, link, at, f'{self.name}:{link}')
+            value, rate = add(value, mul(lever, bent.value)), add(rate, mul(lever, bent.rate))
         return value, rate
 
     def _strands(self, frames: Frames) -> list[tuple[Term, Term, Term]]:
@@ -310,8 +316,22 @@ def _mounted(joint: Belt, start: Mapping[str, float]) -> Belt:
     return replace(joint, phase=joint.phase + step * round(off / step))
 
 
+def _drawn(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, list[str]]:
+    """Pulleys as 3 to 5, which leave a fifth of the distance of their centres to both sides."""
+    apart = math.dist(one.at, two.at)
+    return {'radii': [sketch.size(share * apart) for share in (0.15, 0.25)]}
+
+
+_TOOL = Tool(
+    'belt', 'B',
+    'M3.5 6a2 2 0 0 0 0 4L11 13a5 5 0 0 0 0-10zm0 1.3L11 4.3a3.7 3.7 0 0 1 0 7.4L3.5 8.7z',
+    'Press on a link that turns, or where a pulley is to be; drag to the other', between(
+        'belt', 'pulley', _drawn), 'band',
+)  # fmt: skip
+
 register(
     JointKind(
-        'belt', BeltKeys, _read, _play, firm='belts and chains have strands', mounted=_mounted
+        'belt', BeltKeys, _read, _play, firm='belts and chains have strands', mounted=_mounted,
+        tools=(_TOOL,),
     )
-)
+)  # fmt: skip
