@@ -1,7 +1,6 @@
 """Every kind of page, narrow and wide, light and dark: what axe-core finds, and what overlaps.
 
-Screenshots of all of them are kept where ``MECHANISM_SIM_EVIDENCE`` says (``make docs`` first, for
-those of the site): ``MECHANISM_SIM_EVIDENCE=shots python -m pytest -m '' test/test_pages.py``.
+``make evidence`` keeps screenshots of all of them in build/evidence.
 """
 
 from __future__ import annotations

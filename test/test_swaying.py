@@ -81,8 +81,8 @@ def test_as_markers_it_goes_as_in_a_film(record, true):
 
 def test_in_a_film_a_block_leans_as_its_corners_do():
     """Its corners under the lens are as far from the walls as the gaps of the run."""
-    run = simulated('slider_with_play', {'links.slider.cog': ['15 mm', '10 mm']}, duration=0.1)
-    t = np.linspace(0.01, 0.09, 9)
+    run = simulated('slider_with_play', {'links.slider.cog': ['15 mm', '10 mm']}, duration=0.05)
+    t = np.linspace(0.01, 0.045, 6)
     with figures.style():
         screen = Screen(run, t, Shown(), 1.0, 480)
     axes = screen.figure.axes[1]
