@@ -20,7 +20,8 @@ from mechanism_sim.analysis.comparison import compare
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.charts import sections
-from mechanism_sim.pages.charts.overlay import overlaid
+from mechanism_sim.report.charts.chart import DOTTED
+from mechanism_sim.report.charts.overlay import overlaid
 
 TURN = 2.0 * math.pi / 36.6519
 SENSOR = 'rocker_accelerometer'
@@ -125,14 +126,13 @@ def test_charts_have_the_lines_of_both_runs():
     both = {chart.key: chart for s in overlaid(first, second) for chart in s.charts}
     assert len(both) == sum(len(s.charts) for s in overlaid(first, second))  # keys are unique
     (speeds,) = (c for s in second for c in s.charts if c.key == 'motion-velocity-turning')
-    own = {t['name']: t for t in speeds.figure['data'] if t.get('hoverinfo') != 'skip'}
-    shown = {t['name']: t for t in both['motion-velocity-turning'].figure['data']}
+    own = {c.label: c for c in speeds.panels[0].curves if not c.look}
+    shown = {c.label: c for c in both['motion-velocity-turning'].panels[0].curves if not c.look}
     assert {'crank A', 'coupler A', 'rocker A', 'crank B', 'coupler B', 'rocker B'} == set(shown)
     for name in ('coupler', 'rocker'):
         there, alone = shown[f'{name} B'], own[name]
-        assert there['y'] == alone['y']
-        assert there['line']['dash'] == 'dot'
-        assert there['line']['color'] == shown[f'{name} A']['line']['color']
+        assert there.y is alone.y
+        assert (there.dash, there.colour) == (DOTTED, shown[f'{name} A'].colour)
     assert 'forces' in both
     assert any(key.endswith('-B') for key in both)  # of contacts, which the ideal one has not
 

@@ -18,8 +18,8 @@ from mechanism_sim import output
 from mechanism_sim.analysis.comparison import compare
 from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import sections
-from mechanism_sim.pages.charts.overlay import overlaid
 from mechanism_sim.pages.recorded import recorded, together
+from mechanism_sim.report.charts.overlay import overlaid
 
 SITE = ROOT / 'build' / 'site'
 TEXTS = {

@@ -146,9 +146,9 @@ class Skeleton:
 
     def deformed(self, link: str, points: Array, pose: Array) -> Array:
         """Points (k, 2) [m] of a link in its frame at a pose (L, 3 + M), as they are drawn."""
-        return self._bent(link, points, pose[None])[0] if link in self.bendings else points
+        return self.bent(link, points, pose[None])[0] if link in self.bendings else points
 
-    def _bent(self, link: str, points: Array, poses: Array) -> Array:
+    def bent(self, link: str, points: Array, poses: Array) -> Array:
         """Points (N, k, 2) [m] in the frame of an elastic link."""
         bending = self.bendings[link]
         last = 3 + len(bending.beam.names)
@@ -169,7 +169,7 @@ class Skeleton:
         x, y, angle = poses[:, self.links.index(link), :3].T
         c, s = np.cos(angle), np.sin(angle)
         if link in self.bendings:
-            points = self._bent(link, points, poses)
+            points = self.bent(link, points, poses)
         turned = points @ np.array([[c, s], [-s, c]]).transpose(2, 0, 1)
         return np.asarray(turned + np.stack([x, y], axis=1)[:, None])
 

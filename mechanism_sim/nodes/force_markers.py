@@ -1,4 +1,7 @@
-"""Markers of what changes from instant to instant: forces, contacts, clearances, springs."""
+"""Markers of what changes from instant to instant: forces, contacts, clearances, springs.
+
+And the shapes of elastic links, which bend as figures show it.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from mechanism_sim.export.stage import Frames, Stage, stage_of
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
-from mechanism_sim.nodes.markers import STEEL, Colour, frame_of, marker
+from mechanism_sim.nodes.markers import STEEL, Colour, frame_of, marker, painted
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import GROUND, Joint
 from mechanism_sim.planar.play import gaps_of
@@ -155,6 +158,9 @@ class Picture:
             for of in (radial, half)
         )
         self._springs = seen.skeleton.springs
+        self._elastic = [
+            part for part in painted(seen.skeleton, prefix) if part[0] in seen.skeleton.bendings
+        ]
         gaps = machine.system.gaps if machine.dynamic else []
         self._joint_of = {gap.name: machine.mechanism.joint(gap.joint) for gap in gaps}
         self._hardest = max((i.normal_impulse for i in seen.found.solution.impacts), default=0.0)
@@ -176,7 +182,8 @@ class Picture:
         """
         frames = self._stage.frames(t, o, modes)
         writers = [
-            *self._arrows(frames), *self._pins(frames), *self._walls(frames), *self._coils(frames)
+            *self._arrows(frames), *self._pins(frames), *self._walls(frames),
+            *self._coils(frames), *self._bent(frames),
         ]  # fmt: skip
         markers = [made for made, _ in writers]
         for i, time in enumerate(t.tolist()):
@@ -189,7 +196,8 @@ class Picture:
     @property
     def empty(self) -> bool:
         """Whether there is nothing to show."""
-        return not (self._stage.joints or self._bearings or self._plays or self._springs)
+        still = not (self._stage.joints or self._bearings or self._plays or self._springs)
+        return still and not self._elastic
 
     def flash(self, impact: Any) -> Any:
         """A flash at the joint of an Impact message; its volume stands for the impulse.
@@ -319,5 +327,16 @@ class Picture:
             def write(i: int, made: Any = made, ends: Any = ends) -> None:
                 line = coil(ends[0][i], ends[1][i], s)
                 made.points = [Point(x=x, y=y) for x, y in line.tolist()]
+
+            yield made, write
+
+    def _bent(self, frames: Frames) -> Iterator[Any]:
+        """Elastic links, in their frames."""
+        for link, made, points in self._elastic:
+            placed = self._stage.skeleton.bent(link, points, frames.poses)
+
+            def write(i: int, made: Any = made, placed: Array = placed) -> None:
+                for point, (x, y) in zip(made.points, placed[i].tolist(), strict=True):
+                    point.x, point.y = x, y
 
             yield made, write

@@ -80,11 +80,17 @@ def marker(
 
 
 def shapes(skeleton: Skeleton, prefix: str) -> Any:
-    """MarkerArray of all that keeps its shape, locked to the frames of the links.
+    """MarkerArray of all that keeps its shape."""
+    made = [each for link, each, _ in painted(skeleton, prefix) if link not in skeleton.bendings]
+    return MarkerArray(markers=made)
+
+
+def painted(skeleton: Skeleton, prefix: str) -> list[tuple[str, Any, Array]]:
+    """Markers of the shapes of links, locked to their frames: link, marker, its points (k, 2) [m].
 
     A namespace is a kind of shapes, see `NAMESPACES`: what is filled as triangles, then edges.
     """
-    made: list[Any] = []
+    made: list[tuple[str, Any, Array]] = []
     count: Counter[str] = Counter()
     kinds, s = get_args(Kind), skeleton.symbol
     for shape in skeleton.shapes:
@@ -95,24 +101,26 @@ def shapes(skeleton: Skeleton, prefix: str) -> Any:
             fill, edge = _colours(path.style, shape.number)
             if fill is not None:
                 corners = triangles(path.curves).reshape(-1, 2)
-                made.append(marker(
+                filled = marker(
                     name, count[name], frame, Marker.TRIANGLE_LIST, fill, (1.0, 1.0, 1.0),
                     corners, height,
-                ))  # fmt: skip
+                )  # fmt: skip
+                made.append((shape.link, filled, corners))
                 count[name] += 1
             if edge is not None:
                 lines = (np.stack([c, np.roll(c, -1, axis=0)], axis=1) for c in path.curves)
                 if path.style in OPEN:
                     lines = (np.stack([c[:-1], c[1:]], axis=1) for c in path.curves)
                 ends = np.concatenate(list(lines)).reshape(-1, 2)
-                made.append(marker(
+                drawn = marker(
                     name, count[name], frame, Marker.LINE_LIST, edge,
                     (_EDGE * s, 0.0, 0.0), ends, height + 0.1 * _LAYER * s,
-                ))  # fmt: skip
+                )  # fmt: skip
+                made.append((shape.link, drawn, ends))
                 count[name] += 1
-    for each in made:
+    for _, each, _ in made:
         each.frame_locked = True
-    return MarkerArray(markers=made)
+    return made
 
 
 def _colours(style: Style, number: int) -> tuple[Colour | None, Colour | None]:

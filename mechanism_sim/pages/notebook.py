@@ -12,13 +12,11 @@ from mechanism_sim.export.stage import packed
 from mechanism_sim.hybrid.column_units import unit_of
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.pages import report
-from mechanism_sim.pages.charts import sections
-from mechanism_sim.pages.charts.course import Course
-from mechanism_sim.pages.charts.style import brief, places
+from mechanism_sim.pages.charts import brief, places, sections
 from mechanism_sim.pages.recorded import recorded, together
-from mechanism_sim.report.cycle import for_people
+from mechanism_sim.report.charts.course import Course
 from mechanism_sim.scene import Machine, load_scene, simulate
-from mechanism_sim.units import typeset
+from mechanism_sim.units import for_people, typeset
 
 
 class Player:

@@ -222,10 +222,11 @@ class LineFriction(JointFriction):
 
     def _direction(self, frames: Frames, angle: float, what: str) -> tuple[Jet, Jet]:
         joint: Any = self.joint  # both kinds have an axis
-        link = joint.first if self._guided else joint.second
-        return frames.position(
-            self.mechanism.direction(link, joint.axis + angle), f'{self.name}.{what}'
-        )
+        link, at = self.joint.first, self.joint.on_first
+        if not self._guided:
+            link, at = joint.second, joint.on_second
+        direction = self.mechanism.direction(link, joint.axis + angle, at)
+        return frames.position(direction, f'{self.name}.{what}')
 
     def _along(self, frames: Frames) -> tuple[Jet, Jet]:
         return self._direction(frames, 0.0, 'along')
@@ -408,7 +409,11 @@ class ContactFriction(JointFriction):
         (nx, ny), (dx, dy) = self._contact(frames)
         x1, y1 = frames.position(m.point(j.first, j.on_first), f'{self.name}.friction.first')
         x2, y2 = frames.position(m.point(j.second, j.on_second), f'{self.name}.friction.second')
-        w1, w2 = (frames.angle(m.frame(link)[0]).rate for link in (j.first, j.second))
+        ends = ('first', j.first, j.on_first), ('second', j.second, j.on_second)
+        w1, w2 = (
+            m.turning(frames, link, at, f'{self.name}.friction.{which}').rate
+            for which, link, at in ends
+        )
         from_first = add(x2.value, dx, neg(x1.value)), add(y2.value, dy, neg(y1.value))
         vx = add(x2.rate, neg(mul(w2, dy)), neg(x1.rate), mul(w1, from_first[1]))
         vy = add(y2.rate, mul(w2, dx), neg(y1.rate), neg(mul(w1, from_first[0])))

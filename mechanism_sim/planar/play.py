@@ -107,13 +107,22 @@ ENDS = 'front', 'rear'
 """Of a bearing along its axis: that on the reader's side, and the other."""
 
 
+STOPS = 'stop_front', 'stop_rear'
+"""Of a bearing along its axis: what the first link meets moving towards the reader; or back."""
+
+
 def end_name(mechanism: Mechanism, joint: Revolute, end: str) -> str:
-    """Of the gap at an end of a bearing whose ends differ: ``JOINT_front``, ``JOINT_rear``."""
+    """Of a gap at an end of a bearing: ``JOINT_front`` and so on, ``JOINT_stop_front``."""
     return _name_of(mechanism, joint, end)
 
 
+def is_stop(gap: str) -> bool:
+    """Whether a gap of a bearing is one along its axis."""
+    return gap.endswith(STOPS)
+
+
 def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
-    """The joint whose gap has that name: its own, or that of one of its walls or ends.
+    """The joint whose gap has that name: its own, or that of one of its walls, ends or stops.
 
     Raises
     ------
@@ -127,15 +136,16 @@ def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
         if isinstance(joint, Prismatic):
             own += [corner_name(mechanism, joint, *corner) for corner in SIDES]
         if isinstance(joint, Revolute):
-            own += [end_name(mechanism, joint, end) for end in ENDS]
+            own += [end_name(mechanism, joint, end) for end in (*ENDS, *STOPS)]
         if gap in own:
             return joint
     raise KeyError(gap)
 
 
 def gaps_of(mechanism: Mechanism, joint: str, gaps: Iterable[str]) -> list[str]:
-    """Those of some gaps that a joint has, by name."""
-    return [gap for gap in gaps if joint_of_gap(mechanism, gap).name == joint]
+    """Those of some gaps that a joint has in the plane, by name."""
+    found = (gap for gap in gaps if joint_of_gap(mechanism, gap).name == joint)
+    return [gap for gap in found if gap == joint or not is_stop(gap)]
 
 
 def walls(

@@ -174,8 +174,14 @@ def read_bodies(
                     f"{places.name}: 'links.{link}.mass' is 0: the axis of the rotor could move "
                     'without moving any mass: give it more'
                 )
-            body = replace(body, mass=body.mass + rotors[link].mass, rotor=rotors[link])
-        found.append(tilted(body, given.tilt, f'{places.name}: links.{link}', added))
+            rotor = rotors[link]
+            body = replace(
+                body,
+                mass=body.mass + rotor.mass,
+                inertia=body.inertia + rotor.inertia,
+                rotor=rotor,
+            )
+        found.append(tilted(body, places, added))
     return tuple(found)
 
 

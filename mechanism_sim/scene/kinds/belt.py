@@ -176,14 +176,19 @@ class BeltForce:
         (r1, r2), s = joint.radii, joint.sense
         value: Term = p(f'{self.name}.phase', s * r2 * joint.phase)
         rate: Term = None
-        turning = (joint.first, r1), (joint.second, -s * r2), (joint.carrier, s * r2 - r1)
-        for k, (link, arm) in enumerate(turning):
+        turning = (
+            (joint.first, joint.on_first, r1), (joint.second, joint.on_second, -s * r2),
+            (joint.carrier, (0.0, 0.0), s * r2 - r1),
+        )  # fmt: skip
+        for k, (link, at, arm) in enumerate(turning):
             frame, offset = m.frame(link)
             lever = p(f'{self.name}.arm.{k}', arm)
             value = add(value, p(f'{self.name}.offset.{k}', arm * offset))
             if frame != GROUND:
                 value = add(value, mul(lever, frames.unwound(frame)))
                 rate = add(rate, mul(lever, frames.v[frame]))
+            bent = m.bent(frames, link, at, f'{self.name}:{link}')
+            value, rate = add(value, mul(lever, bent.value)), add(rate, mul(lever, bent.rate))
         return value, rate
 
     def _strands(self, frames: Frames) -> list[tuple[Term, Term, Term]]:

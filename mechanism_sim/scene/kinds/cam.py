@@ -266,7 +266,7 @@ class _Reader:
             direction,
             sense,
             phase,
-            math.atan2(*guide.arm[::-1]),
+            guide.arm,
             beside,
             # a jump of its second order would be one of the gap
             bool(joint.groove and joint.groove.clearance) and not check_smoothness(whole.law, 2),

@@ -58,7 +58,7 @@ def contact_friction(name: str, given: Friction, mechanism: Mechanism) -> Contac
 def _wrong_play(given: Clearance) -> str:
     if not (given.length and given.height):
         return "has a clearance that needs 'length' and 'height', those of the block in its guide"
-    if wrong := [key for key in ('misalignment', 'along') if getattr(given, key)]:
+    if wrong := [key for key in ('misalignment', 'along', 'axial') if getattr(given, key)]:
         return f'has a clearance with {wrong[0]}, which is of pins in bushings'
     if given.pin_radius:
         return 'has a clearance with pin_radius: a block has none'

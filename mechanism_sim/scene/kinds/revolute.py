@@ -64,6 +64,8 @@ def _wrong_play(given: Clearance) -> str:
         return f"has a clearance with {what}: it needs 'length', that of the bearing"
     if given.length and given.contact and given.contact.law == 'film':
         return "has a film with length, which is for solid contacts: leave it out, or 'contact'"
+    if given.axial and given.contact and given.contact.law == 'film':
+        return "has a film with axial, which is for solid contacts: leave it out, or 'contact'"
     if not given.misalignment or not given.length:
         return ''
     most = 2.0 * given.radial / given.length
@@ -80,10 +82,19 @@ def _wrong_play(given: Clearance) -> str:
 
 def _notes(machine: Any, joint: Revolute) -> list[str]:
     play = machine.clearances.get(joint.name)
-    if not (isinstance(play, Clearance) and play.length):
+    if not isinstance(play, Clearance):
         return []
+    found = []
+    if play.axial:
+        faces = play.axial.face_radius
+        found = [
+            f'{joint.name}: stops along the axis, play {play.axial.play:g} m to either, '
+            f'{f"faces of radius {faces:g} m" if faces else "without moments"}'
+        ]
+    if not play.length:
+        return found
     if leaning(machine.mechanism, joint.name, play) is None:
-        return [f'{joint.name}: pin and bushing stay in line: its length changes nothing']
+        return [*found, f'{joint.name}: pin and bushing stay in line: its length changes nothing']
     given = play.misalignment or Misalignment()
     said = [
         f'{name} inclined by {axis.angle:g} rad'
@@ -92,8 +103,9 @@ def _notes(machine: Any, joint: Revolute) -> list[str]:
     ]
     most = 2.0 * play.radial / play.length
     return [
+        *found,
         f'{joint.name}: contacts at both ends of {play.length:g} m, '
-        f'{"".join(f"{x}, " for x in said)}room for {most:.4g} rad'
+        f'{"".join(f"{x}, " for x in said)}room for {most:.4g} rad',
     ]
 
 

@@ -28,6 +28,8 @@ def _read(places: Names, name: str, joint: SlotKeys) -> PinInSlot:
 def _wrong_play(given: Clearance) -> str:
     if given.length or given.height:
         return 'has a clearance with length or height, which are of blocks in guides'
+    if wrong := [key for key in ('misalignment', 'along', 'axial') if getattr(given, key)]:
+        return f'has a clearance with {wrong[0]}, which is of pins in bushings'
     if given.contact and given.contact.law == 'film':
         return 'has a clearance with a film, which is for pins in bushings'
     return ''

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.columns import unit_of
-from mechanism_sim.export.palette import colour, numbers
+from mechanism_sim.export.palette import numbers
 from mechanism_sim.linkages.slot import PinInSlot
-from mechanism_sim.pages.charts.course import Course, Window
-from mechanism_sim.pages.charts.curves import Curve, above_rounding, over_drive, over_time
-from mechanism_sim.pages.charts.section import Chart, Section
-from mechanism_sim.pages.charts.style import brief, pale, places, polar, written
 from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.report.charts.chart import Chart, Section, polar
+from mechanism_sim.report.charts.chart import Curve as Drawing
+from mechanism_sim.report.charts.course import Course, Window
+from mechanism_sim.report.charts.curves import Curve, above_rounding, over_drive, over_time
+
+Vector = Sequence[Array]
 
 _NOTHING = 1e-9
 """Of the largest of its kind: what is less is rounding."""
@@ -32,7 +37,9 @@ def over(course: Course) -> str:
     main, count = course.record.machine.main, round(last - first)
     turns = 'The last whole turn' if count == 1 else f'The last {count} whole turns'
     found = f'{turns} of the {main}'
-    if count > 1:
+    if course.run.reach:
+        found = f'The last whole turn of the {main}, and pale the range of all turns'
+    elif count > 1:
         found += ', the latest strong and the one before it faint'
     if course.ideal is not None:
         found += '; the thick pale line is the same machine with ideal joints'
@@ -126,34 +133,42 @@ def forces(course: Course) -> Section | None:
 
 
 def _hodograph(course: Course, joint: str, number: int) -> Chart:
-    """The force of a joint as a vector in the world."""
-    t, size, direction = _vector(course.detail, joint)
-    shade, r, theta = colour(number), size[:0], direction[:0]
-    if course.ideal is not None and f'reaction.{joint}.x' in course.ideal.lines:
-        _, r, theta = _vector(course.ideal, joint)
-    figure = polar('N', np.append(size, r), np.append(direction, theta), showlegend=False)
-    if len(r):
-        figure.add_scatterpolar(
-            r=brief(r), theta=brief(theta), mode='lines', hoverinfo='skip',
-            line={'color': pale(shade), 'width': 6}, name='ideal machine',
-        )  # fmt: skip
-    figure.add_scatterpolar(
-        r=brief(size), theta=brief(direction), customdata=places(t), mode='lines', name=joint,
-        line={'color': shade, 'width': 1.2},
-        hovertemplate='%{r:.5g} N<br>%{theta:.1f} deg<br>%{customdata:.6f} s',
-    )  # fmt: skip
+    """The force of a joint, and beneath it that of the ideal machine."""
     pair = course.record.machine.mechanism.joint(joint)
     title = f'{joint}: {pair.first} on {pair.second}'
-    return Chart(f'forces-{joint}', title, written(figure), 'polar', joint)
+    beneath = None
+    if course.ideal is not None and f'reaction.{joint}.x' in course.ideal.lines:
+        beneath = _vector(course.ideal, joint)[1]
+    of = f'reaction.{joint}'
+    return hodograph(
+        f'forces-{joint}', title, of, *_vector(course.detail, joint), number, beneath, joint
+    )
 
 
-def _vector(window: Window, joint: str) -> tuple[Array, Array, Array]:
-    """Times [s], size [N] and direction [deg] of a force, where the line of its size is."""
+def hodograph(
+    key: str, title: str, of: str, t: Array, force: Vector, number: int,
+    ideal: Vector | None = None, joint: str = '',
+) -> Chart:  # fmt: skip
+    """A force (2, N) [N] at times (N,) [s] as a vector in the world, a dot where it begins."""
+
+    def curve(vector: Vector, **more: Any) -> Drawing:
+        x, y = vector
+        direction = np.degrees(np.arctan2(y, x))
+        return Drawing(direction, np.hypot(x, y), of=of, colour=number, **more)
+
+    own = curve(force, when=t)
+    curves = [own, own.start()]
+    if ideal is not None:
+        curves = [curve(ideal, look='ideal'), *curves]
+    return polar(key, title, 'N', curves, joint, 'force')
+
+
+def _vector(window: Window, joint: str) -> tuple[Array, Vector]:
+    """Times [s], and a force [N], where the line of its size is."""
     record = window.record
     t = np.unique(window.lines[f'reaction.{joint}.size'].at)
     seen = record.piece.physics.observe(record.piece.motion, *record.piece.motion.curve.find(t))
-    x, y = seen.reaction[record.piece.physics.joints.index(joint)]
-    return t, np.hypot(x, y), np.degrees(np.arctan2(y, x))
+    return t, seen.reaction[record.piece.physics.joints.index(joint)]
 
 
 def drive(course: Course) -> Section | None:

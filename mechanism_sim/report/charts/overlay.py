@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
-from mechanism_sim.pages.charts.section import Chart, Section
-
-Figure = dict[str, Any]
+from mechanism_sim.report.charts.chart import DOTTED, NOTHING, Chart, Curve, Panel, Section
 
 FIRST, SECOND = 'A', 'B'
 """What the runs are called in legends."""
@@ -33,12 +30,9 @@ def _together(one: Section, two: Section) -> Section:
     others = {chart.key: chart for chart in two.charts}
     for chart in one.charts:
         other = others.pop(chart.key, None)
-        if other and _axes(chart.figure) == _axes(other.figure):
-            figure = {
-                'data': [*_named(chart.figure, FIRST), *_named(other.figure, SECOND)],
-                'layout': _layout(chart.figure['layout'], other.figure['layout']),
-            }
-            charts.append(replace(chart, figure=figure))
+        if other and _axes(chart) == _axes(other):
+            pairs = zip(chart.panels, other.panels, strict=True)
+            charts.append(replace(chart, panels=tuple(_both(*pair) for pair in pairs)))
         else:
             charts += [_marked(chart, FIRST), *([_marked(other, SECOND)] if other else [])]
     charts += [_marked(chart, SECOND) for chart in others.values()]
@@ -53,36 +47,40 @@ def _only(section: Section, name: str) -> Section:
 
 
 def _marked(chart: Chart, name: str) -> Chart:
-    figure = {**chart.figure, 'data': list(_named(chart.figure, name))}
-    return replace(chart, key=f'{chart.key}-{name}', title=f'{chart.title}, {name}', figure=figure)
+    panels = tuple(replace(p, curves=tuple(_named(p, name))) for p in chart.panels)
+    return replace(chart, key=f'{chart.key}-{name}', title=f'{chart.title}, {name}', panels=panels)
 
 
-def _axes(figure: Figure) -> set[str]:
-    return {name for name in figure['layout'] if name.startswith(('xaxis', 'yaxis', 'polar'))}
+def _axes(chart: Chart) -> list[tuple[str, str, str]]:
+    """What can be laid one upon the other: bands of modes can only beside each other."""
+    return [
+        (p.x.title, p.y.title, p.title) if not p.y.names else ('', '', str(id(p)))
+        for p in chart.panels
+    ]
 
 
-def _named(figure: Figure, name: str) -> Iterator[Figure]:
-    for trace in figure['data']:
-        label = trace.get('name') or ''
-        if label == 'ideal machine' or label.endswith(', ideal'):
-            continue
-        made = {**trace, 'name': f'{label} {name}'.strip()}
-        if 'legendgroup' in trace:
-            made['legendgroup'] = f'{trace["legendgroup"]} {name}'
-        if name == SECOND and 'lines' in (trace.get('mode') or ''):
-            made['line'] = {**trace.get('line', {}), 'dash': 'dot'}
-        yield made
+def _named(panel: Panel, name: str) -> Iterator[Curve]:
+    """The lines of a run, but for those of its ideal machine."""
+    for c in panel.curves:
+        if c.look != 'ideal':
+            dotted = name == SECOND and c.form == 'line'
+            label = c.label or ('' if c.look == 'earlier' else c.of.rpartition('.')[2])
+            yield replace(
+                c, label=label and f'{label} {name}', of=f'{c.of} {name}',
+                dash=DOTTED if dotted else c.dash,
+            )  # fmt: skip
 
 
-def _layout(one: Figure, two: Figure) -> Figure:
-    """Axes of time that hold both; a legend, for now there are two of everything."""
-    merged = {**one, 'showlegend': True}
-    for name in one:
-        ranges = [layout[name].get('range') for layout in (one, two) if name.startswith('xaxis')]
-        if len(ranges) == 2 and all(ranges):
-            low, high = (f(x) for f, x in zip((min, max), zip(*ranges, strict=True), strict=True))
-            merged[name] = {**one[name], 'range': [low, high]}
-    return merged
+def _both(one: Panel, two: Panel) -> Panel:
+    """The lines of both; axes of time, and of sizes, hold both."""
+    axes = {}
+    for name in ('x', 'y'):
+        a, b = getattr(one, name), getattr(two, name)
+        low = None if a.low is None or b.low is None else min(a.low, b.low)
+        high = None if a.high is None or b.high is None else max(a.high, b.high)
+        axes[name] = replace(a, low=low, high=high)
+    curves = (*_named(one, FIRST), *_named(two, SECOND))
+    return replace(one, curves=curves, struck=NOTHING, **axes)
 
 
 def _rows(

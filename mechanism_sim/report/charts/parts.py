@@ -6,10 +6,10 @@ import numpy as np
 
 from mechanism_sim.analysis.parts import PARTS
 from mechanism_sim.nodes.parts import kinds_of
-from mechanism_sim.pages.charts.course import Course
-from mechanism_sim.pages.charts.curves import Curve, above_rounding, over_drive, over_time
-from mechanism_sim.pages.charts.motion import over
-from mechanism_sim.pages.charts.section import Chart, Section
+from mechanism_sim.report.charts.chart import Chart, Section
+from mechanism_sim.report.charts.course import Course
+from mechanism_sim.report.charts.curves import Curve, above_rounding, over_drive, over_time
+from mechanism_sim.report.charts.motion import over
 
 
 def parts(course: Course) -> list[Section]:
