@@ -34,10 +34,11 @@ def run(runs, name):
 
 
 def step(solution):
-    """[s] for differences: far less than a radian of the fastest link."""
+    """[s] for differences: far less than a radian of the fastest link or vibration."""
     curve = solution.motion.curve
-    fastest = np.abs(curve.coefficients[:, :, 1]).max()
-    return min(solution.duration / 4000.0, 0.02 / fastest)
+    rate, change = (np.abs(curve.coefficients[:, :, k]).max(axis=0) for k in (1, 2))
+    vibrating = 2.0 * change[rate > 0.0] / rate[rate > 0.0]
+    return min(solution.duration / 4000.0, 0.02 / max(rate.max(), vibrating.max(initial=0.0)))
 
 
 def instants(machine, solution, count, margin):
@@ -83,6 +84,8 @@ def test_forces_agree_with_newton_and_euler_for_every_body(runs, name):
     machine, solution = run(runs, name)
     if machine.level is Level.KINEMATIC:
         pytest.skip('without masses there are no forces')
+    if machine.mechanism.rotors:
+        pytest.skip('axes that give way are no joints of rigid bodies: test_rotors.py')
     t = instants(machine, solution, 12, 1e-6 * solution.duration)
     assert differences(machine, solution, t)[0].max() < 1e-9
 

@@ -223,6 +223,21 @@ def test_half_a_car_bounces_and_pitches():
     )
 
 
+@pytest.mark.parametrize('damping', [0.0, 0.2])
+def test_modes_of_the_same_frequency_are_told_apart_by_their_coordinates(damping):
+    # a ring of three equal masses, and one beside it, whose damper may not be in proportion
+    ring = np.diag([4.0, 4.0, 4.0, 9.0])
+    ring[:3, :3] -= 1.0
+    C = np.diag([0.1, 0.1, 0.1, damping])
+    for M in (np.eye(4), 2.0 * np.eye(4)):
+        found = natural_modes(M, C, M @ ring)
+        shapes = [z / z[np.abs(z).argmax()] for *_, z in found]
+        expected = [(1, 1, 1, 0), (1, -0.5, -0.5, 0), (0, 1, -1, 0), (0, 0, 0, 1)]
+        for z, e in zip(shapes, np.array(expected), strict=True):
+            assert abs(z @ e) ** 2 == pytest.approx((z.conj() @ z).real * (e @ e))
+        assert shapes[0] == pytest.approx(expected[0], abs=1e-9)
+
+
 def test_free_shafts_have_a_rigid_body_mode():
     links = {n: {'mass': 1.0, 'inertia': x} for n, x in zip('abc', (1.0, 2.0, 3.0), strict=True)}
     machine = scene(

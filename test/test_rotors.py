@@ -15,7 +15,12 @@ from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.harmonics import harmonics, unbalance_response
 from mechanism_sim.study.modes import campbell, critical_speeds, modes
 from mechanism_sim.study.response import read_source, response
-from mechanism_sim.vibration.rotors import Rotor, influence_coefficients, shaft_rigidity
+from mechanism_sim.vibration.rotors import (
+    DiskRotor,
+    Rotor,
+    influence_coefficients,
+    shaft_rigidity,
+)
 from mechanism_sim.vibration.shafts import Bearing, condensed
 
 EXACT = {'rel': 1e-10, 'abs': 1e-13}
@@ -26,11 +31,11 @@ SHAFT = {'diameter': D, 'youngs_modulus': E}
 MASS, POLAR = 8.0, 0.04
 
 
-def rotor(speed=100.0, polar=POLAR, off=1e-4, drive=None, gravity=(0.0, 0.0), **joint):
+def rotor(speed=100.0, polar=POLAR, off=1e-4, drive=None, gravity=(0.0, 0.0), mass=MASS, **joint):
     return build('rotor', Scene.model_validate({
         'title': 'Rotor',
         'mechanism': 'linkage',
-        'links': {'disk': {'mass': MASS, 'inertia': polar, 'cog': off}},
+        'links': {'disk': {'mass': mass, 'inertia': polar, 'cog': off}},
         'joints': {'shaft': {'rotor': ['ground', 'disk'], **joint}},
         'drive': {'coordinate': 'disk', **(drive or {'speed': speed}), 'start_angle': 0.0},
         'gravity': [*gravity],
@@ -207,6 +212,25 @@ def test_a_run_up_keeps_its_energy_balance_and_its_supports_carry_the_reaction()
         assert sum(forces) == pytest.approx(expected, rel=1e-9, abs=1e-7)
 
 
+def test_supports_of_two_disks_carry_what_newton_and_euler_want():
+    """Sums of forces, and of moments about the left support, gyroscopic ones among them."""
+    machine = ms.load_scene('two_disk_rotor')
+    solution = ms.simulate(machine, duration=0.05)
+    seen = columns_of(solution, np.linspace(0.01, 0.05, 7), False, machine)
+    m, diametral, polar, w = 19.2913424, 0.0793758, 0.1507136, 2000.0 * TURN / 60.0
+    for axis, wheel, other, sign in (('x', np.cos, 'y', 1.0), ('y', np.sin, 'x', -1.0)):
+        force, moment = 0.0, 0.0
+        for disk, off, arm in (('', 35e-6, 0.325), ('second_', 46e-6, 0.675)):
+            a = seen[f'acceleration.disk.{disk}{axis}'] - off * w**2 * wheel(w * seen['t'])
+            push = m * a + 30.0 * seen[f'velocity.disk.{disk}{axis}']
+            force, moment = force + push, moment + arm * push
+            moment += diametral * seen[f'acceleration.disk.{disk}tilt_{axis}']
+            moment += sign * polar * w * seen[f'velocity.disk.{disk}tilt_{other}']
+        left, right = (seen[f'bearing_force.ground_disk.{x}.{axis}'] for x in ('left', 'right'))
+        assert left + right == pytest.approx(force, rel=1e-9, abs=1e-7)
+        assert 1.2 * right == pytest.approx(moment, rel=1e-9, abs=1e-7)
+
+
 @pytest.mark.deep
 def test_a_weak_motor_stays_at_the_critical_speed():
     """Sommerfeld's effect: half the torque ends below, although nothing brakes beyond."""
@@ -250,14 +274,96 @@ def test_a_shaft_is_as_stiff_as_influence_coefficients_say():
             give = a**2 * (a + b) / (3.0 * EI)
         give += sum(s**2 / k for s, k in zip(shares, stiff, strict=True))
         bearings = [Bearing(z, k) for z, k in zip(places, stiff, strict=True)]
-        K, rows = condensed(EI, bearings, tilts=False)
+        K, rows = condensed(EI, bearings, [(0.0, False)])
         assert K[0, 0] == pytest.approx(1.0 / give, rel=1e-9)
         # what the supports do to the shaft: minus the force at the disk
         for row, share in zip(rows, shares, strict=True):
             assert row == pytest.approx(share / give, rel=1e-9)
         # with its slope kept, and left without a moment, it is the same
-        K, _ = condensed(EI, bearings, tilts=True)
+        K, _ = condensed(EI, bearings, [(0.0, True)])
         assert K[0, 0] - K[0, 1] ** 2 / K[1, 1] == pytest.approx(1.0 / give, rel=1e-8)
+
+
+def disks_of_the_book(**given):
+    """[V] 6.14.4: two disks on a shaft between two supports, their masses off to one side."""
+    mass, polar = 7860 * math.pi * 0.25**2 / 4 * 0.05, 0.15
+    second = {'along': 0.35, 'mass': mass, 'inertia': polar, 'cog': [0.0, 46e-6]}
+    return build('book', Scene.model_validate({
+        'title': 'Two disks',
+        'mechanism': 'linkage',
+        'links': {'disk': {'mass': mass, 'inertia': polar, 'cog': 35e-6}},
+        'joints': {'shaft': {
+            'rotor': ['ground', 'disk'],
+            'supports': {'left': {'along': -0.325}, 'right': {'along': 0.875}},
+            'shaft': {'diameter': 0.05, 'youngs_modulus': 200e9},
+            'disks': {'second': second | given},
+            'external_damping': given.get('external_damping', 0.0),
+        }},
+        'drive': {'coordinate': 'disk', 'speed': 100.0, 'start_angle': 0.0},
+        'gravity': [0.0, 0.0],
+    })), mass  # fmt: skip
+
+
+def test_two_disks_have_the_critical_speeds_and_whirl_of_influence_coefficients():
+    """[V] eqs. 6.253 to 6.278: amplitudes and phases of both disks, dampers at each."""
+    damping = 50.0
+    machine, mass = disks_of_the_book(external_damping=damping)
+    K = np.linalg.inv(influence_coefficients([0.325, 0.675], 1.2, shaft_rigidity(200e9, 0.05)))
+    off = np.array([35e-6, 46e-6j])
+    closed = DiskRotor(np.full(2, mass), off, K, damping * np.eye(2))
+    assert closed.critical_speeds == pytest.approx([241.5332, 1060.8119], rel=5e-8)
+    undamped, _ = disks_of_the_book()
+    assert roots(undamped, 300.0) == pytest.approx(closed.critical_speeds.repeat(2), **EXACT)
+    w = np.array([100.0, 241.5, 600.0, 1060.8])
+    expected = closed.amplitudes(w).T
+    asked = ['position.disk.x', 'position.disk.second_x', 'position.disk.second_y']
+    found = unbalance_response(machine, asked, w).amplitudes
+    assert found[asked[0]] == pytest.approx(expected[0], rel=1e-9)
+    assert found[asked[1]] == pytest.approx(expected[1], rel=1e-9)
+    assert found[asked[2]] == pytest.approx(-1j * expected[1], rel=1e-9)
+
+
+def test_disks_at_both_ends_of_a_shaft_held_in_its_middle_do_not_know_of_each_other():
+    """Each whirls as an overhung disk, with gyroscopic moments of its own."""
+    wall = {'wall': {'along': 0.3, 'clamped': True}}
+    other = {'along': 0.6, 'mass': MASS, 'inertia': 0.5 * POLAR, 'diametral_inertia': 0.06}
+    machine = rotor(supports=wall, shaft=SHAFT, diametral_inertia=0.021, disks={'b': other})
+    (station,) = campbell(machine, np.array([400.0]))
+    found = [math.copysign(TURN * m.frequency, m.whirl) for m in station.modes]
+    expected = [quartic(0.3, 0.021, POLAR, 400.0), quartic(0.3, 0.06, 0.5 * POLAR, 400.0)]
+    assert np.sort(found) == pytest.approx(np.sort(np.concatenate(expected)), **EXACT)
+
+
+def test_disks_on_a_rigid_shaft_are_one_body():
+    """Its centre of gravity and its moments of inertia by the parallel axis theorem."""
+    springs = [(-0.2, 3e5), (0.3, 5e5)]
+
+    def machine(shift, **given):
+        ends = {
+            n: {'along': z - shift, 'stiffness': k}
+            for n, (z, k) in zip('ab', springs, strict=True)
+        }
+        return rotor(supports=ends, **given)
+
+    other = {'along': 0.25, 'mass': 2.0, 'inertia': 0.01, 'diametral_inertia': 0.005}
+    two = machine(0.0, diametral_inertia=0.03, disks={'c': other})
+    shift = 2.0 * 0.25 / (MASS + 2.0)
+    diametral = 0.035 + MASS * 2.0 / (MASS + 2.0) * 0.25**2
+    one = machine(shift, mass=MASS + 2.0, polar=POLAR + 0.01, diametral_inertia=diametral)
+    assert roots(two, 300.0) == pytest.approx(roots(one, 300.0), **EXACT)
+
+
+def test_a_shaft_of_two_diameters_and_many_disks_is_as_stiff_as_its_deflections_say():
+    a, b, stiff = 0.2, 0.5, 16.0 * EI
+    # clamped at b from the disk, thick from a on: moments of a unit load, by parts
+    give = a**3 / (3.0 * EI) + (b**3 - a**3) / (3.0 * stiff)
+    wall = [Bearing(b, clamped=True)]
+    K, _ = condensed(EI, wall, [(0.0, False)], [(a, b + 1.0, stiff)])
+    assert K[0, 0] == pytest.approx(1.0 / give, rel=1e-12)
+    places = np.array([0.1, 0.25, 0.4, 0.7])
+    ends = [Bearing(-0.1), Bearing(0.9)]
+    K, _ = condensed(EI, ends, [(z - 0.1, False) for z in places])
+    assert np.linalg.inv(K) == pytest.approx(influence_coefficients(places, 1.0, EI), rel=1e-9)
 
 
 GRID = range(8)
@@ -342,6 +448,19 @@ WRONG = {
     'a tilt without inertia': (
         {'supports': {'a': {'along': 0.1, 'stiffness': 1e5, 'damping': 1.0},
                       'b': {'along': -0.1, 'stiffness': 1e5}}}, 'diametral_inertia is missing'),
+    'two disks of a name': (
+        {'supports': {'a': {'along': 0.1, 'clamped': True}}, 'shaft': SHAFT,
+         'disks': {'a': {'along': 0.2, 'mass': 1.0}}}, 'no other disk or support has it'),
+    'two disks at one place': (
+        {'supports': {'a': {'along': 0.1, 'clamped': True}}, 'shaft': SHAFT,
+         'disks': {'b': {'along': 0.0, 'mass': 1.0}}}, 'at one place'),
+    'a further disk that tilts nothing': (
+        {'supports': {'a': {'along': 0.1, 'stiffness': 1e5}, 'b': {'stiffness': 1e5}},
+         'disks': {'c': {'along': 0.2, 'mass': 1.0}}}, 'further disks on a rigid shaft'),
+    'sections that overlap': (
+        {'supports': {'a': {'along': 0.1, 'clamped': True}}, 'shaft': {**SHAFT, 'sections': {
+            'p': {'begin': 0.0, 'end': 0.05, 'diameter': D},
+            'q': {'begin': 0.04, 'end': 0.08, 'diameter': D}}}}, 'within the section p'),
     'unknown material': (
         {'supports': {'a': {'along': 0.1, 'clamped': True}},
          'shaft': {'diameter': D, 'material': 'cheese'}}, 'youngs_modulus'),
@@ -386,4 +505,9 @@ def test_a_crank_on_supports_that_give_way_must_turn_as_on_rigid_ones():
 
 
 def test_a_mode_of_a_rotor_at_rest_has_no_sense_of_whirl():
-    assert [mode.whirl for mode in modes(overhung())] == [None] * 4
+    found = modes(overhung())
+    assert [mode.whirl for mode in found] == [None] * 4
+    # both axes alike: of two modes of the same frequency one is along x, one along y
+    for mode, axis in zip(found, 'xyxy', strict=True):
+        moving = {name for name, z in mode.shape.items() if abs(z) > 1e-9}
+        assert moving == {f'disk.{axis}', f'disk.tilt_{axis}'}

@@ -1,14 +1,14 @@
 """Rotors: a link on a shaft or in supports that give way, whose axis moves and tilts a little.
 
 The axis is that of a shaft without mass, square to the plane of the machine. Its coordinates
-come in pairs, along x and y: the disk's centre, the slope of the axis there (out of the direction
-in which it rests, towards x and y), and each support that has a mass. With the pairs as complex
-numbers ``r = x + i y``, the spin W and the diametral and polar moments of inertia ``I_d``, ``I_p``
-their equations are
+come in pairs, along x and y: the centre of each disk, the slope of the axis there (out of the
+direction in which it rests, towards x and y), and each support that has a mass. All disks turn
+with the link, for the shaft does not twist. With the pairs as complex numbers ``r = x + i y``, the
+spin W and the diametral and polar moments of inertia ``I_d``, ``I_p`` their equations are
 
-    M r'' + C r' + C_i (r' - i W r) + K r - i W I_p e e^T r' = forces
+    M r'' + C r' + C_i (r' - i W r) + K r - i W sum I_p e e^T r' = forces
 
-with e the unit vector of the slope, and K and C of their own along x and y. External damping C
+with e the unit vectors of the slopes, and K and C of their own along x and y. External damping C
 acts against the motion in the ground, internal damping ``C_i`` in the shaft against that in a
 frame that turns with it, so that it feeds a whirl slower than the spin; the disk's spin pays for
 it. The gyroscopic moment does no work. All is of the first order in the tilt (G. Genta, Dynamics
@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import heyoka as hy
 import numpy as np
@@ -45,17 +45,31 @@ class Support:
     rigid: bool = False  #: whether this is the force of the shaft, with its internal damping
 
 
+def disk_of(pair: str) -> str:
+    """The disk whose slope a pair of coordinates is; empty for the link's own."""
+    return pair.removesuffix(SLOPE).removesuffix('_')
+
+
+class Lump(NamedTuple):
+    """A mass on the axis, or beside it: of a support, or of a disk beside that of the link."""
+
+    mass: float  #: [kg]
+    shares: tuple[float, ...]  #: (p,) of the pairs that move it
+    cog: tuple[float, float] = (0.0, 0.0)  #: in the frame of the link [m]
+    polar: float = 0.0  #: moment of inertia [kg m^2]
+
+
 @dataclass(frozen=True)
 class Rotor:
     """What gives way of a link that turns with a shaft; p pairs of coordinates.
 
     Attributes
     ----------
-    pairs : their names; that of the disk's centre is empty
+    pairs : their names; that of the centre of the link's own disk is empty
     stiffness, damping : (2, p, p) along x and along y
     internal : (p, p) damping in the shaft
-    diametral, polar : moments of inertia of the disk [kg m^2]
-    lumps : masses of supports [kg], with the pairs that move them (p,)
+    diametral, polar : (p,) moments of inertia that slopes tilt [kg m^2]; 0 of other pairs
+    lumps : masses beside the link's own disk
     place : where the undeformed axis is in the world [m]
     relaxation : of the shaft, its internal damping over its stiffness [s]
     """
@@ -64,27 +78,33 @@ class Rotor:
     stiffness: tuple[Rows, Rows]
     damping: tuple[Rows, Rows]
     internal: Rows
-    diametral: float
-    polar: float
-    lumps: tuple[tuple[float, tuple[float, ...]], ...]
+    diametral: tuple[float, ...]
+    polar: tuple[float, ...]
+    lumps: tuple[Lump, ...]
     supports: tuple[tuple[str, Support], ...]
     place: tuple[float, float] = (0.0, 0.0)
     relaxation: float = 0.0
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the coordinates: ``x``, ``y``, ``tilt_x``, ``tilt_y``, ``SUPPORT_x``, ..."""
+        """Of the coordinates: ``x``, ``y``, ``tilt_x``, ``tilt_y``, ``DISK_x``, ..."""
         return tuple(f'{pair}_{axis}' if pair else axis for pair in self.pairs for axis in 'xy')
 
     @property
     def angles(self) -> tuple[str, ...]:
         """Those that are angles."""
-        return tuple(f'{pair}_{axis}' for pair in self.pairs if pair == SLOPE for axis in 'xy')
+        slopes = (pair for pair, tilts in zip(self.pairs, self.diametral, strict=True) if tilts)
+        return tuple(f'{pair}_{axis}' for pair in slopes for axis in 'xy')
 
     @property
     def mass(self) -> float:
-        """Of the supports [kg]."""
-        return sum(mass for mass, _ in self.lumps)
+        """Of supports and further disks [kg]."""
+        return sum(lump.mass for lump in self.lumps)
+
+    @property
+    def inertia(self) -> float:
+        """Polar moment of inertia of further disks [kg m^2]."""
+        return sum(lump.polar for lump in self.lumps)
 
     def moved(self, link: str, shares: Sequence[float] = (1.0,)) -> Point:
         """How a point of the axis moves that pairs move by these shares; the disk's centre."""
@@ -96,18 +116,19 @@ class Rotor:
         return found
 
     def particles(self, link: str) -> Iterator[tuple[float, Point]]:
-        """Masses [kg] beside the disk and their points.
+        """Masses [kg] beside the link's own disk and their points.
 
-        Those of the tilt are points of the axis a metre from the disk, which have together neither
+        Those of a tilt are points of the axis a metre from the disk, which have together neither
         a mass nor a momentum.
         """
         axis: Point = {(GROUND, None): self.place}
-        for mass, shares in self.lumps:
-            yield mass, axis | self.moved(link, shares)
-        if self.diametral and SLOPE in self.pairs:
-            tilt = [float(pair == SLOPE) for pair in self.pairs]
-            for share, place in ((0.5, 1.0), (0.5, -1.0), (-1.0, 0.0)):
-                yield share * self.diametral, axis | self.moved(link, [place * x for x in tilt])
+        for lump in self.lumps:
+            off: Point = {(link, None): lump.cog} if any(lump.cog) else {}
+            yield lump.mass, axis | self.moved(link, lump.shares) | off
+        for k, inertia in enumerate(self.diametral):
+            for share, place in ((0.5, 1.0), (0.5, -1.0), (-1.0, 0.0)) if inertia else ():
+                tilt = [place * (j == k) for j in range(len(self.pairs))]
+                yield share * inertia, axis | self.moved(link, tilt)
 
     def forces(self, link: str, frames: Frames) -> RotorForces:
         """What the rotor does to its coordinates."""
@@ -173,9 +194,12 @@ class RotorForces:
                 lever = mul(inner, frames.q[names[1 - axis][i]])
                 torque = add(torque, lever if axis == 0 else neg(lever))
         self.other[link] = torque
-        if SLOPE in rotor.pairs:
-            k = rotor.pairs.index(SLOPE)
-            gyroscopic = mul(p(f'links:{link}.polar_inertia', rotor.polar), spin)
+        for k, polar in enumerate(rotor.polar):
+            if not rotor.diametral[k]:
+                continue
             x, y = names[0][k], names[1][k]
+            disk = disk_of(rotor.pairs[k])
+            name = f'links:{link}.{disk}' if disk else f'links:{link}'
+            gyroscopic = mul(p(f'{name}.polar_inertia', polar), spin)
             self.other[x] = add(self.other[x], mul(gyroscopic, v[y]))
             self.other[y] = add(self.other[y], neg(mul(gyroscopic, v[x])))

@@ -18,6 +18,7 @@ from sympy.simplify.fu import TR8
 
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.rotor import disk_of
 from mechanism_sim.planar.switches import Table
 from mechanism_sim.report.parameters import bare, describe
 
@@ -28,7 +29,7 @@ _LATEX = {
     'theta': r'\theta', 'thetadot': r'\dot{\theta}', 'thetaddot': r'\ddot{\theta}',
     'sdot': r'\dot{s}', 'sddot': r'\ddot{s}', 'xdot': r'\dot{x}', 'xddot': r'\ddot{x}',
     'ydot': r'\dot{y}', 'yddot': r'\ddot{y}', 'tau': r'\tau', 'sigma': r'\sigma', 'Rsq': 'R^2',
-    'Mz': 'M',
+    'Mz': 'M', 'phi': r'\varphi', 'phidot': r'\dot{\varphi}', 'phiddot': r'\ddot{\varphi}',
 }  # fmt: skip
 """Stems that LaTeX writes otherwise."""
 
@@ -111,9 +112,18 @@ class Symbols:
         if link in mechanism.rotors and axis:
             pair, _, way = axis.rpartition('_')
             if c not in self._displacements:
-                return axis, link, f'slope of the axis of {link} towards {way}', 'rad'
-            where = f'its support {pair}' if pair else 'its middle'
-            return axis, link, f'{way} of the axis of {link} in {where}, from where it rests', 'm'
+                disk = disk_of(pair)
+                at = f'of {link} at its disk {disk}' if disk else f'of {link}'
+                subject = ' '.join(x for x in (link, disk, way) if x)
+                return 'phi', subject, f'slope of the axis {at} towards {way}', 'rad'
+            where = f'its disk or support {pair}' if pair else 'its middle'
+            subject = f'{link} {pair}'.strip()
+            return (
+                way,
+                subject,
+                f'{way} of the axis of {link} in {where}, from where it rests',
+                'm',
+            )
         if c in mechanism.deformations:
             return axis, link, f'amplitude of the shape {axis} of the elastic link {link}', 'm'
         if c not in self._displacements:

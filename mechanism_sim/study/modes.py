@@ -31,6 +31,10 @@ ComplexArray = NDArray[np.complex128]
 #: of damped roots, against the largest, below which one is that of a rigid-body mode: a double
 #: root that is zero splits by the square root of rounding
 _RIGID = 1e-7
+#: relative difference of roots, or of sizes, up to which they count as the same
+_EQUAL = 1e-8
+#: least singular value of shapes of equal roots; below it they are parallel, and the root defective
+_PARALLEL = 1e-3
 
 
 @dataclass(frozen=True)
@@ -165,23 +169,49 @@ def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[float, float, Comp
             drifts = (w == 0.0) & (a > ROUNDING * np.maximum(w, a).max(initial=0.0))
             if not drifts.any():
                 ratios = [float(x / y) if y else 0.0 for x, y in zip(a, w, strict=True)]
-                shapes = (scale[:, None] * found.shapes).astype(complex)
+                shapes = along_axes(a + 1j * w, found.shapes.astype(complex), M)
+                shapes = scale[:, None] * shapes
                 return list(zip((w / (2.0 * np.pi)).tolist(), ratios, shapes.T, strict=True))
     roots, vectors = scipy.linalg.eig(state_space.state_matrix(M, C, tidy))
     roots[np.abs(roots) <= _RIGID * np.abs(roots).max()] = 0.0
-    shapes = scale[:, None] * vectors[: len(M)]
     kept = roots.imag >= 0.0
     zeros = np.flatnonzero(roots == 0.0)
     kept[zeros[len(zeros) // 2 + len(zeros) % 2 :]] = False  # two for each rigid-body mode
     order = sorted(np.flatnonzero(kept), key=lambda i: (abs(roots[i]), roots[i].real))
+    roots = roots[order]
+    shapes = scale[:, None] * along_axes(roots, vectors[: len(M), order], M)
     return [
         (
             float(abs(roots[i]) / (2.0 * np.pi)),
             float(-roots[i].real / abs(roots[i])) if roots[i] else 0.0,
             shapes[:, i],
         )
-        for i in order
+        for i in range(len(roots))
     ]
+
+
+def along_axes(roots: ComplexArray, shapes: ComplexArray, M: Array) -> ComplexArray:
+    """Shapes (f, m) whose modes of equal roots (m,) are told apart by their coordinates.
+
+    Any combination of them is a mode. The first is the one in which a coordinate moves most for
+    its kinetic energy; the others are orthogonal to it over the masses, and so on. Of motions that
+    are not coupled, as those of a shaft along x and y, each has a mode of its own.
+    """
+    shapes = shapes / np.linalg.norm(shapes, axis=0)
+    upper = scipy.linalg.cholesky((M + M.T) / 2.0)
+    told = np.zeros(len(roots), bool)
+    for root in roots:
+        group = np.flatnonzero(~told & (np.abs(roots - root) <= _EQUAL * np.abs(root)))
+        told[group] = True
+        if len(group) > 1 and np.linalg.svd(shapes[:, group])[1][-1] > _PARALLEL:
+            Q = np.linalg.qr(upper @ shapes[:, group])[0]
+            for k in range(len(group) - 1):
+                V = scipy.linalg.solve_triangular(upper, Q[:, k:])
+                size = np.linalg.norm(V, axis=1)
+                along = V[np.flatnonzero(size >= (1.0 - _EQUAL) * size.max())[0]].conj()
+                Q[:, k:] = Q[:, k:] @ np.linalg.qr(np.column_stack((along, np.eye(len(along)))))[0]
+            shapes[:, group] = scipy.linalg.solve_triangular(upper, Q)
+    return shapes
 
 
 def _shape(names: Sequence[str], amplitudes: ComplexArray, scale: Array) -> dict[str, complex]:

@@ -1,7 +1,7 @@
-"""The stiffness of a shaft in its supports, as the disk and the heavy supports feel it.
+"""The stiffness of a shaft in its supports, as its disks and the heavy supports feel it.
 
 The shaft is a beam of Euler and Bernoulli without mass, so that its own places follow from those
-of the disk and of the supports that have a mass (static condensation, exact here).
+of the disks and of the supports that have a mass (static condensation, exact here).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ ROUNDING = 1e-12  # of a stiffness
 class Bearing:
     """A support of a shaft in one plane."""
 
-    along: float  #: [m] from the disk
+    along: float  #: [m] from the first disk
     stiffness: float = np.inf  #: [N/m]; infinite for one that does not give way
     kept: bool = False  #: whether its displacement stays a coordinate
     clamped: bool = False  #: whether the shaft cannot tilt there
@@ -44,14 +44,18 @@ def beam(rigidity: float, length: float) -> Array:
 
 
 def condensed(
-    rigidity: float, bearings: Sequence[Bearing], tilts: bool
+    rigidity: float,
+    bearings: Sequence[Bearing],
+    disks: Sequence[tuple[float, bool]],
+    sections: Sequence[tuple[float, float, float]] = (),
 ) -> tuple[Array, list[Array]] | None:
-    """Stiffness for the deflection of the disk, its slope, and the supports that are kept.
+    """Stiffness for the deflections of disks, their slopes, and the supports that are kept.
 
     Parameters
     ----------
     rigidity : E I [N m^2]
-    tilts : whether the slope at the disk is a coordinate
+    disks : where they are [m], each with whether the slope there is a coordinate
+    sections : where another E I begins and ends [m], and what it is
 
     Returns
     -------
@@ -59,13 +63,16 @@ def condensed(
     row (p,) of minus its force on the shaft, zero where it is kept. None if the supports do not
     hold the shaft.
     """
-    places = sorted({0.0, *(b.along for b in bearings)})
+    loaded = {*(z for z, _ in disks), *(b.along for b in bearings)}
+    steps = {z for begin, end, _ in sections for z in (begin, end)}
+    places = sorted(loaded | {z for z in steps if min(loaded) < z < max(loaded)})
     at = {z: 2 * i for i, z in enumerate(places)}
     K = np.zeros((2 * len(places), 2 * len(places)))
     for (z, i), (after, _) in zip(at.items(), list(at.items())[1:], strict=False):
-        K[i : i + 4, i : i + 4] += beam(rigidity, after - z)
+        own = [EI for begin, end, EI in sections if begin <= z and after <= end]
+        K[i : i + 4, i : i + 4] += beam(own[0] if own else rigidity, after - z)
     shaft = K.copy()
-    kept, fixed = [at[0.0], *([at[0.0] + 1] if tilts else [])], []
+    kept, fixed = [at[z] + k for z, tilts in disks for k in range(1 + tilts)], []
     for b in bearings:
         if b.kept:
             kept.append(at[b.along])

@@ -62,6 +62,23 @@ def _joint(random: Random, link: str, polar: float, stiffness: float) -> Scene:
         found['shaft'] = {'diameter': 0.02, 'youngs_modulus': 2.1e11, 'relaxation': relaxation}
     if damped:
         found['external_damping'] = pair(1e-4 * stiffness)
+    if tilts and random.random() < 0.5:
+        found['disks'] = {f'disk_{n}': _disk(random, n) for n in range(random.integers(1, 4))}
+    if bends and random.random() < 0.3:
+        found['shaft']['sections'] = {'thick': {'begin': -0.1, 'end': 0.05, 'diameter': 0.03}}
+    return found
+
+
+def _disk(random: Random, n: int) -> Scene:
+    """Beside the others, that tilts or not, out of balance or not."""
+    polar = pick(random, (0.0, decades(random, -4.0, -2.0)))
+    found = {
+        'along': pick(random, (-1, 1)) * (0.03 + 0.06 * n),
+        'mass': decades(random, -1.0, 1.0),
+    }
+    found |= {'inertia': polar, 'cog': [pick(random, (0.0, 1e-4)), pick(random, (0.0, -1e-4))]}
+    if polar and random.random() < 0.6:
+        found['diametral_inertia'] = polar * pick(random, (0.5, 0.7))
     return found
 
 

@@ -1,9 +1,10 @@
-"""Rotors: a disk on a shaft and supports that give way."""
+"""Rotors: disks on a shaft and supports that give way."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -11,18 +12,21 @@ from pydantic import Field
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import GROUND, Revolute
-from mechanism_sim.planar.rotor import SLOPE, Rotor, Rows, Support
+from mechanism_sim.planar.rotor import SLOPE, Lump, Rotor, Rows, Support
 from mechanism_sim.scene.elastic_keys import MATERIALS
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import (
     AddedInertia,
     LinkMass,
+    Mass,
+    Offset,
     Part,
     Position,
     Time,
     one_or_two,
     si,
 )
+from mechanism_sim.scene.sketch import Edit, Sketch, Spot, Tool
 from mechanism_sim.vibration.rotors import shaft_rigidity
 from mechanism_sim.vibration.shafts import Bearing, condensed
 
@@ -37,7 +41,7 @@ class SupportPart(Part):
     """A support of a rotor's shaft."""
 
     along: Position = 0.0
-    """Where it is along the shaft, from the disk."""
+    """Where it is along the shaft, from the link's own disk."""
     stiffness: _Stiffness | None = None
     """In all directions, or along x and along y; without it the support is rigid."""
     damping: _Damping = 0.0
@@ -48,11 +52,41 @@ class SupportPart(Part):
     """Whether the shaft cannot tilt there."""
 
 
+class DiskPart(Part):
+    """A further disk on the shaft of a rotor, which turns with the link."""
+
+    along: Position
+    """Where it is along the shaft, from the link's own disk."""
+    mass: Mass
+    """What it weighs."""
+    inertia: AddedInertia = 0.0
+    """Its polar moment of inertia."""
+    cog: Offset = 0.0
+    """Its centre of gravity in the frame of the link, from the axis."""
+    diametral_inertia: AddedInertia | None = None
+    """About a diameter; without it the disk's tilt has no inertia."""
+    external_damping: _Damping = 0.0
+    """At the disk."""
+
+
+class ShaftSectionPart(Part):
+    """A part of a shaft of another diameter."""
+
+    begin: Position
+    """Where it begins, from the link's own disk."""
+    end: Position
+    """Where it ends."""
+    diameter: Annotated[float, si('m'), _POSITIVE]
+    """How thick it is."""
+
+
 class RotorShaftPart(Part):
     """A round shaft that bends; its own mass is left out."""
 
     diameter: Annotated[float, si('m'), _POSITIVE]
     """How thick it is."""
+    sections: dict[str, ShaftSectionPart] = Field({})
+    """Where it has another diameter, by name."""
     material: str | None = None
     """Whose Young's modulus is taken where none is given."""
     youngs_modulus: Annotated[float, si('Pa'), _POSITIVE] | None = None
@@ -62,7 +96,7 @@ class RotorShaftPart(Part):
 
 
 class RotorKeys(JointKeys):
-    """A disk on a shaft that gives way."""
+    """Disks on a shaft that gives way."""
 
     rotor: Reference | None = None
     """The ground where the axis is at rest, and the disk's middle."""
@@ -70,6 +104,8 @@ class RotorKeys(JointKeys):
     """Of a rotor, by name; required."""
     shaft: RotorShaftPart | None = None
     """Of a rotor that bends; without it the shaft is rigid."""
+    disks: dict[str, DiskPart] = Field({})
+    """Of a rotor, those beside the link's own, by name."""
     diametral_inertia: AddedInertia | None = None
     """Of a rotor's disk about a diameter; without it the disk's tilt has no inertia."""
     external_damping: _Damping = 0.0
@@ -97,8 +133,36 @@ def _read(places: Names, name: str, joint: RotorKeys) -> Revolute:
     return Revolute(name, a, b, on_a, on_b)
 
 
+class _Disk(NamedTuple):
+    """A disk of a rotor; the name of the link's own is empty."""
+
+    name: str
+    along: float
+    polar: float
+    diametral: float | None
+    damping: float | tuple[float, float]
+    mass: float = 0.0
+    cog: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def pairs(self) -> list[str]:
+        """Of coordinates, where the shaft bends."""
+        slope = f'{self.name}_{SLOPE}' if self.name else SLOPE
+        return [self.name] if self.diametral is None else [self.name, slope]
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """A rotor as its joint gives it."""
+
+    where: str
+    joint: RotorKeys
+    disks: tuple[_Disk, ...]
+    place: tuple[float, float]
+
+
 def _rotor(places: Names, name: str, joint: RotorKeys) -> tuple[str, Rotor]:
-    """The disk's link, and how it gives way.
+    """The link of the disks, and how it gives way.
 
     Raises
     ------
@@ -110,31 +174,58 @@ def _rotor(places: Names, name: str, joint: RotorKeys) -> tuple[str, Rotor]:
     polar = places.scene.links[link].inertia or 0.0
     if not joint.supports:
         raise InputError(f'{where}.supports is missing: a rotor needs one or more')
-    if joint.diametral_inertia is not None and not (
-        max(0.5 * polar, 1e-300) <= joint.diametral_inertia * (1.0 + 1e-12)
-    ):
-        raise InputError(
-            f'{where}.diametral_inertia = {joint.diametral_inertia:g} kg m^2: a body has at least '
-            f'half of its polar inertia of {polar:g} kg m^2 about a diameter, and more than 0'
-        )
-    for key, support in joint.supports.items():
-        _check(f'{where}.supports.{key}', key, joint, support)
-    seen: dict[float, str] = {}
-    for key, support in joint.supports.items():
-        if support.along in seen:
+    disks = [_Disk('', 0.0, polar, joint.diametral_inertia, joint.external_damping)]
+    for key, d in joint.disks.items():
+        cog = d.cog if isinstance(d.cog, tuple) else (d.cog, 0.0)
+        disks.append(_Disk(
+            key, d.along, d.inertia, d.diametral_inertia, d.external_damping, d.mass, cog
+        ))  # fmt: skip
+    for disk in disks:
+        at = f'{where}.disks.{disk.name}' if disk.name else where
+        if disk.diametral is not None and not (
+            max(0.5 * disk.polar, 1e-300) <= disk.diametral * (1.0 + 1e-12)
+        ):
             raise InputError(
-                f'{where}.supports: {seen[support.along]} and {key} are at one place '
-                f'({support.along:g} m): make them one'
+                f'{at}.diametral_inertia = {disk.diametral:g} kg m^2: a body has at least half of '
+                f'its polar inertia of {disk.polar:g} kg m^2 about a diameter, and more than 0'
             )
-        seen[support.along] = key
-    return link, (_bending if joint.shaft else _stiff)(where, joint, polar, place)
+    for key, support in joint.supports.items():
+        _check(f'{where}.supports.{key}', joint, support)
+    _check_names(where, disks, joint)
+    for part, along in (
+        ('supports', {key: s.along for key, s in joint.supports.items()}),
+        ('disks', {disk.name or 'that of the link': disk.along for disk in disks}),
+    ):
+        seen: dict[float, str] = {}
+        for key, z in along.items():
+            if z in seen:
+                raise InputError(
+                    f'{where}.{part}: {seen[z]} and {key} are at one place ({z:g} m): make them '
+                    'one'
+                )
+            seen[z] = key
+    return link, (_bending if joint.shaft else _stiff)(_Reading(where, joint, tuple(disks), place))
 
 
-def _check(where: str, key: str, joint: RotorKeys, support: SupportPart) -> None:
+def _check_names(where: str, disks: Sequence[_Disk], joint: RotorKeys) -> None:
+    """Refuse names that coordinates cannot have, or of which two would be alike."""
+    taken = {'', SLOPE}
+    for part, key, pairs in (
+        *(('disks', d.name, [d.name, f'{d.name}_{SLOPE}']) for d in disks if d.name),
+        *(('supports', key, [key]) for key in joint.supports),
+    ):
+        if not key.isidentifier() or taken & {*pairs}:
+            raise InputError(
+                f'{where}.{part}.{key}: a name is of letters, digits and _, not {SLOPE}, and no '
+                f'other disk or support has it, alone or with _{SLOPE}'
+            )
+        taken |= {*pairs}
+
+
+def _check(where: str, joint: RotorKeys, support: SupportPart) -> None:
     """Refuse supports that cannot be, one by one."""
     rigid, damped = support.stiffness is None, any(_both(support.damping))
-    if not key.isidentifier() or key == SLOPE:
-        raise InputError(f'{where}: a name is of letters, digits and _, and not {SLOPE}')
+    loaded = support.along in {0.0, *(disk.along for disk in joint.disks.values())}
     if rigid and (damped or support.mass):
         raise InputError(f"{where}: without 'stiffness' it is rigid, and has no damping nor mass")
     if not joint.shaft and (rigid or support.clamped):
@@ -142,9 +233,9 @@ def _check(where: str, key: str, joint: RotorKeys, support: SupportPart) -> None
             f"{where}: a rigid shaft needs a 'stiffness' in every support and clamps none; or "
             "give the joint a 'shaft' that bends"
         )
-    if joint.shaft and support.along == 0.0 and (rigid or support.mass):
+    if joint.shaft and loaded and (rigid or support.mass):
         raise InputError(
-            f'{where} is in the middle of the disk: there it needs a stiffness, and its mass '
+            f'{where} is in the middle of a disk: there it needs a stiffness, and its mass '
             "belongs to the disk; or set it 'along' the shaft"
         )
     if joint.shaft and damped and not support.mass:
@@ -158,8 +249,9 @@ def _check(where: str, key: str, joint: RotorKeys, support: SupportPart) -> None
         )
 
 
-def _bending(where: str, joint: RotorKeys, polar: float, place: tuple[float, float]) -> Rotor:
+def _bending(given: _Reading) -> Rotor:
     """A rotor whose shaft bends."""
+    joint, where = given.joint, given.where
     shaft = joint.shaft
     assert shaft  # noqa: S101 - it bends
     if shaft.youngs_modulus is None and shaft.material not in MATERIALS:
@@ -168,9 +260,10 @@ def _bending(where: str, joint: RotorKeys, polar: float, place: tuple[float, flo
         )
     modulus = shaft.youngs_modulus or MATERIALS[shaft.material or ''][0]
     rigidity = shaft_rigidity(modulus, shaft.diameter)
-    tilts = joint.diametral_inertia is not None
+    sections = _sections(where, shaft, modulus)
     heavy = [key for key, s in joint.supports.items() if s.mass]
-    pairs = ['', *([SLOPE] if tilts else []), *heavy]
+    pairs = [*(pair for disk in given.disks for pair in disk.pairs), *heavy]
+    each = dict(zip(pairs, np.eye(len(pairs)), strict=True))
     K, C, rows, inner = [], [], [], np.zeros((len(pairs), len(pairs)))
     for axis in (0, 1):
         bearings = [
@@ -180,46 +273,84 @@ def _bending(where: str, joint: RotorKeys, polar: float, place: tuple[float, flo
             )
             for s in joint.supports.values()
         ]  # fmt: skip
-        found = condensed(rigidity, bearings, tilts)
+        disks = [(disk.along, disk.diametral is not None) for disk in given.disks]
+        found = condensed(rigidity, bearings, disks, sections)
         if found is None:
             raise _loose(where)
         inner = shaft.relaxation * found[0]
         k, c = found[0].copy(), np.zeros_like(inner)
-        c[0, 0] = _both(joint.external_damping)[axis]
+        for disk in given.disks:
+            i = pairs.index(disk.name)
+            c[i, i] = _both(disk.damping)[axis]
+        own = dict(zip(joint.supports, found[1], strict=True))
         for key in heavy:
             i, support = pairs.index(key), joint.supports[key]
             k[i, i] += _both(support.stiffness or 0.0)[axis]
             c[i, i] = _both(support.damping)[axis]
-        own = dict(zip(joint.supports, found[1], strict=True))
-        for key in heavy:
-            own[key] = (
-                np.eye(len(pairs))[pairs.index(key)]
-                * _both(joint.supports[key].stiffness or 0.0)[axis]
-            )
+            own[key] = each[key] * _both(support.stiffness or 0.0)[axis]
         K.append(k)
         C.append(c)
         rows.append(own)
-    lumps = [(joint.supports[key].mass, np.eye(len(pairs))[pairs.index(key)]) for key in heavy]
+    lumps = [Lump(joint.supports[key].mass, _listed(each[key])) for key in heavy]
+    moved = {disk.name: _listed(each[disk.name]) for disk in given.disks}
+    slopes = {disk.pairs[-1]: disk for disk in given.disks if disk.diametral}
     none = np.zeros(len(pairs))
     damped = [
         {
-            key: np.eye(len(pairs))[pairs.index(key)] * _both(s.damping)[axis] if s.mass else none
+            key: each[key] * _both(s.damping)[axis] if s.mass else none
             for key, s in joint.supports.items()
         }
         for axis in (0, 1)
     ]
-    return _made(where, joint, polar, place, pairs, K, C, inner, lumps, rows, damped)
+    return _made(
+        given, pairs, K, C, inner, rows, damped,
+        tuple((slopes[p].diametral or 0.0) if p in slopes else 0.0 for p in pairs),
+        tuple(slopes[p].polar if p in slopes else 0.0 for p in pairs),
+        [*(Lump(d.mass, moved[d.name], d.cog, d.polar) for d in given.disks[1:]), *lumps],
+    )  # fmt: skip
 
 
-def _stiff(where: str, joint: RotorKeys, polar: float, place: tuple[float, float]) -> Rotor:
+def _sections(
+    where: str, shaft: RotorShaftPart, modulus: float
+) -> list[tuple[float, float, float]]:
+    """Where the shaft has another E I, and which [m, m, N m^2].
+
+    Raises
+    ------
+    InputError
+        If one has no length, or two overlap.
+    """
+    found, before = [], ('', -np.inf)
+    for key, s in sorted(shaft.sections.items(), key=lambda item: item[1].begin):
+        if not s.end > s.begin:
+            raise InputError(
+                f'{where}.shaft.sections.{key}.end = {s.end:g} m: must be beyond its begin, '
+                f'{s.begin:g} m'
+            )
+        if s.begin < before[1]:
+            raise InputError(
+                f'{where}.shaft.sections.{key}.begin = {s.begin:g} m: within the section '
+                f'{before[0]}, which ends at {before[1]:g} m'
+            )
+        before = key, s.end
+        found.append((s.begin, s.end, shaft_rigidity(modulus, s.diameter)))
+    return found
+
+
+def _stiff(given: _Reading) -> Rotor:
     """A rotor whose shaft is rigid."""
-    supports = joint.supports
+    joint, where, supports, disks = given.joint, given.where, given.joint.supports, given.disks
     tilts = joint.diametral_inertia is not None
     apart = len({s.along for s in supports.values()}) > 1
     if not tilts and apart and any(any(_both(s.damping)) or s.mass for s in supports.values()):
         raise InputError(
             f'{where}.diametral_inertia is missing: the disk tilts in supports beside it that '
             'have a damping or a mass'
+        )
+    if not tilts and joint.disks:
+        raise InputError(
+            f'{where}.diametral_inertia is missing: further disks on a rigid shaft move with its '
+            'tilt'
         )
     K, C, rows, damped = [], [], [], []
     for axis in (0, 1):
@@ -233,13 +364,19 @@ def _stiff(where: str, joint: RotorKeys, polar: float, place: tuple[float, float
             shares = (1.0 - z * (k @ z) / (k @ z**2))[None]
         K.append(shares * k @ shares.T)
         C.append(shares * c @ shares.T)
-        C[-1][0, 0] += _both(joint.external_damping)[axis]
+        for disk in disks:
+            arm = np.array([1.0, disk.along][: 1 + tilts])
+            C[-1] += _both(disk.damping)[axis] * np.outer(arm, arm)
         rows.append(dict(zip(supports, (shares * k).T, strict=True)))
         damped.append(dict(zip(supports, (shares * c).T, strict=True)))
-    arms = [np.array([1.0, s.along] if tilts else [1.0]) for s in supports.values()]
-    lumps = [(s.mass, arm) for s, arm in zip(supports.values(), arms, strict=True) if s.mass]
-    pairs = ['', SLOPE] if tilts else ['']
-    return _made(where, joint, polar, place, pairs, K, C, np.zeros_like(K[0]), lumps, rows, damped)
+    lumps = [Lump(s.mass, (1.0, s.along)[: 1 + tilts]) for s in supports.values() if s.mass]
+    lumps += [Lump(d.mass, (1.0, d.along), d.cog, d.polar) for d in disks[1:]]
+    diametral = 0.0, sum(disk.diametral or 0.0 for disk in disks)
+    polar = 0.0, sum(disk.polar for disk in disks)
+    return _made(
+        given, ['', SLOPE][: 1 + tilts], K, C, np.zeros_like(K[0]), rows, damped,
+        diametral[: 1 + tilts], polar[: 1 + tilts], lumps,
+    )  # fmt: skip
 
 
 def _loose(where: str) -> InputError:
@@ -249,56 +386,74 @@ def _loose(where: str) -> InputError:
     )
 
 
+def _listed(row: Array) -> tuple[float, ...]:
+    return tuple(row.tolist())
+
+
 def _made(
-    where: str,
-    joint: RotorKeys,
-    polar: float,
-    place: tuple[float, float],
+    given: _Reading,
     pairs: Sequence[str],
     K: Sequence[Array],
     C: Sequence[Array],
     inner: Array,
-    lumps: Sequence[tuple[float, Array]],
     rows: Sequence[dict[str, Array]],
     damped: Sequence[dict[str, Array]],
+    diametral: tuple[float, ...],
+    polar: tuple[float, ...],
+    lumps: Sequence[Lump],
 ) -> Rotor:
     """The rotor, if its stiffness holds it."""
     for k in K:
         size = np.sqrt(np.diag(k))
         if not size.all() or np.linalg.eigvalsh(k / np.outer(size, size)).min() < _HELD:
-            raise _loose(where)
+            raise _loose(given.where)
 
-    def listed(matrix: Array) -> Rows:
-        return tuple(tuple(row) for row in matrix.tolist())
+    def listed(matrix: Array | Sequence[Array]) -> Rows:
+        return tuple(_listed(row) for row in matrix)
 
-    relaxation = joint.shaft.relaxation if joint.shaft else 0.0
+    joint = given.joint
     return Rotor(
         tuple(pairs),
         (listed(K[0]), listed(K[1])),
         (listed(C[0]), listed(C[1])),
         listed(inner),
-        joint.diametral_inertia or 0.0,
+        diametral,
         polar,
-        tuple((mass, tuple(arm.tolist())) for mass, arm in lumps),
+        tuple(lumps),
         tuple(
             (
                 key,
                 Support(
-                    listed(np.array([x[key] for x in rows])),
-                    listed(np.array([x[key] for x in damped])),
+                    listed([x[key] for x in rows]),
+                    listed([x[key] for x in damped]),
                     s.stiffness is None,
                 ),
             )
             for key, s in joint.supports.items()
         ),
-        place,
-        relaxation,
+        given.place,
+        joint.shaft.relaxation if joint.shaft else 0.0,
     )
 
+
+def _draw(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
+    """A disk of 10 kg, a millimetre off its axis, on one support."""
+    base, edits = sketch.point(GROUND, sketch.where(start))
+    disk = sketch.name('disk')
+    joint = {'rotor': [base, disk], 'supports': {'bearings': {'stiffness': '50 N/mm'}}}
+    values = {'mass': '10 kg', 'inertia': '0.04 kg m^2', 'cog': '1 mm'}
+    made = [Edit(sketch.named(base, disk), joint), Edit(('links', disk), values), *edits]
+    return [*made, *sketch.masses(), *sketch.driven(disk)]
+
+
+_TOOL = Tool(
+    'rotor', 'Z', 'M7 1h2v14H7zM1 7h14v2H1zm3-3h8v8H4z',
+    'Click: an unbalanced disk on a support that gives way', _draw,
+)  # fmt: skip
 
 register(
     JointKind(
         'rotor', RotorKeys, _read, rotor=_rotor,
-        firm="what gives way of a rotor is its 'shaft' and its 'supports'",
+        firm="what gives way of a rotor is its 'shaft' and its 'supports'", tools=(_TOOL,),
     )
 )  # fmt: skip
