@@ -170,6 +170,7 @@ function frame(news) {
     if (run || root.dataset.checked) forget();
     state.number = news.number;
   }
+  if (news.forces === undefined) news.forces = pressed; // those of a frame before
   draw(news);
   state.problem = news.problem;
   tell();
