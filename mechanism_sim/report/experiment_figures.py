@@ -20,8 +20,8 @@ from mechanism_sim.report.figures import paint
 from mechanism_sim.sensing.spectra import power
 
 # number of the colour, or colour, and of the dashes
-_STROKES: dict[str, tuple[int | str, int]] = {'measured': (1, 0), 'no clearance': (INK, 1)}
-_LOOKS = {'measured': 'fine'}
+_STROKES: dict[str, tuple[int | str, int]] = {'measured': (3, 0), 'no clearance': (INK, 1)}
+_LOOKS = dict.fromkeys(('simulated', 'simulated, modified', 'modified'), 'fine')
 _ARROW = np.array([0.0, 1.0, 0.9 + 0.04j, np.nan, 1.0, 0.9 - 0.04j])
 _DOMINANT = 3
 
