@@ -226,18 +226,8 @@ def _axis(axis: Axis, panel: Panel, side: str) -> Json:
     if axis.log:
         ends = [None if end is None else float(np.log10(end)) for end in ends]
         found |= {'type': 'log', 'dtick': 1, 'tickformat': '~g' if side == 'x' else ''}
-    if ends == [0.0, None]:
-        found |= {'rangemode': 'tozero'}
-    elif None not in ends:
+    if ends != [None, None]:
         found |= {'range': ends}
-    elif ends != [None, None]:
-        values = np.concatenate([c.x if side == 'x' else c.y for c in panel.curves])
-        known = values[np.isfinite(values) & ((values > 0.0) | (not axis.log))]
-        auto = [float(f(known)) for f in (np.min, np.max)]
-        auto = [float(np.log10(x)) for x in auto] if axis.log else auto
-        room = 0.05 * (auto[1] - auto[0])
-        found |= {'range': [auto[0] - room if ends[0] is None else ends[0],
-                            auto[1] + room if ends[1] is None else ends[1]]}  # fmt: skip
     if axis.every:
         found |= {'dtick': axis.every}
     if axis.names:
