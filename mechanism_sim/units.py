@@ -220,6 +220,26 @@ def typeset(unit: str) -> str:
     return re.sub(r'(?<! or)(?<! per) (?!or |per )', '·', powers)
 
 
+_FOR_PEOPLE = {'rad': ('deg', math.degrees(1.0)), 'm': ('mm', 1e3)}
+
+
+def for_people(unit: str, size: float = 0.0) -> tuple[str, float]:
+    """The unit in which people read a quantity, and by what its SI value is multiplied.
+
+    Parameters
+    ----------
+    size : largest of the values that are read together, in the SI unit; large forces are in kN,
+        large stresses in MPa, small impulses in mN s
+    """
+    if unit == 'N' and size >= 1e4:
+        return 'kN', 1e-3
+    if unit == 'Pa' and size >= 1e5:
+        return 'MPa', 1e-6
+    if unit == 'N s' and 0.0 < size < 1.0:
+        return 'mN s', 1e3
+    return _FOR_PEOPLE.get(unit, (unit, 1.0))
+
+
 def to_si(value: object, unit: str) -> float:
     """A quantity in SI units.
 

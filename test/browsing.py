@@ -7,11 +7,14 @@ import json
 import os
 import shutil
 import subprocess
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import pytest
 from websockets.sync.client import connect
 
 PROGRAMS = 'chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable'
@@ -90,6 +93,14 @@ def open_page(tab: Tab, file: Path) -> None:
     tab.page.wait_for_selector('html[data-ready="1"]', state='attached')
 
 
+def violations(page: Any) -> list[tuple[str, Any, str]]:
+    """What axe-core finds on a page that was opened without its policy, of which it is no part."""
+    axe = pytest.importorskip('axe_playwright_python', reason='pip install axe-playwright-python')
+    page.evaluate(Path(axe.__file__).with_name('axe.min.js').read_text(encoding='utf-8'))
+    found = page.evaluate('axe.run({ iframes: false, preload: false })')['violations']
+    return [(v['id'], v['nodes'][0]['target'], v['nodes'][0]['failureSummary']) for v in found]
+
+
 Box = tuple[float, float, float, float]
 
 
@@ -142,9 +153,23 @@ class Firefox:
         self._call('session.new', capabilities={})
         self._call('session.subscribe', events=['log.entryAdded', 'network.beforeRequestSent'])
         self._page = self._call('browsingContext.create', type='tab')['context']
-        size = {'width': 1440, 'height': 900}
-        self._call('browsingContext.setViewport', context=self._page, viewport=size)
+        self.resize(1440, 900)
         return self
+
+    def resize(self, width: int, height: int) -> None:
+        """Make the page so large [px]."""
+        size = {'width': width, 'height': height}
+        self._call('browsingContext.setViewport', context=self._page, viewport=size)
+
+    @property
+    def tab(self) -> Any:
+        """The same as tests have of a tab of Chromium, as far as `test_view.Acted` needs it."""
+        page = SimpleNamespace(
+            goto=self.goto,
+            evaluate=lambda text: self.evaluate(f'JSON.stringify({text})'),
+            wait_for_timeout=lambda ms: time.sleep(1e-3 * ms),
+        )
+        return SimpleNamespace(page=page)
 
     def __exit__(self, *_: object) -> None:
         self._socket.close()
@@ -166,6 +191,16 @@ class Firefox:
                           target={'context': self._page})['result']  # fmt: skip
         value = told.get('value')
         return json.loads(value) if told['type'] == 'string' else value
+
+    def drag(self, places: list[tuple[float, float]]) -> None:
+        """Press the mouse at the first of some places [px], and let go at the last."""
+        moves = [
+            {'type': 'pointerMove', 'x': round(x), 'y': round(y), 'duration': 16}
+            for x, y in places
+        ]
+        down, up = ({'type': f'pointer{way}', 'button': 0} for way in ('Down', 'Up'))
+        mouse = {'type': 'pointer', 'id': 'mouse', 'actions': [moves[0], down, *moves[1:], up]}
+        self._call('input.performActions', context=self._page, actions=[mouse])
 
     def shoot(self, name: str) -> Path:
         """A screenshot, kept as evidence."""

@@ -159,6 +159,26 @@ def test_a_type_that_was_another_names_what_reads_it(simulated, tmp_path, monkey
         list(read_bag(path).messages('/motion'))
 
 
+def test_reactions_of_before_bearing_moments_name_what_reads_them(tmp_path):
+    """A bag of version 4, whose joint_reactions say nothing of what is out of the plane."""
+    path = tmp_path / 'fourth.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.add_metadata('mechanism_sim', {'version': '4', 'package': '0.0.9'})
+        name, then = 'mechanism_sim/msg/JointReactions', '2c08d1f6a362d61e5b3843be3750f6c7'
+        schema = writer.register_schema(name, 'ros2msg', b'float64[] force_x')
+        kind = {'topic_type_hash': f'RIHS01_{then}2e136bf0301eae574f78e8083d50ceda'}
+        channel = writer.register_channel('/joint_reactions', 'cdr', schema, kind)
+        writer.add_message(channel, 0, bytes(8), 0)
+        writer.finish()
+    assert info(path).version == '4'
+    done = command('analyze', str(path))
+    assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+    assert 'JointReactions was another type when this was recorded' in done.stderr
+    assert 'mechanism_sim 0.0.9 reads it' in done.stderr
+
+
 def test_signals_of_before_one_block_for_all_sensors_name_what_reads_them(tmp_path):
     """A bag of version 1, as another author's writer makes it."""
     path = tmp_path / 'first.mcap'

@@ -32,6 +32,7 @@ from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, missing,
 from mechanism_sim.bench.problems import measured
 from mechanism_sim.errors import RunError
 from mechanism_sim.report import bench as report
+from mechanism_sim.report.charts.chart import MARKERS
 from mechanism_sim.sensing.channel import Channel
 
 STARTS = {
@@ -513,7 +514,7 @@ def test_filters_of_scipy_come_near_to_what_the_instrument_shows(monkeypatch):
 
 def test_no_two_methods_look_alike_in_a_picture():
     most = max(len(problem.methods) for problem in problems().values())
-    assert most <= len(set(report._MARKERS))
+    assert most <= len(set(MARKERS))
 
 
 def test_bench_without_a_name_lists_what_there_is():

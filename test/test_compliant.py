@@ -25,7 +25,7 @@ from mechanism_sim.contact.compliant import (
     socket_stiffness,
     true_restitution,
 )
-from mechanism_sim.contact.film import ShortBearing
+from mechanism_sim.contact.film import JournalMotion, ShortBearing
 
 K, MASS, SPEED = 3e9, 0.134, 0.7
 STEEL = Material(207e9, 0.3)
@@ -243,7 +243,8 @@ SCALE = OIL.viscosity * OIL.radius * (OIL.width / OIL.clearance) ** 3
 
 def compiled_film(bearing):
     v = hy.make_vars('x', 'y', 'vx', 'vy', 'journal', 'bushing')
-    return hy.cfunc([*bearing.force(*v), *bearing.moments(*v)], vars=v)
+    motion = JournalMotion(*v)
+    return hy.cfunc([*bearing.force(motion), *bearing.moments(motion)], vars=v)
 
 
 FILM = compiled_film(OIL)
@@ -470,7 +471,7 @@ def test_a_loaded_journal_spirals_from_rest_at_the_centre_to_ocvirks_point():
     names = hy.make_vars('x', 'y', 'vx', 'vy')
     x, y, vx, vy = names
     mass, load, spin = 2.0, 60.0, 150.0
-    fx, fy = OIL.force(x, y, vx, vy, hy.par[0], hy.expression(0.0))
+    fx, fy = OIL.force(JournalMotion(x, y, vx, vy, hy.par[0], hy.expression(0.0)))
     flow = hy.taylor_adaptive(
         [(x, vx), (y, vy), (vx, fx / mass), (vy, (fy - load) / mass)], [0.0] * 4, pars=[spin]
     )

@@ -20,7 +20,7 @@ from mechanism_sim.contact.compliant import (
     impact_duration,
     true_restitution,
 )
-from mechanism_sim.contact.film import ShortBearing
+from mechanism_sim.contact.film import JournalMotion, ShortBearing
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 
@@ -418,7 +418,8 @@ def test_a_film_moves_the_links_as_the_textbook_equations_integrated_by_scipy():
     IA3, IO4 = 2.950e-3 + 0.2439 * 0.185**2, 3.176e-3 + 0.2334 * 0.134**2
     names = hy.make_vars('x', 'y', 'vx', 'vy', 'journal', 'bushing')
     film = ShortBearing(0.03, 0.02, 0.01, 1e-4)
-    compiled = hy.cfunc([*film.force(*names), *film.moments(*names)], vars=names)
+    motion = JournalMotion(*names)
+    compiled = hy.cfunc([*film.force(motion), *film.moments(motion)], vars=names)
     overrides = {f'{CLEARANCE}.contact': FILM, f'{CLEARANCE}.radial': 1e-4}
     machine = ms.load_scene('four_bar_clearance', overrides)
     state = machine.initial_state()

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from browsing import Firefox, Tab, boxes, firefox, overlapping, violations
 from middleware_network import PATIENCE
 from running import command
 from test_edit import FOUR_BAR
@@ -57,6 +58,43 @@ drives:
   rod_2: {speed: 70 mm/s, start_position: 730 mm}
 duration: 1 s
 gravity: [0, -9.81 m/s^2]
+"""
+
+
+CAM_TRAIN = """\
+title: A new machine
+mechanism: linkage
+links:
+  ground: {points: {p1: [0 mm, 0 mm], p2: [200 mm, 0 mm], p3: [200 mm, 90 mm]}}
+  cam_1: {mass: 1 kg, inertia: 0.001 kg m^2}
+  follower_1: {mass: 1 kg, inertia: 0.001 kg m^2}
+  pulley_1: {mass: 1 kg, inertia: 0.001 kg m^2}
+  wheel_1: {mass: 1 kg, inertia: 0.001 kg m^2}
+gears:
+  gear_1: {at: pulley_1, teeth: 20, module: 3 mm}
+  gear_2: {at: wheel_1, teeth: 40, module: 3 mm}
+joints:
+  ground_cam_1: {revolute: [ground.p1, cam_1]}
+  ground_follower_1: {prismatic: [ground.p1, follower_1], axis: 90 deg}
+  cam_1_follower_1:
+    cam: [cam_1, follower_1]
+    follower: roller
+    roller: 15 mm
+    base_radius: 45 mm
+    law:
+      segments:
+        - {from: 40 deg, to: 140 deg, rise: 15 mm}
+        - {from: 220 deg, to: 320 deg, rise: -15 mm}
+  ground_pulley_1: {revolute: [ground.p2, pulley_1]}
+  cam_1_pulley_1: {belt: [cam_1, pulley_1], radii: [30 mm, 50 mm]}
+  ground_wheel_1: {revolute: [ground.p3, wheel_1]}
+  pulley_1_wheel_1: {mesh: [gear_1, gear_2]}
+loads:
+  force_1: {at: follower_1, force: [0 N, -40 N]}
+sensors:
+  accelerometer_1: {link: follower_1}
+guess: {follower_1: 60 mm}
+drive: {coordinate: cam_1, speed: 60 rpm}
 """
 
 
@@ -183,6 +221,168 @@ def clean(hand: Hand) -> None:
     assert all(request.startswith(home) for request in hand.tab.requests)
 
 
+def train(hand: Hand) -> None:
+    """A cam with its follower, a belt, gears, a force and a sensor, from nothing."""
+    hand.tool('cam')
+    hand.drag(0.0, 0.0, 0.0, 0.06)
+    hand.tool('belt')
+    hand.drag(0.0, 0.0, 0.2, 0.0)
+    hand.tool('gears')
+    hand.drag(0.2, 0.0, 0.2, 0.09)
+    hand.tool('force')
+    hand.drag(0.0, 0.06, 0.0, 0.02)
+    hand.tool('accelerometer')
+    hand.click(0.0, 0.06)
+
+
+def test_a_cam_a_belt_gears_a_force_and_a_sensor_are_drawn_dragged_and_played(
+    tab, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    with editing() as address:
+        hand = Hand(tab, address)
+        train(hand)
+        same(hand, 'drawn.yaml', CAM_TRAIN, tmp_path)
+        assert hand.page.locator('.sign').count() == 2
+        # every move of the mouse that the page answers is a frame, with forces, of gears that mesh
+        before = hand.text
+        hand.tool('move')
+        arrows = hand.page.locator('#stage .forces path[d^="M"]')
+        hand.until(lambda: arrows.count() >= 2)
+        hand.mouse.move(*hand.at(0.2, 0.09))
+        hand.mouse.down()
+        for k in range(1, 6):
+            hand.mouse.move(*hand.at(0.2 + 2e-3 * k, 0.09 - 2e-3 * k))
+            hand.until(lambda k=k: int(hand.data('frames') or 0) >= k)
+            assert arrows.count() >= 2
+        hand.after(hand.mouse.up)
+        assert hand.data('problem') == ''
+        assert hand.text.count('module: 2.687419249 mm') == 2  # sqrt(80^2 + 10^2)/30
+        hand.after(lambda: hand.page.keyboard.press('Control+z'))
+        assert hand.text == before
+        # by the keyboard: the force is chosen and removed
+        hand.page.locator('[data-mark="loads.force_1"]').press('Enter')
+        hand.page.locator('[name="loads.force_1.at"]').wait_for()
+        hand.after(lambda: hand.page.keyboard.press('Delete'))
+        assert 'force_1' not in hand.text
+        hand.ran()
+        hand.page.locator('#play').click()
+        hand.until(lambda: float(hand.data('time') or 0.0) > 0.05)
+        assert hand.tab.shoot('edit_train').stat().st_size > 10_000
+        clean(hand)
+
+
+@pytest.mark.deep
+def test_it_is_drawn_by_the_keyboard_alone(tab, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with editing() as address:
+        hand = Hand(tab, address)
+        press = hand.page.keyboard.press
+
+        def go(right: int, up: int) -> None:
+            """So many steps of the grid."""
+            for key, count in (('Right', right), ('Left', -right), ('Up', up), ('Down', -up)):
+                for _ in range(max(count, 0) // 10):
+                    press(f'Shift+Arrow{key}')
+                for _ in range(max(count, 0) % 10):
+                    press(f'Arrow{key}')
+
+        press('Tab')
+        while hand.page.evaluate('document.activeElement.id') != 'over':
+            press('Tab')
+        x, y = map(float, hand.page.locator('#over').get_attribute('data-view').split()[:2])
+        press('a')
+        go(-round(1e3 * x), -round(1e3 * y))  # to the origin
+        press('Enter')
+        go(0, 60)
+        hand.after(lambda: press('Enter'))
+        press('b')
+        go(0, -60)
+        press('Enter')
+        go(200, 0)
+        hand.after(lambda: press('Enter'))
+        press('e')
+        press('Enter')
+        go(0, 90)
+        hand.after(lambda: press('Enter'))
+        press('Shift+F')
+        go(-200, -30)
+        press('Enter')
+        go(0, -40)
+        hand.after(lambda: press('Enter'))
+        press('Shift+A')
+        go(0, 40)
+        hand.after(lambda: press('Enter'))
+        same(hand, 'drawn.yaml', CAM_TRAIN, tmp_path)
+        clean(hand)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize('width', [390, 1440])
+@pytest.mark.parametrize('scheme', ['light', 'dark'])
+def test_what_is_drawn_is_accessible_and_overlaps_nowhere(
+    width, scheme, browser, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    Path('train.yaml').write_text(CAM_TRAIN)
+    with editing('train.yaml') as address:
+        context = browser.new_context(
+            viewport={'width': width, 'height': 900}, color_scheme=scheme, bypass_csp=True
+        )
+        hand = Hand(Tab(context.new_page(), tmp_path), address)
+        hand.page.locator('[data-path="sensors.accelerometer_1"]').click()
+        hand.page.locator('[name="sensors.accelerometer_1.link"]').wait_for()
+        hand.ran()
+        assert violations(hand.page) == []
+        for chosen in ('header > h1, header .file > *', '#palette button, #palette h2',
+                       '.tabs button', 'footer > *', '.zoom > *, .grid text',
+                       '.sign circle'):  # fmt: skip
+            assert overlapping(boxes(hand.page, chosen)) == []
+        assert hand.page.evaluate('document.documentElement.scrollWidth') <= width
+        names = hand.page.locator('#palette span')
+        wide = names.evaluate_all(
+            'all => all.filter(x => x.scrollWidth > x.parentElement.offsetWidth)'
+            '.map(x => x.textContent)'
+        )
+        assert wide == []
+        hand.tab.shoot(f'edit_train_{width}_{scheme}')
+        clean(hand)
+        context.close()
+
+
+@pytest.mark.deep
+def test_firefox_drags_a_joint(tmp_path, tmp_path_factory, monkeypatch):
+    if firefox() is None:
+        pytest.skip('no Firefox here: install the package firefox-esr')
+    monkeypatch.chdir(tmp_path)
+    profile = tmp_path_factory.mktemp('profile')
+    with editing('four_bar_clearance') as address, Firefox(profile) as found:
+        found.goto(address)
+
+        def until(text: str) -> None:
+            end = time.monotonic() + 2.0 * PATIENCE
+            while not found.evaluate(text):
+                assert time.monotonic() < end, found.complaints
+                time.sleep(0.02)
+
+        until('Boolean(document.documentElement.dataset.run)')
+        x, y = found.evaluate(
+            """JSON.stringify((({x, y, width}) => [x + width / 2, y + width / 2])(
+                document.querySelector('[data-handle="coupler_rocker"]').getBoundingClientRect()))"""
+        )
+        before = found.evaluate("JSON.stringify(document.getElementById('text').value)")
+        found.drag([(x, y), *((x + k, y - k) for k in range(2, 31, 2))])
+        until("document.getElementById('undo').disabled === false")
+        after = found.evaluate("JSON.stringify(document.getElementById('text').value)")
+        assert after != before
+        assert found.evaluate('Number(document.documentElement.dataset.frames)') >= 1
+        assert found.evaluate('JSON.stringify(document.documentElement.dataset.problem)') == ''
+        until('document.documentElement.dataset.run === document.documentElement.dataset.number')
+        found.shoot('edit_firefox')
+        assert found.complaints == []
+
+
+@pytest.mark.deep
 def test_a_four_bar_is_built_from_nothing_dragged_and_played(tab, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with editing() as address:
@@ -292,8 +492,6 @@ def test_what_is_wrong_stands_beside_its_field(tab, tmp_path, monkeypatch):
 
 @pytest.mark.deep
 def test_it_fits_windows_of_every_size_by_day_and_night(browser, tmp_path, monkeypatch):
-    from browsing import Tab  # noqa: PLC0415
-
     monkeypatch.chdir(tmp_path)
     with editing('four_bar_coupler_curve') as address:
         for width, height in ((390, 844), (1440, 900)):

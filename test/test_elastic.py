@@ -1,11 +1,16 @@
 """Elastic links: against closed forms of beams, and against other formulations."""
 
-import flexible_slider_crank as simeon
 import numpy as np
 import pytest
+from references.make_spinning_beam import chain_tip, extrapolated
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from scipy.special import iv, jv
 
 import mechanism_sim as ms
+from mechanism_sim.bench import flexible_slider_crank as simeon
+from mechanism_sim.bench.problems import elastic_slider_crank, spinning_beam
+from mechanism_sim.bench.problems.elastic_slider_crank import elongations, stretching
 from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.elastic import Beam
@@ -200,28 +205,115 @@ def test_damping_is_what_is_asked_for():
         assert mode.damping_ratio == pytest.approx(0.5 * (a / w + b * w))
 
 
+def tapered(*points, **elastic):
+    """An arm of 0.4 m with sections at points."""
+    section = {'section': {'points': list(points)}, 'density': 1e3, 'youngs_modulus': 1e11}
+    rotor = {'length': L, 'elastic': {**section, 'ends': 'clamped', **elastic}}
+    return scene(
+        links={'arm': rotor},
+        joints={'hub': {'revolute': ['ground', 'arm']}},
+        drive={'coordinate': 'arm', 'speed': 0.0},
+        loads={'end': {'force': [0.0, -1e-3], 'at': 'arm.end'}},
+    )
+
+
+@pytest.mark.parametrize(
+    ('order', 'section', 'moment_over_area'),
+    [(1, {'width': 8e-3, 'height': 1e-2}, 1e-4 / 12), (2, {'diameter': 1e-2}, 1e-4 / 16)],
+)
+def test_wedges_and_cones_vibrate_as_kirchhoff_says(order, section, moment_over_area):
+    """Clamped at the thick end, pointed: J_n(z) I_n+1(z) + I_n(z) J_n+1(z) = 0, w = z^2/4 unit.
+
+    G. Kirchhoff, Berliner Monatsberichte 1879, 815-828.
+    """
+
+    def left(z):
+        return jv(order, z) * iv(order + 1, z) + iv(order, z) * jv(order + 1, z)
+
+    first = {1: 3.0, 2: 4.5}[order]
+    roots = np.array([brentq(left, first + 3.1 * k, first + 3.1 * (k + 1)) for k in range(3)])
+    pointed = {k: x if k == 'width' else 1e-13 for k, x in section.items()}
+    machine = tapered([0.0, section], [L, pointed], modes=3)
+    unit = np.sqrt(1e11 * moment_over_area / 1e3) / L**2 / TURN
+    assert frequencies(machine) == pytest.approx(roots**2 / 4.0 * unit, rel=1e-8)
+
+
+def test_a_step_of_the_section_vibrates_as_two_beams_in_a_row():
+    """Against the determinant of two uniform beams, with their moment and force at the step."""
+    first, heights = 0.15, (1e-2, 6e-3)
+    sizes = [{'width': 8e-3, 'height': h} for h in heights]
+    found = frequencies(tapered([0.0, sizes[0]], [first, sizes[0]], [first, sizes[1]],
+                                [L, sizes[1]], modes=3))  # fmt: skip
+
+    def determinant(w):
+        rows = np.zeros((8, 8))
+        for i, (h, length) in enumerate(zip(heights, (first, L - first), strict=True)):
+            EI, line = 1e11 * 8e-3 * h**3 / 12.0, 1e3 * 8e-3 * h
+            k = (w**2 * line / EI) ** 0.25
+            ends = []
+            for x in (0.0, length):
+                c, s, ch, sh = np.cos(k * x), np.sin(k * x), np.cosh(k * x), np.sinh(k * x)
+                ends.append(np.array([
+                    [c, s, ch, sh], k * np.array([-s, c, sh, ch]),
+                    EI * k**2 * np.array([-c, -s, ch, sh]), EI * k**3 * np.array([s, -c, sh, ch]),
+                ]))  # fmt: skip
+            if i == 0:
+                rows[:2, :4], rows[2:6, :4] = ends[0][:2], ends[1]
+            else:
+                rows[2:6, 4:], rows[6:, 4:] = -ends[0], ends[1][2:]
+        return np.linalg.det(rows / np.abs(rows).max(axis=1, keepdims=True))
+
+    for f in found:
+        assert determinant(TURN * f * (1.0 - 1e-8)) * determinant(TURN * f * (1.0 + 1e-8)) < 0.0
+
+
+def test_a_tapered_beam_bends_and_is_strained_as_statics_says():
+    """Width from b to b/2: ``w'' = -F (L - x)/(E I (1 - x/2L))``, integrated by hand."""
+    wide, narrow = ({'width': b, 'height': 1e-2} for b in (8e-3, 4e-3))
+    machine = tapered([0.0, wide], [L, narrow], modes=5, functions='polynomial')
+    beam, q = machine.mechanism.beams['arm'], linearised(machine).at.q[1:]
+    EI, F = 1e11 * 8e-3 * 1e-6 / 12.0, 1e-3
+    tip = -F * L**3 / EI * (2.0 * np.log(2.0) - 1.0)
+    assert beam.deflection(L) @ q == pytest.approx(tip, rel=1e-6)
+    assert beam.columns(q[:, None])['stress'] == pytest.approx(F * L / EI * 1e11 * 5e-3, rel=1e-3)
+    thin = tapered([0.0, {'width': 8e-3, 'height': 1e-2}], [L, {'width': 8e-3, 'height': 4e-3}])
+    beam = thin.mechanism.beams['arm']
+    assert beam.outer_fibre(0.5 * L) == pytest.approx(3.5e-3)
+    q = np.array([[1e-3], [0.0]])
+    x = np.linspace(0.0, L, 41)
+    strained = np.abs(beam.strain(x, 1.0)[0] * 1e-3 * (5e-3 - 3e-3 * x / L)).max()
+    assert beam.columns(q)['stress'] == pytest.approx(1e11 * strained)
+    body = thin.mechanism.body('arm')  # a trapezium: area, centre and moment by hand
+    assert body.mass == pytest.approx(1e3 * 8e-3 * 7e-3 * L)
+    assert body.cog[0] == pytest.approx(L / 3.0 * (1e-2 + 2 * 4e-3) / (1e-2 + 4e-3))
+
+
+def test_a_section_given_by_points_that_are_alike_is_that_section():
+    plain = ms.load_scene('elastic_slider_crank')
+    section = {'width': '8 mm', 'height': '8 mm'}
+    points = [['0 mm', section], ['0.1 m', section], ['0.5 m', section]]
+    same = ms.load_scene('elastic_slider_crank', {'links.rod.elastic.section': {'points': points}})
+    assert same.mechanism.beams == plain.mechanism.beams
+
+
+def test_a_mass_of_a_tapered_link_lies_as_its_area_does():
+    points = [[0.0, {'diameter': 0.03}], [0.2, {'diameter': 0.01}], [0.3, {'diameter': 0.02}]]
+    given = {'mass': 1.3, 'inertia': 0.02, 'cog': 0.12}
+    more = {f'links.rod.{key}': x for key, x in given.items()}
+    machine = ms.load_scene('elastic_slider_crank', {
+        **more, 'links.rod.elastic.section': {'points': points},
+    })  # fmt: skip
+    body = machine.mechanism.body('rod')
+    assert (body.mass, body.inertia, body.cog[0]) == pytest.approx((1.3, 0.02, 0.12))
+
+
 # --- motion -------------------------------------------------------------------------------------
 
 
-def stretching_slider_crank(**more):
-    """The scene with the rod of the IVP test set, which stretches, too, and its start."""
-    linear = {'links.rod.elastic.stretch': 2, 'links.rod.elastic.foreshortening': False,
-              'initial': None, **more}  # fmt: skip
-    machine = ms.load_scene('elastic_slider_crank', linear)
-    nodes = elongations(machine)
-    q, v = (np.linalg.solve(nodes, simeon.START[part]) for part in (slice(5, 7), slice(12, 14)))
-    bends = dict(zip(('rod.bend1', 'rod.bend2'), simeon.START[10:12].tolist(), strict=True))
-    names = 'rod.stretch1', 'rod.stretch2'
-    return ms.load_scene('elastic_slider_crank', {
-        **linear,
-        'initial': {'position': dict(zip(names, q.tolist(), strict=True)),
-                    'velocity': bends | dict(zip(names, v.tolist(), strict=True))},
-    })  # fmt: skip
-
-
-def elongations(machine):
-    """Elongations of the middle and of the end of the rod (2, 2) by its coordinates."""
-    return machine.mechanism.beams['rod'].elongation(np.array([0.15, 0.3])).T
+def solved(until, **how):
+    """Places (7,) at a time [s], by DOP853 on Simeon's own matrices."""
+    start, rate = simeon.closed_start(), simeon.rates(**how)
+    return solve_ivp(rate, (0.0, until), start, 'DOP853', rtol=1e-12, atol=1e-16).y[:7, -1]
 
 
 def places(machine, solution, t):
@@ -234,21 +326,16 @@ def places(machine, solution, t):
 
 def test_the_flexible_slider_crank_moves_by_its_own_matrices():
     """Simeon's discretisation, written out by hand and integrated by another method."""
-    machine = stretching_slider_crank()
+    machine = stretching()
     found = places(machine, ms.simulate(machine, duration=0.001), np.array([0.001]))[:, 0]
-    # the start of the test set is rounded; both begin with closed loops
-    start = simeon.START.copy()
-    start[2] = simeon.L1 + simeon.L2 + start[6]
-    start[8] = -simeon.L1 * simeon.SPEED / (simeon.L2 + start[6])
-    start[9] = start[13]
-    exact = simeon.solve(0.001, start=start)
+    exact = solved(0.001)
     assert found[:5] == pytest.approx(exact[:5], rel=1e-10)
     assert found[5:] == pytest.approx(exact[5:], rel=1e-7)
 
 
 def test_the_flexible_slider_crank_ends_where_the_test_set_says():
     """Up to what the test set's mass along the rod, 15 times too large, changes."""
-    machine = stretching_slider_crank()
+    machine = stretching()
     solution = ms.simulate(machine, duration=simeon.END)
     found = places(machine, solution, np.array([simeon.END]))[:, 0]
     assert found[1:3] == pytest.approx(simeon.PUBLISHED[1:3], rel=5e-7)
@@ -258,12 +345,12 @@ def test_the_flexible_slider_crank_ends_where_the_test_set_says():
 
 @pytest.mark.deep
 def test_the_published_values_have_the_wrong_mass_along_the_rod():
-    published = simeon.solve(simeon.END, simeon.J2_PUBLISHED, along=1.0)
+    published = solved(simeon.END, inertia=simeon.J2_PUBLISHED, along=1.0)
     assert published[1:5] == pytest.approx(simeon.PUBLISHED[1:5], rel=1e-6)
     assert published[5:] == pytest.approx(simeon.PUBLISHED[5:], rel=5e-6)
-    machine = stretching_slider_crank()
+    machine = stretching()
     solution = ms.simulate(machine, duration=simeon.END)
-    exact = simeon.solve(simeon.END, simeon.J2_PUBLISHED)
+    exact = solved(simeon.END, inertia=simeon.J2_PUBLISHED)
     found = places(machine, solution, np.array([simeon.END]))[:, 0]
     assert found[:5] == pytest.approx(exact[:5], rel=1e-6)
     assert np.abs(exact[5:] / simeon.PUBLISHED[5:] - 1.0).min() > 5e-3
@@ -336,50 +423,20 @@ def test_a_beam_that_spins_up_moves_as_a_chain_of_rigid_segments():
     t = np.array([5.0, 8.0, 11.0, 14.0])
     x, beam = ms.simulate(machine, duration=15.0).sample(t), machine.mechanism.beams['arm']
     tip = beam.deflection(10.0) @ np.array([x[f'position.arm.bend{i}'] for i in (1, 2, 3, 4)])
-    coarse, fine = (chain_tip(n, t) for n in (10, 14))
-    limit = (14**2 * fine - 10**2 * coarse) / (14**2 - 10**2)
+    limit = extrapolated((10, 14), [chain_tip(n, t) for n in (10, 14)])
     assert tip == pytest.approx(limit, abs=2e-3)
 
 
-def chain_tip(count, t):
-    """Tip deflection (N,) [m] of Kane's beam as so many rigid segments, the first one half."""
-    h = 10.0 / count
-    lengths = np.array([0.5 * h, *[h] * (count - 1), 0.5 * h])
-    mass = 1.2 * lengths
-    beyond = np.append(np.cumsum(mass[::-1])[::-1][1:], 0.0)
-    P = np.empty((count + 1, count + 1))
-    for i in range(count + 1):
-        for j in range(count + 1):
-            k = max(i, j)
-            P[i, j] = lengths[i] * lengths[j] * beyond[k]
-            if i == j:
-                P[i, j] += mass[i] * lengths[i] ** 2 / 3.0
-            else:
-                P[i, j] += 0.5 * mass[k] * lengths[k] * lengths[min(i, j)]
-    spring = 1.4e4 / h
-
-    def hub(time):
-        s = time / 15.0
-        return 90.0 * (s**3 - 0.5 * s**4), 6.0 * (3 * s**2 - 2 * s**3), 2.4 * (s - s**2)
-
-    def rates(time, y):
-        angle, w, push = hub(time)
-        th = np.concatenate([[angle], y[:count]])
-        v = np.concatenate([[w], y[count:]])
-        apart = th[:, None] - th
-        moments = -(P * np.sin(apart)) @ v**2
-        bends = spring * np.diff(th)
-        moments[:-1] += bends
-        moments[1:] -= bends
-        A = P * np.cos(apart)
-        return np.concatenate([
-            y[count:], np.linalg.solve(A[1:, 1:], moments[1:] - A[1:, 0] * push)
-        ])  # fmt: skip
-
-    found = solve_ivp(rates, (0.0, t[-1]), np.zeros(2 * count), 'DOP853', t, rtol=1e-9, atol=1e-11)
-    angle = np.array([hub(x)[0] for x in t])
-    relative = np.vstack([np.zeros_like(t), found.y[:count] - angle])
-    return lengths @ np.sin(relative)
+@pytest.mark.deep
+def test_peers_answer_the_problems_of_elastic_links():
+    """SciPy on Simeon's matrices; where it is installed, Exudyn on the beams themselves."""
+    assert elastic_slider_crank.error(elastic_slider_crank.ours(1e-12)()().answer) < 1e-12
+    assert spinning_beam.error(spinning_beam.ours(6)()().answer) < 4e-4
+    for problem, largest in ((elastic_slider_crank.PROBLEM, 5e-5), (spinning_beam.PROBLEM, 1e-3)):
+        for method in problem.methods[1:]:
+            if not method.missing():
+                outcome = method.prepare(method.settings[-1])()()
+                assert problem.error(outcome.answer) < largest, method.name
 
 
 def test_energy_is_balanced():
@@ -637,6 +694,12 @@ ELASTIC = 'links.rod.elastic'
     [
         ({f'{ELASTIC}.section': None}, ["needs either 'section', or 'area' and 'second_moment'"]),
         ({f'{ELASTIC}.section': {'width': '8 mm'}}, ["'width' and 'height', or 'diameter'"]),
+        ({f'{ELASTIC}.section': {'points': [[0.0, {'diameter': 0.01}], [0.3, {'width': 0.01}]]}},
+         [f'{ELASTIC}.section.points.1', "'width' and 'height', or 'diameter', or 'area'"]),
+        ({f'{ELASTIC}.section': {'points': [[0.0, {'diameter': 0.01}], [0.3, {
+            'width': 0.01, 'height': 0.01}]]}}, ['given by different sizes']),
+        ({f'{ELASTIC}.section': {'points': [[0.1, {'diameter': 0.01}], [0.0, {
+            'diameter': 0.02}]]}}, ['whose x does not rise']),
         ({f'{ELASTIC}.youngs_modulus': None}, ["needs 'material' or 'youngs_modulus'"]),
         ({f'{ELASTIC}.density': None}, ["needs 'material' or 'density', or the link a mass"]),
         ({f'{ELASTIC}.material': 'steal'}, ["did you mean 'steel'?"]),
@@ -652,8 +715,6 @@ ELASTIC = 'links.rod.elastic'
         ({'links.rod.mass': '0.2 kg', 'links.rod.cog': '0.1 m'}, ["'inertia' is missing"]),
         ({'links.crank.elastic': {'material': 'steel', 'section': {'diameter': '9 mm'}}},
          ['links.crank.elastic.ends must be clamped']),
-        ({'joints.rod_slider': {'prismatic': ['rod.end', 'slider']}},
-         ['the elastic link rod has revolute joints only']),
         ({'sensors.gauge.link': 'crank'}, ["the link 'crank' is rigid", 'those are: rod']),
         ({'sensors.gauge.at': '0.4 m'}, ['is not on the rod', 'from 0 to 0.3 m']),
         ({'sensors.gauge.at': ['0.1 m', '5 mm']}, ['outer fibres are 0.004 m']),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import heyoka as hy
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from numpy.polynomial.legendre import leggauss
 from test_compliant import motions, pressure, squeeze
 
 import mechanism_sim as ms
-from mechanism_sim.contact.film import ShortBearing
+from mechanism_sim.contact.film import JournalMotion, ShortBearing
 from mechanism_sim.errors import InputError
 
 PLAY = 'joints.coupler_rocker.clearance'
@@ -24,10 +26,14 @@ HALF = ShortBearing(viscosity=0.02, width=8e-3, radius=10e-3, clearance=30e-6)
 
 def compiled(bearing):
     v = hy.make_vars('x', 'y', 'vx', 'vy', 'journal', 'bushing', 'share')
-    return hy.cfunc([*bearing.force(*v), *bearing.moments(*v)], vars=v)
+    motion = JournalMotion(*v)
+    return hy.cfunc([*bearing.force(motion), *bearing.moments(motion)], vars=v)
 
 
-FILMS = {'full': compiled(FULL), 'half': compiled(HALF)}
+SUPPLIES = 1e3, 3e5, 2e7
+"""Pressures [Pa] of which hardly any, some and nearly all suctions are less."""
+SUPPLIED = {supply: compiled(replace(HALF, supply=supply)) for supply in (1e-6, *SUPPLIES, 1e15)}
+FILMS = {'full': compiled(FULL), 'half': compiled(HALF), 'supplied': SUPPLIED[3e5]}
 
 
 def four_bar(contact, radial=1e-4, **play):
@@ -47,7 +53,29 @@ def test_a_full_film_is_the_integral_of_all_its_pressure(motion):
     assert abs(fx + 1j * fy - F) <= 1e-9 * abs(F) + 1e-12
 
 
-@given(motions(), st.floats(0.05, 1.0), st.sampled_from(('full', 'half')))
+@given(motions(), st.sampled_from(SUPPLIES))
+def test_a_supplied_film_is_the_integral_of_the_pressure_above_cavitation(motion, supply):
+    """By quadrature over the bearing; what makes the force smooth changes less than this."""
+    theta = np.arange(1000)[:, None] * (2.0 * np.pi / 1000)
+    z, along = (0.5 * HALF.width * x for x in leggauss(40))
+    p = np.maximum(supply + pressure(motion, theta, z, HALF)[0], 0.0)
+    F = -HALF.radius * np.sum(along * p * np.exp(1j * theta)) * (2.0 * np.pi / 1000)
+    fx, fy, *_ = SUPPLIED[supply]([*motion, 1.0])
+    whole = abs(complex(*FILMS['full']([*motion, 1.0])[:2]))
+    assert abs(fx + 1j * fy - F) <= 8e-3 * whole + 1e-9
+
+
+@given(motions())
+def test_supplies_lead_from_the_ruptured_film_to_the_whole_one(motion):
+    half, full = (FILMS[kind]([*motion, 1.0]) for kind in ('half', 'full'))
+    for wanted, supply in ((half, 1e-6), (full, 1e15)):
+        size = np.abs(full[:2]).max()
+        np.testing.assert_allclose(
+            SUPPLIED[supply]([*motion, 1.0])[:2], wanted[:2], 1e-9, 1e-9 * size
+        )
+
+
+@given(motions(), st.floats(0.05, 1.0), st.sampled_from(('full', 'half', 'supplied')))
 def test_a_film_takes_energy_also_between_walls_that_gave_way(motion, share, kind):
     """Power of forces and moments on both bodies, whatever the thickness that counts."""
     fx, fy, *moments = FILMS[kind]([*motion, share])
@@ -101,6 +129,7 @@ def test_walls_that_are_never_reached_are_none():
         {},
         pytest.param({'stiffness': 1e10}, marks=pytest.mark.deep),
         pytest.param({'cavitation': 'none'}, marks=pytest.mark.deep),
+        pytest.param({'supply_pressure': 5e3}, marks=pytest.mark.deep),
     ],
 )
 def test_energy_is_that_of_the_drive_while_it_rubs(more):
@@ -130,6 +159,17 @@ def test_oil_beside_a_dry_bearing_and_elastic_links():
         ({}, {'friction': 0.1}, "give 'contact.roughness'"),
         ({'stiffness': 1e9}, {}, "give 'contact.roughness'"),
         ({'roughness': 1e-6}, {'pin_radius': 0.01, 'friction': 0.1}, 'it is contact.radius'),
+        (
+            {'cavitation_pressure': 2e5, 'supply_pressure': 1e5},
+            {},
+            'is less than cavitation_pressure',
+        ),
+        (
+            {'cavitation': 'none', 'supply_pressure': 1e5},
+            {},
+            'whatever the pressure of its supply',
+        ),
+        ({'law': 'hertz', 'stiffness': 1e9, 'supply_pressure': 1e5}, {}, 'there is no oil'),
     ],
 )
 def test_what_makes_no_sense_is_refused(contact, play, text):
@@ -137,11 +177,7 @@ def test_what_makes_no_sense_is_refused(contact, play, text):
         four_bar(contact, **play)
 
 
-def test_roughness_is_of_oil_and_walls_are_alike():
-    with pytest.raises(InputError, match='there is no oil'):
-        ms.load_scene('four_bar_clearance', {
-            f'{PLAY}.contact': {'law': 'hertz', 'stiffness': 1e9, 'roughness': 1e-6}
-        })  # fmt: skip
+def test_walls_are_alike():
     with pytest.raises(InputError, match=r"no 'contact.stiffness', but another"):
         ms.load_scene('four_bar_clearance', {
             f'{PLAY}.contact': {'law': 'hertz', 'stiffness': 1e9},

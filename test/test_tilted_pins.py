@@ -4,11 +4,20 @@ import math
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from running import run as command
+from running import run_json
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 import mechanism_sim as ms
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.bearing_ends import seat
+from mechanism_sim.messages import JointReactions, deserialize
+from mechanism_sim.nodes.publications import reactions, wrenches
+from mechanism_sim.recording import BagWriter, Qos, read_bag
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
 from mechanism_sim.scene.schema import Scene
@@ -165,6 +174,132 @@ def test_an_impact_at_one_end_keeps_the_books(spin):
     assert abs(residual(run)) < 1e-14
 
 
+# --- stops along the axis --------------------------------------------------------------------
+
+WIDE, RADIUS, CROWN = 1e-3, 8e-3, 1e-7
+"""Of stops: axial play, and of their faces radius and crown [m]."""
+
+
+def falling(axial=(), tilt=None, clearance=(), **parts):
+    """A bob on a pin that stands upright, seen from above: it falls away from the reader."""
+    stops = {'play': WIDE, **dict(axial)}
+    parts = {'start': 'centred', 'gravity': [0.0, 0.0], 'axial_gravity': -G, **parts}
+    return bob(
+        {'axial': stops, **dict(clearance)},
+        tilt={'stiffness': 0.0, **LEAN, **(tilt or {})},
+        **parts,
+    )
+
+
+def test_a_link_falls_between_stops_and_bounces_as_a_ball_does():
+    e = 0.6
+    run = ms.simulate(falling({'restitution': e}), duration=0.12)
+    t = math.sqrt(2.0 * WIDE / G)
+    v = G * t
+    for hit in run.impacts[:6]:
+        assert (hit.joint, hit.normal_angle) == ('pin_stop_rear', 0.0)
+        assert (hit.t, hit.approach_speed) == pytest.approx((t, v), rel=1e-10)
+        assert hit.normal_impulse == pytest.approx((1.0 + e) * v * MASS, rel=1e-10)
+        v *= e
+        t += 2.0 * v / G
+    way, force, moment, potential = at(
+        run, 0.12, 'position.bob.axial', 'axial_force.pin', 'bearing_moment.pin.size',
+        'energy.potential',
+    )  # fmt: skip
+    assert (way, force, moment) == (-WIDE, pytest.approx(-MASS * G, rel=1e-12), 0.0)
+    assert potential == pytest.approx(-MASS * G * WIDE, rel=1e-12)
+    assert run.energy.dissipated == pytest.approx(MASS * G * WIDE, rel=1e-12)
+
+
+@pytest.mark.parametrize(('along', 'lean'), [('x', 5e-3), ('y', -4e-3)])
+@pytest.mark.parametrize('up', [1.0, -1.0])
+def test_an_impact_at_the_rim_of_a_face_keeps_the_books(along, lean, up):
+    """A face out of line meets the stop with its rim: time, impulse and rates in closed form."""
+    e = 0.5
+    run = ms.simulate(
+        falling(
+            {'restitution': e, 'face_radius': RADIUS, 'crown': CROWN},
+            axial_gravity=up * G, initial={'position': {f'bob.tilt_{along}': lean}},
+        ),
+        duration=0.02,
+    )  # fmt: skip
+    hit = run.impacts[0]
+    bulge = math.hypot(CROWN, RADIUS * lean)
+    arm = RADIUS**2 * abs(lean) / bulge
+    assert arm == pytest.approx(RADIUS, rel=1e-5)
+    fall = WIDE - (bulge - CROWN)
+    inertia = LEAN['inertia']['yx'.index(along)]  # leaning along x is turning about y
+    speed = math.sqrt(2.0 * G * fall)
+    impulse = (1.0 + e) * speed / (1.0 / MASS + arm**2 / inertia)
+    assert hit.joint == ('pin_stop_front' if up > 0.0 else 'pin_stop_rear')
+    assert hit.t == pytest.approx(math.sqrt(2.0 * fall / G), rel=1e-10)
+    assert hit.normal_impulse == pytest.approx(impulse, rel=1e-10)
+    assert hit.energy_loss == pytest.approx(0.5 * (1.0 - e) * speed * impulse, rel=1e-10)
+    way, turn = at(run, hit.t, 'velocity.bob.axial', f'velocity.bob.tilt_{along}')
+    assert way == pytest.approx(up * (speed - impulse / MASS), rel=1e-9)
+    assert turn == pytest.approx(-math.copysign(arm * impulse / inertia, lean), rel=1e-9)
+    assert abs(residual(run)) < 1e-15
+
+
+@pytest.mark.parametrize('law', [None, 'hunt_crossley'])
+def test_a_collar_under_a_load_beside_its_axis_leans_until_moments_balance(law):
+    """Of weight, face and stiffness: k s = weight (off - arm(s)); the depth is that of the law."""
+    off, k = 5e-3, 50.0
+    contact = {'contact': {'law': law, 'stiffness': 1e9}} if law else {}
+    machine = falling(
+        {'play': 1e-4, 'restitution': 0.1 if law else 0.0, 'face_radius': RADIUS, 'crown': 1e-6},
+        {'stiffness': k, 'damping': 0.9}, cog=[off, 0.0], clearance=contact,
+    )  # fmt: skip
+    run = ms.simulate(machine, duration=0.15)
+    weight = MASS * G
+
+    def unbalanced(s):
+        return k * s - weight * (off - RADIUS**2 * s / math.hypot(1e-6, RADIUS * s))
+
+    lean = brentq(unbalanced, 1e-9, 1e-2, xtol=1e-18)
+    found, force, x, y, way = at(
+        run, 0.15, 'position.bob.tilt_x', 'axial_force.pin', 'bearing_moment.pin.x',
+        'bearing_moment.pin.y', 'position.bob.axial',
+    )  # fmt: skip
+    assert found == pytest.approx(lean, rel=1e-5)
+    assert force == pytest.approx(-weight, rel=1e-5)
+    assert (x, y) == (0.0, pytest.approx(weight * off - k * lean, rel=1e-5))
+    # the pin is the origin: it is higher by lean times the way from the centre of gravity
+    depth = (weight / 1e9) ** (2.0 / 3.0) if law else 0.0
+    bulge = math.hypot(1e-6, RADIUS * lean) - 1e-6
+    assert way + off * lean == pytest.approx(bulge - 1e-4 - depth, rel=1e-5)
+    assert abs(residual(run)) < (1e-11 if law else 1e-15)
+
+
+@pytest.mark.deep
+def test_stops_that_are_never_met_change_nothing_in_the_plane():
+    tilt = {'stiffness': 100.0, 'thickness': '10 mm'}
+    given = {'length': '20 mm', 'misalignment__pin__angle': '5 mrad'}
+    one, other = (
+        ms.simulate(four_bar(tilt=tilt, **given, **more), revolutions=0.3)
+        for more in ({}, {'axial__play': '1 m'})
+    )
+    t = np.linspace(0.0, 0.05, 30)
+    for name in ('position.rocker', 'position.coupler.tilt_y'):
+        assert np.abs(one.sample(t)[name] - other.sample(t)[name]).max() < 1e-13
+
+
+def test_a_coupler_with_axial_play_rattles_between_stops():
+    """It leans by its misaligned pin, and its end comes to both stops: energy stays in balance."""
+    tilt = {'stiffness': 100.0, 'thickness': '10 mm', 'axial_stiffness': '2 kN/m'}
+    run = ms.simulate(
+        four_bar(
+            tilt=tilt, length='20 mm', misalignment__pin__angle='5 mrad', axial__play='0.06 mm',
+            axial__face_radius='8 mm', axial__crown='1 um', axial__restitution=0.4,
+        ),
+        revolutions=0.5,
+    )  # fmt: skip
+    assert {i.joint for i in run.impacts} >= {
+        f'coupler_rocker_stop_{x}' for x in ('front', 'rear')
+    }
+    assert abs(run.energy.residual) < 1e-11
+
+
 # --- links that lean -------------------------------------------------------------------------
 
 
@@ -285,6 +420,9 @@ def test_check_tells_how_much_room_is_left_and_how_fast_links_lean():
         ({'misalignment': {'pin': {'angle': 1e-3}}, 'length': None}, "needs 'length'"),
         ({'along': 1e-3, 'length': None}, "needs 'length'"),
         ({'height': 1e-3}, 'height'),
+        ({'axial': {'play': 1e-3}}, "none of its links can move along the axis: give 'links.bob"),
+        ({'axial': {'play': 1e-3, 'crown': 1e-6}}, "needs 'face_radius' and 'crown' together"),
+        ({'axial': {'play': 0.0}}, 'greater than 0'),
     ],
 )
 def test_bearings_that_cannot_be_are_refused(keys, said):
@@ -299,13 +437,86 @@ def test_the_largest_misalignment_that_has_room_runs():
     assert abs(residual(run)) < 1e-12
 
 
+def test_a_start_beyond_a_stop_is_refused():
+    machine = falling(initial={'position': {'bob.axial': 1.1 * WIDE}})
+    with pytest.raises(InputError, match='into each other at pin_stop_front: give more axial'):
+        ms.simulate(machine, duration=1e-3)
+
+
 @pytest.mark.parametrize(
     ('tilt', 'said'),
     [
         ({'inertia': [1e-5, 1e-5]}, 'no body has the moments of inertia'),
         ({'thickness': 0.5}, 'no body has the moments of inertia'),
+        ({**LEAN, 'axial_stiffness': 1e3}, 'it does not move along the axes'),
     ],
 )
 def test_links_that_cannot_be_are_refused(tilt, said):
     with pytest.raises(InputError, match=said):
         _ = bob({}, tilt={'stiffness': 1.0, **tilt}).system
+
+
+# --- messages --------------------------------------------------------------------------------
+
+
+def test_a_foreign_reader_finds_the_moments_on_joint_reactions(tmp_path):
+    """As columns of samples have them; in the frame of the bushing's link on wrenches."""
+    machine = four_bar(length='20 mm', misalignment__pin__angle='5 mrad')
+    t = np.array([0.01, 0.02, 0.03])
+    solution = ms.simulate(machine, duration=0.04)
+    columns, seen = solution.sample(t), solution.samples(t).observed
+    path = tmp_path / 'moments.mcap'
+    joint, physics = 'coupler_rocker', machine.physics
+    wrench = wrenches(physics, machine.mechanism, lambda name: name, [joint])[joint]
+    published = ('/joint_reactions', reactions(physics, 'world')), ('/wrench', wrench)
+    with BagWriter(path) as bag:
+        bag.add_topic('/joint_reactions', 'mechanism_sim/msg/JointReactions', Qos())
+        bag.add_topic('/wrench', 'geometry_msgs/msg/WrenchStamped', Qos())
+        for topic, write in published:
+            for data, time in zip(write(t, seen), t, strict=True):
+                bag.write(topic, data, int(1e9 * time))
+    with path.open('rb') as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        said: dict[str, list] = {'/joint_reactions': [], '/wrench': []}
+        for _, channel, _, message in reader.iter_decoded_messages():
+            said[channel.topic].append(message)
+    k = physics.joints.index(joint)
+    for j, message in enumerate(said['/joint_reactions']):
+        moment = [columns[f'bearing_moment.{joint}.{axis}'][j] for axis in 'xy']
+        assert [message.moment_x[k], message.moment_y[k]] == moment
+        assert len(message.moment_x) == len(message.joints) == len(message.force_z)
+        torque = said['/wrench'][j].wrench.torque
+        turned = complex(torque.x, torque.y) * np.exp(1j * columns['position.rocker'][j])
+        assert turned == pytest.approx(complex(*moment), rel=1e-12)
+    assert np.hypot(*moment) > 0.01
+    summary = analyze(path)
+    largest = columns[f'bearing_moment.{joint}.size'].max()
+    assert [(p.name, p.value) for p in summary.loads.moments] == [
+        (joint, pytest.approx(largest, rel=1e-15))
+    ]
+
+
+def test_bearings_in_line_add_nothing_to_messages():
+    machine = four_bar()
+    seen = ms.simulate(machine, duration=0.01).samples(0.005).observed
+    (data,) = reactions(machine.physics, 'world')(np.array([0.005]), seen)
+    message = deserialize(data, JointReactions)
+    assert [len(x) for x in (message.moment_x, message.moment_y, message.force_z)] == [0, 0, 0]
+
+
+@pytest.mark.deep
+def test_nodes_publish_bearing_moments_and_bags_give_them_back(tmp_path):
+    bag = tmp_path / 'run.mcap'
+    run_json('run', 'four_bar_misaligned', '--revolutions', '0.5', '--record', str(bag))
+    summary = analyze(bag)
+    solved = ms.simulate(ms.load_scene('four_bar_misaligned'), revolutions=0.5)
+    assert summary.digest == solved.digest()
+    (peak,) = summary.loads.moments
+    name = 'bearing_moment.coupler_rocker.size'
+    assert solved.sample(np.array([peak.time]))[name][0] == pytest.approx(peak.value, rel=1e-9)
+    messages = [m for _, m, _ in read_bag(bag).messages('/joint_reactions')]
+    k = list(messages[0].joints).index('coupler_rocker')
+    for m in messages:
+        assert np.hypot(m.moment_x[k], m.moment_y[k]) <= peak.value
+    done = command('plot', str(bag), name, '-o', str(tmp_path / 'x.svg'))
+    assert done.returncode == 0, done.stderr

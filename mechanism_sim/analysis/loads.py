@@ -42,6 +42,7 @@ class LoadSummary:
     samples: int | None  #: instants that were published, if that is all there is; None: the motion
     joints: tuple[Peak, ...]
     drive_torque: Peak
+    moments: tuple[Peak, ...] = ()  #: [N m] of bearings that tilt
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,7 @@ class LoadCollector:
     def __init__(self) -> None:
         self.samples = 0
         self._force: dict[str, tuple[float, float]] = {}
+        self._moment: dict[str, tuple[float, float]] = {}
         self._torque = (0.0, 0.0)
 
     def add(self, message: Any) -> None:
@@ -76,12 +78,17 @@ class LoadCollector:
         if not self.samples or abs(message.drive_torque) > abs(self._torque[0]):
             self._torque = (float(message.drive_torque), time)
         self.samples += 1
-        for joint, fx, fy in zip(message.joints, message.force_x, message.force_y, strict=True):
-            force = math.hypot(fx, fy)
-            if math.isnan(force):  # it has no limit at this instant
-                continue
-            if joint not in self._force or force > self._force[joint][0]:
-                self._force[joint] = (force, time)
+        m = message
+        for largest, rows in (
+            (self._force, zip(m.joints, m.force_x, m.force_y, strict=True)),
+            (self._moment, zip(m.joints, m.moment_x, m.moment_y, strict=False)),
+        ):
+            for joint, x, y in rows:
+                size = math.hypot(x, y)
+                if math.isnan(size):  # it has no limit at this instant
+                    continue
+                if joint not in largest or size > largest[joint][0]:
+                    largest[joint] = (size, time)
 
     def summary(self, crank_angle: Callable[[float], float | None]) -> LoadSummary | None:
         """Return the peaks; None without a message.
@@ -92,12 +99,17 @@ class LoadCollector:
         """
         if not self.samples:
             return None
-        peaks = tuple(
-            Peak(joint, force, time, crank_angle(time))
-            for joint, (force, time) in self._force.items()
+        peaks, moments = (
+            tuple(Peak(joint, x, time, crank_angle(time)) for joint, (x, time) in found.items())
+            for found in (self._force, self._moment)
         )
         torque, time = self._torque
-        return LoadSummary(self.samples, peaks, Peak('drive', torque, time, crank_angle(time)))
+        return LoadSummary(
+            self.samples,
+            peaks,
+            Peak('drive', torque, time, crank_angle(time)),
+            tuple(peak for peak in moments if peak.value),
+        )
 
 
 def of_motion(
@@ -119,11 +131,15 @@ def of_motion(
 
     joints = tuple(peak(joint, *found) for joint, found in peaks.forces.items())
     torque = next(iter(peaks.torques.values()), (0.0, joints[0].time))
-    return LoadSummary(None, (*joints, *bearings.peaks(crank_angle)), peak('drive', *torque))
+    forces, moments = bearings.peaks(crank_angle)
+    return LoadSummary(None, (*joints, *forces), peak('drive', *torque), moments)
 
 
 class BearingCollector:
-    """Collects the largest forces in bearings of shafts, of a motion that comes in batches."""
+    """Collects what bearings of shafts, and bearings that tilt, carry beside the joint's force.
+
+    That is, their largest forces and moments, of a motion that comes in batches.
+    """
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
@@ -133,7 +149,12 @@ class BearingCollector:
             ends = [f'bearing_force.{name}.{b}.size' for b in getattr(keys, 'bearings', {})]
             if ends:
                 self._columns += [*ends, f'bearing_force.{name}.{keys.locating}.axial']
-        self._search = ExtremeSearch(['force'] * len(self._columns))
+        for name in machine.physics.tilting if joints else ():
+            self._columns += [f'bearing_moment.{name}.size']
+            if getattr(joints[name].clearance, 'axial', None):
+                self._columns += [f'axial_force.{name}']
+        groups = ['moment' if self._is_moment(x) else 'force' for x in self._columns]
+        self._search = ExtremeSearch(groups)
 
     def add(self, motion: Motion) -> None:
         """Enter the segments that follow."""
@@ -145,19 +166,29 @@ class BearingCollector:
         seen, modes = self._machine.physics.observe(motion, k, dt), motion.modes_at(k, dt)
         none = np.zeros(seen.position.shape[1])
         found = shaft_columns(self._machine, Samples(none, modes, seen, none, none))
+        found |= self._machine.physics.columns(seen)
         return np.array([found[name] for name in self._columns])
 
-    def peaks(self, crank_angle: Callable[[float], float | None]) -> tuple[Peak, ...]:
-        """By ``SHAFT.BEARING``, and ``SHAFT.BEARING.axial`` with its sign."""
+    @staticmethod
+    def _is_moment(column: str) -> bool:
+        return column.startswith('bearing_moment.')
+
+    def peaks(
+        self, crank_angle: Callable[[float], float | None]
+    ) -> tuple[tuple[Peak, ...], tuple[Peak, ...]]:
+        """Forces by ``SHAFT.BEARING``, and ``.axial`` with their sign; moments by joint."""
         s = self._search
         ends = zip(s.least, s.least_time, s.greatest, s.greatest_time, strict=True)
-        found = []
+        forces: list[Peak] = []
+        moments: list[Peak] = []
         for name, (low, at_low, high, at_high) in zip(self._columns, ends, strict=True):
             value, time = (low, at_low) if -low > high else (high, at_high)
             if not math.isnan(time):
-                of = name.removeprefix('bearing_force.').removesuffix('.size')
-                found.append(Peak(of, float(value), float(time), crank_angle(float(time))))
-        return tuple(found)
+                kind, _, of = name.removesuffix('.size').partition('.')
+                of += '.axial' if kind == 'axial_force' else ''
+                peak = Peak(of, float(value), float(time), crank_angle(float(time)))
+                (moments if self._is_moment(name) else forces).append(peak)
+        return tuple(forces), tuple(moments)
 
 
 class EnergyCollector:

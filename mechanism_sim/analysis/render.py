@@ -117,6 +117,7 @@ def _loads(loads: LoadSummary) -> Iterator[str]:
         return peak.name, f'{peak.value:.6g} {unit}', peak.time, angle
 
     rows = [row(peak, 'N  ') for peak in loads.joints] + [row(loads.drive_torque, 'N m')]
+    rows += [row(peak, 'N m') for peak in loads.moments]
     published = '' if loads.samples is None else f', of {loads.samples} published instants'
     yield f'loads between impacts{published}'
     yield from table(('joint', 'largest', 'at [s]', 'crank'), rows)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.cams.laws import Eccentric, Law, Raised
 from mechanism_sim.cams.piecewise import Piece, Piecewise
-from mechanism_sim.numerics.symbolic import Term, add, dense, mul
+from mechanism_sim.numerics.symbolic import dense, polynomial
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 
@@ -99,12 +99,7 @@ def _piece(
     numbers: tuple[hy.expression, ...], terms: int, x: hy.expression, orders: int
 ) -> list[hy.expression]:
     """Polynomial and wave, and derivatives, by Horner."""
-    found = []
-    for order in range(orders):
-        value: Term = None
-        for k in range(terms - 1, order - 1, -1):
-            value = add(mul(value, x), float(math.perm(k, order)) * numbers[k])
-        found.append(dense(value))
+    found = polynomial(numbers[:terms], x, orders)
     if len(numbers) > terms:
         amplitude, frequency, phase = numbers[terms:]
         turned = frequency * x + phase

@@ -38,6 +38,8 @@ from mechanism_sim.planar.mechanism import (
     Vector2,
     rotate,
 )
+from mechanism_sim.planar.rails import chord
+from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import Charted, Draft, View
 
 Array = NDArray[np.float64]
@@ -61,7 +63,8 @@ class CamPair(HigherPair):
     direction: float  #: [rad] in which the follower rises, or from the camshaft to its pivot
     sense: Literal[1, -1] = 1  #: 1 if the cam angle grows with the angle of `first`
     phase: float = 0.0  #: [rad]
-    arm_angle: float = 0.0  #: [rad] of the arm or face of a swinging follower, in its own frame
+    arm: Vector2 = (1.0, 0.0)
+    """From the pivot of a swinging follower to its point [m], in its own frame."""
     beside: float = 0.0  #: [m] from the line through the camshaft to the point of a face
 
     exact: bool = False  #: distances of a roller to the second order, as grooves with play need
@@ -112,6 +115,22 @@ class CamPair(HigherPair):
         roller = getattr(self.cam.follower, 'roller', 0.0)
         return [*found, ((self.second, self.on_second), roller)] if roller > 0.0 else found
 
+    @property
+    def arm_angle(self) -> float:
+        """Of the arm or face of a swinging follower, in its own frame [rad]."""
+        return math.atan2(*self.arm[::-1])
+
+    @property
+    def pivot(self) -> Vector2:
+        """Of a swinging follower, in its own frame [m]."""
+        return self.on_second[0] - self.arm[0], self.on_second[1] - self.arm[1]
+
+    def bears(self, link: str) -> bool:
+        """A cam turns with the cross-section at its axis, a roller is at a point of its arm."""
+        if link == self.first:
+            return not self.distance.slides
+        return isinstance(self.cam.follower, Oscillating)
+
     @cached_property
     def distance(self) -> Distance:
         """Of the follower from the cam."""
@@ -152,6 +171,14 @@ class CamPair(HigherPair):
     def closure(self, mechanism: Mechanism) -> CamClosure:
         """The follower touches, without play."""
         return CamClosure(self, mechanism)
+
+    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch:
+        """Off the roller's centre, which turns on a pin of that radius, or off a face's pivot."""
+        follower, name = self.cam.follower, f'{self.name}.friction'
+        roller = getattr(follower, 'roller', 0.0)
+        share = radius / roller if roller else 1.0
+        offset = follower.face_offset if isinstance(follower, OscillatingFlat) else -roller
+        return Touch(self.closure(mechanism), name, offset, share=share)
 
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """How far the follower is from the place where it touches [m]; as an arc if it swings."""
@@ -248,9 +275,11 @@ class CamClosure(HigherClosure[CamPair]):
         joint = self.joint
         if joint.distance.slides:
             return -self._from_camshaft(frames, joint.first, joint.on_first, 'cam')[1]
-        frame, offset = self.mechanism.frame(joint.first)
+        m, label = self.mechanism, f'{self.name}:{joint.first}'
+        offset = m.frame(joint.first)[1]
         start = frames.parameters(f'{self.name}.phase', joint.sense * offset + joint.phase)
-        return frames.angle(frame) * float(joint.sense) + constant(start)
+        turned = m.turning(frames, joint.first, joint.on_first, label)
+        return turned * float(joint.sense) + constant(start)
 
     def _place(self, frames: Frames) -> Jet:
         """Of the follower: from the camshaft [m], or from the line of centres [rad]."""
@@ -261,7 +290,10 @@ class CamClosure(HigherClosure[CamPair]):
         sign = float(joint.swing)
         start = sign * (offset + joint.arm_angle - joint.direction - math.pi)
         known = frames.parameters(f'{self.name}.place', math.remainder(start, 2.0 * math.pi))
-        return frames.angle(frame) * sign + constant(known)
+        turned = frames.angle(frame)
+        if joint.second in self.mechanism.beams:
+            turned += chord(self.mechanism, frames, joint.second, joint.pivot, joint.on_second)
+        return turned * sign + constant(known)
 
     def _from_camshaft(
         self, frames: Frames, link: str, at: Vector2, label: str

@@ -98,7 +98,7 @@ def _touching(
     ----------
     rate : of the cam (N,) [rad/s] or [m/s]
     """
-    turn = view.turning(joint.first).position
+    turn = view.turning(joint.first, joint.on_first).position
     (x, y), (c, s) = joint.profile(touch.profile), (np.cos(turn), np.sin(turn))
     x0, y0 = view.place(joint.first, (0.0, 0.0))
     return x0 + c * x - s * y, y0 + s * x + c * y, touch.rate * rate, touch.sliding * rate
@@ -110,7 +110,7 @@ def _course(joint: CamPair, view: View) -> Course:
         x, y = joint.world((0.0, -1.0))
         p, v, a = (x * px + y * py for px, py in view.path(joint.first, joint.on_first))
         return Course(p - (x * joint.centre[0] + y * joint.centre[1]), v, a)
-    turn, sense = view.turning(joint.first), joint.sense
+    turn, sense = view.turning(joint.first, joint.on_first), joint.sense
     return Course(
         sense * turn.position + joint.phase, sense * turn.velocity, sense * turn.acceleration
     )
@@ -129,7 +129,7 @@ def _follower(joint: CamPair, view: View, lift: Array) -> Course:
     """The follower's place, from where it is on the base circle, in the direction of the lift."""
     lowest = joint.distance.lowest
     if joint.distance.swings:
-        turn = view.turning(joint.second)
+        turn = view.chord(joint.second, joint.pivot, joint.on_second)
         place = joint.swing * (turn.position + joint.arm_angle - joint.direction - math.pi)
         off = np.remainder(place - lowest - lift + math.pi, 2.0 * math.pi) - math.pi
         return Course(lift + off, joint.swing * turn.velocity, joint.swing * turn.acceleration)

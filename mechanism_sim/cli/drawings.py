@@ -128,8 +128,7 @@ def _cycle(options: argparse.Namespace) -> int:
             from mechanism_sim.report.plots import draw  # noqa: PLC0415
 
             say('plots')
-            with figures.style():
-                figures.save_all(draw(found), plots)
+            figures.save_all(draw(found), plots)
     return print_result(
         options,
         found,

@@ -74,9 +74,9 @@ def _report(options: argparse.Namespace) -> int:
     from mechanism_sim.cycles.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.pages import report  # noqa: PLC0415
     from mechanism_sim.pages.charts import sections  # noqa: PLC0415
-    from mechanism_sim.pages.charts.section import Section  # noqa: PLC0415
     from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
     from mechanism_sim.report import measured, progress  # noqa: PLC0415
+    from mechanism_sim.report.charts.chart import Section  # noqa: PLC0415
 
     file = output.check_path(
         '--output', options.output or f'{Path(options.scene).stem}.html', '.html', '.htm'
@@ -117,9 +117,9 @@ def _compare(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis import comparison  # noqa: PLC0415
     from mechanism_sim.pages import report  # noqa: PLC0415
     from mechanism_sim.pages.charts import sections  # noqa: PLC0415
-    from mechanism_sim.pages.charts.overlay import overlaid  # noqa: PLC0415
     from mechanism_sim.pages.recorded import recorded, together  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.report.charts.overlay import overlaid  # noqa: PLC0415
 
     sources = options.scene, options.other or options.scene
     stems = [Path(source).stem for source in sources]

@@ -68,6 +68,6 @@ def _deformed(machine: Machine, q: Array) -> dict[str, Array]:
             x = min(max(machine.plan.points[link][point][0], 0.0), beam.length)
             found[f'deflection.{link}.{point}'] = beam.deflection(x) @ own[: beam.modes]
             if beam.fibre is not None:
-                strain = beam.strain(x, beam.fibre) @ own
+                strain = beam.strain(x, float(beam.outer_fibre(x))) @ own
                 found[f'stress.{link}.{point}'] = beam.youngs_modulus * strain
     return found

@@ -23,6 +23,9 @@ DARK = (
 INK, PAPER, GROUND, ACCENT = '#1f2933', '#ffffff', '#66727f', '#c4342d'
 """Of edges, of what is seen through, of the frame, of drives and forces."""
 
+IMPACT = '#b35900'
+"""Of impacts, where they are marked."""
+
 _TINT = 0.30  # of a link's colour in its body, the rest is paper
 
 

@@ -60,7 +60,7 @@ class Shape:
     curves : (k, 2) [m] each, in the link's frame, that define it; a single point, ends, corners
     symbol : size of a joint in this drawing [m]
     label : of the link or joint; none if empty
-    size : of wheels, of which the largest are painted first
+    size : of wheels and hands, of which the largest are painted first
     number : of the link among those that move, which stands for its colour; -1 of the ground
     bends : whether its link is elastic: edges have points enough to bend
     """
@@ -167,21 +167,22 @@ def simplified(curve: Array, tolerance: float) -> Array:
     D. H. Douglas, T. K. Peucker, Cartographica 10(2), 1973, from the first point and the one that
     is farthest from it.
     """
-    points = np.concatenate([curve, curve[:1]])
+    points, each = np.concatenate([curve, curve[:1]]), np.arange(len(curve))
     far = int(np.hypot(*(curve - curve[0]).T).argmax())
-    kept, spans = {0, far}, [(0, far), (far, len(curve))]
-    while spans:
-        a, b = spans.pop()
-        if b - a < 2:
-            continue
-        way, to = points[b] - points[a], points[a + 1 : b] - points[a]
-        share = np.clip(to @ way / (float(way @ way) or 1.0), 0.0, 1.0)
+    kept = np.unique([0, far, len(curve)])
+    while True:  # all spans between those that are kept at once
+        span = np.searchsorted(kept, each, 'right') - 1
+        first, last = points[kept[:-1]][span], points[kept[1:]][span]
+        way, to = last - first, curve - first
+        square = (way * way).sum(axis=1)
+        share = np.clip((to * way).sum(axis=1) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
         off = np.hypot(*(to - share[:, None] * way).T)
-        k = int(off.argmax())
-        if off[k] > tolerance:
-            kept.add(a + 1 + k)
-            spans += [(a, a + 1 + k), (a + 1 + k, b)]
-    return np.asarray(curve[sorted(kept)])
+        off[kept[:-1]] = 0.0
+        most = np.maximum.reduceat(off, kept[:-1])
+        apart = np.flatnonzero((off == most[span]) & (off > tolerance))
+        if not apart.size:
+            return np.asarray(curve[kept[:-1]])
+        kept = np.union1d(kept, apart[np.unique(span[apart], return_index=True)[1]])
 
 
 def _body(shape: Shape) -> list[Path]:
@@ -208,12 +209,18 @@ def _slot(shape: Shape) -> list[Path]:
 
 
 def _rail(shape: Shape) -> list[Path]:
-    """A rod of a link; of the frame a line, hatched below where the slider does not reach."""
+    """A rod of a link; of the frame a line, hatched below where the slider does not reach.
+
+    Of a guide with play each wall, hatched on its outer side.
+    """
     if shape.link != GROUND:
         return [Path('body', (rounded(shape.outline, 0.6 * BAR * shape.symbol),))]
     start, end = shape.outline
     along = (end - start) / np.hypot(*(end - start))
     below = np.array([along[1], -along[0]])
+    if shape.label:  # a wall: what slides is on its other side
+        below = -below if shape.label == 'left wall' else below
+        return _hatched(shape.outline, below, shape.symbol)
     below = -below if below[1] > 1e-9 else below
     foot = shape.outline + 1.1 * shape.symbol * below
     return [Path('line', (shape.outline,)), *_hatched(foot, below, shape.symbol)]

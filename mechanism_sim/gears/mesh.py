@@ -38,9 +38,11 @@ from mechanism_sim.planar.mechanism import (
     Mechanism,
     Pose,
     Prismatic,
+    Vector2,
     rotate,
 )
 from mechanism_sim.planar.protocols import ForceElement
+from mechanism_sim.planar.touch import TurningTouch
 from mechanism_sim.planar.view import Array, Charted, Draft, ToothLoad, View, circle
 
 _FLANK = 14  # points of a drawn flank, its fillet among them
@@ -105,6 +107,10 @@ class GearMesh(HigherPair):
     def closure(self, mechanism: Mechanism) -> MeshClosure:
         """Without play."""
         return MeshClosure(self, mechanism)
+
+    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> TurningTouch:
+        """Flanks, on the mean of their path."""
+        return TurningTouch(self.closure(mechanism), f'{self.name}.friction', self.sliding_arm)
 
     @property
     def elastic(self) -> bool:
@@ -224,6 +230,10 @@ class GearMesh(HigherPair):
                 found.append(tree.angle(link, q) - tree.angle(self.carrier, q))
         return found[0], found[1]
 
+    def bears(self, link: str) -> bool:
+        """A gear turns with the cross-section at its centre."""
+        return link in self.ends and not self._rack(link)
+
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """The offset [m] at the poses of links; errors of the teeth count too."""
         carrier = pose(self.carrier)
@@ -258,10 +268,10 @@ class MeshClosure(HigherClosure[GearMesh]):
 
     def places(self, frames: Frames) -> tuple[Jet, Jet]:
         """Angles of the gears against the carrier [rad]; of a rack, its displacement [m]."""
-        first, second = (self._place(frames, link) for link in self.joint.ends)
-        return first, second
+        j = self.joint
+        return self._place(frames, j.first, j.on_first), self._place(frames, j.second, j.on_second)
 
-    def _place(self, frames: Frames, link: str) -> Jet:
+    def _place(self, frames: Frames, link: str, at: Vector2) -> Jet:
         m, guide = self.mechanism, self.joint.guide
         if guide is not None and guide.second == link:
             if m.tree_joints.get(link) == guide:
@@ -269,9 +279,9 @@ class MeshClosure(HigherClosure[GearMesh]):
             x, y = frames.position(m.separation(guide.name), guide.name)
             ux, uy = frames.position(m.direction(guide.first, guide.axis), f'{guide.name}.way')
             return -(x * ux + y * uy)
-        frame, offset = m.frame(link)
+        offset = m.frame(link)[1]
         carrier, carried = m.frame(self.joint.carrier)
-        turned = frames.angle(frame) - frames.angle(carrier)
+        turned = m.turning(frames, link, at, f'{self.name}:{link}') - frames.angle(carrier)
         constant = frames.parameters(f'{self.name}.offset:{link}', offset - carried)
         return turned if constant is None else turned + constant
 

@@ -13,7 +13,7 @@ from mechanism_sim.planar.view import Array, View
 
 if TYPE_CHECKING:
     from mechanism_sim.gears.mesh import GearMesh
-    from mechanism_sim.planar.mechanism import HigherPair
+    from mechanism_sim.planar.mechanism import HigherPair, Vector2
 
 
 class MeshMode(IntEnum):
@@ -46,7 +46,8 @@ class GearReading(NamedTuple):
 
 def read_mesh(joint: GearMesh, view: View) -> GearReading:
     """Teeth in mesh: ideal, with backlash or elastic."""
-    (first, rate), (second, _) = (_place(joint, view, link) for link in joint.ends)
+    sides = (joint.first, joint.on_first), (joint.second, joint.on_second)
+    (first, rate), (second, _) = (_place(joint, view, *side) for side in sides)
     u = joint.waves[0] * first + joint.waves[1] * second
     ahead = np.remainder(u - joint.phase + math.pi, 2.0 * math.pi) - math.pi
     towards = view.turning(joint.carrier).position + joint.towards
@@ -92,18 +93,19 @@ def _reading(
     passing: Array,
     mode: NDArray[np.uint8],
 ) -> GearReading:
-    first, second = view.course(joint.first), view.course(joint.second)
+    first = view.course(joint.first, joint.on_first)
+    second = view.course(joint.second, joint.on_second)
     total = np.sqrt(force.tangential**2 + force.radial**2 + force.axial**2)
     return GearReading(
         *first[:2], *second[:2], error, total, *force, *efforts, passing, mode
     )  # fmt: skip
 
 
-def _place(joint: GearMesh, view: View, link: str) -> tuple[Array, Array]:
+def _place(joint: GearMesh, view: View, link: str, at: Vector2) -> tuple[Array, Array]:
     """Angle [rad] of a gear against the carrier, or displacement [m] of a rack; and its rate."""
     carrier, guide = view.turning(joint.carrier), joint.guide
     if guide is None or guide.second != link:
-        turn = view.turning(link)
+        turn = view.turning(link, at)
         return turn.position - carrier.position, turn.velocity - carrier.velocity
     way = carrier.position + guide.axis
     c, s = np.cos(way), np.sin(way)

@@ -53,6 +53,10 @@ class Transmission(HigherPair):
         """Whole numbers p, q: ``q second - p first`` is the same after whole turns of either."""
         return -self.ratio.numerator, self.ratio.denominator
 
+    def bears(self, link: str) -> bool:
+        """What turns does so with the cross-section at its point."""
+        return link in (self.first, self.second)
+
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """How far the second is off, times one metre [m]."""
         p, q = self.waves
@@ -75,11 +79,15 @@ class TransmissionClosure(HigherClosure[Transmission]):
         """
         joint, m = self.joint, self.mechanism
         p, q = joint.waves
-        (first, a), (second, b), (carrier, c) = (
+        (_, a), (_, b), (carrier, c) = (
             m.frame(link) for link in (joint.first, joint.second, joint.carrier)
         )
+        first, second = (
+            m.turning(frames, link, at, f'{self.name}:{link}')
+            for link, at in ((joint.first, joint.on_first), (joint.second, joint.on_second))
+        )
         rest = q * (b - c - joint.phase) + p * (a - c)
-        u = frames.angle(second) * float(q) + frames.angle(first) * float(p)
+        u = second * float(q) + first * float(p)
         if carrier != GROUND:
             u = u - frames.angle(carrier) * float(p + q)
         constant = frames.parameters(f'{self.name}.phase', math.remainder(rest, 2.0 * math.pi))

@@ -17,6 +17,7 @@ _UNITS = {
     'drive_torque': ('N m', 'N'),
     'shaking_moment': ('N m', 'N m'),
     'bearing_moment': ('N m', 'N m'),
+    'axial_force': ('N', 'N'),
     't': ('s', 's'),
     'pressure_angle': ('rad', 'rad'),
     'contact': ('m', 'm'),

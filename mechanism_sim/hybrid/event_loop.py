@@ -146,14 +146,14 @@ class EventLoop:
 
     def _leave_singular(self, distance: float, first: bool = False) -> bool:
         """Take the first step from a singular position; False if there is none so near."""
+        if first and self._system.relations and self._system.switches:
+            self._contacts.set_switches()  # closures may depend on them
         if not self._singular.is_within(distance):
             return False
         if self._system.gaps:
             if not self._singular.is_within(HERE):
                 return False
             raise self._singular.undecided()
-        if first and self._system.switches:
-            self._contacts.set_switches()
         self._go_on()
         h, guard, step = self._singular.begin()
         self._output.next.reshape(-1)[:] = step.terms

@@ -36,6 +36,10 @@ class Physics(Protocol):
         """Names of the joints with clearance."""
 
     @property
+    def tilting(self) -> tuple[str, ...]:
+        """Names of the joints that take moments out of the plane, or forces."""
+
+    @property
     def driven(self) -> tuple[str, ...]:
         """Names of the coordinates with a drive, in the order of ``Observation.drive_torque``."""
 
@@ -52,9 +56,10 @@ class Physics(Protocol):
         """Whether forces and energies are known, or only motion."""
 
     def columns(self, seen: Observation) -> dict[str, Array]:
-        """Columns (N,) of elastic links, see `Mechanism.strained`, and of bearings that tilt.
+        """Columns (N,) of elastic links, see `Mechanism.strained`, and of joints in `tilting`.
 
-        ``bearing_moment.JOINT.x``, ``.y``, ``.size`` [N m]: on the second link, about the middle.
+        ``bearing_moment.JOINT.x``, ``.y``, ``.size`` [N m]: on the second link, about the middle;
+        ``axial_force.JOINT`` [N] on it, towards the reader, if there are stops along the axis.
         """
 
     def observe(
@@ -101,18 +106,21 @@ class DynamicPhysics:
         self.driven = (*system.prescribed, *system.powered)
         self.displacements = system.mechanism.displacements
         self.clearances = tuple(gap.name for gap in system.gaps)
+        self._ends = [(k, gap) for k, gap in enumerate(system.gaps) if isinstance(gap, EndGap)]
+        self.tilting = tuple(dict.fromkeys(gap.joint for _, gap in self._ends))
 
     def columns(self, seen: Observation) -> dict[str, Array]:
         """As `Physics.columns`."""
         found, q = self.system.mechanism.strained(seen.position), seen.position
-        moments: dict[str, Array] = {}
-        for k, gap in enumerate(self.system.gaps):
-            if isinstance(gap, EndGap):
-                own = gap.moment(q, seen.normal_force[k], seen.friction_force[k])
-                moments[gap.joint] = moments.get(gap.joint, 0.0) + own
-        for joint, (x, y) in moments.items():
+        for joint in self.tilting:
+            ends = [(k, gap) for k, gap in self._ends if gap.joint == joint]
+            N, T = seen.normal_force, seen.friction_force
+            x, y = np.sum([gap.moment(q, N[k], T[k]) for k, gap in ends], axis=0)
             name = f'bearing_moment.{joint}'
             found |= {f'{name}.x': x, f'{name}.y': y, f'{name}.size': np.hypot(x, y)}
+            if any(gap.thrust for _, gap in ends):
+                along = np.sum([gap.thrust * N[k] for k, gap in ends], axis=0)
+                found[f'axial_force.{joint}'] = along
         return found
 
     def observe(

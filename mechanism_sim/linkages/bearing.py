@@ -8,7 +8,7 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.contact.film import ShortBearing
+from mechanism_sim.contact.film import JournalMotion, ShortBearing
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
@@ -120,8 +120,8 @@ class FilmBearing:
     reach: float = 0.0  #: [m] how far off the centre its walls touch; 0: never
     soft: bool = False  #: whether these give way
 
-    def _motion(self, frames: Frames) -> tuple[Jet, Jet, list[Term]]:
-        """Q in components, and what the film asks for: Q, Q', spins, share of Q that counts."""
+    def _motion(self, frames: Frames) -> tuple[Jet, Jet, JournalMotion]:
+        """Q in components, and the motion that the film asks for."""
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         joint, p = self.mechanism.joint(self.name), frames.parameters
         spins = []
@@ -133,23 +133,24 @@ class FilmBearing:
                 for v in [frames.v[c]]
             ]
             spins.append(dense(add(*shares)))
-        motion = [*map(dense, (x.value, y.value, x.rate, y.rate)), *spins]
+        motion = JournalMotion(*map(dense, (x.value, y.value, x.rate, y.rate)), *spins)
         if not self.reach:
             return x, y, motion
-        if not (self.film.full or self.soft):
+        if not (self.film.full or self.film.supply or self.soft):
             # along a rigid wall the half that carries changes sides, where its force has a corner
-            frames.switch(f'{self.name}.film', self.film.across(*motion))
+            frames.switch(f'{self.name}.film', self.film.across(motion))
         if not self.soft:
             return x, y, motion
         c, closed = self.film.clearance, p.reserve(f'{self.name}.closed')
-        square = motion[0] * motion[0] + motion[1] * motion[1] + (1.0 - closed) * (c * c)
-        return x, y, [*motion, 1.0 + closed * (self.reach / hy.sqrt(square) - 1.0)]
+        square = motion.x * motion.x + motion.y * motion.y + (1.0 - closed) * (c * c)
+        share = 1.0 + closed * (self.reach / hy.sqrt(square) - 1.0)
+        return x, y, motion._replace(share=share)
 
     def loads(self, frames: Frames) -> list[Load]:
         """On journal and bushing, at their centres."""
         _, _, motion = self._motion(frames)
-        fx, fy = self.film.force(*motion)
-        on_journal, on_bushing = self.film.moments(*motion)
+        fx, fy = self.film.force(motion)
+        on_journal, on_bushing = self.film.moments(motion)
         joint, name = self.mechanism.joint(self.name), self.name
         return [
             Load(f'{name}.first', joint.first, joint.on_first, (fx, fy), on_journal),
@@ -168,9 +169,9 @@ class FilmBearing:
     def power_lost(self, frames: Frames) -> Term:
         """``-(F.Q' + moments.spins)``."""
         x, y, motion = self._motion(frames)
-        fx, fy = self.film.force(*motion)
-        moments = self.film.moments(*motion)
+        fx, fy = self.film.force(motion)
+        moments = self.film.moments(motion)
         return neg(
-            add(mul(fx, x.rate), mul(fy, y.rate), mul(moments[0], motion[4]),
-                mul(moments[1], motion[5]))
+            add(mul(fx, x.rate), mul(fy, y.rate), mul(moments[0], motion.spin_journal),
+                mul(moments[1], motion.spin_bushing))
         )  # fmt: skip

@@ -4,6 +4,8 @@ Pin and bushing are circles in the two end planes of the bearing: exact to the f
 inclinations, which are of the size of clearance over length. For larger ones see F. Marques,
 F. Isaac, N. Dourado and P. Flores, An enhanced formulation to model spatial revolute joints with
 radial and axial clearances, Mechanism and Machine Theory 116 (2017) 123-144.
+
+A bearing may have stops along its axis, too, see `AxialStop`.
 """
 
 from __future__ import annotations
@@ -11,17 +13,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import ClassVar
+from typing import Any, ClassVar
 
+import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.linkages.bearing import BearingClearance
-from mechanism_sim.numerics.symbolic import Term, add
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, moment_of
-from mechanism_sim.planar.mechanism import Point, Revolute, Vector2
-from mechanism_sim.planar.play import ENDS, end_name
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Point, Revolute, Vector2
+from mechanism_sim.planar.play import ENDS, STOPS, end_name
+from mechanism_sim.planar.protocols import ForceLaw
 
 Array = NDArray[np.float64]
 
@@ -36,6 +41,7 @@ class BearingEnd(BearingClearance):
     height: float = 0.0  #: [m] above the plane of the links
     reach: float = 0.0  #: [m] above the middle of the bearing
 
+    thrust: ClassVar[float] = 0.0
     softness: ClassVar[float] = 1e-9
     """Two ends that stick in links that do not lean hold the same, giving way so little."""
 
@@ -98,6 +104,116 @@ def bearing_ends(
             **known, bearing=joint.name, pin=on_pin, bushing=on_bushing, height=along + reach,
             reach=reach,
         )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class AxialStop:
+    """A face at an end of a bearing, on which the collar of the first link comes to rest.
+
+    With the way z of the first link against the second along the axis, and the inclination s of
+    one face against the other, the gap is ``play -+ z - (sqrt(k^2 + r^2 s.s) - k)``: that of half
+    an ellipsoid of radius r and height k on a plane. With ``r |s|`` well above k it touches at its
+    rim, the gap is ``play -+ z - r |s|``; in line it touches in the middle.
+    """
+
+    name: str
+    joint: str
+    mechanism: Mechanism
+    thrust: float  #: 1 of what stops the first link on its way towards the reader, else -1
+    play: float  #: [m] from the middle
+    restitution: float
+    hypothesis: str = 'newton'
+    law: ForceLaw | None = None
+    radius: float = 0.0  #: [m] r; 0 of a face that takes no moment
+    crown: float = 0.0  #: [m] k, of the face's middle above its rim
+    pin: Vector2 = (0.0, 0.0)  #: [rad] inclination by manufacture, in the frame of its link
+    bushing: Vector2 = (0.0, 0.0)  #: [rad]
+    friction: ClassVar[float] = 0.0
+
+    @property
+    def _ends(self) -> tuple[tuple[str, Vector2, float], tuple[str, Vector2, float]]:
+        joint = self.mechanism.joint(self.joint)
+        return (joint.first, joint.on_first, 1.0), (joint.second, joint.on_second, -1.0)
+
+    @property
+    def _inclination(self) -> Point:
+        """Of the first link's face against the second's; nothing if that does not matter."""
+        known = self.mechanism.inclination(self.joint, self.pin, self.bushing)
+        return known if self.radius else {}
+
+    def value(self, frames: Frames) -> Jet:
+        """The distance of the faces [m]."""
+        gap = lift(dense(frames.parameters(f'{self.name}.play', self.play)))
+        for link, at, sign in self._ends:
+            for c, slope in self.mechanism.rise(link, at).items():
+                way = frames.parameters(f'{self.name}.way:{c}', -self.thrust * sign * slope)
+                if way is not None:
+                    gap += frames.displacement(c) * way
+        if not self._inclination:
+            return gap
+        x, y = frames.position(self._inclination, f'{self.name}.face')
+        square = dense(frames.parameters(f'{self.name}.face_square', self.radius**2))
+        crown = dense(frames.parameters(f'{self.name}.crown', self.crown))
+        half = x.half_square() + y.half_square()
+        if half.value is None:
+            return gap
+        inner = 2.0 * square * half.value
+        root = hy.sqrt(crown * crown + inner)
+        return gap - half.chain(
+            inner / (root + crown), square / root, -square * square / (root * root * root)
+        )
+
+    def slip(self, _: Frames) -> Jet:
+        """There is no friction here.
+
+        Raises
+        ------
+        NotImplementedError
+        """
+        raise NotImplementedError('stops along an axis have no friction')
+
+    def normal(self, _: Frames) -> tuple[Jet, Jet]:
+        """Along the axis: nothing in the plane."""
+        return lift(0.0), lift(0.0)
+
+    def wrench(self, frames: Frames, N: Term, _: Term) -> Wrench:
+        """A moment in the plane is left where faces are out of line by manufacture."""
+        turning = self.value(frames).gradient if self._inclination else {}
+        moment: Term = None
+        for link, _at, sign in reversed(self._ends):  # on the second link, or minus on the first
+            frame = self.mechanism.frame(link)[0]
+            if frame != GROUND and moment is None:
+                moment = mul(N, turning.get(frame))
+                moment = neg(moment) if sign > 0.0 else moment
+        return Wrench(None, None, moment)
+
+    def moment(self, q: Array, N: Array, _: Array) -> Array:
+        """Moment (2, N) [N m] on the second link about the bearing's middle, see `BearingEnd`."""
+        x, y = self.mechanism.evaluate(self._inclination, q)
+        root = np.sqrt(self.crown**2 + self.radius**2 * (x * x + y * y))
+        arm = np.divide(self.radius**2, root, out=np.zeros_like(root), where=root > 0.0)
+        return np.asarray(N * arm * np.array([-y, x]))
+
+    def stretch(self, value: Term) -> Term:
+        """The value is the distance."""
+        return hy.expression(1.0)
+
+    def depth(self, value: Term) -> Term:
+        """The value is the distance."""
+        return -value
+
+    def distance(self, value: Array) -> Array:
+        """The value is the distance."""
+        return value
+
+
+def axial_stops(mechanism: Mechanism, joint: str, play: float, **face: Any) -> Iterator[AxialStop]:
+    """Both stops of a bearing; `face` holds the other attributes of each."""
+    bearing = mechanism.joint(joint)
+    assert isinstance(bearing, Revolute)  # noqa: S101 - it is one
+    for stop, thrust in zip(STOPS, (1.0, -1.0), strict=True):
+        name = end_name(mechanism, bearing, stop)
+        yield AxialStop(name, joint, mechanism, thrust, play, **face)
 
 
 def seat(clearance: float, towards: Array, off: Array) -> Array:

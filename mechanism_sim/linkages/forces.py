@@ -17,7 +17,7 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic, Vector2
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Vector2
 
 LinkPoint = tuple[str, Vector2]
 """A link, and a point in its frame [m]."""
@@ -139,7 +139,11 @@ class TorsionSpring(_Element):
         turned = neg(frames.unwound(a)) if a != b else None
         angle = add(frames.unwound(b) if a != b else None, turned, neg(free))
         rate = add(frames.angle(b).rate, neg(frames.angle(a).rate)) if a != b else None
-        return angle, rate
+        bent = self._bent(frames, 'second') - self._bent(frames, 'first')
+        return add(angle, bent.value), add(rate, bent.rate)
+
+    def _bent(self, frames: Frames, which: str) -> Jet:
+        return self.mechanism.bent(frames, getattr(self, which), (0.0, 0.0), f'{self.key}.{which}')
 
     def loads(self, frames: Frames) -> list[Load]:
         """Opposite moments on both links."""
@@ -323,8 +327,8 @@ class AppliedForce(_Element):
         fed: Term = None
         for load in self.loads(frames):
             x, y = load.place(frames, self.mechanism)
-            frame = self.mechanism.frame(load.link)[0]
-            spin = None if frame == GROUND else mul(load.moment, frames.v[frame])
+            turn = self.mechanism.turning(frames, load.link, load.at, load.name)
+            spin = mul(load.moment, turn.rate)
             fed = add(fed, mul(load.force[0], x.rate), mul(load.force[1], y.rate), spin)
         return neg(fed)
 

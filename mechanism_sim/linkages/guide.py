@@ -23,6 +23,7 @@ from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Side, Vector2, rotate
 from mechanism_sim.planar.play import SIDES, corner_name
 from mechanism_sim.planar.protocols import ForceLaw
+from mechanism_sim.planar.rails import Foot, rail_of
 
 Array = NDArray[np.float64]
 
@@ -66,8 +67,17 @@ class GuideClearance:
 
     def _along(self, frames: Frames, angle: float, what: str) -> tuple[Jet, Jet]:
         joint = self._guide
-        direction = self.mechanism.direction(joint.first, joint.axis + angle)
+        direction = self.mechanism.direction(joint.first, joint.axis + angle, joint.on_first)
         return frames.position(direction, f'{self.joint}.{what}')
+
+    def _foot(self, frames: Frames) -> Foot | None:
+        """Where the corner is along an elastic link, if the guide goes along it."""
+        j, m = self._guide, self.mechanism
+        rail = rail_of(m, self.joint, j.first, j.on_first, j.axis)
+        if rail is None:
+            return None
+        corner = frames.position(m.point(j.second, self.corner), f'{self.name}.corner')
+        return rail.foot(frames, corner, self.name, thick=True)
 
     def _off(self, frames: Frames, on: Vector2, link: str, what: str) -> tuple[Jet, Jet]:
         """The corner from a point of a link."""
@@ -80,14 +90,19 @@ class GuideClearance:
 
     def value(self, frames: Frames) -> Jet:
         """Distance of the corner from the wall [m]."""
-        x, y = self._off(frames, self._guide.on_first, self._guide.first, 'axis')
-        nx, ny = self._along(frames, 0.5 * math.pi, 'normal')
         width = lift(dense(frames.parameters(f'{self.joint}.width', self.width)))
-        height = nx * x + ny * y
+        if foot := self._foot(frames):
+            height = foot.away
+        else:
+            x, y = self._off(frames, self._guide.on_first, self._guide.first, 'axis')
+            nx, ny = self._along(frames, 0.5 * math.pi, 'normal')
+            height = nx * x + ny * y
         return width - height if self.side == 'left' else width + height
 
     def slip(self, frames: Frames) -> Jet:
         """Velocity of the wall along the corner, in the direction of the normal turned by +90."""
+        if foot := self._foot(frames):
+            return -foot.slip if self.side == 'left' else foot.slip
         x, y = self._off(frames, self._guide.on_first, self._guide.first, 'axis')
         ux, uy = self._along(frames, 0.0, 'along')
         way = ux * x + uy * y
@@ -96,7 +111,8 @@ class GuideClearance:
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """From the wall to the axis."""
-        nx, ny = self._along(frames, 0.5 * math.pi, 'normal')
+        foot = self._foot(frames)
+        nx, ny = foot.normal if foot else self._along(frames, 0.5 * math.pi, 'normal')
         return (-nx, -ny) if self.side == 'left' else (nx, ny)
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:

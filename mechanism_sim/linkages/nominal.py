@@ -346,6 +346,7 @@ class NominalPhysics:
     """An ideal linkage: exact kinematics, and forces where masses are known."""
 
     clearances: tuple[str, ...] = ()
+    tilting: tuple[str, ...] = ()
 
     def __init__(
         self, ideal: IdealMotion, mechanism: Mechanism, forces: InverseDynamics | None

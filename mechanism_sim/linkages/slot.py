@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from mechanism_sim.numerics.symbolic import Term, add, mul, neg
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.configuration import off_line, turned
 from mechanism_sim.planar.frames import Frames
@@ -14,6 +14,7 @@ from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose
 from mechanism_sim.planar.play import Wall
+from mechanism_sim.planar.rails import Foot, rail_of
 from mechanism_sim.planar.view import Draft
 
 
@@ -37,6 +38,10 @@ class PinInSlot(HigherPair):
         """The pin stays on the centre line."""
         return SlotClosure(self, mechanism)
 
+    def bears(self, _: str) -> bool:
+        """Pins are at points, slots at cross-sections or along the axis."""
+        return True
+
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """The distance of the pin from the centre line [m]."""
         slot = pose(self.second)
@@ -52,11 +57,26 @@ class SlotClosure(HigherClosure[PinInSlot]):
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """Across the slot, 90 degrees counterclockwise from its axis."""
         joint = self.joint
-        normal = self.mechanism.direction(joint.second, joint.axis + 0.5 * math.pi)
+        if foot := self.foot(frames):
+            return foot.normal
+        axis = joint.axis + 0.5 * math.pi
+        normal = self.mechanism.direction(joint.second, axis, joint.on_second)
         return frames.position(normal, f'{self.name}.normal')
+
+    def foot(self, frames: Frames) -> Foot | None:
+        """Where the pin is along an elastic link, if the slot goes along it."""
+        j, m = self.joint, self.mechanism
+        rail = rail_of(m, self.name, j.second, j.on_second, j.axis)
+        if rail is None:
+            return None
+        label = f'{self.name}.first'
+        pin = frames.position(m.point(j.first, j.on_first), label)
+        return rail.foot(frames, pin, self.name)
 
     def values(self, frames: Frames) -> list[Jet]:
         """Distance of the pin from the centre line [m]."""
+        if foot := self.foot(frames):
+            return [foot.away]
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         nx, ny = self.normal(frames)
         return [nx * x + ny * y]
@@ -75,11 +95,17 @@ class SlotWall(Wall):
 
     pin_radius: float = 0.0  #: [m]
 
+    def _foot(self, frames: Frames) -> Foot | None:
+        return self.closure.foot(frames) if isinstance(self.closure, SlotClosure) else None
+
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """From the centre line to the wall."""
         joint, way = self.closure.joint, 0.5 if self.side == 'left' else -0.5
+        if foot := self._foot(frames):
+            (x, y), left = foot.normal, self.side == 'left'
+            return (x, y) if left else (-x, -y)
         across = self.closure.mechanism.direction(
-            joint.second, getattr(joint, 'axis', 0.0) + way * math.pi
+            joint.second, getattr(joint, 'axis', 0.0) + way * math.pi, joint.on_second
         )
         return frames.position(across, f'{self.name}.normal')
 
@@ -89,13 +115,21 @@ class SlotWall(Wall):
         The pin's own along the slot, and its radius times its turning on the slot.
         """
         joint, mechanism = self.closure.joint, self.closure.mechanism
-        nx, ny = self.normal(frames)
-        x, y = frames.position(mechanism.separation(self.joint), self.joint)
-        along = nx * y - ny * x
-        slip = Jet(None, along.gradient, along.rate, along.curvature)
-        ends = (joint.first, joint.on_first, 1.0), (joint.second, joint.on_second, -1.0)
-        for link, at, way in ends:
-            for c, turn in mechanism.turns(link, at).items():
+        first, second = (
+            mechanism.turns(link, at)
+            for link, at in ((joint.first, joint.on_first), (joint.second, joint.on_second))
+        )
+        if foot := self._foot(frames):
+            slip = -foot.slip if self.side == 'left' else foot.slip
+            second = {c: turn for c, turn in second.items() if c not in mechanism.deformations}
+            slip -= foot.turned * dense(frames.parameters(f'{self.name}.slip', self.pin_radius))
+        else:
+            nx, ny = self.normal(frames)
+            x, y = frames.position(mechanism.separation(self.joint), self.joint)
+            along = nx * y - ny * x
+            slip = Jet(None, along.gradient, along.rate, along.curvature)
+        for link, turns, way in ((joint.first, first, 1.0), (joint.second, second, -1.0)):
+            for c, turn in turns.items():
                 r = frames.parameters(f'{self.name}.slip:{link}@{c}', way * turn * self.pin_radius)
                 if r is not None:
                     slip += Jet(None, {c: r}, mul(r, frames.v[c]), None)

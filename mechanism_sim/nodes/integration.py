@@ -152,7 +152,7 @@ class Integration:
             self._schedules['wrenches'] = Schedule(outputs.wrenches)
         physics, mechanism, frame = self._physics, self._machine.mechanism, self._node.frame
         self._write_states = publications.joint_states(physics)
-        self._write_linkage = publications.linkage_states(physics, frame(WORLD))
+        self._write_linkage = publications.linkage_states(physics, mechanism, frame(WORLD))
         self._write_reactions = publications.reactions(physics, frame(WORLD))
         self._write_loads = publications.bearing_loads(self._machine, frame(WORLD))
         self._write_transforms = publications.transforms(mechanism, frame, [*self._wrenches])

@@ -53,8 +53,11 @@ def joint_states(physics: Physics) -> Callable[[Array, Observation], list[bytes]
     return write
 
 
-def linkage_states(physics: Physics, world: str) -> Callable[[Samples], list[bytes]]:
+def linkage_states(
+    physics: Physics, mechanism: Mechanism, world: str
+) -> Callable[[Samples], list[bytes]]:
     """LinkageState messages, in the frame of the world."""
+    elastic = [*mechanism.beams]
     names, joints = list(physics.coordinates), list(physics.clearances)
     each, gap = float64_array(np.zeros(len(names))), float64_array(np.zeros(len(joints)))
     message = LinkageState(coordinates=names, joints=joints)
@@ -62,6 +65,8 @@ def linkage_states(physics: Physics, world: str) -> Callable[[Samples], list[byt
     message.position = message.velocity = message.acceleration = each
     message.gaps = message.normal_forces = message.friction_forces = gap
     message.modes = uint8_array(np.zeros(len(joints)))
+    message.elastic_links = elastic
+    message.deflections = message.stresses = float64_array(np.zeros(len(elastic)))
     layout = Layout(message)
 
     def write(s: Samples) -> list[bytes]:
@@ -80,6 +85,11 @@ def linkage_states(physics: Physics, world: str) -> Callable[[Samples], list[byt
             'drive_work': s.drive_work,
             'dissipated': s.dissipated,
         }
+        if elastic:
+            strained, unknown = mechanism.strained(o.position), np.full(len(s.t), np.nan)
+            for field, what in (('deflections', 'deflection'), ('stresses', 'stress')):
+                each = [strained.get(f'{what}.{link}', unknown) for link in elastic]
+                columns[field] = np.transpose(each)
         if not o.drive_torque.size:  # nor are energies known
             columns |= dict.fromkeys(ENERGIES, np.zeros(len(s.t)))
         return layout.write(s.t, columns)
@@ -94,6 +104,8 @@ def reactions(physics: Physics, world: str) -> Callable[[Array, Observation], li
     message = JointReactions(joints=joints, force_x=none, force_y=none, moment=none)
     message.loads = list(physics.unknowns)
     message.load_sizes = float64_array(np.zeros(len(message.loads)))
+    if physics.tilting:
+        message.force_z = message.moment_x = message.moment_y = none
     message.header.frame_id = world
     layout = Layout(message)
 
@@ -106,9 +118,22 @@ def reactions(physics: Physics, world: str) -> Callable[[Array, Observation], li
         }
         if message.loads:
             columns['load_sizes'] = o.load.T
+        if physics.tilting:
+            columns |= {field: x.T for field, x in _out_of_plane(physics, o).items()}
         return layout.write(t, columns)
 
     return write
+
+
+def _out_of_plane(physics: Physics, o: Observation) -> dict[str, Array]:
+    """Forces and moments (j, N) in joints out of the plane, 0 in those that take none."""
+    columns, none = physics.columns(o), np.zeros(o.position.shape[1])
+    names = {'force_z': 'axial_force.{}', 'moment_x': 'bearing_moment.{}.x',
+             'moment_y': 'bearing_moment.{}.y'}  # fmt: skip
+    return {
+        field: np.array([columns.get(name.format(joint), none) for joint in physics.joints])
+        for field, name in names.items()
+    }
 
 
 def bearing_loads(
@@ -151,11 +176,11 @@ def wrenches(
 ) -> dict[str, Callable[[Array, Observation], list[bytes]]]:
     """WrenchStamped messages by joint: of the first link on the second, in `joint_frame`."""
     index = physics.joints.index
-    return {joint: _wrench(index(joint), joint, mechanism, frame_of) for joint in joints}
+    return {joint: _wrench(physics, index(joint), joint, mechanism, frame_of) for joint in joints}
 
 
 def _wrench(
-    i: int, joint: str, mechanism: Mechanism, frame_of: Callable[[str], str]
+    physics: Physics, i: int, joint: str, mechanism: Mechanism, frame_of: Callable[[str], str]
 ) -> Callable[[Array, Observation], list[bytes]]:
     message = WrenchStamped()
     message.header.frame_id = joint_frame(joint, frame_of)
@@ -170,6 +195,13 @@ def _wrench(
             'wrench.force.y': c * y - s * x,
             'wrench.torque.z': o.reaction_moment[i],
         }
+        if joint in physics.tilting:
+            force, x, y = (rows[i] for rows in _out_of_plane(physics, o).values())
+            columns |= {
+                'wrench.force.z': force,
+                'wrench.torque.x': c * x + s * y,
+                'wrench.torque.y': c * y - s * x,
+            }
         return layout.write(t, columns)
 
     return write

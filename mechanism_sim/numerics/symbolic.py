@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
+from math import perm
 from typing import Any, TypeAlias
 
 import heyoka as hy
@@ -51,6 +52,17 @@ def dot(a: Sequence[Term], b: Sequence[Term]) -> Term:
 def dense(term: Term) -> hy.expression:
     """The expression, with a structural zero as the number 0."""
     return hy.expression(0.0) if term is None else term
+
+
+def polynomial(coefficients: Sequence[Term], x: hy.expression, orders: int) -> list[hy.expression]:
+    """A polynomial with rising powers and its derivatives, `orders` in all, by Horner."""
+    found = []
+    for order in range(orders):
+        value: Term = None
+        for k in range(len(coefficients) - 1, order - 1, -1):
+            value = add(mul(value, x), float(perm(k, order)) * coefficients[k])
+        found.append(dense(value))
+    return found
 
 
 def solve_symmetric(A: Matrix, columns: Sequence[Vector]) -> list[Vector]:

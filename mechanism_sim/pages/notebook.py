@@ -6,19 +6,21 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+import numpy as np
+
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.export.stage import packed
 from mechanism_sim.hybrid.column_units import unit_of
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.pages import report
-from mechanism_sim.pages.charts import sections
-from mechanism_sim.pages.charts.course import Course
-from mechanism_sim.pages.charts.style import brief, places
+from mechanism_sim.pages.charts import brief, places, sections
 from mechanism_sim.pages.recorded import recorded, together
-from mechanism_sim.report.cycle import for_people
+from mechanism_sim.report.charts.course import Course
 from mechanism_sim.scene import Machine, load_scene, simulate
-from mechanism_sim.units import typeset
+from mechanism_sim.units import for_people, typeset
+
+_NOTHING = 1e-12  # of a machine's size, which is rounding
 
 
 class Player:
@@ -121,6 +123,9 @@ def explore(
             )
         runs.append(recorded(record))
         lines.append(found[quantity])
+        if unit_of(machine, quantity) == 'm':  # of what touches only rounding is left
+            far = lines[-1].values
+            far[np.abs(far) < _NOTHING * machine.mechanism.size] = 0.0
     size = max(abs(line.values).max() for line in lines)
     unit, scale = for_people(unit_of(runs[0].record.machine, quantity), size)
     curves = {

@@ -15,8 +15,7 @@ from plotly.offline import get_plotlyjs
 from mechanism_sim.analysis.comparison import Difference, texts
 from mechanism_sim.catalogue import installed_version
 from mechanism_sim.pages.assets import embedded, import_map, render, styles
-from mechanism_sim.pages.charts import Section
-from mechanism_sim.pages.charts.style import NIGHT
+from mechanism_sim.pages.charts import NIGHT, Section, figure
 from mechanism_sim.pages.recorded import Recorded
 from mechanism_sim.units import typeset
 
@@ -89,7 +88,7 @@ def page(
     if family:
         data['curves'] = family.curves
         data['family'] = [x.to_json() for x in family.runs[1:]]
-    charts = {chart.key: chart.figure for part in parts for chart in part.charts}
+    charts = {chart.key: figure(chart) for part in parts for chart in part.charts}
     return render(
         'page.html.jinja',
         version=installed_version(),
@@ -98,6 +97,7 @@ def page(
         description=scene.description.strip(),
         facts=_facts(run, source, digest or record.digest()),
         sections=parts,
+        heights={key: drawn['layout']['height'] for key, drawn in charts.items()},
         bearings=[name.replace('_', ' ') for name in bearings],
         names=beside.names if beside else (),
         differences=_rows(beside.differences) if beside else (),
@@ -107,7 +107,6 @@ def page(
         modules=Markup(import_map(MODULES)),  # noqa: S704 - ours
         data=embedded(data),
         family=family,
-        sways=run.stage.sways,
         library=library,
         back=back,
         charts=embedded(charts),

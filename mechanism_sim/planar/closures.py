@@ -13,6 +13,7 @@ from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
 from mechanism_sim.planar.protocols import Relation
+from mechanism_sim.planar.rails import Foot, rail_of
 
 
 @dataclass(frozen=True)
@@ -41,8 +42,20 @@ class PrismaticClosure:
     def _normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """Of the line, 90 degrees counterclockwise from its axis."""
         joint = self._joint
-        normal = self.mechanism.direction(joint.first, joint.axis + 0.5 * math.pi)
+        if foot := self._foot(frames):
+            return foot.normal
+        axis = joint.axis + 0.5 * math.pi
+        normal = self.mechanism.direction(joint.first, axis, joint.on_first)
         return frames.position(normal, f'{self.name}.normal')
+
+    def _foot(self, frames: Frames) -> Foot | None:
+        """Where the second link's point is on an elastic rail."""
+        j, m = self._joint, self.mechanism
+        rail = rail_of(m, self.name, j.first, j.on_first, j.axis)
+        if rail is None:
+            return None
+        label = f'{self.name}.second'
+        return rail.foot(frames, frames.position(m.point(j.second, j.on_second), label), self.name)
 
     @property
     def _joint(self) -> Prismatic:
@@ -53,14 +66,19 @@ class PrismaticClosure:
 
     def values(self, frames: Frames) -> list[Jet]:
         """Distance from the line [m]; sine of the angle by which it turned, times the size [m]."""
-        joint = self._joint
-        x, y = frames.position(self.mechanism.separation(self.name), self.name)
-        nx, ny = self._normal(frames)
-        away: Jet = -(nx * x + ny * y)
-        first = self.mechanism.direction(joint.first, joint.angle)
-        second = self.mechanism.direction(joint.second, 0.0)
+        joint, foot = self._joint, self._foot(frames)
+        at = None if foot else joint.on_first
+        first = self.mechanism.direction(joint.first, joint.angle, at)
+        second = self.mechanism.direction(joint.second, 0.0, joint.on_second)
         ux, uy = frames.position(first, f'{self.name}.first.x')
         vx, vy = frames.position(second, f'{self.name}.second.x')
+        if foot:
+            away, c, s = foot.away, foot.cosine, foot.sine
+            ux, uy = ux * c - uy * s, uy * c + ux * s
+        else:
+            x, y = frames.position(self.mechanism.separation(self.name), self.name)
+            nx, ny = self._normal(frames)
+            away = -(nx * x + ny * y)
         turned: Jet = ux * vy - uy * vx
         return [away, turned * dense(frames.parameters(f'{self.name}.size', self.mechanism.size))]
 

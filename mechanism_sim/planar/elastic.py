@@ -20,25 +20,26 @@ starts. Stretch is zero where the axis starts.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from itertools import combinations_with_replacement
-from typing import Literal, TypeAlias
+from functools import cached_property
+from itertools import combinations_with_replacement, pairwise
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.polynomial import Legendre, legendre
-from numpy.typing import NDArray
+from numpy.polynomial import legendre
 
-Array: TypeAlias = NDArray[np.float64]
-Ends: TypeAlias = Literal['pinned', 'clamped']
-Functions: TypeAlias = Literal['modal', 'polynomial']
+from mechanism_sim.planar.beam_sections import Taper
+from mechanism_sim.planar.beam_shapes import Array, Ends, Functions, gauss, shapes, tapered
+
+Vector2: TypeAlias = tuple[float, float]
 
 ROUNDING = 1e-13
 """Of a shape function's size: less is rounding, and no term of the equations."""
 
 
 _SECTIONS = 41
+_FITTED = 16
+"""Coefficients of a polynomial that is a half wave of a beam but for rounding."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,20 @@ class Damping:
     ratio: float = 0.0
     mass: float = 0.0  #: [1/s]
     stiffness: float = 0.0  #: [s]
+
+
+class AxisPieces(NamedTuple):
+    """All shapes as polynomials of the place along the axis, from break to break.
+
+    Attributes
+    ----------
+    breaks : (k + 3,) [m] with the ends of the beam, and infinity beyond both
+    rows : (k + 2, n * (degree + 1)) coefficients of rising powers [1/m^j], coordinate by
+        coordinate, of the place from the middle of each piece; beyond the beam from its end
+    """
+
+    breaks: Array
+    rows: Array
 
 
 @dataclass(frozen=True)
@@ -68,7 +83,8 @@ class Beam:
     shortens : whether there is foreshortening; without it the beam is that of linear textbooks
     lumps : masses [kg] that the beam carries, with their points [m] in the link's frame
     spin : moment of inertia [kg m^2] that turns with the link's frame beside beam and lumps
-    fibre : distance [m] of the outer fibres from the axis, if it is known
+    fibre : distance [m] of the outer fibres from the axis, if it is known; the largest
+    taper : how the section changes along the beam; stiffnesses and density are then mean values
     """
 
     length: float  #: [m]
@@ -82,9 +98,10 @@ class Beam:
     functions: Functions = 'modal'
     damping: Damping = Damping()
     shortens: bool = True
-    lumps: tuple[tuple[float, tuple[float, float]], ...] = ()
+    lumps: tuple[tuple[float, Vector2], ...] = ()
     spin: float = 0.0
     fibre: float | None = None
+    taper: Taper | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -99,19 +116,52 @@ class Beam:
 
     def deflection(self, x: float | Array, derivative: int = 0) -> Array:
         """Functions phi_i or their derivatives by x at places x (...,) [m]: (modes, ...)."""
-        found = _bent(
-            self.ends, self.functions, self.modes, np.asarray(x) / self.length, derivative
-        )
+        t, way = np.asarray(x) / self.length, self.ends
+        found = shapes(way, self.functions, self.modes, self.taper, t, derivative)
         return found / self.length**derivative
+
+    def axis_pieces(self) -> AxisPieces:
+        """All shapes in pieces: exactly if they are polynomials, else but for rounding."""
+        L, order = self.length, _FITTED
+        if self.taper:
+            own = tapered(self.ends, self.functions, self.modes, self.taper)
+            breaks, order = own.breaks * L, own.order
+        elif self.functions == 'polynomial':
+            breaks, order = np.array([0.0, L]), self.modes + 2
+        else:  # a half wave each
+            breaks = np.linspace(0.0, L, self.modes + 1)
+        order = max(order, self.stretch + 1)
+        s, weights = gauss(order)
+        fit = legendre.legvander(s, order - 1) * weights[:, None] * (np.arange(order) + 0.5)
+        rows = np.zeros((len(breaks) + 1, len(self.names), order))
+        for k, (a, b) in enumerate(pairwise(breaks.tolist()), start=1):
+            x = 0.5 * (a + b) + 0.5 * (b - a) * s
+            values = np.concatenate([self.deflection(x), self.elongation(x)]) @ fit
+            powers = np.array(
+                [np.pad(p, (0, order - len(p))) for p in map(legendre.leg2poly, values)]
+            )
+            rows[k] = powers * (2.0 / (b - a)) ** np.arange(order)
+        for k, end in ((0, 0.0), (-1, L)):
+            rows[k, :, 0] = np.concatenate([self.deflection(end), self.elongation(end)])
+            rows[k, : self.modes, 1] = self.deflection(end, 1)
+        return AxisPieces(np.array([-np.inf, *breaks, np.inf]), rows.reshape(len(rows), -1))
 
     def elongation(self, x: float | Array, derivative: int = 0) -> Array:
         """Functions psi_k or their derivatives by x at places x (...,) [m]: (stretch, ...)."""
-        found = _polynomials('fixed', self.stretch, np.asarray(x) / self.length, derivative)
+        t = np.asarray(x) / self.length
+        found = shapes('fixed', 'polynomial', self.stretch, self.taper, t, derivative)
         return found / self.length**derivative
+
+    def outer_fibre(self, x: float | Array) -> Any:
+        """Distance [m] of the outer fibres from the axis at places x (...,) [m], if known."""
+        return self.taper.geometry(x)[2] if self.taper and self.fibre else self.fibre
 
     def _nodes(self, end: float) -> tuple[Array, Array]:
         """Places (N,) and weights (N,) [m] of Gauss' quadrature from 0 to `end`."""
-        places, weights = _gauss(12 + 4 * (self.modes + self.stretch))
+        if self.taper:
+            order = tapered(self.ends, self.functions, self.modes, self.taper).order
+            return self.taper.nodes(max(order, self.stretch + 1) + 2, end)
+        places, weights = gauss(12 + 4 * (self.modes + self.stretch))
         return 0.5 * end * (1.0 + places), 0.5 * end * weights
 
     def foreshortening(self, x: float) -> Array:
@@ -120,7 +170,7 @@ class Beam:
         slopes = self.deflection(places, 1)
         return np.asarray((slopes * weights) @ slopes.T)
 
-    def arms(self, at: tuple[float, float]) -> dict[tuple[str, ...], tuple[float, float]]:
+    def arms(self, at: Vector2) -> dict[tuple[str, ...], Vector2]:
         """How a point of the link moves in the link's frame: vectors by products of coordinates.
 
         Beside the axis a point moves with its cross-section, beyond the beam with the end of it.
@@ -132,7 +182,7 @@ class Beam:
         x = min(max(at[0], 0.0), self.length)
         beyond, y = at[0] - x, at[1]
         w, slope = self.deflection(x), self.deflection(x, 1)
-        found: dict[tuple[str, ...], tuple[float, float]] = {}
+        found: dict[tuple[str, ...], Vector2] = {}
         for i in range(self.modes):
             turned = float(slope[i])
             found[self.names[i],] = (-y * turned, float(w[i]) + beyond * turned)
@@ -149,7 +199,19 @@ class Beam:
             found[names] = (d[0] if abs(d[0]) > least else 0.0, d[1] if abs(d[1]) > least else 0.0)
         return {names: d for names, d in found.items() if d != (0.0, 0.0)}
 
-    def slopes(self, at: tuple[float, float]) -> dict[str, float]:
+    def turned(self, at: Vector2, v: Vector2) -> dict[tuple[str, ...], Vector2]:
+        """How a vector moves that is fixed to the cross-section at a point, like `arms`."""
+        slope = self.slopes(at)
+        found: dict[tuple[str, ...], Vector2] = {
+            (name,): (-x * v[1], x * v[0]) for name, x in slope.items()
+        }
+        if self.shortens:
+            for (i, x), (j, y) in combinations_with_replacement(slope.items(), 2):
+                share = (-0.5 if i == j else -1.0) * x * y
+                found[i, j] = (share * v[0], share * v[1])
+        return found
+
+    def slopes(self, at: Vector2) -> dict[str, float]:
         """How much a cross-section turns with each coordinate [rad/m]."""
         slope = self.deflection(min(max(at[0], 0.0), self.length), 1).tolist()
         return {name: x for name, x in zip(self.names, slope, strict=False) if x}
@@ -174,18 +236,23 @@ class Beam:
             sections = np.linspace(0.0, self.length, _SECTIONS)
             bent = self.deflection(sections, 2).T @ q[: self.modes]
             drawn = self.elongation(sections, 1).T @ q[self.modes :]
-            strain = np.abs(drawn) + self.fibre * np.abs(bent)
+            fibre = np.reshape(self.outer_fibre(sections), (-1, 1))
+            strain = np.abs(drawn) + fibre * np.abs(bent)
             found['stress'] = np.asarray(self.youngs_modulus * strain.max(axis=0))
         return found
 
+    def _shares(self, x: Array) -> tuple[Any, Any]:
+        """Area and second moment over their means at places x (N,) [m]."""
+        return self.taper.shares(x) if self.taper else (1.0, 1.0)
+
     @cached_property
-    def particles(self) -> tuple[tuple[float, tuple[float, float]], ...]:
+    def particles(self) -> tuple[tuple[float, Vector2], ...]:
         """Masses [kg] and their points [m] that stand for the beam in integrals; then the lumps.
 
         Gauss' quadrature: integrals of products of shape functions are exact but for rounding.
         """
         places, weights = self._nodes(self.length)
-        mass = (self.density * weights).tolist()
+        mass = (self.density * self._shares(places)[0] * weights).tolist()
         return (*((m, (x, 0.0)) for m, x in zip(mass, places.tolist(), strict=True)), *self.lumps)
 
     @cached_property
@@ -193,12 +260,13 @@ class Beam:
         """Mass [kg] and stiffness [N/m] (n,) of each coordinate of the beam by itself."""
         places, weights = self._nodes(self.length)
         mass, stiffness = [], []
-        for shape, order, size in (
-            (self.deflection, 2, self.bending_stiffness),
-            (self.elongation, 1, self.axial_stiffness),
+        area, moment = self._shares(places)
+        for shape, order, size, share in (
+            (self.deflection, 2, self.bending_stiffness, moment),
+            (self.elongation, 1, self.axial_stiffness, area),
         ):
-            mass += (self.density * (shape(places) ** 2 @ weights)).tolist()
-            stiffness += (size * (shape(places, order) ** 2 @ weights)).tolist()
+            mass += (self.density * (shape(places) ** 2 @ (area * weights))).tolist()
+            stiffness += (size * (shape(places, order) ** 2 @ (share * weights))).tolist()
         return np.array(mass), np.array(stiffness)
 
     @property
@@ -218,77 +286,3 @@ class Beam:
         (mass, stiffness), d = self._modal, self.damping
         found = 2.0 * d.ratio * np.sqrt(mass * stiffness) + d.mass * mass + d.stiffness * stiffness
         return dict(zip(self.names, found.tolist(), strict=True))
-
-
-@lru_cache
-def _gauss(count: int) -> tuple[Array, Array]:
-    """Places and weights (count,) of Gauss' quadrature from -1 to 1."""
-    return legendre.leggauss(count)
-
-
-def _bent(ends: Ends, functions: Functions, count: int, t: Array, derivative: int) -> Array:
-    """Shapes of bending of a beam of length 1 at places t (...,): (count, ...)."""
-    if functions == 'polynomial':
-        return _polynomials(ends, count, t, derivative)
-    order = np.arange(1, count + 1).reshape(-1, *[1] * np.ndim(t))
-    if ends == 'pinned':
-        k = np.pi * order
-        # whole and half multiples of pi exactly: at the ends there is no deflection
-        quarters = 2.0 * order * t + derivative
-        found = np.sin(0.5 * np.pi * (quarters % 4.0))
-        return np.asarray(k**derivative * np.where(quarters % 2.0 == 0.0, 0.0, found))
-    return np.array([_cantilever(i, t, derivative) for i in range(count)]).reshape(
-        count, *np.shape(t)
-    )
-
-
-def _cantilever(i: int, t: Array, derivative: int) -> Array:
-    """``1/2 (cosh kt - cos kt - r (sinh kt - sin kt))`` with ``cos k cosh k = -1``."""
-    k = (i + 0.5) * math.pi
-    for _ in range(8):
-        k += (math.cos(k) + 1.0 / math.cosh(k)) / (math.sin(k) + math.tanh(k) / math.cosh(k))
-    wide = math.sinh(k) + math.sin(k)
-    r = (math.cosh(k) + math.cos(k)) / wide
-    rising = (math.sin(k) - math.cos(k) - math.exp(-k)) / wide  # 1 - r without its rounding
-    phase = 0.5 * math.pi * derivative
-    found = 0.5 * (rising * np.exp(k * t) + (-1.0) ** derivative * (1.0 + r) * np.exp(-k * t))
-    found += -np.cos(k * t + phase) + r * np.sin(k * t + phase)
-    return np.asarray(np.where((t == 0.0) & (derivative < 2), 0.0, 0.5 * k**derivative * found))
-
-
-_T = Legendre([0.5, 0.5], domain=[0.0, 1.0])
-_FACTORS = {'pinned': _T * (1.0 - _T), 'clamped': _T * _T, 'fixed': _T}
-"""Polynomials on 0 to 1 that keep reference conditions; `fixed` is that of stretch."""
-
-
-@lru_cache
-def _ritz(ends: str, count: int, derivative: int) -> Array:
-    """The modes of a beam of length 1 in polynomials ``factor * (degree < count)``.
-
-    Returns
-    -------
-    Coefficients (degree + 1, count) of Legendre's polynomials on 0 to 1.
-    """
-    factor, order = _FACTORS[ends], 1 if ends == 'fixed' else 2
-    basis = [factor * Legendre.basis(k, domain=[0.0, 1.0]) for k in range(count)]
-    places, weights = _gauss(count + 6)
-    nodes, weights = 0.5 * (1.0 + places), 0.5 * weights
-    values = np.array([b(nodes) for b in basis])
-    bends = np.array([b.deriv(order)(nodes) for b in basis])
-    half = np.linalg.inv(np.linalg.cholesky((values * weights) @ values.T))
-    _, vectors = np.linalg.eigh(half @ ((bends * weights) @ bends.T) @ half.T)
-    shares = vectors.T @ half
-    # of the size of the modes: mean square 1/2, that of a cantilever 1/4; they begin upwards
-    shares *= math.sqrt(0.25 if ends == 'clamped' else 0.5)
-    first = np.array([b.deriv(2 if ends == 'clamped' else 1)(0.0) for b in basis])
-    shares *= np.sign(shares @ first)[:, None]
-    some = [np.asarray(b.deriv(derivative).coef if derivative else b.coef, float) for b in basis]
-    longest = max(map(len, some))
-    padded = np.array([np.pad(x, (0, longest - len(x))) for x in some])
-    return np.asarray(padded.T @ shares.T)
-
-
-def _polynomials(ends: str, count: int, t: Array, derivative: int) -> Array:
-    if not count:
-        return np.zeros((0, *np.shape(t)))
-    return np.asarray(legendre.legval(2.0 * t - 1.0, _ritz(ends, count, derivative)))

@@ -138,10 +138,10 @@ class Equations:
                 unit = _Vector(f, (), (1.0, 0.0))
                 own = self.mechanism.flexible.get(body.name)
                 pairs.append((own.spin if own else body.inertia, unit, unit))
-            if f == g and body.tilt and f in self.mechanism.tilts:
-                link, _, name = f.partition('.')
+            if f == g and body.tilt and f.startswith(f'{body.name}.'):
+                own_way = body.tilt.rising.get(f.partition('.')[2], 0.0)
                 unit = _Vector(GROUND, (), (1.0, 0.0))
-                pairs += [(body.tilt.rising[name], unit, unit)] if link == body.name else []
+                pairs += [(own_way, unit, unit)] if own_way else []
         return self._products(f'inertia:{f}:{g}', pairs)
 
     def _velocity_product(self, f: str) -> Term:
@@ -173,6 +173,10 @@ class Equations:
                 for tangent in self._tangents(point, f)
             ),
         )
+        link, _, name = f.partition('.')
+        if name == 'axial':
+            along = -self.mechanism.body(link).mass * self.mechanism.axial_gravity
+            weight = self.parameters(f'weight:{f}.along', along)
         return add(weight, self._beams.stiffness(f))
 
 

@@ -48,7 +48,7 @@ class JointImpulses:
         prescribed: Sequence[str],
     ) -> None:
         # without weight and at rest the equations of motion are those of impulses
-        still = replace(mechanism, gravity=(0.0, 0.0))
+        still = replace(mechanism, gravity=(0.0, 0.0), axial_gravity=0.0)
         eq = Equations(still, gaps, relations)
         frames, a = eq.frames, dict(eq.frames.a)
         slips = [(gap, gap.slip(frames)) for gap in gaps if gap.friction]

@@ -14,9 +14,12 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from mechanism_sim.planar.elastic import Beam
+    from mechanism_sim.planar.frames import Frames
+    from mechanism_sim.planar.jet import Jet
     from mechanism_sim.planar.protocols import ForceElement, PairClosure
     from mechanism_sim.planar.rotor import Rotor
     from mechanism_sim.planar.tilt import Tilt
+    from mechanism_sim.planar.touch import Touch, TurningTouch
     from mechanism_sim.planar.view import Charted, Draft, ToothLoad, View
 
 GROUND = 'ground'
@@ -125,6 +128,11 @@ class HigherPair(ABC):
         return False
 
     @property
+    def slips(self) -> bool:
+        """Whether that is because friction alone holds it."""
+        return False
+
+    @property
     def extent(self) -> float:
         """How far from a joint of its links it touches at most [m]."""
         return 0.0
@@ -133,9 +141,23 @@ class HigherPair(ABC):
     def closure(self, mechanism: Mechanism) -> PairClosure:
         """The relation that keeps it closed."""
 
+    def bears(self, link: str) -> bool:
+        """Whether one of its links may be elastic: then it asks for points and cross-sections."""
+        return False
+
     @abstractmethod
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """Its row at the poses of links, whatever the tree."""
+
+    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch | TurningTouch:
+        """Where it rubs, with a pin of that radius [m].
+
+        Raises
+        ------
+        TypeError
+            If it has no friction.
+        """
+        raise TypeError(f'{self.name} has no friction')
 
     def elements(self, _: Mechanism) -> Sequence[ForceElement]:
         """The forces of an elastic pair."""
@@ -196,6 +218,7 @@ class Mechanism:
     joints: tuple[Joint, ...]
     cut: tuple[str, ...]
     gravity: Vector2 = (0.0, 0.0)  #: [m/s^2]
+    axial_gravity: float = 0.0  #: [m/s^2] along the axes, towards the reader
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:
@@ -226,8 +249,8 @@ class Mechanism:
     @property
     def tilts(self) -> tuple[str, ...]:
         """The inclinations of links that lean among them [rad]."""
-        tilted = {body.name for body in self.bodies if body.tilt}
-        return tuple(c for c in self.deformations if c.partition('.')[0] in tilted)
+        tilted = {body.name: body.tilt for body in self.bodies if body.tilt}
+        return tuple(f'{link}.{name}' for link, x in tilted.items() for name in x.inclinations)
 
     @cached_property
     def rotors(self) -> dict[str, Rotor]:
@@ -352,10 +375,33 @@ class Mechanism:
         """A vector of a link's frame in the frame with which the link turns."""
         return rotate(v, self.frame(link)[1])
 
-    def direction(self, link: str, angle: float) -> Point:
-        """The unit vector at an angle [rad] in a link's frame, as a sum over its one arm."""
+    def direction(self, link: str, angle: float, at: Vector2 | None = None) -> Point:
+        """The unit vector at an angle [rad] in a link's frame, as a sum over arms.
+
+        With the point `at` of an elastic link it turns with the cross-section there; to the second
+        order in elastic coordinates, as points do, see `Beam`.
+        """
         frame, offset = self.frame(link)
-        return {(frame, None): rotate((1.0, 0.0), angle + offset)}
+        found: Point = {(frame, None): rotate((1.0, 0.0), angle + offset)}
+        if at is None or link not in self.beams:
+            return found
+        turned = self.beams[link].turned(at, rotate((1.0, 0.0), angle))
+        return _plus(found, self._arms(link, turned))
+
+    def turning(self, frames: Frames, link: str, at: Vector2, label: str) -> Jet:
+        """The angle of a link's cross-section at a point [rad], less the offset of `frame`.
+
+        Parameters
+        ----------
+        label : of the parameters
+        """
+        angle = frames.angle(self.frame(link)[0])
+        return angle + self.bent(frames, link, at, label) if link in self.beams else angle
+
+    def bent(self, frames: Frames, link: str, at: Vector2, label: str) -> Jet:
+        """How far the cross-section at a point of a link has turned in its frame [rad]."""
+        slopes = self.beams[link].slopes(at) if link in self.beams else {}
+        return frames.turn({f'{link}.{name}': x for name, x in slopes.items()}, label)
 
     def point(self, link: str, at: Vector2 = (0.0, 0.0), deformed: bool = True) -> Point:
         """The point `at` (in the link's frame, [m]) as a sum over arms.
@@ -391,11 +437,13 @@ class Mechanism:
 
     def _deformed(self, link: str, at: Vector2) -> Point:
         """How the deformation of a link moves its points in its frame."""
-        if link not in self.flexible:
-            return {}
+        return self._arms(link, self.flexible[link].arms(at)) if link in self.flexible else {}
+
+    def _arms(self, link: str, arms: Mapping[tuple[str, ...], Vector2]) -> Point:
+        """Vectors of a link's frame by products of its elastic coordinates, as a sum over arms."""
         return {
             (link, names[0] if len(names) == 1 else names): d
-            for own, d in self.flexible[link].arms(at).items()
+            for own, d in arms.items()
             for names in [tuple(f'{link}.{name}' for name in own)]
         }
 
@@ -422,8 +470,13 @@ class Mechanism:
         tilt = self.body(link).tilt if height and link != GROUND else None
         if not tilt:
             return {}
-        ways = (height, 0.0), (0.0, height)
-        return {(link, f'{link}.{name}'): d for name, d in zip(tilt.names, ways, strict=True)}
+        along, across = (f'{link}.{name}' for name in tilt.inclinations)
+        return {(link, along): (height, 0.0), (link, across): (0.0, height)}
+
+    def rise(self, link: str, at: Vector2) -> dict[str, float]:
+        """How much a point of a link's plane moves along the axes with each coordinate."""
+        tilt = None if link == GROUND else self.body(link).tilt
+        return {f'{link}.{name}': x for name, x in tilt.rise(at).items()} if tilt else {}
 
     def spread(self, link: str) -> tuple[Any, Spread]:
         """The same with all masses (K,) in one array, and the arms of all points: (2, K) each.
@@ -551,6 +604,16 @@ class Mechanism:
         second = _plus(self.point(j.second, j.on_second), self.offset(j.second, bushing, height))
         return _plus(first, _minus(second))
 
+    def inclination(self, joint: str, pin: Vector2, bushing: Vector2) -> Point:
+        """That of the first link against the second at a joint, and of their axes [rad].
+
+        Parameters
+        ----------
+        pin, bushing : inclinations by manufacture, in the links' frames
+        """
+        j = self.joint(joint)
+        return _plus(self.offset(j.first, pin, 1.0), _minus(self.offset(j.second, bushing, 1.0)))
+
     def offset(self, link: str, off: Vector2, height: float) -> Point:
         """A vector of a link's frame, and what a height above the plane adds by leaning [m]."""
         fixed: Point = {(self.frame(link)[0], None): self.turn(link, off)}
@@ -604,6 +667,12 @@ def closing_joints(
     for j in usable:  # what floats apart from the ground
         join(j)
     return tuple(j.name for j in joints if j.name not in kept)
+
+
+def bending_guides(bodies: Sequence[Body], joints: Sequence[Joint]) -> list[str]:
+    """The prismatic joints of elastic links, which turn by themselves there: no tree has them."""
+    bent = {b.name for b in bodies if b.beam}
+    return [j.name for j in joints if isinstance(j, Prismatic) and bent & {j.first, j.second}]
 
 
 def rotate(v: Vector2, angle: float) -> Vector2:

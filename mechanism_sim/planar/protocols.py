@@ -172,7 +172,11 @@ class Gap(Protocol):
 
 @runtime_checkable
 class EndGap(Gap, Protocol):
-    """A gap at an end of a joint, where its force has a moment out of the plane."""
+    """A gap at an end of a joint: its force has a moment out of the plane, or is along it."""
+
+    @property
+    def thrust(self) -> float:
+        """What of it pushes the second-named link towards the reader: 1 for all, or -1, or 0."""
 
     def moment(self, q: Array, N: Array, T: Array) -> Array:
         """Moment (2, N) [N m] on the second-named link about the middle of the joint.

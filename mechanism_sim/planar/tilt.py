@@ -9,7 +9,8 @@ Rotations are taken to the second order, and kinetic and potential energy with t
 equations are exact to the first order in s: with gyroscopic and centrifugal terms, and with what
 forces in the plane do to a link that leans. Moments in the plane are taken as semitangential
 (H. Ziegler, Principles of Structural Stability, 1968): they do no work on s. The centre of gravity
-stays in its plane.
+stays in its plane, or moves along the axes by a: all heights are then more by a, and to the same
+order a and s have no inertia in common.
 """
 
 from __future__ import annotations
@@ -34,8 +35,24 @@ class Tilt:
     rigidity: Vector2  #: [N m/rad] against rotation about the link's x and y axes
     damping: float = 0.0  #: ratio of critical damping of each rotation by itself
     spin: float = 0.0  #: [kg m^2] that turns with the link in the plane, but does not lean
+    axial: float | None = None  #: [N/m] stiffness along the axes; None if it does not move there
 
-    names = 'tilt_x', 'tilt_y'
+    inclinations = 'tilt_x', 'tilt_y'
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the coordinates: the inclinations, and the way along the axes."""
+        return self.inclinations if self.axial is None else (*self.inclinations, 'axial')
+
+    def rise(self, at: Vector2) -> dict[str, float]:
+        """How much a point of the link's plane moves towards the reader with each coordinate.
+
+        Parameters
+        ----------
+        at : [m] in the link's frame
+        """
+        x, y = self.cog[0] - at[0], self.cog[1] - at[1]
+        return dict(zip(self.names, (x, y, 1.0), strict=False))
 
     @cached_property
     def _moments(self) -> tuple[float, float, float]:
@@ -64,7 +81,7 @@ class Tilt:
         at : [m] in the link's frame
         """
         x, y = at[0] - self.cog[0], at[1] - self.cog[1]
-        p, q = self.names
+        p, q = self.inclinations
         found = {(p, p): (-0.5 * x, 0.0), (p, q): (-0.5 * y, -0.5 * x), (q, q): (0.0, -0.5 * y)}
         return {names: d for names, d in found.items() if d != (0.0, 0.0)}
 
@@ -74,24 +91,24 @@ class Tilt:
 
     @property
     def rising(self) -> dict[str, float]:
-        """Moment of inertia [kg m^2] of the motion out of the plane, by coordinate."""
-        return dict(zip(self.names, self._moments, strict=False))
+        """Inertia of the motion out of the plane, by coordinate [kg m^2, kg]."""
+        return dict(zip(self.names, (*self._moments[:2], self.mass), strict=False))
 
     @property
     def stiffness(self) -> dict[str, float]:
-        """Of each coordinate [N m/rad]: leaning along x is a rotation about y."""
-        return dict(zip(self.names, self.rigidity[::-1], strict=True))
+        """Of each coordinate [N m/rad, N/m]: leaning along x is a rotation about y."""
+        return dict(zip(self.names, (*self.rigidity[::-1], self.axial or 0.0), strict=False))
 
     @property
     def frequencies(self) -> dict[str, float]:
         """Natural angular frequency [rad/s] of each coordinate while the link rests."""
         about_x, about_y, _ = self.inertia
-        pairs = zip(self.stiffness.items(), (about_y, about_x), strict=True)
+        pairs = zip(self.stiffness.items(), (about_y, about_x, self.mass), strict=False)
         return {name: math.sqrt(k / own) for (name, k), own in pairs}
 
     @property
     def resistance(self) -> dict[str, float]:
-        """Damping of each coordinate [N m s/rad]."""
+        """Damping of each coordinate [N m s/rad, N s/m]."""
         rates = self.frequencies
         return {
             name: 2.0 * self.damping * k / rates[name] if k else 0.0

@@ -59,11 +59,14 @@ class Charted(NamedTuple):
 class View(Protocol):
     """A joint at N instants of a machine."""
 
-    def course(self, link: str) -> Course:
+    def course(self, link: str, at: Vector2 | None = None) -> Course:
         """How a link moves: its displacement if a guide carries it, else its angle."""
 
-    def turning(self, link: str) -> Course:
-        """Angle of a link in the world, with its rates."""
+    def turning(self, link: str, at: Vector2 | None = None) -> Course:
+        """Angle of a link in the world, with its rates; of an elastic one at a point of it."""
+
+    def chord(self, link: str, a: Vector2, b: Vector2) -> Course:
+        """The same by the line from one point of it to another."""
 
     def place(self, link: str, at: Vector2) -> Array:
         """World coordinates (2, N) [m] of a point of a link."""

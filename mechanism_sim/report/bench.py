@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from mechanism_sim import output, strict_json, text_table
 from mechanism_sim.bench.loose_joints import LooseCost, StretchCost
@@ -16,15 +17,12 @@ from mechanism_sim.bench.measure import Measurement, Row
 from mechanism_sim.bench.middleware import Figure
 from mechanism_sim.bench.problem import OURS
 from mechanism_sim.bench.scaling import Cost
+from mechanism_sim.export.palette import INK
 from mechanism_sim.report import middleware
-from mechanism_sim.report.figures import save
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Drawing
+from mechanism_sim.report.charts.chart import DASHES, MARKERS, Axis, Chart, Curve, Panel
+from mechanism_sim.report.figures import paint, save
 
 _PREFIXES = ((1.0, 's'), (1e-3, 'ms'), (1e-6, 'us'), (1e-9, 'ns'))
-_MARKERS = 'osD^vPX*<>phd+x1234'
-_LINES = ('-', '--', '-.', ':')
 _FLOOR = 1e-16  #: where an error of exactly zero is drawn
 
 
@@ -135,7 +133,7 @@ class Pages:
         name = found.problem.name
         self._add(name, render(found, machine), to_json([found], machine))
         if self._folder:
-            _plot(found, machine, self._folder / f'{name}.svg')
+            save(paint(precision_chart(found, machine)), self._folder / f'{name}.svg')
 
     def add_scaling(self, costs: Sequence[Cost], machine: Mapping[str, Any]) -> None:
         """Add costs by size, and write scaling.svg, scaling.json and scaling.txt."""
@@ -143,7 +141,7 @@ class Pages:
         content = {'machine': dict(machine), 'scaling': strict_json.plain(costs)}
         self._add('scaling', render_scaling(costs, machine), content)
         if self._folder:
-            _plot_costs(costs, machine, self._folder / 'scaling.svg')
+            save(paint(costs_chart(costs, machine)), self._folder / 'scaling.svg')
 
     def add_loose_joints(
         self,
@@ -303,72 +301,44 @@ def _row(found: Measurement, row: Row) -> dict[str, object]:
     return found_json
 
 
-@contextmanager
-def _figure(path: Path, width: float, height: float) -> Iterator[Drawing]:
-    """A figure [in] that is written to a file when it is complete."""
-    import matplotlib as mpl  # noqa: PLC0415 - takes half a second
-    from matplotlib.figure import Figure as Drawing  # noqa: PLC0415
-
-    with mpl.rc_context({'svg.hashsalt': 'bench'}):  # the same picture is the same file
-        figure = Drawing((width, height), layout='constrained')
-        yield figure
-        save(figure, path)
-
-
-def _plot_costs(costs: Sequence[Cost], machine: Mapping[str, Any], path: Path) -> None:
-    families = list(dict.fromkeys(c.family for c in costs))
-    rows = (len(families) + 1) // 2
-    with _figure(path, 8.5, 2.6 * rows) as figure:
-        axes = figure.subplots(rows, 2)
-        for place, family in zip(axes.flat, families, strict=False):
-            chosen = [c for c in costs if c.family == family]
-            sizes, times = [c.size for c in chosen], [c.cpu_per_unit for c in chosen]
-            place.plot(sizes, times, 'ko-')
-            place.set_xlabel(family, fontsize='small')
-            place.set_ylabel(f'CPU time per {chosen[0].unit} [s]', fontsize='small')
-            place.set_xscale('log' if max(sizes) > 8 else 'linear')
-            place.set_xticks(sizes, [f'{x:g}' for x in sizes], minor=False)
-            place.minorticks_off()
-            if max(times) > 5.0 * min(times):
-                place.set_yscale('log')
-            else:
-                place.set_ylim(0.0, 1.2 * max(times))
-            place.grid(which='major', color='0.85')
-        for place in axes.flat[len(families) :]:
-            place.remove()
-        figure.supxlabel(_short(machine), fontsize='x-small')
+def costs_chart(costs: Sequence[Cost], machine: Mapping[str, Any]) -> Chart:
+    """CPU time over size, a panel for each family."""
+    panels = []
+    for family in dict.fromkeys(c.family for c in costs):
+        chosen = [c for c in costs if c.family == family]
+        sizes = tuple(float(c.size) for c in chosen)
+        times = np.array([c.cpu_per_unit for c in chosen])
+        log = times.max() > 5.0 * times.min()
+        high = None if log else 1.2 * float(times.max())
+        x = Axis(family, log=max(sizes) > 8, names=tuple(f'{n:g}' for n in sizes), at=sizes)
+        y = Axis(f'CPU time per {chosen[0].unit}', 's', None if log else 0.0, high, log)
+        panels.append(Panel(x, y, (Curve(np.array(sizes), times, family, marker='circle'),)))
+    return Chart('scaling', '', tuple(panels), columns=2, width=8.5, note=_short(machine))
 
 
 def _short(machine: Mapping[str, Any]) -> str:
     return f'{machine["processor"]}, {machine["cores"]} cores, Python {machine["python"]}'
 
 
-def _plot(found: Measurement, machine: Mapping[str, Any], path: Path) -> None:
-    p = found.problem
-    with _figure(path, 8.5, 5.5) as figure:
-        axes = figure.subplots()
-        names = list(dict.fromkeys(row.method.name for row in found.rows))
-        for i, name in enumerate(names):
-            rows = [r for r in found.rows if r.method.name == name and math.isfinite(r.error)]
-            first = name == OURS
-            axes.plot(
-                [max(row.error, _FLOOR) for row in rows],
-                [row.fastest for row in rows],
-                marker=_MARKERS[i % len(_MARKERS)],
-                linestyle=_LINES[i % len(_LINES)],
-                color='black' if first else f'{0.15 + 0.5 * (i % 4) / 3:.2f}',
-                linewidth=2.2 if first else 1.1,
-                markersize=7 if first else 6,
-                fillstyle='none' if i % 2 else 'full',
-                label=name,
+def precision_chart(found: Measurement, machine: Mapping[str, Any]) -> Chart:
+    """CPU time over error, a line for each method."""
+    p, curves = found.problem, []
+    for k, name in enumerate(dict.fromkeys(row.method.name for row in found.rows)):
+        rows = [r for r in found.rows if r.method.name == name and math.isfinite(r.error)]
+        hollow = '-open' * (k % 2)
+        curves.append(
+            Curve(
+                np.array([max(row.error, _FLOOR) for row in rows]),
+                np.array([row.fastest for row in rows]), name, '', INK if name == OURS else k,
+                k % len(DASHES), look='strong' if name == OURS else '',
+                marker=MARKERS[k % len(MARKERS)] + hollow,
             )
-        axes.set(
-            xscale='log', yscale='log', title=p.title, xlabel=f'error [{p.error_unit}]',
-            ylabel=f'CPU time per {p.unit} [s]',
         )  # fmt: skip
-        axes.invert_xaxis()
-        axes.grid(which='major', color='0.85')
-        figure.legend(loc='outside right upper', fontsize='small')
-        figure.supxlabel(
-            f'{_short(machine)}; more exact to the right, cheaper below', fontsize='x-small'
-        )
+    errors = [float(x) for c in curves for x in c.x] or [1.0]
+    low, high = 1.5 * max(errors), min(errors) / 1.5
+    panel = Panel(
+        Axis('error', p.error_unit, low, high, log=True),
+        Axis(f'CPU time per {p.unit}', 's', log=True), tuple(curves), height=3.2,
+    )  # fmt: skip
+    note = f'{_short(machine)}; more exact to the right, cheaper below'
+    return Chart('precision', p.title, (panel,), width=8.5, note=note)

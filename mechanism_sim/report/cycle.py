@@ -10,26 +10,9 @@ from mechanism_sim.cycles.columns import part_of, unit_of
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.cycles.extremes import Extreme
 from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
+from mechanism_sim.units import for_people
 
-_FOR_PEOPLE = {'rad': ('deg', math.degrees(1.0)), 'm': ('mm', 1e3)}
 _COMPONENTS = ('x', 'y')
-
-
-def for_people(unit: str, size: float = 0.0) -> tuple[str, float]:
-    """The unit in which people read a quantity, and by what its SI value is multiplied.
-
-    Parameters
-    ----------
-    size : largest of the values that are read together, in the SI unit; large forces are in kN,
-        large stresses in MPa, small impulses in mN s
-    """
-    if unit == 'N' and size >= 1e4:
-        return 'kN', 1e-3
-    if unit == 'Pa' and size >= 1e5:
-        return 'MPa', 1e-6
-    if unit == 'N s' and 0.0 < size < 1.0:
-        return 'mN s', 1e3
-    return _FOR_PEOPLE.get(unit, (unit, 1.0))
 
 
 def where(cycle: Cycle, extreme: Extreme) -> str:

@@ -4,27 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from itertools import cycle as endless
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mechanism_sim.analysis.angular_reconstruction import LINKS
 from mechanism_sim.analysis.experiment import JOINT, Cycle, Experiment, Trial
 from mechanism_sim.arrays import Array
+from mechanism_sim.export.palette import INK
+from mechanism_sim.report.charts.chart import MARKERS, Axis, Chart, Curve, Panel
+from mechanism_sim.report.charts.lines import turn_of
 from mechanism_sim.report.condition import rose_picture
-from mechanism_sim.report.figures import over_turn, titled
+from mechanism_sim.report.figures import paint
 from mechanism_sim.sensing.spectra import power
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_NOMINAL: dict[str, Any] = {'color': '0.05', 'lw': 1.5, 'ls': (0, (4, 1.5))}
-_MEASURED: dict[str, Any] = {'color': '0.35', 'lw': 0.8}
-_SIMULATED: dict[str, Any] = {'color': '0.65', 'lw': 0.7}
-_LINES = ('o', '-'), ('s', '--'), ('^', '-.'), ('D', ':')
+# number of the colour, or colour, and of the dashes
+_STROKES: dict[str, tuple[int | str, int]] = {'measured': (3, 0), 'no clearance': (INK, 1)}
+_LOOKS = dict.fromkeys(('simulated', 'simulated, modified', 'modified'), 'fine')
+_ARROW = np.array([0.0, 1.0, 0.9 + 0.04j, np.nan, 1.0, 0.9 - 0.04j])
 _DOMINANT = 3
-_UNITS = {'acceleration': 'rad/s$^2$', 'velocity': 'rad/s'}
 
 
 class _Row(NamedTuple):
@@ -36,8 +35,8 @@ class _Row(NamedTuple):
 
 
 _ROWS = {
-    ('acceleration', 'coupler'): _Row(0, 'angular acceleration of the coupler', 'rad/s$^2$'),
-    ('acceleration', 'rocker'): _Row(1, 'angular acceleration of the rocker', 'rad/s$^2$'),
+    ('acceleration', 'coupler'): _Row(0, 'angular acceleration of the coupler', 'rad/s^2'),
+    ('acceleration', 'rocker'): _Row(1, 'angular acceleration of the rocker', 'rad/s^2'),
     ('velocity', 'coupler'): _Row(2, 'angular velocity of the coupler', 'rad/s'),
     ('velocity', 'rocker'): _Row(3, 'angular velocity of the rocker', 'rad/s'),
     ('force', 'x'): _Row(4, 'force in the loose bearing, x', 'N'),
@@ -46,12 +45,13 @@ _ROWS = {
 }
 
 
-def draw(found: Experiment) -> dict[str, Figure]:
+def draw(found: Experiment) -> dict[str, Any]:
     """The figures by name, as ``figure_7_09``; those that need bags that are missing are not."""
-    return {f'figure_{number}': figure for number, figure in _figures(found)}
+    return {f'figure_{number}': paint(chart) for number, chart in charts(found)}
 
 
-def _figures(found: Experiment) -> Iterator[tuple[str, Figure]]:
+def charts(found: Experiment) -> Iterator[tuple[str, Chart]]:
+    """The charts of these figures, by their numbers."""
     reference, speeds, clearances = found.reference, found.speeds, found.clearances
     yield '7_08', _spectrum(reference)
     places = found.measured
@@ -69,8 +69,8 @@ def _figures(found: Experiment) -> Iterator[tuple[str, Figure]]:
     ):  # fmt: skip
         chosen = [places[s, clearance] for s in speeds if (s, clearance) in places]
         yield number, _measured(chosen, 'coupler', 'acceleration')
-    yield '7_10', _severity(found, 1, 1e3, 'clearance [mm]')
-    yield '7_11', _severity(found, 0, 30.0 / math.pi, 'speed of the crank [rpm]')
+    yield '7_10', _severity(found, 1, 1e3, 'clearance', 'mm')
+    yield '7_11', _severity(found, 0, 30.0 / math.pi, 'speed of the crank', 'rpm')
     half = min(found.bearings, key=lambda x: abs(x.condition.restitution - 0.5))
     yield '8_03', _simulated(half)
     if found.assumed is not reference:
@@ -102,141 +102,121 @@ def _last_turn(trial: Trial, link: str) -> tuple[slice, Array]:
     return chosen, angle[chosen] - begin
 
 
-def _spectrum(trial: Trial) -> Figure:
+def _spectrum(trial: Trial) -> Chart:
     """[SB] 7.8."""
-    swing = trial.swings['coupler']
-    found = power([swing.reading], trial.sample_rate)
-    figure = titled(f'sensor on the coupler, {_condition(trial)}', height=3.2)
-    axes = figure.subplots()
-    axes.semilogy(found.frequency[1:], found.values[1:], color='0.1', lw=0.9)
-    axes.set_xlim(0.0, found.frequency[-1])
-    axes.set(xlabel='frequency [Hz]', ylabel='power spectral density [(m/s$^2$)$^2$/Hz]')
-    return figure
+    found = power([trial.swings['coupler'].reading], trial.sample_rate)
+    curve = Curve(found.frequency[1:], found.values[1:])
+    x = Axis('frequency', 'Hz', 0.0, float(found.frequency[-1]))
+    panel = Panel(x, Axis('power density', '(m/s^2)^2/Hz', log=True), (curve,))
+    return Chart('7_08', f'sensor on the coupler, {_condition(trial)}', (panel,), 'frequency')
 
 
-def _measured(trials: Sequence[Trial], link: str, quantity: str) -> Figure:
+def _measured(trials: Sequence[Trial], link: str, quantity: str) -> Chart:
     """[SB] 7.9 and 7.12 to 7.17: as the thesis reconstructs it, and the ideal mechanism."""
-    figure = titled(f'angular {quantity} of the {link}, measured', 7.0, 0.4 + 2.1 * len(trials))
-    panels = figure.subplots(len(trials), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
-    for axes, trial in zip(panels, trials, strict=True):
+    panels = []
+    for trial in trials:
         swing = trial.swings[link]
         turn, angle = _last_turn(trial, link)
-        axes.plot(angle, swing.accelerations['thesis'].values[turn], label='measured', **_MEASURED)
-        axes.plot(angle, swing.nominal[0][turn], label='no clearance', **_NOMINAL)
-        axes.set_title(_condition(trial), fontsize=8.0)
-        axes.set_ylabel(f'[{_UNITS[quantity]}]')
-    over_turn(panels[-1], 'crank')
-    panels[0].set_xlabel('')
-    panels[0].legend(frameon=False, fontsize=7.5, ncols=2)
-    return figure
+        panels.append(_panel(_ROWS[quantity, link], [
+            ('measured', angle, swing.accelerations['thesis'].values[turn]),
+            ('no clearance', angle, swing.nominal[0][turn]),
+        ], _condition(trial)))  # fmt: skip
+    panels = [replace(p, scale='all') for p in panels]
+    return Chart('', f'angular {quantity} of the {link}, measured', tuple(panels), 'angle')
 
 
-def _severity(found: Experiment, over: int, scale: float, words: str) -> Figure:
-    """[SB] 7.10 and 7.11: over clearance (1) or speed (0), a line for each of the other."""
-    figure = titled(f'restitution {found.bearing[0]:g}, friction {found.bearing[1]:g}', 11.0, 3.2)
-    panels = figure.subplots(1, 4)
-    others = found.clearances if over == 0 else found.speeds
-    reads: list[tuple[str, Callable[[Trial], float]]] = [
-        ('sum of impulses a turn [mN s]', lambda t: 1e3 * t.impacts.means['impulse'][0]),
-        ('impacts a turn', lambda t: t.impacts.means['count'][0]),
-        ('$I_n$ [mN s]', lambda t: 1e3 * t.impacts.means['I_n'][0]),
-        ('deviation shown, coupler [rad/s$^2$]', lambda t: t.swings['coupler'].severity.heard),
+def _panel(row: _Row, lines: Sequence[tuple[str, Array, Array]], title: str = '') -> Panel:
+    """Lines over a turn of the crank, by their labels; the ideal mechanism beneath."""
+    curves = [
+        Curve(x, y, label, '', *_STROKES.get(label, (0, 0)), look=_LOOKS.get(label, ''))
+        for label, x, y in lines
     ]
-    for axes, (label, read) in zip(panels, reads, strict=True):
-        for k, (other, (marker, line)) in enumerate(zip(others, endless(_LINES))):
+    return Panel(turn_of('crank'), Axis(row.words, row.unit), tuple(curves), title)
+
+
+def _severity(found: Experiment, over: int, scale: float, words: str, unit: str) -> Chart:
+    """[SB] 7.10 and 7.11: over clearance (1) or speed (0), a line for each of the other."""
+    others = found.clearances if over == 0 else found.speeds
+    reads: list[tuple[str, str, Callable[[Trial], float]]] = [
+        ('impulses a turn', 'mN s', lambda t: 1e3 * t.impacts.means['impulse'][0]),
+        ('impacts a turn', '', lambda t: t.impacts.means['count'][0]),
+        ('impulse per impact', 'mN s', lambda t: 1e3 * t.impacts.means['I_n'][0]),
+        ('deviation, coupler', 'rad/s^2', lambda t: t.swings['coupler'].severity.heard),
+    ]
+    panels: list[Panel] = []
+    for label, of, read in reads:
+        curves = []
+        for k, other in enumerate(others):
             here = {at[over]: t for at, t in found.measured.items() if at[1 - over] == other}
-            shade = f'{0.6 * k / max(1, len(others) - 1):.2f}'
             name = f'{other * 30.0 / math.pi:.0f} rpm' if over else f'{1e3 * other:.4g} mm'
-            axes.plot(
-                [scale * x for x in here], [read(t) for t in here.values()], color=shade,
-                marker=marker, ls=line, ms=4.0, lw=1.0, label=name,
-            )  # fmt: skip
-        axes.set(ylabel=label, xlabel=words)
-        axes.set_ylim(bottom=0.0)
-    handles = panels[0].get_legend_handles_labels()
-    figure.legend(*handles, loc='outside lower center', ncols=4, frameon=False)
-    return figure
+            x, y = scale * np.array([*here]), np.array([read(t) for t in here.values()])
+            curves.append(Curve(x, y, '' if panels else name, '', k, k, marker=MARKERS[k]))
+        panels.append(
+            Panel(Axis(words, unit), Axis(label, of, low=0.0), tuple(curves), height=2.4)
+        )
+    title = f'restitution {found.bearing[0]:g}, friction {found.bearing[1]:g}'
+    return Chart('', title, tuple(panels), columns=4, width=11.0)
 
 
-def _superposed(found: Experiment, rows: Array, quantity: str, name: str) -> Figure:
+def _superposed(found: Experiment, rows: Array, quantity: str, name: str) -> Chart:
     """[SB] 8.1, 8.2 and 8.4 to 8.7: the assumed machine simulated, the other measured."""
-    trial = found.reference
-    figure = titled(
-        f'measured: {_condition(trial)}\nsimulated: {_condition(found.assumed)}', 7.0, 5.2
-    )
-    panels = figure.subplots(2, 1, sharex=True)
-    for axes, link in zip(panels, LINKS, strict=True):
+    trial, first, panels = found.reference, found.assumed.first, []
+    for link in LINKS:
         row = _ROWS[quantity, link]
         swing = trial.swings[link]
         turn, angle = _last_turn(trial, link)
         found_by = swing.accelerations if quantity == 'acceleration' else swing.velocities
-        axes.plot(found.assumed.first.angle, rows[row.place], label=name, **_SIMULATED)
-        axes.plot(angle, found_by['thesis'].values[turn], label='measured', **_MEASURED)
-        axes.plot(
-            found.assumed.first.angle, found.assumed.first.nominal[row.place],
-            label='no clearance', **_NOMINAL,
-        )  # fmt: skip
-        axes.set_ylabel(f'{row.words}\n[{row.unit}]', fontsize=8.0)
-    over_turn(panels[-1], 'crank')
-    panels[0].legend(frameon=False, fontsize=7.5, ncols=3)
-    return figure
+        panels.append(_panel(row, [
+            (name, first.angle, rows[row.place]),
+            ('measured', angle, found_by['thesis'].values[turn]),
+            ('no clearance', first.angle, first.nominal[row.place]),
+        ]))  # fmt: skip
+    title = f'measured: {_condition(trial)}; simulated: {_condition(found.assumed)}'
+    return Chart('', title, tuple(panels), 'angle')
 
 
 def _beside_nominal(
-    title: str, height: float, cycle: Cycle, shown: Sequence[tuple[_Row, Array]], label: str
-) -> Figure:
+    title: str, cycle: Cycle, shown: Sequence[tuple[_Row, Array]], label: str
+) -> Chart:
     """[SB] 8.3 and 8.8 to 8.10: rows of a cycle, and what the ideal mechanism has for them."""
-    figure = titled(title, height=height)
-    panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, (row, values) in zip(panels, shown, strict=True):
-        axes.plot(cycle.angle, values, label=label, **_MEASURED)
-        axes.plot(cycle.angle, cycle.nominal[row.place], label='no clearance', **_NOMINAL)
-        axes.set_ylabel(f'{row.words}\n[{row.unit}]', fontsize=8.0)
-    over_turn(panels[-1], 'crank')
-    panels[0].legend(frameon=False, fontsize=7.5, ncols=2)
-    return figure
+    panels = [
+        _panel(row, [(label, cycle.angle, values),
+                     ('no clearance', cycle.angle, cycle.nominal[row.place])])
+        for row, values in shown
+    ]  # fmt: skip
+    return Chart('', title, tuple(panels), 'angle')
 
 
-def _simulated(trial: Trial) -> Figure:
+def _simulated(trial: Trial) -> Chart:
     cycle = trial.first
     shown = [(_ROWS['acceleration', 'coupler'], cycle.rows[0])]
-    return _beside_nominal(f'simulated: {_condition(trial)}', 3.2, cycle, shown, 'with clearance')
+    return _beside_nominal(f'simulated: {_condition(trial)}', cycle, shown, 'with clearance')
 
 
-def _forces(found: Experiment, modified: Array) -> Figure:
+def _forces(found: Experiment, modified: Array) -> Chart:
     title = f'simulated, modified by alpha = {found.alpha:.3g}: {_condition(found.assumed)}'
     shown = [(row, modified[row.place]) for row in list(_ROWS.values())[4:]]
-    return _beside_nominal(title, 6.5, found.assumed.first, shown, 'modified')
+    return _beside_nominal(title, found.assumed.first, shown, 'modified')
 
 
-def _dominant(trial: Trial) -> Figure:
+def _dominant(trial: Trial) -> Chart:
     """[SB] 8.12: the mechanism at the largest impacts of a turn, and the impulse on its rocker."""
-    rose, links = trial.rose, trial.machine.linkage
+    rose, links, curves = trial.rose, trial.machine.linkage, []
     rows = [row[row >= 0] for row in trial.impacts.dominant if (row >= 0).any()]
     chosen = rows[-1][:_DOMINANT] if rows else rose.largest[:_DOMINANT]
-    figure = titled(f'dominant impacts of a turn, {_condition(trial)}', 7.0, 4.2)
-    axes = figure.subplots()
-    axes.set_aspect('equal')
     longest = rose.normal_impulse[chosen].max()
-    for k, (i, (_, line)) in enumerate(zip(chosen, endless(_LINES))):
+    for k, i in enumerate(chosen):
         th2 = rose.crank_angle[i : i + 1]
         th3, _ = links.positions(th2)
-        crank = links.crank * np.array([np.cos(th2), np.sin(th2)])[:, 0]
-        pin = crank + links.coupler * np.array([np.cos(th3), np.sin(th3)])[:, 0]
-        bars = 1e3 * np.array([[0.0, 0.0], crank, pin, [links.ground, 0.0]])
-        shade = f'{0.2 * k:.1f}'
+        crank = links.crank * np.exp(1j * th2[0])
+        pin = crank + links.coupler * np.exp(1j * th3[0])
+        bars = 1e3 * np.array([0.0, crank, pin, links.ground])
         label = (
-            f'$Y_{k + 1}$: {1e3 * rose.normal_impulse[i]:.3g} mN s '
-            f'at {math.degrees(th2[0]):.0f} deg'
+            f'Y{k + 1}: {1e3 * rose.normal_impulse[i]:.3g} mN s at {math.degrees(th2[0]):.0f} deg'
         )
-        axes.plot(*bars.T, marker='o', ms=3.5, color=shade, ls=line, lw=1.1, label=label)
+        curves.append(Curve(bars.real, bars.imag, label, '', k, k, marker='circle'))
         size = 100.0 * rose.normal_impulse[i] / longest
-        tip = 1e3 * pin + size * np.array([np.cos(rose.in_world[i]), np.sin(rose.in_world[i])])
-        axes.annotate(
-            '', tuple(tip), tuple(1e3 * pin), arrowprops={'arrowstyle': '-|>', 'color': shade}
-        )
-        axes.update_datalim([tuple(tip)])  # annotations do not count by themselves
-    axes.legend(frameon=False, fontsize=7.5, loc='upper left')
-    axes.set(xlabel='x [mm]', ylabel='y [mm]')
-    axes.margins(0.08)
-    return figure
+        arrow = 1e3 * pin + size * np.exp(1j * rose.in_world[i]) * _ARROW
+        curves.append(Curve(arrow.real, arrow.imag, colour=k, look='strong'))
+    panel = Panel(Axis('x', 'mm'), Axis('y', 'mm'), tuple(curves), form='equal', height=3.6)
+    return Chart('8_12', f'dominant impacts of a turn, {_condition(trial)}', (panel,), width=7.0)

@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from io import BytesIO
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mechanism_sim import output
 from mechanism_sim.errors import InputError
-from mechanism_sim.export.palette import colour
+from mechanism_sim.report.charts.chart import Chart
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from mechanism_sim.report.picture import Picture
 
 SUFFIXES = ('.png', '.svg', '.pdf')
-
-_DASHES = ('-', '--', '-.', ':', (0, (5, 1)), (0, (1, 1)), (0, (3, 1, 1, 1, 1, 1)))
-
-_LETTERS = 110  # in a line of a legend
 
 _STYLE: dict[Any, Any] = {
     'font.size': 9.0,
@@ -45,57 +39,12 @@ def style() -> Iterator[None]:
         yield
 
 
-def titled(title: str, width: float = 7.0, height: float = 3.4) -> Figure:
-    """An empty figure [in] under a title."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
+def paint(chart: Chart) -> Picture:
+    """A picture of a chart."""
+    with style():
+        from mechanism_sim.report import painting  # noqa: PLC0415 - takes half a second
 
-    figure = Figure(figsize=(width, height), layout='constrained')
-    figure.suptitle(title, fontsize=10.0)
-    return figure
-
-
-def over_turn(axes: Any, drive: str) -> None:
-    """Lay the angle of a drive over a turn under axes."""
-    from matplotlib.ticker import MultipleLocator  # noqa: PLC0415
-
-    axes.set_xlim(0.0, 360.0)
-    axes.xaxis.set_major_locator(MultipleLocator(45.0))
-    axes.set_xlabel(f'angle of the {drive} [deg]')
-
-
-def few_ticks(axes: Any) -> None:
-    """No more than four circles on polar axes."""
-    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
-
-    axes.tick_params(labelsize=6.5, pad=0.0)
-    axes.yaxis.set_major_locator(MaxNLocator(4))
-
-
-def strokes(
-    names: Iterable[str], numbers: Mapping[str, int] | None = None
-) -> Iterator[dict[str, Any]]:
-    """How lines are drawn: in the colour of what they are of, dashed to tell apart those of one.
-
-    Parameters
-    ----------
-    names : of the lines, ``velocity.crank``, ``reaction.crank_coupler.x``
-    numbers : of links and joints, whose colours their lines have; the others have the next ones
-    """
-    known, used, others = numbers or {}, Counter[str](), count()
-    for name in names:
-        number = next((known[part] for part in name.split('.') if part in known), None)
-        shade = colour(next(others) if number is None else number)
-        yield {'color': shade, 'ls': _DASHES[used[shade] % len(_DASHES)], 'lw': 1.2}
-        used[shade] += 1
-
-
-def legend(axes: Any, **more: Any) -> None:
-    """A legend above axes, where there are no curves, of as many columns as there is room for."""
-    longest = max(len(text) for text in axes.get_legend_handles_labels()[1])
-    axes.legend(
-        loc='lower left', bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, frameon=False,
-        fontsize=7.5, ncols=max(1, _LETTERS // (longest + 8)), handlelength=2.6, **more,
-    )  # fmt: skip
+        return painting.paint(chart)
 
 
 def check_picture(option: str, file: str, folder_too: bool = False) -> Path:

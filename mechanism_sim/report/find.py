@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from mechanism_sim.report.cycle import for_people
-from mechanism_sim.report.figures import titled
+import numpy as np
+
+from mechanism_sim.export.palette import INK
+from mechanism_sim.report.charts.chart import Axis, Chart, Curve, Mark, Panel
 from mechanism_sim.strict_json import plain
 from mechanism_sim.study.find import Finding, within_limits
+from mechanism_sim.units import for_people
 
 
 def text(finding: Finding) -> str:
@@ -45,21 +48,19 @@ def to_json(finding: Finding) -> dict[str, Any]:
     }
 
 
-def picture(finding: Finding, title: str) -> Any:
+def chart(finding: Finding, title: str) -> Chart:
     """The figure over the parameter, with what was wanted and found."""
     unit, scale = for_people(finding.unit)
-    figure = titled(title)
-    axes = figure.subplots()
-    x, y = zip(*finding.curve, strict=True)
-    axes.plot(x, [scale * value for value in y], '.-', lw=1.0, ms=4.0)
-    if finding.wanted is not None:
-        axes.axhline(scale * finding.wanted, color='0.5', lw=0.8, ls='--')
-    for one in finding.found:
-        axes.plot([one.value], [scale * one.figure], 'o', color='k', mfc='none', ms=8.0)
-        axes.annotate(f'{one.value:.4g}', (one.value, scale * one.figure), (6, 6),
-                      textcoords='offset points', fontsize=8.0)  # fmt: skip
-    if finding.parameter.logarithmic:
-        axes.set_xscale('log')
-    axes.set_xlabel(f'{finding.parameter.path} (SI units)')
-    axes.set_ylabel(f'{finding.goal.name} [{unit}]' if unit else finding.goal.name)
-    return figure
+    x, y = np.array(finding.curve).T
+    curves = [Curve(x, scale * y, finding.goal.name, marker='circle')]
+    if found := finding.found:
+        at, figures = (np.array([getattr(f, k) for f in found]) for k in ('value', 'figure'))
+        curves.append(
+            Curve(at, scale * figures, 'found', '', INK, form='dots', marker='circle-open',
+                  texts=[f'{value:.4g}' for value in at])
+        )  # fmt: skip
+    wanted = finding.wanted
+    marks = () if wanted is None else (Mark(scale * wanted, 'wanted', level=True),)
+    axis = Axis(finding.parameter.path, 'SI', log=finding.parameter.logarithmic)
+    panel = Panel(axis, Axis(finding.goal.name, unit), tuple(curves), marks=marks)
+    return Chart('find', title, (panel,))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from mechanism_sim import strict_json, text_table
 from mechanism_sim.cycles.measure_series import EXACT
 from mechanism_sim.cycles.measures import Measured
-from mechanism_sim.report.cycle import for_people
+from mechanism_sim.units import for_people
 
 
 def lines(found: Sequence[Measured], indent: str = '  ') -> list[str]:

@@ -27,7 +27,7 @@ from mechanism_sim.gears.forces import WormPair
 from mechanism_sim.gears.involute import Gear, least_teeth
 from mechanism_sim.gears.pair import Pair
 from mechanism_sim.gears.spatial import BevelPair
-from mechanism_sim.report.cycle import for_people
+from mechanism_sim.units import for_people
 
 #: for which a base radius is proposed [rad]
 PRESSURE_ANGLE = math.radians(30.0)

@@ -85,6 +85,10 @@ def _forces(machine: Machine) -> Iterator[Plot]:
     for axis in 'xy':
         lines = _numbered(physics.joints, f'joint_reactions.force_{axis}')
         yield Plot('Forces', f'Joint reactions, {axis} [N]', lines)
+    for axis in 'xy':
+        lines = _numbered(physics.joints, f'joint_reactions.moment_{axis}')
+        tilting = {joint: lines[joint] for joint in physics.tilting}
+        yield Plot('Forces', f'Bearing moments, {axis} [N m]', tilting)
     if physics.driven:
         straight = physics.driven[0] in physics.displacements
         title = 'Drive force [N]' if straight else 'Drive torque [N m]'

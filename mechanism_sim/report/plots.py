@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import chain
+from typing import Any
 
-import numpy as np
-
-from mechanism_sim.arrays import Array
+from mechanism_sim.analysis.series import Series
 from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.cycles.cycle import Cycle
-from mechanism_sim.export.palette import colour, numbers
-from mechanism_sim.report.cycle import for_people
-from mechanism_sim.report.figures import few_ticks, legend, strokes, titled
-from mechanism_sim.units import typeset
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from mechanism_sim.export.palette import numbers
+from mechanism_sim.report.charts.chart import Axis, Chart, Curve, Over, Panel, joined
+from mechanism_sim.report.charts.lines import (
+    OVER_TIME,
+    Drawn,
+    colours,
+    columns,
+    over_angle,
+    panels,
+)
+from mechanism_sim.report.charts.motion import hodograph
+from mechanism_sim.report.figures import paint
+from mechanism_sim.units import for_people
 
 _KINDS = ('position', 'velocity', 'acceleration')
 _WORDS = {
@@ -25,150 +31,114 @@ _WORDS = {
 }
 
 
-def draw(cycle: Cycle) -> dict[str, Figure]:
+def draw(cycle: Cycle) -> dict[str, Any]:
     """The pictures of a cycle by name: those for which it has quantities."""
-    figures = {'motion': _motion(cycle), 'phase': _phase(cycle)}
+    return {chart.key: paint(chart) for chart in charts(cycle)}
+
+
+def charts(cycle: Cycle) -> Iterator[Chart]:
+    """The charts of a cycle."""
+    yield _motion(cycle)
+    yield _phase(cycle)
     if cycle.machine.physics.has_forces:
-        figures |= {
-            'forces': _forces(cycle), 'hodographs': _hodographs(cycle), 'drive': _drive(cycle)
-        }  # fmt: skip
+        sizes = {f'reaction.{joint}.size': joint for joint in cycle.machine.physics.joints}
+        found = _lines(cycle, sizes, 'force in the joint')
+        yield _chart(cycle, 'forces', [replace(p, y=replace(p.y, low=0.0)) for p in found])
+        yield _hodographs(cycle)
+        yield _drive(cycle)
     if cycle.points:
-        figures['paths'] = _paths(cycle)
-    return figures
+        yield _paths(cycle)
 
 
-def _abscissa(cycle: Cycle) -> tuple[Array, str]:
-    """What a cycle is drawn over: the angle of a steady drive, or time."""
-    if cycle.repeats:
-        return np.degrees(cycle[f'position.{cycle.drive}']), f'angle of the {cycle.drive} [deg]'
-    return cycle['t'], 'time [s]'
+def _chart(cycle: Cycle, key: str, found: list[Panel], beside: int = 0) -> Chart:
+    beside = beside or columns(found)
+    over: Over = 'angle' if cycle.repeats else 'time'
+    title = cycle.machine.scene.title
+    return Chart(key, title, tuple(found), over, columns=beside, width=(8.0, 11.0)[beside > 1])
 
 
-def _lines(axes: Any, cycle: Cycle, columns: dict[str, str], words: str) -> None:
-    """Columns of one unit over the cycle; values are their labels."""
-    x, _ = _abscissa(cycle)
+def _lines(cycle: Cycle, labels: Mapping[str, str], words: str) -> list[Panel]:
+    """Columns of one unit over the cycle, by their labels."""
+    over = over_angle(cycle.solution, cycle.drive) if cycle.repeats else OVER_TIME
+    unit = unit_of(cycle.machine, next(iter(labels)))
     own = numbers(cycle.machine.mechanism)
-    shown, scale = for_people(unit_of(cycle.machine, next(iter(columns))))
-    for (column, label), stroke in zip(columns.items(), strokes(columns, own), strict=True):
-        axes.plot(x, scale * cycle[column], label=label, **stroke)
-    axes.set_ylabel(f'{words} [{typeset(shown)}]')
-    if cycle.repeats:
-        axes.set_xlim(x.min(), x.max())
-        axes.xaxis.set_major_locator(_degrees(float(np.ptp(x))))
-    if len(columns) > 1:
-        legend(axes)
+    drawn = [
+        Drawn(Series(column, unit, cycle['t'], cycle[column]), label, shade)
+        for (column, label), shade in zip(labels.items(), colours(labels, own), strict=True)
+    ]
+    return panels(drawn, over, words, unit)
 
 
-def _degrees(width: float) -> Any:
-    """Ticks where angles have them."""
-    from matplotlib.ticker import MultipleLocator  # noqa: PLC0415
-
-    return MultipleLocator(45.0 * max(1, math.ceil(width / 400.0)))
-
-
-def _motion(cycle: Cycle) -> Figure:
+def _motion(cycle: Cycle) -> Chart:
     names = cycle.machine.physics.coordinates
-    units = [unit_of(cycle.machine, f'position.{name}') for name in names]
-    columns = list(dict.fromkeys(units))
-    figure = titled(cycle.machine.scene.title, 6.0 * len(columns), 6.5)
-    grid = figure.subplots(3, len(columns), sharex=True, squeeze=False)
-    for row, kind in enumerate(_KINDS):
-        for axes, unit in zip(grid[row], columns, strict=True):
-            chosen = {
-                f'{kind}.{name}': name for name, u in zip(names, units, strict=True) if u == unit
-            }
-            _lines(axes, cycle, chosen, _WORDS[unit][row])
-    for axes in grid[-1]:
-        axes.set_xlabel(_abscissa(cycle)[1])
-    return figure
+    units = {name: unit_of(cycle.machine, f'position.{name}') for name in names}
+    different = list(dict.fromkeys(units.values()))
+    rows = [
+        [
+            panel
+            for unit in different
+            for panel in _lines(
+                cycle, {f'{kind}.{n}': n for n in names if units[n] == unit}, _WORDS[unit][row]
+            )
+        ]
+        for row, kind in enumerate(_KINDS)
+    ]
+    if len(rows[0]) == len(different):
+        return _chart(cycle, 'motion', list(chain(*rows)), len(different))
+    # of many coordinates each has a row
+    return _chart(cycle, 'motion', list(chain(*zip(*rows, strict=True))), len(_KINDS))
 
 
-def _grid(figure: Figure, count: int, **more: Any) -> list[Any]:
-    """So many panels, at most three side by side."""
-    wide = min(3, count)
-    panels = figure.subplots(math.ceil(count / wide), wide, squeeze=False, **more).ravel()
-    for axes in panels[count:]:
-        axes.remove()
-    return list(panels[:count])
-
-
-def _size(count: int, side: float) -> tuple[float, float]:
-    return side * min(3, count), side * math.ceil(count / 3) + 0.4
-
-
-def _phase(cycle: Cycle) -> Figure:
+def _phase(cycle: Cycle) -> Chart:
     """Rate over position of each coordinate, a dot at the start."""
-    names = cycle.machine.physics.coordinates
-    figure = titled(cycle.machine.scene.title, *_size(len(names), 3.0))
-    own = numbers(cycle.machine.mechanism)
-    for name, axes in zip(names, _grid(figure, len(names)), strict=True):
+    own, found = numbers(cycle.machine.mechanism), []
+    for name in cycle.machine.physics.coordinates:
         unit = unit_of(cycle.machine, f'position.{name}')
         shown, scale = for_people(unit)
-        x, y = scale * cycle[f'position.{name}'], cycle[f'velocity.{name}']
-        shade = colour(own.get(name, 0))
-        axes.plot(x, y, color=shade, lw=1.2)
-        axes.plot(x[:1], y[:1], 'o', color=shade, ms=4.0)
-        axes.set_title(name, fontsize=9.0)
-        axes.set(
-            xlabel=f'{_WORDS[unit][0]} [{shown}]', ylabel=f'{_WORDS[unit][1]} [{typeset(unit)}/s]'
-        )
-    return figure
+        position, rate = _WORDS[unit][:2]
+        line = Curve(scale * cycle[f'position.{name}'], cycle[f'velocity.{name}'],
+                     of=f'velocity.{name}', colour=own.get(name, 0))  # fmt: skip
+        axes = Axis(position, shown), Axis(rate, f'{unit}/s')
+        found.append(Panel(*axes, (line, line.start()), name, height=2.3))
+    beside = min(3, len(found))
+    title = cycle.machine.scene.title
+    return Chart('phase', title, tuple(found), columns=beside, width=max(3.2 * beside, 4.5))
 
 
-def _forces(cycle: Cycle) -> Figure:
-    columns = {f'reaction.{joint}.size': joint for joint in cycle.machine.physics.joints}
-    figure = titled(cycle.machine.scene.title, 7.0, 4.0)
-    axes = figure.subplots()
-    _lines(axes, cycle, columns, 'force in the joint')
-    axes.set_ylim(bottom=0.0)
-    axes.set_xlabel(_abscissa(cycle)[1])
-    return figure
-
-
-def _hodographs(cycle: Cycle) -> Figure:
+def _hodographs(cycle: Cycle) -> Chart:
     """The vector of each joint's force over its direction, and of the force on the frame."""
-    names = {f'reaction.{joint}': joint for joint in cycle.machine.physics.joints}
-    names['shaking_force'] = 'all on the frame'
-    figure = titled(cycle.machine.scene.title, *_size(len(names), 3.2))
-    panels = _grid(figure, len(names), subplot_kw={'projection': 'polar'})
-    for (column, label), axes in zip(names.items(), panels, strict=True):
-        x, y = cycle[f'{column}.x'], cycle[f'{column}.y']
-        axes.plot(np.arctan2(y, x), np.hypot(x, y), color='0.1', lw=1.1)
-        axes.plot(np.arctan2(y[:1], x[:1]), np.hypot(x[:1], y[:1]), 'o', color='0.1', ms=4.0)
-        axes.set_title(f'{label} [N]', fontsize=9.0)
-        few_ticks(axes)
-    return figure
+    forces = {f'reaction.{joint}': joint for joint in cycle.machine.physics.joints}
+    forces['shaking_force'] = 'all on the frame'
+    found = [
+        hodograph('', title, column, cycle['t'], (cycle[f'{column}.x'], cycle[f'{column}.y']), k)
+        for k, (column, title) in zip([*range(len(forces) - 1), -1], forces.items(), strict=True)
+    ]
+    return replace(joined(cycle.machine.scene.title, found, 3), key='hodographs')
 
 
-def _drive(cycle: Cycle) -> Figure:
-    units = [unit_of(cycle.machine, name) for name in cycle.drive_torques]
-    kinds = list(dict.fromkeys(units))
-    figure = titled(cycle.machine.scene.title, 7.0, 2.2 * (len(kinds) + 3))
-    panels = figure.subplots(len(kinds) + 3, 1, sharex=True)
-    for kind, axes in zip(kinds, panels, strict=False):
-        chosen = {
-            name: name.partition('.')[2] or cycle.drive
-            for name, u in zip(cycle.drive_torques, units, strict=True)
-            if u == kind
+def _drive(cycle: Cycle) -> Chart:
+    found = []
+    units = {name: unit_of(cycle.machine, name) for name in cycle.drive_torques}
+    for unit in dict.fromkeys(units.values()):
+        labels = {
+            name: name.partition('.')[2] or cycle.drive for name in units if units[name] == unit
         }
-        _lines(axes, cycle, chosen, 'torque of the drive' if kind == 'N m' else 'force of drive')
-    power, energy, shaking = panels[len(kinds) :]
-    _lines(power, cycle, {'drive_power': ''}, 'power of the drive')
-    _lines(energy, cycle, {'energy.kinetic': 'kinetic', 'energy.potential': 'potential'}, 'energy')
-    _lines(shaking, cycle, {'shaking_moment': ''}, 'moment on the frame')
-    shaking.set_xlabel(_abscissa(cycle)[1])
-    return figure
+        words = 'torque of the drive' if unit == 'N m' else 'force of the drive'
+        found += _lines(cycle, labels, words)
+    found += _lines(cycle, {'drive_power': 'power'}, 'power of the drive')
+    found += _lines(cycle, {f'energy.{x}': x for x in ('kinetic', 'potential')}, 'energy')
+    found += _lines(cycle, {'shaking_moment': 'moment'}, 'moment on the frame')
+    return _chart(cycle, 'drive', found, 1)
 
 
-def _paths(cycle: Cycle) -> Figure:
-    figure = titled(cycle.machine.scene.title, 5.5, 4.5)
-    axes = figure.subplots()
+def _paths(cycle: Cycle) -> Chart:
+    found: list[Curve] = []
     own = numbers(cycle.machine.mechanism)
-    for name, stroke in zip(cycle.points, strokes(cycle.points, own), strict=True):
+    for name, shade in zip(cycle.points, colours(cycle.points, own), strict=True):
         x, y = (1e3 * cycle[f'position.{name}.{axis}'] for axis in 'xy')
-        axes.plot(x, y, label=name, **stroke)
-        axes.plot(x[:1], y[:1], 'o', color=stroke['color'], ms=4.0)
-    axes.set_aspect('equal', adjustable='datalim')
-    axes.set(xlabel='x [mm]', ylabel='y [mm]')
-    legend(axes)
-    return figure
+        dash = sum(c.colour == shade and c.form == 'line' for c in found)
+        line = Curve(x, y, name, f'position.{name}', shade, dash)
+        found += [line, line.start()]
+    title = '' if len(cycle.points) > 1 else next(iter(cycle.points))
+    panel = Panel(Axis('x', 'mm'), Axis('y', 'mm'), tuple(found), title, 'equal', height=4.0)
+    return Chart('paths', cycle.machine.scene.title, (panel,), width=6.0)

@@ -12,9 +12,10 @@ from mechanism_sim.cycles.columns import part_of
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.solution import Piece, Solution
-from mechanism_sim.report.cycle import for_people, where
+from mechanism_sim.report.cycle import where
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.check import check
+from mechanism_sim.units import for_people
 
 _WIDTH = 420  # [pixels] of a picture
 _ROWS = 40  # of a table

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from mechanism_sim.report.cycle import for_people
 from mechanism_sim.strict_json import plain
 from mechanism_sim.study.lift_off import LiftOff
 from mechanism_sim.study.losses import Losses
 from mechanism_sim.study.periodic import Response
 from mechanism_sim.study.starts import Start
 from mechanism_sim.study.statistics import Statistics
+from mechanism_sim.units import for_people
 
 
 def periodic(response: Response) -> str:

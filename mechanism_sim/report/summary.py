@@ -197,6 +197,8 @@ def render(run: Stream) -> str:
         lines += text_table.lines(carried, indent='    ')
     for name, moment in data.get('bearing_moment', {}).items():  # type: ignore[attr-defined]
         lines.append(f'    moment {name} {moment:14.9g} N m')
+    for name, force in data.get('axial_force', {}).items():  # type: ignore[attr-defined]
+        lines.append(f'    force along the axis of {name} {force:14.9g} N')
     torques: dict[str, float | None] = data.get('drive_torques', {})  # type: ignore[assignment]
     for c, torque in torques.items():
         straight = c in run.machine.physics.displacements

@@ -6,29 +6,26 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mechanism_sim import text_table
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.report.cycle import for_people
-from mechanism_sim.report.figures import check_picture, save
+from mechanism_sim.report.charts.chart import DASHES, MARKERS, Axis, Chart, Curve, Panel
+from mechanism_sim.report.figures import check_picture
 from mechanism_sim.strict_json import plain
 from mechanism_sim.sweep.effects import effects, exceedances, measures_of
 from mechanism_sim.sweep.plan import REPEAT, Plan
 from mechanism_sim.sweep.row import Value
 from mechanism_sim.sweep.run import Summary, has_failed
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from mechanism_sim.units import for_people
 
 _PANELS = (
-    ('impulse', 1e3, 'sum of normal impulses\nper revolution [mN s]'),
-    ('impacts', 1.0, 'impacts per revolution'),
-    ('I_n', 1e3, '$I_n$, impulse per impact\n[mN s]'),
+    ('impulse', 1e3, 'impulses per revolution', 'mN s'),
+    ('impacts', 1.0, 'impacts per revolution', ''),
+    ('I_n', 1e3, 'impulse per impact', 'mN s'),
 )
-_STYLES = (('o', '-'), ('s', '--'), ('^', '-.'), ('D', ':'), ('v', '-'), ('P', '--'))
 _MOST_ROWS, _MOST_TICKS = 40, 8
 
 
@@ -179,14 +176,14 @@ def _number(row: dict[str, Value], name: str) -> float:
 
 
 @dataclass(frozen=True)
-class Chart:
+class Asked:
     """A picture to be drawn of a sweep, over the values at the path `over`."""
 
     file: Path
     over: str
 
 
-def chart_of(plan: Plan, file: str | None, over: str | None) -> Chart | None:
+def chart_of(plan: Plan, file: str | None, over: str | None) -> Asked | None:
     """What is asked for; nothing without a file.
 
     Raises
@@ -209,124 +206,100 @@ def chart_of(plan: Plan, file: str | None, over: str | None) -> Chart | None:
     chosen = over or (numeric[-1] if numeric else None)
     if chosen not in numeric:
         raise InputError(f'--plot {file}: this needs a swept value that is a number in every run')
-    return Chart(path, chosen)
+    return Asked(path, chosen)
 
 
-def draw(chart: Chart, plan: Plan, rows: Sequence[dict[str, Value]]) -> None:
-    """Draw impulses, impacts and I_n over a swept value, a line for each of the other values.
+def sweep_chart(asked: Asked, plan: Plan, rows: Sequence[dict[str, Value]]) -> Chart:
+    """Impulses, impacts and I_n over a swept value, a line for each of the other values.
 
     Bars are 95 % confidence intervals; repetitions are put together.
     """
-    import matplotlib as mpl  # noqa: PLC0415 - slow to import, and seldom needed
-    from matplotlib.figure import Figure  # noqa: PLC0415
-
-    style: dict[Any, Any] = {
-        'font.size': 9.0, 'axes.spines.top': False, 'axes.spines.right': False,
-        'svg.hashsalt': 'mechanism_sim',
-    }  # fmt: skip
-    with mpl.rc_context(style):
-        figure = Figure(figsize=(9.5, 3.4), layout='constrained')
-        panels: list[Axes] = list(figure.subplots(1, len(_PANELS)))
-        lines = _lines(chart, plan, rows)
-        for axes, (name, scale, label) in zip(panels, _PANELS, strict=True):
-            _panel(axes, lines, name, scale)
-            axes.set_ylabel(label)
-            axes.set_ylim(bottom=0.0)
-            _ticks(axes, chart, plan)
-        figure.supxlabel(chart.over, fontsize=9.0)
-        if len(lines) > 1:
-            figure.legend(
-                *panels[0].get_legend_handles_labels(), loc='outside upper center',
-                ncols=min(len(lines), 4), frameon=False, handlelength=3.0,
-            )  # fmt: skip
-        save(figure, chart.file)
+    lines, x = _lines(asked, plan, rows), _axis(asked, plan)
+    panels: list[Panel] = []
+    for name, scale, words, unit in _PANELS:
+        curves = [
+            _curve(places, name, scale, '' if panels else label, k)
+            for k, (label, places) in enumerate(lines.items())
+        ]
+        panels.append(Panel(x, Axis(words, unit, low=0.0), tuple(curves), height=2.4))
+    return Chart('sweep', '', tuple(panels), columns=len(panels), width=9.5)
 
 
 Lines = dict[str, dict[float, list[dict[str, Value]]]]
 
 
-def _lines(chart: Chart, plan: Plan, rows: Sequence[dict[str, Value]]) -> Lines:
+def _lines(asked: Asked, plan: Plan, rows: Sequence[dict[str, Value]]) -> Lines:
     """Finished rows by line of the picture and by place on it."""
     lines: Lines = {}
     for run, row in zip(plan.runs, rows, strict=True):
         if has_failed(row):
             continue
         others = ', '.join(
-            f'{k.rpartition(".")[2]} {v}' for k, v in run.given.items() if k != chart.over
+            f'{k.rpartition(".")[2]} {v}' for k, v in run.given.items() if k != asked.over
         )
-        x = float(run.values[chart.over] or 0.0)
+        x = float(run.values[asked.over] or 0.0)
         lines.setdefault(others, {}).setdefault(x, []).append(row)
     return lines
 
 
-def _panel(axes: Axes, lines: Lines, name: str, scale: float) -> None:
-    for k, (label, places) in enumerate(lines.items()):
-        xs = sorted(places)
-        means = [[_number(row, name) * scale for row in places[x]] for x in xs]
-        halves = [[_number(row, f'{name}_half_width') * scale for row in places[x]] for x in xs]
-        y = [sum(m) / len(m) for m in means]
-        error = [math.hypot(*h) / len(h) for h in halves]
-        marker, line = _STYLES[k % len(_STYLES)]
-        shade = str(0.6 * k / max(1, len(lines) - 1))
-        axes.errorbar(
-            xs, y, error, label=label, color=shade, marker=marker, linestyle=line,
-            markersize=4.0, linewidth=1.0, capsize=2.5,
-        )  # fmt: skip
+def _curve(
+    places: dict[float, list[dict[str, Value]]], name: str, scale: float, label: str, k: int
+) -> Curve:
+    xs = sorted(places)
+    means = [[_number(row, name) * scale for row in places[x]] for x in xs]
+    halves = [[_number(row, f'{name}_half_width') * scale for row in places[x]] for x in xs]
+    y = np.array([sum(m) / len(m) for m in means])
+    error = np.array([math.hypot(*h) / len(h) for h in halves])
+    return Curve(np.array(xs), y, label, '', k, k % len(DASHES), marker=MARKERS[k % len(MARKERS)],
+                 error=error)  # fmt: skip
 
 
-def _ticks(axes: Axes, chart: Chart, plan: Plan) -> None:
+def _axis(asked: Asked, plan: Plan) -> Axis:
     """The values as the file has them, with their units, where there is room for them."""
     said: dict[float, Any] = {
-        float(run.values[chart.over] or 0.0): run.given.get(chart.over) for run in plan.runs
+        float(run.values[asked.over] or 0.0): run.given.get(asked.over) for run in plan.runs
     }
+    words = '.'.join(asked.over.split('.')[-3:])
     if len(said) <= _MOST_TICKS and None not in said.values():
-        axes.set_xticks(list(said), [str(v) for v in said.values()], rotation=30, ha='right')
-    else:
-        axes.set_xlabel('SI')
+        return Axis(words, names=tuple(map(str, said.values())), at=tuple(said))
+    return Axis(words, 'SI')
 
 
-def draw_effects(file: Path, plan: Plan, rows: Sequence[dict[str, Value]]) -> None:
-    """Draw main effects: a row for each measure, a column for each factor, means with errors.
+def effects_chart(plan: Plan, rows: Sequence[dict[str, Value]]) -> Chart:
+    """Main effects: a row for each measure, a column for each factor, means with errors.
 
     Bars are two standard errors of a mean; the share is that of the variance which the factor
     explains by itself, and the index that of Sobol where the design gives it.
-    """
-    import matplotlib as mpl  # noqa: PLC0415 - slow to import, and seldom needed
-    from matplotlib.figure import Figure  # noqa: PLC0415
 
-    found = effects(plan, rows)
-    names = [n for n in measures_of(plan) if any(e.measure == n for e in found)]
-    factors = list(dict.fromkeys(e.factor for e in found))
-    if not names:
-        raise InputError(f'--effects {file}: nothing that is swept changes a measure')
+    Raises
+    ------
+    InputError
+        If there are none.
+    """
+    found = {(e.measure, e.factor): e for e in effects(plan, rows)}
+    factors = list(dict.fromkeys(factor for _, factor in found))
     units = {c.name: c.unit for c in plan.own}
-    style: dict[Any, Any] = {
-        'font.size': 8.0, 'axes.spines.top': False, 'axes.spines.right': False,
-        'svg.hashsalt': 'mechanism_sim',
-    }  # fmt: skip
-    with mpl.rc_context(style):
-        size = (1.2 + 2.1 * len(factors), 0.9 + 1.9 * len(names))
-        figure = Figure(figsize=size, layout='constrained')
-        panels = figure.subplots(len(names), len(factors), squeeze=False, sharey='row')
-        for e in found:
-            axes = panels[names.index(e.measure), factors.index(e.factor)]
-            unit, scale = for_people(units.get(e.measure, ''), _largest(rows, e.measure))
-            of, along = for_people(plan.units.get(e.factor, ''))
-            numbers = all(isinstance(level.x, float | int) for level in e.levels)
-            x = [along * float(level.x) if numbers else k for k, level in enumerate(e.levels)]
-            axes.errorbar(
-                x, [scale * level.mean for level in e.levels],
-                [2.0 * scale * level.error for level in e.levels],
-                color='k', marker='o', markersize=3.0, linewidth=1.0, capsize=2.0,
-            )  # fmt: skip
-            if not numbers:
-                axes.set_xticks(x, [str(level.x) for level in e.levels], rotation=30, ha='right')
-            said = f'{100.0 * e.share:.0f} %' if math.isfinite(e.share) else ''
-            said += f', $S_T$ = {e.total[0]:.2f}' if e.total else ''
-            axes.set_title(said, fontsize=7.0, color='0.3')
-            if e.factor == factors[0]:
-                axes.set_ylabel(f'{e.measure} [{unit}]' if unit else e.measure)
-            if e.measure == names[-1]:
-                short = '.'.join(e.factor.split('.')[-3:])
-                axes.set_xlabel(f'{short}\n[{of}]' if of else short)
-        save(figure, file)
+    panels = []
+    for name in (n for n in measures_of(plan) if any(m == n for m, _ in found)):
+        unit, scale = for_people(units.get(name, ''), _largest(rows, name))
+        for factor in factors:
+            e = found.get((name, factor))
+            of, along = for_people(plan.units.get(factor, ''))
+            levels = e.levels if e else ()
+            numbers = all(isinstance(level.x, float | int) for level in levels)
+            x = [along * float(level.x) if numbers else k for k, level in enumerate(levels)]
+            mean, error = (
+                np.array([by * getattr(level, k) for level in levels])
+                for by, k in ((scale, 'mean'), (2.0 * scale, 'error'))
+            )
+            curve = Curve(np.array(x, np.float64), mean, of=factor, marker='circle', error=error)
+            said = f'{100.0 * e.share:.0f} %' if e and math.isfinite(e.share) else ''
+            said += f', total index {e.total[0]:.2f}' if e and e.total else ''
+            short = '.'.join(factor.split('.')[-3:])
+            names = () if numbers else tuple(str(level.x) for level in levels)
+            panels.append(Panel(Axis(short, of, names=names), Axis(name, unit), (curve,), said,
+                                height=1.6, scale=name))  # fmt: skip
+    if not panels:
+        raise InputError('--effects: nothing that is swept changes a measure')
+    wide = 1.2 + 2.1 * len(factors)
+    return Chart('effects', '', tuple(panels), columns=len(factors), width=wide)

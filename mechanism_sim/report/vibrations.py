@@ -8,7 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mechanism_sim import text_table
-from mechanism_sim.report.figures import strokes, titled
+from mechanism_sim.export.palette import GROUND, INK, LINKS
+from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, Curve, Mark, Panel, whole
+from mechanism_sim.report.charts.lines import colours
 from mechanism_sim.study.harmonics import Harmonics
 from mechanism_sim.study.modes import CriticalSpeed, Mode, Station
 from mechanism_sim.study.response import FrequencyResponse
@@ -121,41 +124,41 @@ def _amplitude(z: complex | None) -> str:
     return f'{abs(z):.4g} at {np.degrees(np.angle(z)):.1f} deg'
 
 
-def modes_picture(table: ModeTable, title: str) -> Any:
-    """Mode shapes as bars; frequencies over angle or speed, with the line of the rotation."""
+def modes_chart(table: ModeTable, title: str) -> Chart:
+    """Mode shapes as stems; frequencies over angle or speed, with the line of the rotation."""
     if table.over is None:
-        modes = table.stations[0].modes
-        figure = titled(title, height=0.8 + 1.3 * len(modes))
-        for axes, mode in zip(
-            np.ravel(figure.subplots(len(modes), 1, sharex=True)), modes, strict=True
-        ):
-            names = list(mode.shape)
-            places = range(len(names))
-            axes.bar(places, [z.real for z in mode.shape.values()], 0.5, color='0.4')
-            if any(abs(z.imag) > 1e-9 for z in mode.shape.values()):
-                parts = [z.imag for z in mode.shape.values()]
-                axes.bar(places, parts, 0.2, color='0.8', label='a quarter period later')
-                axes.legend()
-            axes.axhline(0.0, color='k', lw=0.6)
-            axes.set_xticks(list(places), names)
-            axes.set_ylabel(f'{mode.frequency:.4g} Hz\nratio {mode.damping_ratio:.3g}')
-        return figure
-    figure = titled(title)
-    axes = figure.subplots()
-    x = [table.abscissa(s) for s in table.stations]
+        panels = tuple(map(_shape, table.stations[0].modes))
+        return Chart('modes', title, panels)
+    x = np.array([table.abscissa(s) for s in table.stations])
     count = min(len(s.modes) for s in table.stations)
-    for k, stroke in enumerate(strokes(map(str, range(count)))):
-        axes.plot(x, [s.modes[k].frequency for s in table.stations], label=f'{k + 1}', **stroke)
+    curves = [
+        Curve(x, np.array([s.modes[k].frequency for s in table.stations]), f'mode {k + 1}',
+              colour=k, dash=k // len(LINKS))
+        for k in range(count)
+    ]  # fmt: skip
     if table.over == 'speed':
-        axes.plot(x, np.abs(x) / (2.0 * np.pi), color='0.6', lw=0.6, label='rotation')
-        for w, _ in table.critical:
-            axes.plot([w], [abs(w) / (2.0 * np.pi)], 'o', color='k', mfc='none')
-    axes.legend()
-    axes.set_xlabel(
-        f'{table.over} of {table.main} [{"rad/s" if table.over == "speed" else "rad"}]'
-    )
-    axes.set_ylabel('natural frequency [Hz]')
-    return figure
+        curves.append(Curve(x, np.abs(x) / TWO_PI, 'rotation', colour=GROUND, look='fine'))
+        w = np.array([w for w, _ in table.critical], np.float64)
+        curves.append(
+            Curve(w, np.abs(w) / TWO_PI, 'critical speed', '', INK, form='dots',
+                  marker='circle-open')
+        )  # fmt: skip
+    axis = Axis(f'{table.over} of {table.main}', 'rad/s' if table.over == 'speed' else 'rad')
+    panel = Panel(axis, Axis('natural frequency', 'Hz'), tuple(curves), height=2.4)
+    return Chart('frequencies', title, (panel,))
+
+
+def _shape(mode: Mode) -> Panel:
+    """A mode shape: real parts, and imaginary ones where the parts do not move in step."""
+    places = np.arange(len(mode.shape), dtype=np.float64)
+    z = np.array([*mode.shape.values()])
+    curves = [Curve(places, z.real, 'now', form='stems', marker='circle')]
+    if np.abs(z.imag).max() > 1e-9:
+        curves.append(Curve(places, z.imag, 'a quarter period later', '', 1, form='stems',
+                            marker='circle-open'))  # fmt: skip
+    head = f'{mode.frequency:.4g} Hz, damping ratio {mode.damping_ratio:.3g}'
+    x = Axis('coordinate', low=-0.5, high=len(places) - 0.5, names=tuple(mode.shape))
+    return Panel(x, Axis('shape'), tuple(curves), head, height=SMALL, marks=(Mark(0.0, '', True),))
 
 
 def response_json(found: FrequencyResponse) -> dict[str, Any]:
@@ -190,24 +193,22 @@ def _per(found: FrequencyResponse, name: str) -> str:
     return unit if not source else '1' if unit == source else f'{unit} per {source}'
 
 
-def response_picture(found: FrequencyResponse, title: str) -> Any:
-    """Amplitudes, logarithmic, above phases; each unit has a row of its own."""
-    units = list(dict.fromkeys(_per(found, name) for name in found.amplitudes))
-    figure = titled(title, height=1.4 + 1.6 * len(units))
-    rows = np.ravel(figure.subplots(len(units) + 1, 1, sharex=True))
-    lines = strokes(found.amplitudes)
-    for (name, z), stroke in zip(found.amplitudes.items(), lines, strict=True):
-        axes = rows[units.index(_per(found, name))]
-        axes.plot(found.frequency, np.abs(z), label=name, **stroke)
-        rows[-1].plot(found.frequency, np.degrees(np.unwrap(np.angle(z))), **stroke)
-    for axes, unit in zip(rows, units, strict=False):
-        if all((line.get_ydata() > 0.0).any() for line in axes.get_lines()):
-            axes.set_yscale('log')
-        axes.set_ylabel(f'[{unit}]')
-        axes.legend()
-    rows[-1].set_ylabel('phase [deg]')
-    rows[-1].set_xlabel(f'frequency of {found.source.name} [Hz]')
-    return figure
+def response_chart(found: FrequencyResponse, title: str) -> Chart:
+    """Amplitudes, logarithmic, above phases; each unit has a panel of its own."""
+    shades = dict(zip(found.amplitudes, colours(found.amplitudes, {}), strict=True))
+    x = Axis(f'frequency of {found.source.name}', 'Hz')
+    panels, names = [], list(found.amplitudes)
+    for unit in dict.fromkeys(_per(found, name) for name in names):
+        sizes = {n: np.abs(found.amplitudes[n]) for n in names if _per(found, n) == unit}
+        log = all((y > 0.0).any() for y in sizes.values())
+        curves = tuple(Curve(found.frequency, y, n, n, shades[n]) for n, y in sizes.items())
+        head = next(iter(sizes)) if len(sizes) == 1 else ''
+        panels.append(Panel(x, Axis('amplitude', unit, log=log), curves, head))
+    phases = tuple(
+        Curve(found.frequency, np.degrees(np.unwrap(np.angle(z))), name, name, shades[name])
+        for name, z in found.amplitudes.items()
+    )
+    return Chart('response', title, (*panels, Panel(x, Axis('phase', 'deg'), phases)), 'frequency')
 
 
 def harmonics_json(found: Harmonics) -> dict[str, Any]:
@@ -239,13 +240,13 @@ def harmonics_text(found: Harmonics) -> str:
     return '\n'.join(text_table.lines(rows, indent=''))
 
 
-def harmonics_picture(found: Harmonics, title: str) -> Any:
+def harmonics_chart(found: Harmonics, title: str) -> Chart:
     """Amplitudes of the harmonics as stems."""
-    figure = titled(title, height=1.0 + 1.5 * len(found.series))
-    rows = np.ravel(figure.subplots(len(found.series), 1, sharex=True))
-    for axes, (name, s) in zip(rows, found.series.items(), strict=True):
-        axes.bar(np.arange(1, len(s.amplitudes) + 1), np.abs(s.amplitudes), 0.3, color='0.4')
-        axes.set_ylabel(f'{name} [{found.units[name]}]')
-    rows[-1].xaxis.get_major_locator().set_params(integer=True)
-    rows[-1].set_xlabel(f'harmonic of {1.0 / found.period:.6g} Hz')
-    return figure
+    panels = []
+    for k, (name, s) in enumerate(found.series.items()):
+        number = np.arange(1.0, len(s.amplitudes) + 1.0)
+        x = Axis(f'harmonic of {1.0 / found.period:.6g} Hz', every=whole(len(number)))
+        curve = Curve(number, np.abs(s.amplitudes), name, name, k, form='stems', marker='circle')
+        y = Axis('amplitude', found.units[name], low=0.0)
+        panels.append(Panel(x, y, (curve,), name, height=SMALL + 0.3))
+    return Chart('harmonics', title, tuple(panels), 'frequency')

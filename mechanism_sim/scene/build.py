@@ -13,7 +13,7 @@ from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.kinematics import Array, Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
 from mechanism_sim.planar.unknowns import NO_WORK
-from mechanism_sim.scene.contact_keys import Play
+from mechanism_sim.scene.contact_keys import Clearance, Play
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.instruments import check_sensors
 from mechanism_sim.scene.machine import Machine
@@ -207,7 +207,9 @@ def _check_joints(machine: Machine) -> None:
         _check_contact(where, clearance)
         if clearance.wall == 'soft' and math.isinf(clearance.friction):
             raise InputError(f'{where}.friction = rough is for rigid contacts only')
-        if clearance.contact and clearance.contact.law == 'flores' and not clearance.restitution:
+        axial = clearance.axial if isinstance(clearance, Clearance) else None
+        dead = not clearance.restitution or (axial and axial.restitution == 0.0)
+        if clearance.contact and clearance.contact.law == 'flores' and dead:
             raise InputError(f'{where}: the law of Flores needs a restitution above 0')
         if clearance.pin_radius and not clearance.friction:
             raise InputError(
@@ -239,8 +241,20 @@ def _check_contact(where: str, clearance: Play) -> None:
             raise InputError(
                 f"{where}.contact: '{key}' is missing: the law {contact.law} needs it"
             )
-    if thin and not film:
-        raise InputError(f'{where}.contact.roughness is for the law film: there is no oil')
+    for key in ('roughness', 'supply_pressure', 'cavitation_pressure'):
+        if getattr(contact, key) and not film:
+            raise InputError(f'{where}.contact.{key} is for the law film: there is no oil')
+    supply, lowest = contact.supply_pressure, contact.cavitation_pressure
+    if supply < lowest:
+        raise InputError(
+            f'{where}.contact.supply_pressure = {supply:g} Pa is less than cavitation_pressure, '
+            f'{lowest:g} Pa: oil that ruptures where it comes in fills nothing'
+        )
+    if supply > lowest and contact.cavitation == 'none':
+        raise InputError(
+            f'{where}.contact.cavitation = none: the film is whole whatever the pressure of its '
+            "supply: leave it out, or 'supply_pressure' and 'cavitation_pressure'"
+        )
     if thin and thin >= clearance.radial:
         raise InputError(
             f'{where}.contact.roughness = {thin:g} m must be less than radial, '

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
 from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
-from mechanism_sim.linkages.bearing_ends import bearing_ends
+from mechanism_sim.linkages.bearing_ends import axial_stops, bearing_ends
 from mechanism_sim.linkages.guide import corners
 from mechanism_sim.linkages.slot import PinInSlot, SlotWall
 from mechanism_sim.planar.mechanism import GROUND, HigherPair, Mechanism, Prismatic, Vector2
 from mechanism_sim.planar.play import walls
 from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap
-from mechanism_sim.scene.contact_keys import Clearance, Misalignment, Play
+from mechanism_sim.scene.contact_keys import AxialPlay, Clearance, Misalignment, Play
 
 _IN_LINE = 1e-5
 
@@ -35,11 +35,14 @@ def gaps_and_films(
                 if isinstance(joint, PinInSlot) and c.friction:
                     gaps += [
                         SlotWall(closure, side, c.radial, c.restitution, c.friction,
-                                 c.hypothesis, law, c.pin_radius)
+                                 c.hypothesis, law, pin_radius=c.pin_radius)
                         for side in joint.sides
                     ]  # fmt: skip
                 else:
-                    gaps += walls(closure, c.radial, c.restitution, c.hypothesis, law)
+                    gaps += walls(
+                        closure, c.radial, c.restitution, c.friction, c.hypothesis, law,
+                        c.pin_radius,
+                    )  # fmt: skip
         elif isinstance(joint, Prismatic) and isinstance(c, Clearance):
             gaps += corners(
                 mechanism, name, c.length or 0.0, c.height or 0.0, c.radial, c.restitution,
@@ -60,7 +63,27 @@ def gaps_and_films(
                     force_law(c, 0.5 if leans else 1.0),
                 )  # fmt: skip
                 gaps += bearing_ends(gap, *leans) if leans else [gap]
+            if isinstance(c, Clearance) and c.axial:
+                gaps += stops(mechanism, name, c, c.axial)
     return gaps, films
+
+
+def stops(mechanism: Mechanism, joint: str, c: Clearance, axial: AxialPlay) -> Iterable[Gap]:
+    """Those along the axis of a bearing."""
+    e = c.restitution if axial.restitution is None else axial.restitution
+    pin, bushing = inclinations(c)
+    return axial_stops(
+        mechanism, joint, axial.play, restitution=e, hypothesis=c.hypothesis,
+        law=force_law(c.model_copy(update={'restitution': e})), radius=axial.face_radius or 0.0,
+        crown=axial.crown or 0.0, pin=pin, bushing=bushing,
+    )  # fmt: skip
+
+
+def inclinations(clearance: Clearance) -> tuple[Vector2, Vector2]:
+    """Of pin and bushing by manufacture [rad]."""
+    given = clearance.misalignment or Misalignment()
+    pin, bushing = (x.inclination if x else (0.0, 0.0) for x in (given.pin, given.bushing))
+    return pin, bushing
 
 
 def oil_film(clearance: Play) -> ShortBearing | None:
@@ -71,7 +94,8 @@ def oil_film(clearance: Play) -> ShortBearing | None:
     given = (contact.viscosity, contact.width, contact.radius)
     viscosity, width, radius = (value or 0.0 for value in given)  # checked to be there
     full = contact.cavitation == 'none'
-    return ShortBearing(viscosity, width, radius, clearance.radial, full)
+    supply = contact.supply_pressure - contact.cavitation_pressure
+    return ShortBearing(viscosity, width, radius, clearance.radial, full, supply)
 
 
 class Leaning(NamedTuple):
@@ -90,8 +114,7 @@ def leaning(mechanism: Mechanism, joint: str, clearance: Play) -> Leaning | None
     """
     if not isinstance(clearance, Clearance) or not clearance.length:
         return None
-    given, length = clearance.misalignment or Misalignment(), clearance.length
-    pin, bushing = (x.inclination if x else (0.0, 0.0) for x in (given.pin, given.bushing))
+    length, (pin, bushing) = clearance.length, inclinations(clearance)
     off = 0.5 * length * (math.hypot(*pin) + math.hypot(*bushing))
     ends = (mechanism.joint(joint).first, mechanism.joint(joint).second)
     leans = any(mechanism.body(link).tilt for link in ends if link != GROUND)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from mechanism_sim.planar.mechanism import rotate
 from mechanism_sim.scene.quantities import (
@@ -39,8 +40,12 @@ class Contact(Part):
     radius: Length | None = None
     """Of the journal; required for a film."""
     cavitation: Literal['guembel', 'none'] = 'guembel'
-    """Of a film whose pressure falls below that of its supply. It ruptures and carries nothing
+    """Of a film whose pressure falls below `cavitation_pressure`. It ruptures and carries nothing
     there (Guembel), or it pulls, if the supply's pressure keeps it whole."""
+    supply_pressure: Annotated[float, si('Pa'), Field(allow_inf_nan=False)] = 0.0
+    """Of the oil at both ends of a film, above that of the surroundings."""
+    cavitation_pressure: Annotated[float, si('Pa'), Field(allow_inf_nan=False)] = 0.0
+    """At which a film ruptures, above that of the surroundings: negative if oil holds together."""
     roughness: Length | None = None
     """Thickness of a film at which its walls touch; without, they never do."""
 
@@ -48,12 +53,22 @@ class Contact(Part):
 class Friction(Part):
     """Coulomb friction in an ideal joint, under its own force."""
 
-    coefficient: Annotated[float, si(''), Field(ge=0.0, allow_inf_nan=False)]
-    """Coulomb's coefficient; a joint that rests sticks with the same."""
+    coefficient: Annotated[float, si(''), Field(ge=0.0, allow_inf_nan=False)] = 0.0
+    """Coulomb's coefficient, required; a joint that rests sticks with the same."""
     radius: Length | None = None
     """Of a pin, the arm of its friction; required there."""
     length: Length | None = None
     """Of a block along its guide, about its point: its ends carry moments; else none rub."""
+    groove: Annotated[float, si('rad'), Field(gt=0.0, lt=math.pi)] | None = None
+    """Of a V-belt: between the flanks of its pulleys' grooves; without it the belt is flat."""
+    efficiency: Annotated[float, si(''), Field(gt=0.0, le=1.0)] | None = None
+    """Of a chain or a toothed belt, in the place of a coefficient."""
+
+    @model_validator(mode='after')
+    def _one_size(self) -> Friction:
+        if len({'coefficient', 'efficiency'} & self.model_fields_set) != 1:
+            raise ValueError("needs a 'coefficient', or of a chain its 'efficiency' instead")
+        return self
 
 
 class Play(Part):
@@ -110,6 +125,25 @@ class Misalignment(Part):
     """Of the bushing, on the second-named link."""
 
 
+class AxialPlay(Part):
+    """How far a bearing lets its links move along its axis, between stops."""
+
+    play: Length
+    """From the middle to either stop."""
+    restitution: Coefficient | None = None
+    """Of the stops; without, that of the bearing."""
+    face_radius: Length | None = None
+    """Of the faces that meet, for the moment of those out of line; without, they take none."""
+    crown: Length | None = None
+    """Of a face's middle above its rim; needed with `face_radius`."""
+
+    @model_validator(mode='after')
+    def _faced(self) -> AxialPlay:
+        if (self.face_radius is None) != (self.crown is None):
+            raise ValueError("needs 'face_radius' and 'crown' together, as 8 mm and 1 um")
+        return self
+
+
 class Clearance(Play):
     """A pin on the first-named link, loose in a bushing on the second-named one; or a block."""
 
@@ -121,5 +155,12 @@ class Clearance(Play):
     """Where the middle of a bearing lies along its axis, above the plane of its links."""
     misalignment: Misalignment | None = None
     """Of the axes of pin and bushing, which then touch at the ends of the bearing's length."""
+    axial: AxialPlay | None = None
+    """Stops along the axis, where a link leans (`tilt`): it can then move along it."""
     height: Length | None = None
     """Of a block across its guide; required there."""
+
+
+def in_plane(clearance: Clearance | None) -> Clearance | None:
+    """The same without stops along the axis."""
+    return clearance.model_copy(update={'axial': None}) if clearance else None

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from mechanism_sim.scene.quantities import Length, Part, Time, si
+from mechanism_sim.planar.beam_sections import Shape, Taper, geometry
+from mechanism_sim.scene.quantities import Length, Part, Position, Time, si
 
 _POSITIVE = Field(gt=0.0, allow_inf_nan=False)
 _SHARE = Field(ge=0.0, lt=1.0)
@@ -23,8 +23,8 @@ MATERIALS = {
 """Young's modulus [Pa] and density [kg/m^3], rounded as handbooks have them."""
 
 
-class SectionPart(Part):
-    """The cross-section: a rectangle, or a circle."""
+class StationPart(Part):
+    """The cross-section at a point of a link that tapers."""
 
     width: Length | None = None
     """Of a rectangle, square to the plane of the machine."""
@@ -33,12 +33,82 @@ class SectionPart(Part):
     diameter: Length | None = None
     """Of a circle."""
 
+    area: Annotated[float, si('m^2'), _POSITIVE] | None = None
+    """Of any other section, with `second_moment`."""
+    second_moment: Annotated[float, si('m^4'), _POSITIVE] | None = None
+    """Of any other section, for bending in the plane of the machine."""
+    outer_fibre: Length | None = None
+    """Largest distance from the axis in the plane, for stress, of any other section."""
+
+    @property
+    def shape(self) -> Shape:
+        """By which sizes it is given."""
+        return 'circle' if self.diameter else 'rectangle' if self.width else 'any'
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """Those of `mechanism_sim.planar.beam_sections.geometry`."""
+        if self.shape == 'any':
+            return self.area or 0.0, self.second_moment or 0.0, self.outer_fibre or 0.0
+        return tuple(x for x in (self.width, self.height, self.diameter) if x)
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """The sizes that are given, by name."""
+        return tuple(x for x in StationPart.model_fields if getattr(self, x) is not None)
+
+    @model_validator(mode='after')
+    def _one_shape(self) -> StationPart:
+        if self.given not in (*_SHAPES, ('area', 'second_moment', 'outer_fibre')):
+            raise ValueError(
+                "needs either 'width' and 'height', or 'diameter', or 'area' and 'second_moment'"
+            )
+        return self
+
+
+_SHAPES = ('width', 'height'), ('diameter',), ('area', 'second_moment')
+
+
+class SectionPart(Part):
+    """The cross-section: a rectangle, or a circle; or how it changes along the link."""
+
+    width: Length | None = None
+    """Of a rectangle, square to the plane of the machine."""
+    height: Length | None = None
+    """Of a rectangle, in the plane of the machine: the way it bends."""
+    diameter: Length | None = None
+    """Of a circle."""
+    points: Annotated[list[tuple[Position, StationPart]], Field(min_length=2)] | None = None
+    """List of [x, section], such as [200 mm, {width: 8 mm, height: 6 mm}], with rising x, for a
+    link that tapers: sizes change linearly between points. Two points of the same x are a step.
+    """
+
     @model_validator(mode='after')
     def _one_shape(self) -> SectionPart:
         sides = [self.width, self.height]
-        if (None in sides) == (self.diameter is None) or (self.diameter and any(sides)):
-            raise ValueError("needs either 'width' and 'height', or 'diameter'")
+        given = [any(sides), bool(self.diameter), bool(self.points)]
+        if sum(given) != 1 or (any(sides) and None in sides):
+            raise ValueError("needs either 'width' and 'height', or 'diameter', or 'points'")
+        places = [x for x, _ in self.points or ()]
+        if places != sorted(places):
+            raise ValueError(f'has points whose x does not rise: {", ".join(map(str, places))} m')
+        if len({x.given for _, x in self.points or ()}) > 1:
+            raise ValueError('has points given by different sizes: give the same at all of them')
         return self
+
+    @property
+    def first(self) -> StationPart:
+        """The section where the link starts."""
+        if self.points:
+            return self.points[0][1]
+        return StationPart(width=self.width, height=self.height, diameter=self.diameter)
+
+    def taper(self, length: float) -> Taper | None:
+        """How it changes along a link of a length [m]; None if it does not."""
+        if not self.points:
+            return None
+        found = Taper(length, self.points[0][1].shape, tuple((x, s.sizes) for x, s in self.points))
+        return None if found.even else found
 
 
 class RayleighPart(Part):
@@ -101,14 +171,17 @@ class ElasticPart(Part):
         assert modulus  # noqa: S101 - one of them is given
         return modulus, self.density or density
 
-    @property
-    def geometry(self) -> tuple[float, float, float | None]:
-        """Area [m^2], second moment of area [m^4], distance of the outer fibre [m] if known."""
-        s = self.section
-        if s is None:
-            return self.area or 0.0, self.second_moment or 0.0, self.outer_fibre
-        if s.diameter:
-            d = s.diameter
-            return 0.25 * math.pi * d**2, math.pi * d**4 / 64.0, 0.5 * d
-        width, height = s.width or 0.0, s.height or 0.0
-        return width * height, width * height**3 / 12.0, 0.5 * height
+    def geometry(self, length: float) -> tuple[Taper | None, float, float, float | None]:
+        """How a link of a length [m] tapers, if it does; what its section is then in the mean.
+
+        That is area [m^2], second moment [m^4], and the largest outer fibre [m] if it is known.
+        """
+        if self.section is None:
+            return None, self.area or 0.0, self.second_moment or 0.0, self.outer_fibre
+        taper = self.section.taper(length)
+        if taper:
+            fibre = max(geometry(taper.shape, sizes)[2] for _, sizes in taper.points)
+            return taper, *taper.means, fibre or None
+        one = self.section.first
+        area, moment, fibre = geometry(one.shape, one.sizes)
+        return None, area, moment, fibre or None

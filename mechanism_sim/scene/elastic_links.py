@@ -3,22 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.slot import PinInSlot
+from mechanism_sim.planar.beam_sections import Taper
 from mechanism_sim.planar.elastic import Beam, Damping
-from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Revolute, Vector2
+from mechanism_sim.planar.mechanism import (
+    Body,
+    HigherPair,
+    Joint,
+    Mechanism,
+    Prismatic,
+    Vector2,
+    bending_guides,
+)
+from mechanism_sim.planar.rails import PARALLEL
+from mechanism_sim.scene.drives import is_straight
 from mechanism_sim.scene.places import Places
-from mechanism_sim.scene.schema import LinkPart
+from mechanism_sim.scene.schema import DrivePart, LinkPart
 
 _QUASI_STATIC, _RIGID = 20.0, 200.0
 """Ratios of the first mode to the drive from which on vibration, and then bending, is small."""
 
 
-def read_beams(places: Places, joints: Iterable[Joint], driven: Iterable[str]) -> dict[str, Body]:
+def read_beams(
+    places: Places, joints: Iterable[Joint], driven: Mapping[str, DrivePart]
+) -> dict[str, Body]:
     """The elastic links as bodies, of what they weigh by themselves, by name.
 
     Raises
@@ -32,12 +46,9 @@ def read_beams(places: Places, joints: Iterable[Joint], driven: Iterable[str]) -
         if (given := places.scene.links[link]).elastic
     }
     for joint in joints:
-        for link in (joint.first, joint.second):
-            if link in found and not isinstance(joint, Revolute):
-                raise InputError(
-                    f'{places.name}: joints.{joint.name}: the elastic link {link} has revolute '
-                    'joints only; put a rigid link between'
-                )
+        for link in dict.fromkeys((joint.first, joint.second, getattr(joint, 'carrier', ''))):
+            if link in found:
+                _check(places, joint, found[link], driven)
     for link in driven:
         body = found.get(link)
         if body and body.beam and body.beam.ends != 'clamped':
@@ -46,6 +57,34 @@ def read_beams(places: Places, joints: Iterable[Joint], driven: Iterable[str]) -
                 'direction of its link where that starts'
             )
     return found
+
+
+def _check(places: Places, joint: Joint, body: Body, driven: Mapping[str, DrivePart]) -> None:
+    """Refuse joints that ask more of an elastic link than where its cross-sections are."""
+    where, link = f'{places.name}: joints.{joint.name}', body.name
+    if isinstance(joint, HigherPair) and not joint.bears(link):
+        kind = places.scene.joints[joint.name].kind
+        raise InputError(
+            f'{where}: this {kind} needs the whole of {link}, which is elastic: make it rigid, or '
+            'put a rigid link between'
+        )
+    line = isinstance(joint, Prismatic | PinInSlot) and (
+        joint.second if isinstance(joint, PinInSlot) else joint.first,
+        joint.axis,
+    )
+    friction = places.scene.joints[joint.name].friction
+    along = line and line[0] == link and abs(math.sin(line[1])) <= PARALLEL
+    if along and friction and friction.coefficient:
+        raise InputError(
+            f'{where}.friction: along the elastic link {link} only what has play rubs: give the '
+            "friction in a 'clearance'"
+        )
+    slides = joint.second if bending_guides([body], [joint]) else ''
+    if slides in driven and is_straight(driven[slides]):
+        raise InputError(
+            f'{where}: a drive cannot push {slides} along a guide of the elastic link {link}: put '
+            'a rigid link between'
+        )
 
 
 def stiffened(link: LinkPart) -> LinkPart:
@@ -64,10 +103,10 @@ def _body(where: str, link: str, given: LinkPart) -> Body:
     if given.length is None:
         raise InputError(f"{where}: 'length' is missing: an elastic link is a beam of that length")
     modulus, density = elastic.matter
-    area, moment, fibre = elastic.geometry
+    taper, area, moment, fibre = elastic.geometry(given.length)
     ends = (0.0, 0.0)
     if given.mass is not None:
-        line, ends = _spread(where, given, given.mass, given.length)
+        line, ends = _spread(where, given, given.mass, given.length, taper)
     elif given.inertia is not None:
         raise InputError(f"{where}.inertia: 'mass' is missing: give both, or neither")
     elif density is None:
@@ -88,6 +127,7 @@ def _body(where: str, link: str, given: LinkPart) -> Body:
         elastic.foreshortening,
         tuple((m, (x, 0.0)) for m, x in zip(ends, (0.0, given.length), strict=True) if m),
         fibre=fibre,
+        taper=taper,
     )
     return loaded(Body(link, 0.0, 0.0, (0.0, 0.0), beam), (), 0.0)
 
@@ -105,10 +145,13 @@ def loaded(body: Body, lumps: Iterable[tuple[float, Vector2]], spin: float) -> B
     return Body(body.name, mass, about + beam.spin, (x, y), beam)
 
 
-def _spread(where: str, given: LinkPart, m: float, L: float) -> tuple[float, tuple[float, float]]:
-    """Mass of the beam per length [kg/m], and the masses at its start and its end [kg].
+def _spread(
+    where: str, given: LinkPart, m: float, L: float, taper: Taper | None
+) -> tuple[float, tuple[float, float]]:
+    """Mean mass of the beam per length [kg/m], and the masses at its start and its end [kg].
 
-    A mass alone lies evenly along the beam. With a centre of gravity and a moment of inertia, part
+    A mass alone lies along the beam as its area does. With a centre of gravity and a moment of
+    inertia, part
     of it sits at both ends, so that the undeformed link has what is given.
     """
     if given.inertia is None:
@@ -120,9 +163,14 @@ def _spread(where: str, given: LinkPart, m: float, L: float) -> tuple[float, tup
         return m / L, (0.0, 0.0)
     c, off = given.cog if isinstance(given.cog, tuple) else (given.cog, 0.0)
     second = given.inertia + m * c**2
-    # m = r L + a + b, m c = r L^2/2 + b L, second = r L^3/3 + b L^2
-    line = 6.0 * (m * c * L - second) / L**3
-    end = m * c / L - 0.5 * line * L
+    # m = r L + a + b, m c = r S + b L, second = r T + b L^2, where S, T = L^2/2, L^3/3 if even
+    if taper:
+        _, S, T = taper.moments()
+        line = (m * c * L - second) / (S * L - T)
+        end = m * c / L - line * S / L
+    else:
+        line = 6.0 * (m * c * L - second) / L**3
+        end = m * c / L - 0.5 * line * L
     start = m - end - line * L
     rounding = 1e-9 * m
     if off or line <= 0.0 or min(start, end) < -rounding:

@@ -11,7 +11,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.linkages.bearing import BearingClearance
-from mechanism_sim.linkages.bearing_ends import BearingEnd
+from mechanism_sim.linkages.bearing_ends import AxialStop, BearingEnd
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import DriveLaw
@@ -212,7 +212,8 @@ def _driven_rates(machine: DynamicModel) -> tuple[Array, Array]:
 
 def _check_inside(machine: DynamicModel, q: Array, seated: bool) -> None:
     for gap, value in zip(machine.system.gaps, machine.observer.gap_values(q), strict=True):
-        clearance = machine.clearances[gap.joint].radial
+        radial = machine.clearances[gap.joint].radial
+        clearance = gap.play if isinstance(gap, AxialStop) else radial
         distance = float(gap.distance(value)[0])
         rounding = 1e-12 * machine.mechanism.size
         if distance < -max(1e-6 * clearance, rounding) and not (seated and gap.law):
@@ -220,6 +221,12 @@ def _check_inside(machine: DynamicModel, q: Array, seated: bool) -> None:
                 raise InputError(
                     f'{machine.name}: initial.position puts {gap.joint} {-distance:.6g} m into '
                     'its wall'
+                )
+            if isinstance(gap, AxialStop):
+                raise InputError(
+                    f'{machine.name}: at the start the links of {gap.joint} are {-distance:.6g} m '
+                    f'into each other at {gap.name}: give more axial play, or another '
+                    "'initial.position'"
                 )
             if isinstance(gap, BearingEnd):
                 raise InputError(

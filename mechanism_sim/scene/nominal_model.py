@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from enum import Enum
 from functools import cached_property
@@ -15,11 +15,13 @@ from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMoti
 from mechanism_sim.linkages.loops import FourBarLoop
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
+from mechanism_sim.scene.contact_keys import in_plane
 from mechanism_sim.scene.elastic_links import stiffened
 from mechanism_sim.scene.joint_keys import KINDS
 from mechanism_sim.scene.model import MachineModel
@@ -86,13 +88,36 @@ class NominalModel(MachineModel):
             for kind in ('position', 'velocity')
         }
         joints = {
-            name: JointPart.model_validate({'revolute': j.points}) if KINDS[j.kind].rotor else j
+            name: JointPart.model_validate({'revolute': j.points})
+            if KINDS[j.kind].rotor
+            else j.model_copy(update={'clearance': in_plane(j.clearance)})
             for name, j in scene.joints.items()
         }
         changed = {
             'links': links, 'joints': joints, 'initial': scene.initial.model_copy(update=given),
         }  # fmt: skip
-        return replace(self, scene=scene.model_copy(update=changed))
+        found = replace(self, scene=scene.model_copy(update=changed))
+        guides = [self.plan.ideal.joint(j) for j in self.plan.bending]
+        return self._guided(found, {link for j in guides for link in (j.first, j.second)})
+
+    def _guided(self, rigid: Self, links: Collection[str]) -> Self:
+        """It starts where this one does, although guides carry some links now."""
+        if not links:
+            return rigid
+        parts = {
+            kind: {c: x for c, x in getattr(rigid.scene.initial, kind).items()
+                   if c not in links and '.' not in c}
+            for kind in ('position', 'velocity')
+        }  # fmt: skip
+        changed = {'initial': rigid.scene.initial.model_copy(update=parts), 'guess': {}}
+        rigid = replace(rigid, scene=rigid.scene.model_copy(update=changed))
+        tree = rigid.plan.ideal
+        q, _ = converted(self.plan.ideal, tree, self.assembly.q, self.assembly.v)
+        guess = {
+            c: Measure(x, 'm' if c in tree.displacements else 'rad')
+            for c, x in zip(tree.coordinates, q.tolist(), strict=True)
+        }
+        return replace(rigid, scene=rigid.scene.model_copy(update={'guess': guess}))
 
     @property
     def starts_singular(self) -> bool:
@@ -114,7 +139,10 @@ class NominalModel(MachineModel):
         """The cheapest level that is exact for the scene."""
         if self.clearances:
             rigid = any(c.wall == 'rigid' for c in self.plan.rigid.values())
-            return Level.NONSMOOTH if rigid else Level.COMPLIANT
+            slipping = {j.name for j in self.plan.joints if isinstance(j, HigherPair) and j.slips}
+            if rigid or self.clearances.keys() - slipping:
+                return Level.NONSMOOTH if rigid else Level.COMPLIANT
+            return Level.SMOOTH
         if self.torque_driven:
             return Level.SMOOTH
         wanted = self.scene.outputs.forces and self.plan.weighed and not self.without_forces

@@ -141,7 +141,7 @@ class Places:
     ) -> dict[str, float]:
         """Quantities by coordinate, in the first of the units for angles, else in the second."""
         return {
-            c if c in tree.deformations else self.coordinate(where, c): self.measure(
+            c if '.' in c and c in tree.coordinates else self.coordinate(where, c): self.measure(
                 f'{where}.{c}', m, c in tree.displacements, units
             )
             for c, m in given.items()

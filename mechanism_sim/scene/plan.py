@@ -14,6 +14,7 @@ from mechanism_sim.planar.mechanism import (
     Joint,
     Mechanism,
     Vector2,
+    bending_guides,
     closing_joints,
 )
 from mechanism_sim.planar.motor import Motor
@@ -63,6 +64,7 @@ class Plan:
     joints: tuple[Joint, ...]
     closing: tuple[str, ...]
     gravity: Vector2
+    axial_gravity: float
     clearances: dict[str, Play]
     laws: dict[str, tuple[Law, ...]]
     begins: dict[str, tuple[float, float]]
@@ -79,7 +81,7 @@ class Plan:
 
     def mechanism(self, cut: Sequence[str]) -> Mechanism:
         """The tree that is left when some joints are cut."""
-        return Mechanism(self.bodies, self.joints, tuple(cut), self.gravity)
+        return Mechanism(self.bodies, self.joints, tuple(cut), self.gravity, self.axial_gravity)
 
     @property
     def ideal(self) -> Mechanism:
@@ -92,6 +94,7 @@ class Plan:
         if not self.clearances:
             return self.ideal
         links, cut = [body.name for body in self.bodies], [*self.clearances]
+        cut += [j for j in self.bending if j not in cut]
         straight = [c for c in self.laws if c in self.ideal.displacements]
         while True:
             found = self.mechanism(closing_joints(links, self.joints, cut, straight))
@@ -104,6 +107,11 @@ class Plan:
             if not guides:
                 return found
             cut += guides
+
+    @property
+    def bending(self) -> list[str]:
+        """The guides of elastic links."""
+        return bending_guides(self.bodies, self.joints)
 
     @property
     def elastic(self) -> list[str]:
@@ -139,14 +147,14 @@ def plan_of(name: str, scene: Scene) -> Plan:
         read_wheel(places, gear)
     joints, drives = read_joints(places), read_drives(places)
     straight = [c for c, drive in drives.items() if is_straight(drive)]
-    closing = closing_joints(places.links, joints, (), straight)
-    check_bearings(places, joints, closing)
     elastic = read_beams(places, joints, drives)
+    bending = bending_guides([*elastic.values()], joints)
+    closing = closing_joints(places.links, joints, bending, straight)
+    check_bearings(places, joints, closing)
     check_tilts(places, joints)
     rotors = read_rotors(places)
     massless = tuple(
-        elastic.get(link)
-        or replace(without_mass(link, scene.links[link].tilt), rotor=rotors.get(link))
+        elastic.get(link) or replace(without_mass(places, link), rotor=rotors.get(link))
         for link in places.links
     )
     tree = Mechanism(massless, joints, closing)
@@ -187,6 +195,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         joints,
         closing,
         scene.gravity,
+        scene.axial_gravity,
         plays,
         laws or {free: (TorqueLaw(free),)},
         begins,

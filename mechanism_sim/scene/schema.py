@@ -17,6 +17,7 @@ from mechanism_sim.scene.loads.applied import EffortOrFormula
 from mechanism_sim.scene.oscillator_keys import Oscillator
 from mechanism_sim.scene.quantities import (
     POSITIVE,
+    Acceleration,
     AddedInertia,
     Angle,
     AngularAcceleration,
@@ -380,6 +381,8 @@ class AnyScene(Part):
     """What it is, and where its numbers come from."""
     gravity: Gravity = (0.0, 0.0)
     """Acceleration along x and along y."""
+    axial_gravity: Acceleration = 0.0
+    """Towards the reader, of links that move along their axes."""
     duration: Duration | None = None
     """Of a run of which no length is asked; else one revolution."""
     start: Literal['seated', 'centred'] = 'seated'

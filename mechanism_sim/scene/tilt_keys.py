@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field, model_validator
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Revolute
+from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Revolute
 from mechanism_sim.planar.tilt import Tilt
 from mechanism_sim.scene.quantities import Inertia, Length, Part, si
 
@@ -30,7 +30,9 @@ class TiltPart(Part):
     thickness: Length | None = None
     """Instead of `inertia`: of a bar of square section along the link's x axis."""
     damping: Annotated[float, _SHARE] = 0.0
-    """Ratio of critical damping of either rotation by itself."""
+    """Ratio of critical damping of either rotation by itself, and of the motion along the axes."""
+    axial_stiffness: Annotated[float, si('N/m'), Field(ge=0.0, allow_inf_nan=False)] = 0.0
+    """Of what holds it along the axes, where a bearing of it has `clearance.axial`."""
 
     @model_validator(mode='after')
     def _weighed(self) -> TiltPart:
@@ -41,20 +43,29 @@ class TiltPart(Part):
         return self
 
 
-def without_mass(link: str, given: TiltPart | None) -> Body:
+def without_mass(places: Places, link: str) -> Body:
     """A link as it moves, whatever it weighs."""
-    none = (0.0, 0.0)
-    return Body(
-        link, 0.0, 0.0, none, tilt=Tilt(0.0, none, (0.0, 0.0, 0.0), none) if given else None
+    none, given = (0.0, 0.0), places.scene.links[link].tilt
+    axial = stiffness_along(places, link)
+    tilt = Tilt(0.0, none, (0.0, 0.0, 0.0), none, axial=axial) if given else None
+    return Body(link, 0.0, 0.0, none, tilt=tilt)
+
+
+def stiffness_along(places: Places, link: str) -> float | None:
+    """Of what holds a link along the axes [N/m]; None if no bearing lets it move there."""
+    given = places.scene.links[link].tilt
+    stopped = any(
+        joint.clearance and joint.clearance.axial and link in dict(places.ends(name, joint))
+        for name, joint in places.scene.joints.items()
     )
+    return given.axial_stiffness if given and stopped else None
 
 
-def tilted(body: Body, given: TiltPart | None, where: str, spin: float = 0.0) -> Body:
+def tilted(body: Body, places: Places, spin: float = 0.0) -> Body:
     """A body as its link leans.
 
     Parameters
     ----------
-    where : names the link in messages
     spin : [kg m^2] of its inertia that turns in the plane, but does not lean
 
     Raises
@@ -62,8 +73,15 @@ def tilted(body: Body, given: TiltPart | None, where: str, spin: float = 0.0) ->
     InputError
         If it has no mass, or no body has such moments of inertia.
     """
+    given, where = places.scene.links[body.name].tilt, f'{places.name}: links.{body.name}'
     if given is None:
         return body
+    axial = stiffness_along(places, body.name)
+    if given.axial_stiffness and axial is None:
+        raise InputError(
+            f'{where}.tilt.axial_stiffness has no meaning where no bearing of the link has '
+            "'clearance.axial': it does not move along the axes"
+        )
     normal = body.inertia - spin
     if not (body.mass and normal):
         raise InputError(f'{where}.tilt: a link that leans needs mass and inertia')
@@ -81,7 +99,8 @@ def tilted(body: Body, given: TiltPart | None, where: str, spin: float = 0.0) ->
             'normal: none may be more than the others together'
         )
     rigidity = (given.stiffness, given.stiffness)
-    return replace(body, tilt=Tilt(body.mass, body.cog, moments, rigidity, given.damping, spin))
+    tilt = Tilt(body.mass, body.cog, moments, rigidity, given.damping, spin, axial)
+    return replace(body, tilt=tilt)
 
 
 def check_tilts(places: Places, joints: tuple[Joint, ...]) -> None:
@@ -99,6 +118,15 @@ def check_tilts(places: Places, joints: tuple[Joint, ...]) -> None:
                 f'{places.name}: links.{link} has both elastic and tilt: a link that bends in the '
                 'plane stays in it here; leave one of them out'
             )
+    for name, keys in places.scene.joints.items():
+        if keys.clearance and keys.clearance.axial:
+            ends = [link for link, _ in places.ends(name, keys)]
+            if not leaning & {*ends}:
+                movable = next(x for x in ends if x != GROUND)
+                raise InputError(
+                    f'{places.name}: joints.{name}.clearance.axial: none of its links can move '
+                    f"along the axis: give 'links.{movable}.tilt' to one that leans"
+                )
     for joint in joints:
         for link in {joint.first, joint.second} & leaning:
             if not isinstance(joint, Revolute):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -48,15 +49,33 @@ class JointView:
         """Number N of instants."""
         return int(self.observed.position.shape[1])
 
-    def course(self, link: str) -> Course:
+    def course(self, link: str, at: Vector2 | None = None) -> Course:
         """How a link moves: its displacement if a guide carries it, else its angle."""
-        return self._coordinate(link) if link in self.mechanism.sliding else self.turning(link)
+        if link in self.mechanism.sliding:
+            return self._coordinate(link)
+        return self.turning(link, at)
 
-    def turning(self, link: str) -> Course:
-        """Angle of a link in the world, with its rates."""
+    def turning(self, link: str, at: Vector2 | None = None) -> Course:
+        """Angle of a link in the world, with its rates; of an elastic one at a point of it."""
         frame, offset = self.mechanism.frame(link)
         turn = self._coordinate(frame)
+        if at and link in self.mechanism.beams:
+            turns = self.mechanism.turns(link, at).items()
+            turn = Course(*np.sum([x * np.array(self._coordinate(c)) for c, x in turns], axis=0))
         return turn._replace(position=turn.position + offset)
+
+    def chord(self, link: str, a: Vector2, b: Vector2) -> Course:
+        """The same by the line from one point of it to another."""
+        turn = self.turning(link)
+        if link not in self.mechanism.beams:
+            return turn
+        z, v, w = self.path(link, b) - self.path(link, a)
+        square = (z * z).sum(axis=0)
+        rate = (z[0] * v[1] - z[1] * v[0]) / square
+        slowed = 2.0 * rate * (z * v).sum(axis=0)
+        angle = np.arctan2(z[1], z[0]) - math.atan2(b[1] - a[1], b[0] - a[0])
+        off = np.remainder(angle - turn.position + math.pi, 2.0 * math.pi) - math.pi
+        return Course(turn.position + off, rate, (z[0] * w[1] - z[1] * w[0] - slowed) / square)
 
     def place(self, link: str, at: Vector2) -> Array:
         """World coordinates (2, N) [m] of a point of a link."""

@@ -24,7 +24,7 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, Revolute
-from mechanism_sim.planar.play import joint_of_gap
+from mechanism_sim.planar.play import is_stop, joint_of_gap
 
 Array = NDArray[np.float64]
 
@@ -167,6 +167,8 @@ def strikes(mechanism: Mechanism, motion: Motion, impacts: Sequence[Impact]) -> 
         if not (impact.normal_impulse > 0.0 and impact.approach_speed > 0.0):
             continue
         joint = joint_of_gap(mechanism, impact.joint)
+        if impact.joint != joint.name and is_stop(impact.joint):
+            continue  # spheres that strike along the axes are not heard in the plane
         part = _part(mechanism, joint, motion.curve, impact)
         jump = change * part, change * (1.0 - part)
         weights = (math.inf if x == GROUND else mechanism.body(x).mass for x in _ends(joint))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -212,8 +212,22 @@ def _soft_several(random: Random, k: int) -> Draft:
 
 def _film(random: Random, k: int) -> Draft:
     joint, kind = JOINTS[k % 4], DRIVES[(0, 1, 3)[k // 4 % 3]]
-    found = base(random) | _loosen({joint: compliant(random, 'film', friction=False)})
-    return add_drive(random, found, kind, speeds=(0.7, 1.8))
+    play = compliant(random, 'film', friction=False)
+    found = base(random) | _loosen({joint: play})
+    draft = add_drive(random, found, kind, speeds=(0.7, 1.8))
+    _supply(random, [draft.scene['joints'][joint]['clearance']])
+    return draft
+
+
+def _supply(random: Random, plays: Iterable[Scene]) -> None:
+    """Pressures of the oil that films of half of the cases are fed with."""
+    for play in plays:
+        contact = play.get('contact', {})
+        if contact.get('law') == 'film' and contact.get('cavitation') != 'none':
+            rupture = pick(random, (0.0, 0.0, -1e5))
+            above = pick(random, (0.0, 0.0, 0.0, 1e-3, decades(random, 2.0, 7.0), 1e12))
+            contact['supply_pressure'] = rupture + above
+            contact['cavitation_pressure'] = rupture
 
 
 def _film_on_walls(random: Random, k: int) -> Draft:
@@ -251,7 +265,9 @@ def _film_on_walls(random: Random, k: int) -> Draft:
         )
         play[dry] = e | {'restitution': min(e['restitution'], 0.9)}
     found = base(random) | _loosen(play)
-    return add_drive(random, found, DRIVES[(0, 0, 1, 3)[k % 4]], speeds=(0.7, 1.8))
+    draft = add_drive(random, found, DRIVES[(0, 0, 1, 3)[k % 4]], speeds=(0.7, 1.8))
+    _supply(random, (draft.scene['joints'][joint]['clearance'] for joint in play))
+    return draft
 
 
 def _start_in_bushing(random: Random, k: int) -> Draft:

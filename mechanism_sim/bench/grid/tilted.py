@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from mechanism_sim.bench.grid.case import Draft, Family, Random, variant
+from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, variant
 from mechanism_sim.bench.grid.four_bars import LAWS, NOT_SEATED, clearance, decades, drive, pick
 from mechanism_sim.bench.grid.machines import WAYS
 from mechanism_sim.units import to_si
@@ -48,7 +48,28 @@ def _tilted(random: Random, k: int) -> Draft:
         scene['links'][link]['tilt'] = lean(
             random, to_si(scene['links'][link]['inertia'], 'kg m^2')
         )
+    if leaning and k % 2:
+        stop(random, scene, leaning)
     return Draft(scene, **extent)
+
+
+def stop(random: Random, scene: Scene, leaning: list[str]) -> None:
+    """Stops along the axes in the loose joints of links that lean, and weight along them."""
+    scene['axial_gravity'] = pick(random, (0.0, 0.0, -9.81, 30.0))
+    for joint, keys in scene['joints'].items():
+        play, links = keys.get('clearance'), {*joint.split('_')} & {*leaning}
+        if not play or not links:
+            continue
+        radius = pick(random, (0.0, decades(random, -2.7, -1.7)))
+        off = sum(axis['angle'] for axis in play['misalignment'].values())
+        axial = {'play': 1.01 * radius * off + decades(random, -5.0, -3.0)}
+        if radius:
+            axial |= {'face_radius': radius, 'crown': decades(random, -7.0, -5.0)}
+        if random.random() < 0.5:
+            axial['restitution'] = pick(random, (0.2, 0.9) if 'contact' in play else (0.0, 0.9))
+        play['axial'] = axial
+        for link in links:
+            scene['links'][link]['tilt']['axial_stiffness'] = pick(random, (0.0, 1e3, 1e5))
 
 
 def misalignment(random: Random, radial: float, length: float) -> dict[str, Any]:

@@ -1,5 +1,5 @@
 import { Stage, words } from 'stage';
-import { add, line } from 'svg';
+import { add, arrow, line } from 'svg';
 
 const NEAR = 14; // [pixels] within which a handle is caught
 const STILL = 4; // [pixels] that a click may move
@@ -21,7 +21,15 @@ export class Canvas {
     this.centre = [0, 0];
     this.scale = 2000; // pixels in a metre
     this.grid = add(under, 'g', { class: 'grid' });
-    for (const name of ['curves', 'band', 'knobs']) this[name] = add(over, 'g', { class: name });
+    for (const name of ['curves', 'signs', 'band', 'knobs', 'pen']) this[name] = add(over, 'g', { class: name });
+    this.marks = [];
+    this.layers = { names: false, forces: true };
+    over.setAttribute('tabindex', 0);
+    over.setAttribute('role', 'application');
+    over.setAttribute('aria-label', 'sheet: arrows move the pen, Enter draws');
+    over.addEventListener('keydown', (event) => this.#write(event));
+    over.addEventListener('focus', () => { this.at = over.matches(':focus-visible') ? this.centre.map((x) => this.#round(x)) : null; this.#pen(); });
+    over.addEventListener('blur', () => { this.at = null; this.#pen(); });
     over.addEventListener('pointerdown', (event) => this.#down(event));
     over.addEventListener('pointermove', (event) => this.#move(event));
     over.addEventListener('pointerup', (event) => this.#up(event));
@@ -83,15 +91,31 @@ export class Canvas {
   pose(frame) {
     this.frame = { ...this.frame, ...frame };
     this.stage.show(this.frame);
+    this.#signs();
   }
 
-  /** What can be grabbed, the paths of points, and which part is chosen. */
-  grips(handles, curves, colours, path) {
+  /** What can be grabbed, the paths of points, signs of loads and sensors, and what is chosen. */
+  grips({ handles, curves, marks }, colours, path) {
     this.handles = handles;
+    this.marks = marks;
+    this.trace(curves, colours);
+    this.choose(path);
+  }
+
+  /** Paths of points. @param {Object<string, number[][]>} curves [m] by LINK.POINT */
+  trace(curves, colours) {
     this.paths = Object.entries(curves).map(([key, points]) => ({
       key, points, colour: colours[key.split('.')[0]] ?? -1,
     }));
-    this.choose(path);
+    this.#curves();
+  }
+
+  #curves() {
+    this.curves.replaceChildren();
+    for (const { points, colour } of this.paths ?? []) {
+      add(this.curves, 'path', { d: line(points.map((p) => this.sheet(p))),
+        style: `stroke: var(--link-${colour})` });
+    }
   }
 
   /** Marks a part. @param {string[]} path in the scene */
@@ -106,9 +130,10 @@ export class Canvas {
     this.#above();
   }
 
-  names(shown) {
-    this.named = shown;
-    this.stage?.layer('names', shown);
+  /** Shows or hides names, or forces. */
+  layer(name, shown) {
+    this.layers[name] = shown;
+    this.stage?.layer(name, shown);
   }
 
   // --- what is seen -----------------------------------------------------------------------
@@ -122,7 +147,7 @@ export class Canvas {
         w / this.scale / unit, h / this.scale / unit].join(' '));
       this.stage.pixel = 1 / (this.scale * unit);
       this.svg.style.setProperty('--pixel', this.stage.pixel.toFixed(4));
-      this.stage.layer('names', Boolean(this.named));
+      for (const [name, shown] of Object.entries(this.layers)) this.stage.layer(name, shown);
       this.stage.show(this.frame);
     }
     const seen = [...this.size, ...this.centre, this.scale].join(' ');
@@ -136,11 +161,9 @@ export class Canvas {
     const [w, h] = this.size;
     for (const svg of [this.under, this.over]) svg.setAttribute('viewBox', `0 0 ${w} ${h}`);
     this.over.dataset.view = [...this.centre, this.scale].join(' ');
-    this.curves.replaceChildren();
-    for (const { points, colour } of this.paths ?? []) {
-      add(this.curves, 'path', { d: line(points.map((p) => this.sheet(p))),
-        style: `stroke: var(--link-${colour})` });
-    }
+    this.#curves();
+    this.#signs();
+    this.#pen();
     const focused = document.activeElement?.dataset?.handle;
     this.knobs.replaceChildren();
     if (this.playing) return;
@@ -155,6 +178,56 @@ export class Canvas {
       knob.addEventListener('keydown', (event) => this.#key(event, handle));
       if (handle.key === focused) knob.focus();
     }
+  }
+
+  /** Loads and sensors: signs beside their points, in a row where there are several. */
+  #signs() {
+    const focused = document.activeElement?.dataset?.mark;
+    const beside = new Map();
+    this.signs.replaceChildren();
+    for (const mark of this.marks) {
+      const [x, y] = this.sheet(this.#place(mark));
+      const key = `${x.toFixed(0)} ${y.toFixed(0)}`;
+      const row = beside.get(key) ?? 0;
+      beside.set(key, row + 1);
+      mark.seen = [x + 19 + 21 * row, y - 19];
+      const name = mark.path.join('.');
+      const group = add(this.signs, 'g', { class: `sign${this.chosen?.join('.') === name ? ' chosen' : ''}`,
+        'data-mark': name, tabindex: 0, role: 'button', 'aria-label': words(mark.path.join(' ')) });
+      add(group, 'title').textContent = words(mark.path[1]);
+      if (mark.arrow) add(group, 'path', { class: 'load', d: arrow([x, y], this.#tip(mark, [x, y]), 3) });
+      const [sx, sy] = mark.seen;
+      add(group, 'path', { class: 'lead', d: line([[x, y], row ? [sx - 12, sy] : [sx - 7, sy + 7]]) });
+      add(group, 'circle', { cx: sx, cy: sy, r: 9.5 });
+      add(group, 'path', { class: 'icon', d: mark.icon, transform: `translate(${sx - 6} ${sy - 6}) scale(0.75)` });
+      group.addEventListener('keydown', (event) => {
+        if (event.key !== 'Enter') return;
+        event.stopPropagation();
+        this.act({ type: 'click', from: { mark }, spot: { mark } });
+      });
+      if (name === focused) group.focus();
+    }
+  }
+
+  #pose(link) {
+    const i = this.machine.links.indexOf(link);
+    return this.frame.poses[i] ?? [0, 0, 0];
+  }
+
+  /** Where a mark is [m]. */
+  #place({ link, at: [x, y] }) {
+    const [a, b, angle] = this.#pose(link);
+    const [c, s] = [Math.cos(angle), Math.sin(angle)];
+    return [a + c * x - s * y, b + s * x + c * y];
+  }
+
+  /** Where the arrow of a force ends: a millimetre per newton, as far as that can be seen. */
+  #tip({ link, arrow: [fx, fy], turned }, [x, y]) {
+    const angle = turned ? this.#pose(link)[2] : 0;
+    const [c, s] = [Math.cos(angle), Math.sin(angle)];
+    const far = Math.hypot(fx, fy) * this.scale;
+    const times = (Math.min(Math.max(far, 24), 260) / far) * this.scale;
+    return [x + times * (c * fx - s * fy), y - times * (s * fx + c * fy)];
   }
 
   /** Lines of a round distance, and how far apart they are. */
@@ -192,8 +265,9 @@ export class Canvas {
     let [best, near] = [null, NEAR];
     for (const handle of this.handles) {
       const [x, y] = this.sheet(handle.at);
-      const far = Math.hypot(x - at[0], y - at[1]);
-      if (far < near) [best, near] = [handle, far];
+      // a point of the frame lies below what moves there
+      const far = Math.hypot(x - at[0], y - at[1]) + (handle.ground && !handle.joint ? 4 : 0);
+      if (far < near - (best ? 1 : 0)) [best, near] = [handle, far];
     }
     return best;
   }
@@ -201,13 +275,14 @@ export class Canvas {
   /** What is under the pointer: a handle, or a link, or a part by its label. */
   spot(event) {
     const at = this.#pixel(event);
-    const handle = this.#caught(at);
+    const mark = this.marks.find(({ seen: [x, y] }) => Math.hypot(x - at[0], y - at[1]) < 10);
+    const handle = mark ? null : this.#caught(at);
     const [x, y] = this.world(at);
     this.over.style.pointerEvents = 'none';
     const group = document.elementFromPoint(event.clientX, event.clientY)?.closest('g[data-kind]');
     this.over.style.pointerEvents = '';
     const { kind, link, label } = group?.dataset ?? {};
-    return { x, y, handle: handle?.key ?? '', link: link ?? '', kind, label, grip: handle, pixel: at };
+    return { x, y, handle: handle?.key ?? '', link: link ?? '', kind, label, mark, grip: handle, pixel: at };
   }
 
   #down(event) {
@@ -274,7 +349,55 @@ export class Canvas {
       const far = (event.shiftKey ? 10 : 1) * this.step;
       const [x, y] = handle.at.map((v, i) => v + far * way[i]);
       this.act({ type: 'nudge', handle, x, y });
-    } else if (event.key === 'Enter') this.act({ type: 'click', from: { handle: handle.key }, spot: { handle: handle.key, grip: handle, x: handle.at[0], y: handle.at[1], link: '' } });
+    } else if (event.key === 'Enter') {
+      event.stopPropagation();
+      this.#tap({ handle: handle.key, grip: handle, x: handle.at[0], y: handle.at[1], link: '' });
+    }
+  }
+
+  /** Enter: a click, or of a tool that draws from place to place first the one, then the other. */
+  #tap(spot) {
+    const { begun } = this;
+    this.begun = null;
+    if (!this.bands) this.act({ type: 'click', from: spot, spot });
+    else if (begun) this.act({ type: 'drop', from: begun, spot });
+    else {
+      this.begun = spot;
+      this.act({ type: 'drag', from: spot, spot });
+    }
+  }
+
+  #round(x) { return Math.round(x / this.step) * this.step; }
+
+  /** Keys on the sheet itself: arrows move the pen. */
+  #write(event) {
+    if (!this.at || event.target !== this.over || event.ctrlKey || event.altKey || event.metaKey) return;
+    const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+    if (!way && event.key !== 'Enter') return;
+    event.preventDefault();
+    event.stopPropagation();
+    if (way) {
+      const far = (event.shiftKey ? 10 : 1) * this.step;
+      this.at = this.at.map((v, i) => this.#round(v + far * way[i]));
+      this.#pen();
+      if (this.begun) this.act({ type: 'drag', from: this.begun, spot: this.#under() });
+    } else this.#tap(this.#under());
+  }
+
+  /** What is under the pen. */
+  #under() {
+    const { left, top } = this.over.getBoundingClientRect();
+    const [x, y] = this.sheet(this.at);
+    return { ...this.spot({ clientX: left + x, clientY: top + y }), x: this.at[0], y: this.at[1] };
+  }
+
+  #pen() {
+    this.pen.replaceChildren();
+    if (!this.at || this.playing) return;
+    const [x, y] = this.sheet(this.at);
+    add(this.pen, 'path', { d: `M${x - 14} ${y}h28M${x} ${y - 14}v28` });
+    const text = add(this.pen, 'text', { x: x + 8, y: y + 16 });
+    text.textContent = this.at.map((v) => Number((1000 * v).toPrecision(6))).join(', ');
   }
 
   /** A line from where a part begins to the pointer. @param {?number[][]} ends [m] */

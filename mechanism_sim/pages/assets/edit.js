@@ -11,27 +11,22 @@ const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5];
 const TURN = 4; // [s] of ours that a run takes at first, or longer
 const BOUNDS = [-0.1, -0.1, 0.3, 0.2]; // [m] of a machine that is begun
 
-/** Tools: name, key, what is drawn, icon, what to do. */
-const TOOLS = [
-  ['move', 'V', '', 'M4 2v11l3-3 2 4 2-1-2-4h4z', 'Drag a joint or a point; drag the sheet to shift it'],
-  ['turn', 'T', '', 'M8 2a6 6 0 1 0 6 6h-2a4 4 0 1 1-4-4v3l5-4-5-4z', 'Drag a joint: the machine moves along its way'],
-  ['link', 'L', 'band', 'M3.5 10a2.5 2.5 0 1 0 2.4 3.2l6-6A2.5 2.5 0 1 0 9.8 5l-6 6z', 'Press where a link begins, drag to where it ends; pins come where it meets something'],
-  ['ground', 'G', 'click', 'M8 3a1.8 1.8 0 0 1 1 3.3L12 12H4l3-5.7A1.8 1.8 0 0 1 8 3zM2 13h12v1.5H2z', 'Click: a pivot of the frame, there or under the end of a link'],
-  ['slider', 'S', 'band', 'M3 5h10v6H3zM0 12.5h16V14H0z', 'Press on the free end of a link, drag along the rail'],
-  ['cylinder', 'C', 'band', 'M1 5h8v2h6v2H9v2H1z', 'Press on one point, drag to another: a cylinder with a driven rod'],
-  ['point', 'P', 'click', 'M8 5a3 3 0 1 1 0 6 3 3 0 0 1 0-6z', 'Click on a link: a point whose path is drawn'],
-  ['spring', 'R', 'band', 'M1 7.3h2l1-3 2 7 2-7 2 7 2-7 1 3h2v1.4h-3l-.3-.9-1.7 6-2-7-2 7-2-7-.3 1.9H1z', 'Press on one point, drag to another'],
-  ['drive', 'D', 'click', 'M8 2a6 6 0 0 1 6 6h2l-3 4-3-4h2a4 4 0 1 0-4 4v2A6 6 0 0 1 8 2z', 'Click on a link: it turns, or slides, at a constant speed'],
-  ['clearance', 'K', 'click', 'M8 1a7 7 0 1 1 0 14A7 7 0 0 1 8 1zm0 2a5 5 0 1 0 0 10A5 5 0 0 0 8 3zm1 1.5a3 3 0 1 1 0 6 3 3 0 0 1 0-6z', 'Click on a pin: it has play'],
-  ['masses', 'M', 'now', 'M5 4a3 3 0 0 1 6 0h2l2 11H1L3 4zm2 0h2a1 1 0 0 0-2 0z', 'Masses of bars of 1 kg/m for all links without; 1 kg for what has no length'],
-  ['remove', 'X', '', 'M4 5h8l-1 10H5zM6 1h4v1h4v2H2V2h4z', 'Click on what is to go'],
-];
+/** Tools that draw nothing: as those of `Tool.to_json`, which the page has from the kinds. */
+const HAND = { name: 'hand', tools: [
+  { name: 'move', key: 'V', icon: 'M4 2v11l3-3 2 4 2-1-2-4h4z', hint: 'Drag a joint or a point; drag the sheet to shift it' },
+  { name: 'turn', key: 'T', icon: 'M8 2a6 6 0 1 0 6 6h-2a4 4 0 1 1-4-4v3l5-4-5-4z', hint: 'Drag a joint: the machine moves along its way' },
+  { name: 'remove', key: 'X', icon: 'M4 5h8l-1 10H5zM6 1h4v1h4v2H2V2h4z', hint: 'Click on what is to go' },
+] };
+const GROUPS = [HAND, ...JSON.parse(document.getElementById('tools').textContent)];
+const TOOLS = new Map(GROUPS.flatMap(({ tools }) => tools.map((tool) => [tool.name, tool])));
 
 const by = (id) => document.getElementById(id);
 const root = document.documentElement;
 let socket = null;
 let state = null;
 let run = null; // recording, player, message
+let shown = null; // the state or the frame of a drag that is drawn
+let pressed = null; // forces of ideal joints over a turn, or at its start
 let quiet = 0;
 let drawing = null; // where a part begins
 let waiting = null; // a gesture that is sent when the answer to the last one is there
@@ -40,17 +35,14 @@ let fitted = null; // the document that was fitted
 
 const canvas = new Canvas(by('under'), by('stage'), by('over'), gesture);
 const fields = new Fields(by('outline'), by('fields'), ask);
-const heard = { state: show, frame, pose, checked, progress, run: ran, problem() {}, said: ({ text }) => say(text) };
+const heard = { state: show, frame, pose, forces, checked, progress, run: ran, problem, said: ({ text }) => say(text) };
 start();
 
 function start() {
-  by('palette').append(...TOOLS.map(([name, key, , icon, hint]) => {
-    const button = document.createElement('button');
-    Object.assign(button, { type: 'button', title: `${hint} (${key})` });
-    button.dataset.tool = name;
-    button.innerHTML = `<svg viewBox="0 0 16 16"><path d="${icon}" fill-rule="evenodd"/></svg><span>${name}</span>`;
-    button.addEventListener('click', () => take(name));
-    return button;
+  by('palette').append(...GROUPS.flatMap(({ name, tools }) => {
+    const head = document.createElement('h2');
+    head.textContent = name;
+    return [head, ...tools.map(paletteButton)];
   }));
   take('move');
   by('undo').addEventListener('click', () => ask({ type: 'undo' }));
@@ -61,7 +53,7 @@ function start() {
   by('in').addEventListener('click', () => canvas.zoom(1.25));
   by('out').addEventListener('click', () => canvas.zoom(0.8));
   by('fit').addEventListener('click', fit);
-  by('names').addEventListener('change', () => canvas.names(by('names').checked));
+  for (const name of ['names', 'forces']) by(name).addEventListener('change', () => canvas.layer(name, by(name).checked));
   by('text').addEventListener('change', () => ask({ type: 'text', text: by('text').value }));
   by('play').addEventListener('click', toggle);
   by('scrub').addEventListener('input', () => {
@@ -74,6 +66,15 @@ function start() {
   document.addEventListener('keydown', key);
   window.addEventListener('beforeunload', (event) => { if (state?.changed) event.preventDefault(); });
   connect();
+}
+
+function paletteButton({ name, key: letter, icon, hint }) {
+  const button = document.createElement('button');
+  Object.assign(button, { type: 'button', title: `${hint} (${letter})` });
+  button.dataset.tool = name;
+  button.innerHTML = `<svg viewBox="0 0 16 16"><path d="${icon}" fill-rule="evenodd"/></svg><span>${words(name)}</span>`;
+  button.addEventListener('click', () => take(name));
+  return button;
 }
 
 function connect() {
@@ -115,6 +116,7 @@ function landed() {
 function show(news) {
   const other = !state || state.file !== news.file || state.name !== news.name;
   if (state?.number !== news.number) forget();
+  else news.forces = state.forces;
   state = news;
   waiting = null;
   flying = false;
@@ -137,23 +139,46 @@ function show(news) {
 
 function draw(news) {
   playing(false);
-  canvas.show(news.stage, { poses: news.poses });
-  canvas.grips(news.handles, news.curves, news.stage.colours, state.path);
+  shown = news;
+  pressed = news.forces ?? null;
+  canvas.show({ ...news.stage, ...(pressed ?? {}) }, { poses: news.poses, ...acting(0) });
+  canvas.grips(news, news.stage.colours, state.path);
   document.body.dataset.assembled = news.assembled ? '1' : '';
+}
+
+/** Forces and where they act at an instant of a turn, as a stage wants them. */
+const acting = (k) => (pressed ? { forces: pressed.forces[k], feet: pressed.feet[k] } : { forces: [] });
+
+/** Forces of ideal joints over a turn, of the machine that is shown. */
+function forces({ data, number }) {
+  if (number !== state.number) return;
+  state.forces = data;
+  if (!canvas.playing) draw({ ...shown, forces: data });
+}
+
+/** What a run of what is dragged says. */
+function problem({ data, number }) {
+  if (number !== state.number) return;
+  state.problem = data;
+  tell();
 }
 
 /** A frame of a drag. */
 function frame(news) {
   landed(); // the next is made while this one is drawn
+  if (state.number !== news.number) {
+    if (run || root.dataset.checked) forget();
+    state.number = news.number;
+  }
   draw(news);
   state.problem = news.problem;
   tell();
   root.dataset.frames = Number(root.dataset.frames ?? 0) + 1;
 }
 
-function pose({ poses }) {
+function pose({ poses, instant: k }) {
   landed();
-  canvas.pose({ poses });
+  canvas.pose({ poses, ...acting(k) });
   root.dataset.poses = Number(root.dataset.poses ?? 0) + 1;
 }
 
@@ -233,6 +258,7 @@ function ran({ data, number }) {
       quantity(data.end, 's')}; digest <code title="${data.digest}">${data.digest.slice(0, 12)}…</code></p>`;
   }
   run.lenses = by('lenses') ? lenses(recording, data.stage) : [];
+  if (Object.keys(shown.traced).length) canvas.trace(traces(recording, data.stage), shown.stage.colours);
   instant(recording.at(recording.start));
   root.dataset.digest = data.digest;
   root.dataset.run = number;
@@ -242,6 +268,18 @@ function ran({ data, number }) {
 function lenses(recording, stage) {
   return [...stage.bearings, ...stage.plays].map(({ joint }) => lensOf(add(by('lenses'), 'svg'),
     stage, joint, (index, t) => recording.path(index, t, Infinity)));
+}
+
+/** Paths that only a run knows: of points of a machine that nothing drives, or not alone. */
+function traces(recording, { links }) {
+  const instants = Array.from({ length: 400 }, (_, i) => recording.at(recording.start + (i / 399) * length()));
+  return Object.fromEntries(Object.entries(shown.traced).map(([key, [link, [px, py]]]) => {
+    const i = links.indexOf(link);
+    return [key, instants.map(({ poses: { [i]: [x, y, angle] } }) => {
+      const [c, s] = [Math.cos(angle), Math.sin(angle)];
+      return [x + c * px - s * py, y + s * px + c * py];
+    })];
+  }));
 }
 
 const length = () => run.recording.end - run.recording.start || 1;
@@ -285,17 +323,19 @@ function toggle() {
 // --- what is asked for ----------------------------------------------------------------------
 
 function take(tool) {
-  canvas.tool = tool;
-  const [, , how, , hint] = TOOLS.find(([name]) => name === tool);
+  const { gesture: how, hint } = TOOLS.get(tool);
+  Object.assign(canvas, { tool, bands: how === 'band', begun: null });
+  canvas.stretch(null);
   if (how === 'now') {
     ask({ type: 'draw', what: tool, step: canvas.step, from: { x: 0, y: 0 }, to: { x: 0, y: 0 } });
     take('move');
     return;
   }
-  for (const button of by('palette').children) {
+  for (const button of by('palette').querySelectorAll('button')) {
     button.setAttribute('aria-pressed', button.dataset.tool === tool);
   }
   by('over').dataset.tool = tool;
+  by('over').dataset.gesture = how ?? '';
   by('hint').textContent = hint;
 }
 
@@ -303,7 +343,7 @@ function take(tool) {
 function gesture({ type, from, spot, handle, x, y }) {
   if (!state) return;
   const { tool } = canvas;
-  const [, , how] = TOOLS.find(([name]) => name === tool);
+  const { gesture: how } = TOOLS.get(tool);
   const { step } = canvas;
   if (type === 'press' || type === 'cancel') {
     if (canvas.playing && type === 'press') back();
@@ -342,7 +382,8 @@ function gesture({ type, from, spot, handle, x, y }) {
 const plain = ({ x, y, handle, link }) => ({ x, y, handle, link });
 
 /** Where the scene says what is under the pointer. */
-function path({ grip, link, kind, label }) {
+function path({ grip, link, kind, label, mark }) {
+  if (mark) return mark.path;
   if (grip) {
     const [owner, name] = grip.members[0].split('.');
     if (grip.joint) return grip.path;
@@ -395,9 +436,10 @@ function key(event) {
     return;
   }
   if (event.altKey || typing) return;
-  const tool = TOOLS.find(([, own]) => own.toLowerCase() === letter);
-  if (tool) take(tool[0]);
-  else if (letter === 'f') fit();
+  const pressed = `${event.shiftKey ? 'Shift+' : ''}${letter.toUpperCase()}`;
+  const tool = [...TOOLS.values()].find((each) => each.key === pressed);
+  if (tool) take(tool.name);
+  else if (pressed === 'F') fit();
   else if (event.key === 'Escape') {
     take('move');
     if (canvas.playing) back();

@@ -1,6 +1,6 @@
 import { quantity } from 'svg';
 
-const ROOM = { left: 62, right: 4, top: 8, bottom: 16 }; // [px]
+const ROOM = { left: 76, right: 4, top: 8, bottom: 16 }; // [px]; on the left for '-500 mN m'
 const LINES = 3;
 const ROUNDING = 1e-8; // of the largest
 

@@ -118,7 +118,7 @@ def _serve(link: Connection) -> None:
                 link.send((job.number, 'problem', strict_json.dumps(str(error))))
             link.send((job.number, 'idle', ''))
             job = link.recv()
-    except EOFError:
+    except (EOFError, BrokenPipeError):
         return
 
 

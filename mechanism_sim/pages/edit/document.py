@@ -6,7 +6,7 @@ import copy
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any
 
 from mechanism_sim import documents, output
 from mechanism_sim.catalogue import config_folder
@@ -14,21 +14,12 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.scene.files import check_scene, find_scene
 from mechanism_sim.scene.scene_text import renamed, with_value, without
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.sketch import GONE, Edit
 from mechanism_sim.scene.table_keys import with_files
-
-GONE: Final = object()
-"""Instead of a value: the key is removed."""
 
 NEW = 'title: A new machine\nmechanism: linkage\nlinks: {}\njoints: {}\n'
 
 _KEPT = 500  # texts that undo goes back to
-
-
-class Edit(NamedTuple):
-    """A value at a path of a scene, or `GONE`."""
-
-    path: tuple[str, ...]
-    value: Any
 
 
 class Document:
@@ -103,17 +94,17 @@ class Document:
         InputError
             As `mechanism_sim.scene.files.check_scene`.
         """
+        return check_scene(self.name, self.whole(edits))
+
+    def whole(self, edits: Iterable[Edit] = ()) -> dict[str, Any]:
+        """Keys and values with some edits, those of files that it names among them."""
         content: Any = self.content()
         edits = list(edits)
         if edits:
             content = copy.deepcopy(content)
             for edit in edits:
                 _apply(content, edit)
-        return check_scene(self.name, with_files(self.name, self._folder, content))
-
-    def whole(self) -> dict[str, Any]:
-        """Keys and values, those of files that it names among them."""
-        found: dict[str, Any] = with_files(self.name, self._folder, self.content())
+        found: dict[str, Any] = with_files(self.name, self._folder, content)
         return found
 
     def change(self, edits: Iterable[Edit]) -> None:
@@ -132,13 +123,14 @@ class Document:
     def rename(self, path: tuple[str, ...], name: str) -> None:
         """Give a part another name, and wherever the scene names it."""
         old, text = path[-1], self.text
-        if path[0] == 'links':  # which points and coordinates are named after
-            for where, value in _texts(self.content()):
-                if where[0] in ('title', 'description', 'mechanism'):
-                    continue
-                found = _replaced(value, old, name)
-                if found != value:
-                    text = with_value(text, where, found)
+        for where, value in texts_of(self.content()):
+            found = _renamed_in(path, where, value, name)
+            if found != value:
+                text = with_value(text, where, found)
+        if path[0] == 'links':  # which coordinates are named after
+            drive = self.content().get('drive') or {}
+            if old == 'crank' and 'coordinate' not in drive and drive:
+                text = with_value(text, ('drive', 'coordinate'), name)
             for section in ('drives', 'guess', 'initial'):
                 for inner in ((), ('position',), ('velocity',)):
                     text = renamed(text, (section, *inner, old), name)
@@ -205,18 +197,31 @@ def _apply(content: Any, edit: Edit) -> None:
         content[int(last) if isinstance(content, list) else last] = edit.value
 
 
-def _texts(value: Any, path: tuple[str, ...] = ()) -> Iterable[tuple[tuple[str, ...], str]]:
-    """All texts among values, with their paths."""
+def texts_of(
+    value: Any, skipped: Iterable[str] = (), path: tuple[str, ...] = ()
+) -> Iterable[tuple[tuple[str, ...], str]]:
+    """All texts among values but of some keys, with their paths."""
     if isinstance(value, str):
         yield path, value
     elif isinstance(value, Mapping):
         for key, inner in value.items():
-            yield from _texts(inner, (*path, key))
+            if key not in skipped:
+                yield from texts_of(inner, skipped, (*path, key))
     elif isinstance(value, list):
         for i, inner in enumerate(value):
-            yield from _texts(inner, (*path, str(i)))
+            yield from texts_of(inner, skipped, (*path, str(i)))
 
 
-def _replaced(text: str, old: str, new: str) -> str:
-    """A text with another name for a link, wherever it names the link or a point of it."""
-    return re.sub(rf'(?<![\w.]){re.escape(old)}(?!\w)', new, text)
+def _renamed_in(path: tuple[str, ...], where: tuple[str, ...], value: str, new: str) -> str:
+    """A text with another name for a part, wherever it names the part or a point of it."""
+    section, old = path[0], path[-1]
+    word = rf'{re.escape(old)}(?=(_rate)?(?!\w))'
+    if where[0] in ('title', 'description', 'mechanism') or len(path) != 2:
+        return value
+    if where[0] == 'measures':
+        return re.sub(rf'(?<!\w){word}', new, value)
+    if section == 'links' and not (where[0] == 'joints' and where[2] == 'mesh'):
+        return re.sub(rf'(?<![\w.]){word}', new, value)
+    names = {'gears': 'joints', 'joints': 'sensors'}.get(section)
+    keys = {'gears': 'mesh', 'joints': 'joint'}.get(section)
+    return new if where[0] == names and keys in where and value == old else value

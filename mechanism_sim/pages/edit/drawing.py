@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -14,50 +13,18 @@ from mechanism_sim.export.scale import scale_bar
 from mechanism_sim.export.shapes import COIL, Shape, around
 from mechanism_sim.export.skeleton import bounds, skeleton_of
 from mechanism_sim.export.stage import written
-from mechanism_sim.pages.edit.layout import Pose, Poses, point, points_of
 from mechanism_sim.pages.edit.motion import Turn
-from mechanism_sim.planar.mechanism import GROUND, Vector2
+from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.planar.view import Kind
+from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.sensors import SENSORS
+from mechanism_sim.scene.sketch import Handle, Pose, Poses, point, points_of
 
 SMALLEST = 0.25
 """[m] a machine that is begun is not drawn as if it were smaller."""
 
 _ORDER = 'rail', 'support', 'link', 'slider', 'pin', 'point'
-
-
-@dataclass(frozen=True)
-class Handle:
-    """What can be grabbed: a joint, or a point without one.
-
-    Attributes
-    ----------
-    key : name of the joint, or LINK.POINT
-    members : links with the names of their points that meet there
-    at : in the world [m]
-    joint : whether it is one
-    """
-
-    key: str
-    members: tuple[tuple[str, str], ...]
-    at: Vector2
-    joint: bool
-
-    @property
-    def path(self) -> list[str]:
-        """Where the scene says it, or its link."""
-        return ['joints', self.key] if self.joint else ['links', self.members[0][0]]
-
-    def to_json(self) -> dict[str, Any]:
-        """For the page."""
-        return {
-            'key': self.key,
-            'members': ['.'.join(x) for x in self.members],
-            'at': self.at,
-            'joint': self.joint,
-            'ground': any(link == GROUND for link, _ in self.members),
-            'path': self.path,
-        }
 
 
 def handles(scene: Scene, poses: Mapping[str, Pose]) -> list[Handle]:
@@ -72,25 +39,40 @@ def handles(scene: Scene, poses: Mapping[str, Pose]) -> list[Handle]:
         assert on is not None  # noqa: S101 - looked at above
         found.append(Handle(name, members, poses[on[0]].place(on[2]), True))
         met |= set(members)
-    slides = _slid(scene)
-    for link in dict.fromkeys([GROUND, *scene.links]):
+    for link in [*(x for x in scene.links if x != GROUND), GROUND]:  # what moves lies above
         given = scene.links.get(link)
         for name, at in points_of(given).items():
-            bare = name in ('start', 'end') and (link == GROUND or (link, name) in slides)
+            bare = link == GROUND and name in ('start', 'end')
             if (link, name) not in met and not bare:
                 key = f'{link}.{name}'
                 found.append(Handle(key, ((link, name),), poses[link].place(at), False))
     return found
 
 
-def _slid(scene: Scene) -> set[tuple[str, str]]:
-    """Points of links at joints that are no pins: they lie where those put them."""
-    found = set()
-    for joint in scene.joints.values():
-        if joint.kind != 'revolute':
-            ends = (point(scene, reference) for reference in joint.points)
-            found |= {(end[0], end[1]) for end in ends if end}
-    return found
+def marks(scene: Scene) -> list[dict[str, Any]]:
+    """What loads and sensors look like: a sign at a point of a link, of a force an arrow [m]."""
+    force, torque = (tool.icon for tool in LOADS['loads'].tools)
+    found = []
+    for name, load in scene.loads.items():
+        along = [1e-3 * x if isinstance(x, float) else 0.0 for x in load.force]
+        turns = bool(load.torque) and not any(load.force)
+        sign = {'arrow': along, 'turned': load.frame == 'link'} if any(along) else {}
+        found.append(_mark(scene, ['loads', name], load.at, torque if turns else force) | sign)
+    for name, sensor in scene.sensors.items():
+        kind = SENSORS[sensor.kind]
+        at: Any = getattr(sensor, 'link', None) or ''
+        if (joint := scene.joints.get(sensor.joint or '')) and joint.kind not in ('mesh', 'belt'):
+            at = joint.points[1]
+        mark = _mark(scene, ['sensors', name], at, kind.tools[0].icon if kind.tools else '')
+        if (own := getattr(sensor, 'at', None)) and mark['link']:
+            mark['at'] = list(own) if isinstance(own, tuple) else [own, 0.0]
+        found.append(mark)
+    return [mark for mark in found if mark['link']]
+
+
+def _mark(scene: Scene, path: list[str], reference: str, icon: str) -> dict[str, Any]:
+    link, _, at = point(scene, reference) or ('', '', (0.0, 0.0))
+    return {'path': path, 'link': link, 'at': list(at), 'icon': icon}
 
 
 def of_machine(

@@ -3,42 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+import re
+from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
-from mechanism_sim.errors import InputError
-from mechanism_sim.pages.edit.document import GONE, Edit
-from mechanism_sim.pages.edit.drawing import Handle
-from mechanism_sim.pages.edit.layout import Pose, Poses, point, points_of
-from mechanism_sim.pages.edit.quantities import degrees, place, rounded
-from mechanism_sim.planar.mechanism import GROUND, Vector2, rotate
+from mechanism_sim.pages.edit.document import texts_of
+from mechanism_sim.planar.mechanism import GROUND, Vector2
+from mechanism_sim.scene.kinds import KINDS
+from mechanism_sim.scene.rounding import degrees, place, rounded
 from mechanism_sim.scene.schema import DrivePart, Scene
+from mechanism_sim.scene.sketch import GONE, Edit, Grid, Handle, Pose, Poses, Sketch, point
 
 _ON_AXIS = 0.02
 """Of the frame's length: a joint so near its axis stays on it."""
-
-BAR = 1.0
-"""[kg/m] of links that are given a mass by their length."""
-
-
-class Grid(NamedTuple):
-    """How fine things are placed: a step [m] and the unit in which lengths are written."""
-
-    step: float
-    unit: str
-
-    def snapped(self, at: Vector2) -> Vector2:
-        """The nearest point of the grid."""
-        x, y = (round(v / self.step) * self.step for v in at)
-        return x, y
-
-
-class Spot(NamedTuple):
-    """Where a gesture begins or ends: in the world, and on what."""
-
-    at: Vector2
-    handle: Handle | None = None
-    link: str = ''  #: under the pointer, where there is no handle
 
 
 class Moved(NamedTuple):
@@ -148,6 +125,16 @@ def _guesses(scene: Scene, before: Mapping[str, Pose], after: Mapping[str, Pose]
     ]
 
 
+def fitting(scene: Scene, poses: Poses, grid: Grid) -> list[Edit]:
+    """What joints whose parts must fit each other change when their links have been moved."""
+    sketch, edits = None, []
+    for name, joint in scene.joints.items():
+        if refit := KINDS[joint.kind].refit:
+            sketch = sketch or Sketch(scene, poses, grid)
+            edits += refit(sketch, name, joint)
+    return edits
+
+
 def starts(
     scene: Scene, found: Mapping[str, float], straight: Collection[str], grid: Grid
 ) -> list[Edit]:
@@ -174,245 +161,62 @@ def starts(
     return edits
 
 
-# --- what is drawn ------------------------------------------------------------------------------
-
-
-def draw(scene: Scene, poses: Poses, what: str, start: Spot, end: Spot, grid: Grid) -> list[Edit]:
-    """A part drawn from one place to another.
-
-    Raises
-    ------
-    InputError
-        If it cannot be there: what it needs.
-    """
-    makers: dict[str, Callable[[_Draft, Spot, Spot], list[Edit]]] = {
-        'link': _link, 'cylinder': _cylinder, 'spring': _spring, 'ground': _ground,
-        'point': _point, 'slider': _slider, 'drive': _drive, 'clearance': _clearance,
-        'masses': _masses,
-    }  # fmt: skip
-    if what not in makers:
-        raise InputError(f"there is no '{what}' to be drawn")
-    return makers[what](_Draft(scene, dict(poses), grid), start, end)
-
-
-class _Draft:
-    """A scene to which parts are added."""
-
-    def __init__(self, scene: Scene, poses: Poses, grid: Grid) -> None:
-        self.scene, self.poses, self.grid = scene, poses, grid
-        self._taken = {*scene.links, *scene.joints, *scene.springs}
-        self._points: dict[str, set[str]] = {}
-
-    def name(self, stem: str, plain: bool = False) -> str:
-        """A name that is free: the stem, or with the first number that is."""
-        k = 0 if plain else 1
-        while (found := f'{stem}_{k}' if k else stem) in self._taken:
-            k += 1
-        self._taken.add(found)
-        return found
-
-    def where(self, spot: Spot) -> Vector2:
-        """A place: of the handle, or on the grid."""
-        return spot.handle.at if spot.handle else self.grid.snapped(spot.at)
-
-    def reference(self, spot: Spot) -> tuple[str, list[Edit]]:
-        """LINK.POINT of a place on a link or on the ground, and the point if it is new."""
-        if spot.handle:
-            link, name = spot.handle.members[-1]
-            return f'{link}.{name}' if name != 'start' or link == GROUND else link, []
-        link, at = spot.link or GROUND, self.where(spot)
-        known = points_of(self.scene.links.get(link)).keys() | self._points.setdefault(link, set())
-        k = 1
-        while (name := f'p{k}') in known:
-            k += 1
-        self._points[link].add(name)
-        local = place(self.poses[link].within(at), self.grid.step, self.grid.unit)
-        return f'{link}.{name}', [Edit(('links', link, 'points', name), local)]
-
-    def joint(self, reference: str, link: str) -> list[Edit]:
-        """A pin between a point and a link that is drawn to it."""
-        name = self.name(f'{reference.partition(".")[0]}_{link.partition(".")[0]}', plain=True)
-        return [Edit(('joints', name), {'revolute': [reference, link]})]
-
-
-def _link(draft: _Draft, start: Spot, end: Spot) -> list[Edit]:
-    """A bar, with a pin where it begins or ends on another link or on a point of the ground."""
-    a, b = draft.where(start), draft.where(end)
-    if math.dist(a, b) < draft.grid.step:
-        raise InputError('a link is drawn from one point to another: press, and drag')
-    name, grid = draft.name('link'), draft.grid
-    length = rounded(math.dist(a, b), grid.step, grid.unit)
-    edits = [
-        Edit(('links', name), {'length': length}),
-        Edit(('guess', name), degrees(math.atan2(b[1] - a[1], b[0] - a[0]))),
-    ]
-    for spot, own in ((start, name), (end, f'{name}.end')):
-        if spot.handle or spot.link:
-            reference, more = draft.reference(spot)
-            edits += [*more, *draft.joint(reference, own)]
-    return edits
-
-
-def _cylinder(draft: _Draft, start: Spot, end: Spot) -> list[Edit]:
-    """A cylinder with its rod, pinned at both ends; the rod is driven."""
-    a, b = draft.where(start), draft.where(end)
-    if math.dist(a, b) < draft.grid.step:
-        raise InputError('a cylinder is drawn from one point to another: press, and drag')
-    k, grid = 1, draft.grid
-    while f'cylinder_{k}' in draft.scene.links or f'rod_{k}' in draft.scene.links:
-        k += 1
-    body, rod = f'cylinder_{k}', f'rod_{k}'
-    edits = [Edit(('links', body), {}), Edit(('links', rod), {})]
-    for spot, link in ((start, body), (end, rod)):
-        reference, more = draft.reference(spot)
-        edits += [*more, *draft.joint(reference, link)]
-    edits.insert(-1, Edit(('joints', f'{body}_{rod}', 'prismatic'), [body, rod]))
-    long = math.dist(a, b)
-    drive = {
-        'speed': rounded(0.1 * long, 10.0 ** math.floor(math.log10(0.1 * long)), 'mm/s', 'm/s'),
-        'start_position': rounded(long, grid.step, grid.unit),
-    }
-    edits.append(Edit(('guess', body), degrees(math.atan2(b[1] - a[1], b[0] - a[0]))))
-    edits.append(Edit(('drives', rod), drive))
-    if draft.scene.duration is None:
-        edits.append(Edit(('duration',), '1 s'))
-    return edits
-
-
-def _spring(draft: _Draft, start: Spot, end: Spot) -> list[Edit]:
-    """A spring between two points, relaxed where it is drawn."""
-    (one, new), (two, newer) = draft.reference(start), draft.reference(end)
-    if one.partition('.')[0] == two.partition('.')[0]:
-        raise InputError('a spring is between points of two links, or of a link and the ground')
-    free = rounded(
-        math.dist(draft.where(start), draft.where(end)), draft.grid.step, draft.grid.unit
-    )
-    values = {'between': [one, two], 'stiffness': '1000 N/m', 'free_length': free}
-    return [*new, *newer, Edit(('springs', draft.name('spring')), values)]
-
-
-def _ground(draft: _Draft, start: Spot, _end: Spot) -> list[Edit]:
-    """A point of the frame: with a pin where there is a point of a link."""
-    if start.handle and any(link == GROUND for link, _ in start.handle.members):
-        raise InputError(f'{start.handle.key} is on the ground already')
-    reference, edits = draft.reference(Spot(draft.where(start)))
-    if start.handle:
-        link, name = start.handle.members[0]
-        own = link if name == 'start' else f'{link}.{name}'
-        edits += draft.joint(reference, own)
-    return edits
-
-
-def _point(draft: _Draft, start: Spot, _end: Spot) -> list[Edit]:
-    """A point of a link, whose path is drawn."""
-    if start.handle or not start.link:
-        raise InputError('a point is put on a link: press on a bar')
-    return draft.reference(start)[1]
-
-
-def _slider(draft: _Draft, start: Spot, end: Spot) -> list[Edit]:
-    """A block on a rail of the frame, pinned to a point of a link; drawn along the rail."""
-    if start.handle is None or start.handle.joint:
-        raise InputError('a slider is put on the free end of a link: press there, drag its way')
-    at, (u, v) = draft.where(start), end.at
-    axis = math.atan2(v - at[1], u - at[0]) if math.dist(at, end.at) > draft.grid.step else 0.0
-    axis = math.radians(round(math.degrees(axis)))
-    block = draft.name('slider')
-    # the rail passes through the origin if that lies on it
-    way = rotate((1.0, 0.0), axis)
-    edits: list[Edit] = []
-    if abs(way[0] * at[1] - way[1] * at[0]) < 0.5 * draft.grid.step:
-        base, along = GROUND, at[0] * way[0] + at[1] * way[1]
-    else:
-        base, edits = draft.reference(Spot(at))
-        along = 0.0
-    link, name = start.handle.members[0]
-    own = link if name == 'start' else f'{link}.{name}'
-    turned = {'axis': f'{math.degrees(axis):g} deg'} if axis else {}
-    return [
-        Edit(('links', block), {}),
-        *edits,
-        *draft.joint(own, block),
-        Edit(('joints', f'{GROUND}_{block}'), {'prismatic': [base, block], **turned}),
-        Edit(('guess', block), rounded(along, draft.grid.step, draft.grid.unit)),
-    ]
-
-
-def _drive(draft: _Draft, start: Spot, _: Spot) -> list[Edit]:
-    """What turns at a constant speed: the link on which it is put."""
-    scene, link = draft.scene, start.link
-    if not link and start.handle:
-        link = next((x for x, _ in start.handle.members if x != GROUND), '')
-    if not link or link == GROUND:
-        raise InputError('a drive is put on a link that turns or slides: press on it')
-    if link in scene.drives or (scene.drive and (scene.drive.coordinate or 'crank') == link):
-        raise InputError(f'{link} is driven already')
-    slides = any(
-        j.kind == 'prismatic' and (x := point(scene, j.points[1])) and x[0] == link
-        for j in scene.joints.values()
-    )
-    speed = {'speed': '100 mm/s' if slides else '60 rpm'}
-    start_value = scene.guess.get(link)
-    if not slides:
-        angle = start_value.value if start_value else draft.poses[link].angle
-        speed['start_angle'] = degrees(angle)
-    edits = [Edit(('guess', link), GONE)] if start_value and not slides else []
-    if scene.drive or scene.drives:
-        return [*edits, Edit(('drives', link), speed)]
-    return [*edits, Edit(('drive',), {'coordinate': link, **speed})]
-
-
-def _clearance(draft: _Draft, start: Spot, _: Spot) -> list[Edit]:
-    """Play in a pin; links without mass get one, for a pin that flies needs it."""
-    if start.handle is None or not start.handle.joint:
-        raise InputError('clearance is put on a joint: press on a pin')
-    if draft.scene.joints[start.handle.key].clearance:
-        raise InputError(f'{start.handle.key} has a clearance already')
-    play = {'radial': '0.1 mm', 'restitution': 0.5}
-    return [Edit(('joints', start.handle.key, 'clearance'), play), *_masses(draft, start, start)]
-
-
-def _masses(draft: _Draft, *_: Spot) -> list[Edit]:
-    """Masses of slender bars of 1 kg/m for all links without; of others 1 kg."""
-    edits = []
-    for link, given in draft.scene.links.items():
-        if link == GROUND or given.mass is not None or given.elastic:
-            continue
-        long = given.length or 0.0
-        mass = BAR * long if long else 1.0
-        values: dict[str, Any] = {'mass': f'{mass:.3g} kg'}
-        values['inertia'] = f'{mass * long**2 / 12.0 or 0.001:.3g} kg m^2'
-        if long:
-            values['cog'] = rounded(0.5 * long, 0.1 * draft.grid.step, draft.grid.unit)
-        edits += [Edit(('links', link, key), value) for key, value in values.items()]
-    return edits
-
-
 # --- what is removed ----------------------------------------------------------------------------
 
 
-def remove(scene: Scene, path: tuple[str, ...]) -> list[Edit]:
-    """A part removed, with what cannot be without it."""
-    edits = [Edit(path, GONE)]
-    if path[0] != 'links' or len(path) not in (2, 4):
-        return edits
-    link, lost = path[1], path[3] if len(path) == 4 else None
-
-    def gone(reference: str) -> bool:
-        on, _, name = reference.partition('.')
-        return on == link and (lost is None or name == lost)
-
-    for name, joint in scene.joints.items():
-        if any(map(gone, joint.points)):
-            edits.append(Edit(('joints', name), GONE))
-    for section in ('springs', 'masses', 'sensors', 'loads', 'gears'):
-        for name, part in getattr(scene, section, {}).items():
-            named = [getattr(part, key, None) for key in ('at', 'link', 'on')]
-            named += list(getattr(part, 'between', ()))
-            if any(isinstance(x, str) and gone(x) for x in named):
-                edits.append(Edit((section, name), GONE))
-    if lost is None:
-        edits += [Edit((key, link), GONE) for key in ('guess', 'drives')]
-        if scene.drive and (scene.drive.coordinate or 'crank') == link:
+def remove(scene: Scene, content: Mapping[str, Any], path: tuple[str, ...]) -> list[Edit]:
+    """A part removed, with what cannot be without it: of gears what only they mesh for."""
+    gone = [path]
+    for lost in gone:  # which grows
+        more = [part for part in _parts(scene, content) if _needs(scene, content, part, lost)]
+        if lost[0] == 'joints' and len(lost) == 2 and scene.joints[lost[1]].kind == 'mesh':
+            left = {
+                gear
+                for name, joint in scene.joints.items()
+                if joint.kind == 'mesh' and ('joints', name) not in gone
+                for gear in joint.points
+            }
+            more += [('gears', gear) for gear in scene.joints[lost[1]].points if gear not in left]
+        gone += [part for part in more if part not in gone]
+    edits = [Edit(part, GONE) for part in gone]
+    if path[0] == 'links' and len(path) == 2:
+        edits += [Edit((key, path[1]), GONE) for key in ('guess', 'drives')]
+        edits += [Edit(('initial', key, path[1]), GONE) for key in ('position', 'velocity')]
+        if scene.drive and (scene.drive.coordinate or 'crank') == path[1]:
             edits.append(Edit(('drive',), GONE))
     return edits
+
+
+_NAMING = 'springs', 'masses', 'loads', 'sensors', 'gears', 'measures'
+"""Sections of parts that name others, beside joints."""
+
+
+def _parts(scene: Scene, content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    found = [('joints', name) for name in scene.joints]
+    return found + [(key, str(name)) for key in _NAMING for name in content.get(key) or {}]
+
+
+def _needs(
+    scene: Scene, content: Mapping[str, Any], part: tuple[str, str], lost: tuple[str, ...]
+) -> bool:
+    """Whether a part names another that is lost: a link, a point of one, a joint, or a gear."""
+    section, name = part
+    if section == 'joints':
+        joint = scene.joints[name]
+        texts = [*joint.points, str(getattr(joint, 'carrier', None) or '')]
+        if (lost[0] == 'gears') != (joint.kind == 'mesh'):
+            return False
+    else:
+        texts = [text for _, text in texts_of({name: content[section][name]}, ('kind',))]
+    word = re.escape(lost[-1])
+    if section == 'measures':
+        pattern = rf'(?<!\w){word}(?!\w)'
+    elif lost[0] == 'links' and len(lost) == 4:
+        pattern = rf'^{re.escape(lost[1])}\.{word}$'
+    elif lost[0] == 'links' and len(lost) == 2:
+        pattern = rf'(?<![\w.]){word}(_rate)?(?!\w)'
+    elif (lost[0], section) in (('joints', 'sensors'), ('gears', 'joints')):
+        pattern = rf'^{word}$'
+    else:
+        return False
+    return any(re.search(pattern, text) for text in texts)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,48 +11,10 @@ from mechanism_sim.planar.mechanism import (
     GROUND,
     Mechanism,
     Prismatic,
-    Vector2,
     rotate,
 )
-from mechanism_sim.scene.schema import LinkPart, Scene
-
-
-class Pose(NamedTuple):
-    """Where the frame of a link is in the world."""
-
-    x: float  #: [m]
-    y: float  #: [m]
-    angle: float  #: [rad]
-
-    def place(self, at: Vector2) -> Vector2:
-        """A point of the link in the world [m]."""
-        x, y = rotate(at, self.angle)
-        return self.x + x, self.y + y
-
-    def within(self, at: Vector2) -> Vector2:
-        """A point of the world in the frame of the link [m]."""
-        return rotate((at[0] - self.x, at[1] - self.y), -self.angle)
-
-
-Poses = dict[str, Pose]
-ORIGIN = Pose(0.0, 0.0, 0.0)
-
-
-def points_of(link: LinkPart | None) -> dict[str, Vector2]:
-    """The points of a link by name, in its frame [m]."""
-    found: dict[str, Vector2] = {'start': (0.0, 0.0)}
-    if link is not None and link.length is not None:
-        found['end'] = (link.length, 0.0)
-    return found | (dict(link.points) if link is not None else {})
-
-
-def point(scene: Scene, reference: str) -> tuple[str, str, Vector2] | None:
-    """Link, name and place in the link's frame [m] of ``LINK.POINT`` or ``LINK``."""
-    link, _, name = reference.partition('.')
-    name = name or 'start'
-    at = points_of(scene.links.get(link)).get(name)
-    known = link == GROUND or link in scene.links
-    return None if at is None or not known else (link, name, at)
+from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.sketch import ORIGIN, Pose, Poses, point
 
 
 def placed(scene: Scene, before: Mapping[str, Pose]) -> Poses:

@@ -13,7 +13,8 @@ from typing import Any
 from mechanism_sim import ending, strict_json
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.errors import InputError
-from mechanism_sim.pages.assets import contents_of
+from mechanism_sim.pages.assets import contents_of, embedded
+from mechanism_sim.pages.edit import palette
 from mechanism_sim.pages.edit.background import Background
 from mechanism_sim.pages.edit.document import Document
 from mechanism_sim.pages.edit.session import Session
@@ -22,10 +23,10 @@ from mechanism_sim.pages.server import HOST, Server
 MODULES = 'svg', 'stage', 'lens', 'player', 'canvas', 'fields', 'edit'
 PORT = 8080
 
-PAUSE = 0.3
-"""[s] without an edit after which the document is checked and run."""
+PAUSE = 0.1
+"""[s] without an edit after which the document is checked and run, as it is dragged."""
 
-_LOOK = 0.1  # [s] between looks at what runs
+_LOOK = 0.05  # [s] between looks at what runs
 _COMMAND = 400_000  # bytes: a whole document, its quotes escaped
 
 
@@ -46,7 +47,8 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
     key = secrets.token_urlsafe(16)
     greeting: list[dict[str, Any]] = []
     server = Server(
-        contents_of('edit', MODULES, scenes=scene_names()),
+        contents_of('edit', MODULES, scenes=scene_names(),
+                    tools=embedded(palette.to_json())),
         PORT if port is None else port, lambda: [*greeting],
         lambda message: waiting.put(('page', message)),
         read=lambda data: data if isinstance(data, dict) else None, key=key, largest=_COMMAND,
@@ -95,6 +97,9 @@ def _serve(
                 number, what, text = item
                 session.found(number, what, strict_json.loads(text))
             if kind:
+                greeting[:] = session.greeting
+            if not kind:
+                session.pause()
                 greeting[:] = session.greeting
             if session.number != ran and time.monotonic() > since + PAUSE:
                 ran = session.number

@@ -3,28 +3,48 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from mechanism_sim import documents
+from mechanism_sim.arrays import Array
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.pages.edit import drawing, gestures, panel
+from mechanism_sim.pages.edit import drawing, gestures, palette, panel
 from mechanism_sim.pages.edit.background import Job
-from mechanism_sim.pages.edit.document import GONE, Document, Edit
-from mechanism_sim.pages.edit.drawing import Handle
-from mechanism_sim.pages.edit.gestures import Grid, Spot
-from mechanism_sim.pages.edit.layout import ORIGIN, Poses, coordinates, placed, points_of
-from mechanism_sim.pages.edit.motion import Turn
-from mechanism_sim.pages.edit.quantities import degrees, unit_of
+from mechanism_sim.pages.edit.document import Document
+from mechanism_sim.pages.edit.layout import coordinates, placed
+from mechanism_sim.pages.edit.motion import Forces, Turn
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.rounding import degrees, unit_of
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.sketch import (
+    GONE,
+    ORIGIN,
+    Edit,
+    Grid,
+    Handle,
+    Poses,
+    Sketch,
+    Spot,
+    points_of,
+)
 
 Send = Callable[[dict[str, Any]], None]
+
+_BUDGET = 0.014
+"""[s] of a frame, of 17 ms; forces are left out of a drag that needs more."""
+
+_LATE = 5
+"""Frames one after the other, beyond which that is so."""
+
+_ARROW = 0.3
+"""Length of the arrow of the largest force, of the machine's size."""
 
 _FAR = 0.2
 """[rad], or sizes of the machine: more is another way to close the loops."""
@@ -66,6 +86,10 @@ class Session:
         self._picture = Picture(Document().scene(), None, {GROUND: ORIGIN}, '')
         self._grabbed: tuple[str, Picture] | None = None
         self._of: str | None = None  # the text whose picture this is
+        self._tried: list[Edit] = []  # what is dragged makes of it
+        self._forces: tuple[int, float] = (0, 0.0)  # the state whose forces these are; [m/N]
+        self._late = 0
+        self._pulled: Array | None = None  # coordinates of a machine that is turned by hand
         self._found: dict[str, dict[str, Any]] = {}
         self._refresh()
         self._shown = self.state()
@@ -91,7 +115,7 @@ class Session:
         except (KeyError, TypeError, ValueError, IndexError, AttributeError):
             self._say('that was no command of this page')
         if kind not in ('drag', 'pull'):
-            self._grabbed = None
+            self._grabbed, self._tried, self._pulled = None, [], None
             self._refresh()
             self._show()
 
@@ -129,9 +153,9 @@ class Session:
         return [self._shown, *self._found.values()]
 
     def job(self) -> Job | None:
-        """What is to be checked and run of the document; None if it is no document."""
+        """What is to be checked and run, as it is dragged; None if it is no document."""
         try:
-            return Job(self.number, self.document.name, self.document.whole())
+            return Job(self.number, self.document.name, self.document.whole(self._tried))
         except InputError:
             return None
 
@@ -139,12 +163,31 @@ class Session:
         """Show what came of a job, if it is of the document as it is."""
         if number != self.number:
             return
-        if kind == 'problem':
+        if kind == 'problem' and not self._grabbed:
             self._picture = self._picture._replace(problem=data)
             self._show()
         message = {'type': kind, 'data': data, 'number': number}
         self._found[kind] = message
         self._send(message)
+
+    def pause(self) -> None:
+        """Show the forces of ideal joints, if that is not done: nobody asks for anything now."""
+        if self._forces[0] == self.number or self._grabbed:
+            return
+        turn, scale = self._picture.turn, 0.0
+        try:
+            known = turn.forces() if turn else None
+        except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError):
+            known = None
+        if turn and known:
+            stage = self._shown['stage']
+            largest = float(np.hypot(*known.forces.transpose(2, 0, 1)).max(initial=0.0))
+            scale = _ARROW * 60.0 * stage['symbol'] / largest if largest else 0.0
+        self._forces = self.number, scale
+        if known and scale:
+            data = _of_forces(known, scale)
+            self._found['forces'] = {'type': 'forces', 'number': self.number, 'data': data}
+            self._send(self._found['forces'])
 
     def _show(self) -> None:
         self._shown = self.state()
@@ -170,10 +213,16 @@ class Session:
             return
         self._picture = self._seen(scene, None)
 
-    def _seen(self, scene: Scene, near: Poses | None, loops: Kinematics | None = None) -> Picture:
+    def _seen(
+        self,
+        scene: Scene,
+        near: Poses | None,
+        loops: Kinematics | None = None,
+        machine: Machine | None = None,
+    ) -> Picture:
         old = self._picture
         try:
-            machine = Machine(self.document.name, scene)
+            machine = machine or Machine(self.document.name, scene)
             turn = Turn(machine, near, old.turn, loops)
         except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError) as error:
             poses = placed(scene, near or old.poses)
@@ -182,10 +231,13 @@ class Session:
 
     def _drawn(self, picture: Picture) -> dict[str, Any]:
         curves: dict[str, Any] = {}
+        traced: dict[str, Any] = {}
         if picture.turn:
             points = picture.turn.machine.plan.points
-            every = (f'{link}.{name}' for link, at in points.items() for name in at)
-            traced = {point for point in every if self._has_path(point)}
+            every = (
+                (f'{link}.{x}', link, at) for link, own in points.items() for x, at in own.items()
+            )
+            traced = {key: [link, at] for key, link, at in every if self._has_path(key)}
             symbol = self._shown['stage']['symbol'] if self._grabbed else 0.0
             stage, curves = drawing.of_machine(picture.turn, traced, symbol)
         else:
@@ -195,6 +247,8 @@ class Session:
             'poses': [picture.poses[link] for link in stage['links']],
             'handles': [h.to_json() for h in drawing.handles(picture.scene, picture.poses)],
             'curves': curves,
+            'traced': {} if curves else traced,
+            'marks': drawing.marks(picture.scene),
             'assembled': picture.turn is not None,
         }
 
@@ -237,8 +291,12 @@ class Session:
         short = self.document.content().get('mechanism') == 'four_bar'
         edits, poses = gestures.move(before.scene, before.poses, handle, to, grid, short)
         scene, loops = self.document.scene(edits), None
+        if not short and (more := gestures.fitting(scene, placed(scene, poses), grid)):
+            edits = [*edits, *more]
+            scene = self.document.scene(edits)
+        made: Machine | None = (machine := Machine(self.document.name, scene))
         try:
-            loops = Machine(self.document.name, scene).kinematics(())
+            loops = machine.kinematics(())
         except InputError:
             return edits, self._seen(scene, poses)
         tree = loops.mechanism
@@ -246,21 +304,30 @@ class Session:
         if not left[0]:
             found = dict(zip(tree.coordinates, q[:, 0].tolist(), strict=True))
             if more := gestures.starts(scene, found, tree.displacements, grid):
-                edits = [*edits, *more]
+                edits, made = [*edits, *more], None
                 scene = self.document.scene(edits)
-        return edits, self._seen(scene, poses, loops)
+        return edits, self._seen(scene, poses, loops, made)
 
     def _drag(self, message: Mapping[str, Any]) -> None:
-        _, self._picture = self._moved(message)
-        frame = {'type': 'frame', 'problem': self._picture.problem}
-        self._send({**frame, **self._drawn(self._picture)})
+        begun = time.thread_time()
+        edits, self._picture = self._moved(message)
+        if list(edits) != self._tried:
+            self._tried = list(edits)
+            self.number += 1
+        frame = {'type': 'frame', 'number': self.number, 'problem': self._picture.problem}
+        frame |= self._drawn(self._picture)
+        state, scale = self._forces
+        if scale and self._picture.turn:
+            if known := self._picture.turn.forces(1):
+                frame['forces'] = _of_forces(known, scale)
+            self._late = self._late + 1 if time.thread_time() > begun + _BUDGET else 0
+            if self._late > _LATE:  # no machine for that
+                self._forces = state, 0.0
+        self._send(frame)
 
     def _drop(self, message: Mapping[str, Any]) -> None:
-        try:
-            edits, picture = self._moved(message)
-        except InputError:
-            self._of = None  # what was dragged goes back
-            raise
+        self._of = None  # what was dragged goes back, if it cannot stay
+        edits, picture = self._moved(message)
         self.document.change([*edits, *self._chosen(edits, picture)])
 
     def _chosen(self, edits: list[Edit], picture: Picture) -> list[Edit]:
@@ -292,37 +359,55 @@ class Session:
 
     def _pull(self, message: Mapping[str, Any]) -> None:
         """Move the machine along its way, so that a handle comes nearest to a place."""
-        picture = self._picture
-        turn = picture.turn
-        if turn is None or turn.q.shape[1] < 2:
-            raise InputError('what nothing drives, or not alone, cannot be turned by hand')
+        turn = self._picture.turn
+        if turn is None or not turn.q.size:
+            raise InputError('what is no machine yet cannot be turned by hand')
         handle = self._handle(message['handle'])
         link, name = next(((x, n) for x, n in handle.members if x != GROUND), ('', ''))
         if not link:
             return
         at = turn.machine.plan.points[link][name]
+        links = [body.name for body in turn.mechanism.bodies]
+        if not turn.moves:  # whichever way its several motions let it
+            before = turn.q[:, 0] if self._pulled is None else self._pulled
+            self._pulled = turn.reached(
+                before, link, at, (float(message['x']), float(message['y']))
+            )
+            poses = turn.poses_of(self._pulled)
+            self._send({'type': 'pose', 'instant': 0, 'poses': [poses[link] for link in links]})
+            return
         x, y = turn.mechanism.locate_all(link, turn.q, at)
         k = int(np.argmin(np.hypot(x - float(message['x']), y - float(message['y']))))
         poses = turn.poses_at(k)
-        links = [body.name for body in turn.mechanism.bodies]
-        self._send({'type': 'pose', 'poses': [poses[link] for link in links]})
+        self._send({'type': 'pose', 'instant': k, 'poses': [poses[link] for link in links]})
 
     def _draw(self, message: Mapping[str, Any]) -> None:
         grid, what = self._grid(message), str(message['what'])
         start, end = (self._spot(message[key]) for key in ('from', 'to'))
         before, picture = self.document.text, self._picture
-        edits = gestures.draw(picture.scene, picture.poses, what, start, end, grid)
-        short = what not in ('clearance', 'masses', 'point')
-        self.document.change([*(self._written_out() if short else []), *edits])
-        named = [e.path for e in edits if e.path[0] in ('links', 'springs', 'drive', 'drives')]
-        if what == 'clearance' or not named:
-            named = [edits[0].path] if edits else []
-        if self.document.text != before and named:
-            self._path = named[0][: 1 if named[0][0] == 'drive' else 2]
+        sketch = Sketch(picture.scene, picture.poses, grid)
+        edits = palette.draw(sketch, what, start, end)
+        if written := self._written_out():
+            try:
+                self.document.scene(edits)
+            except InputError:  # the short form cannot say it
+                edits = [*written, *edits]
+        self.document.change([*edits, *self._as_drawn(edits, sketch.poses)])
+        if self.document.text != before and edits:
+            path = edits[0].path
+            self._path = path[: 1 if path[0] == 'drive' else 2]
+
+    def _as_drawn(self, edits: list[Edit], poses: Poses) -> list[Edit]:
+        """Guesses, where what was drawn would be assembled in another way than it was drawn."""
+        try:
+            scene = self.document.scene(edits)
+            return self._chosen(edits, self._seen(scene, placed(scene, poses)))
+        except InputError:
+            return []  # it is no machine yet
 
     def _spot(self, data: Mapping[str, Any]) -> Spot:
         handle = self._handle(data['handle']) if data.get('handle') else None
-        link = str(data.get('link') or '')
+        link = '' if handle else str(data.get('link') or '')
         link = link if link in self._picture.scene.links and link != GROUND else ''
         return Spot((float(data['x']), float(data['y'])), handle, link)
 
@@ -344,7 +429,7 @@ class Session:
         path = _path(message)
         short = self._written_out() if path[0] in ('links', 'joints') and len(path) < 3 else []
         present = {*self.document.content(), *(edit.path[0] for edit in short)}
-        edits = gestures.remove(self._picture.scene, path)
+        edits = gestures.remove(self._picture.scene, self.document.content(), path)
         self.document.change([*short, *(edit for edit in edits if edit.path[0] in present)])
         if self._path[: len(path)] == path:
             self._path = ()
@@ -403,6 +488,16 @@ class Session:
         for link, angle in scene.guess.items():
             edits.append(Edit(('guess', link), degrees(angle.value)))
         return edits
+
+
+def _of_forces(known: Forces, scale: float) -> dict[str, Any]:
+    """Forces for the page: of N, and of metres a thousandth of a symbol, nobody sees less."""
+    return {
+        'joints': known.joints,
+        'force_scale': scale,
+        'forces': [[[float(f'{x:.4g}') for x in f] for f in row] for row in known.forces],
+        'feet': np.round(known.feet, 7).tolist(),
+    }
 
 
 def _path(message: Mapping[str, Any]) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -19,6 +19,7 @@ from mechanism_sim.scene.gear_keys import MOST_TEETH
 from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds.transmission import CarrierKeys, carrier_of
 from mechanism_sim.scene.quantities import Angle, Displacement, Length, Position
+from mechanism_sim.scene.sketch import Shaft, Sketch, Tool, between
 
 _Count = Annotated[int, Field(ge=1, le=MOST_TEETH)]
 
@@ -112,7 +113,7 @@ def _read(places: Names, name: str, joint: BevelKeys) -> BevelPair:
     )  # fmt: skip
 
 
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> FlankFriction:
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFriction]:
     """Of teeth one module high at the middle, on the spur gears that roll like the cones there.
 
     These have the cones' back radii and roll at the shafts' rates times the cosines of the cones
@@ -130,12 +131,29 @@ def _friction(name: str, given: Friction, mechanism: Mechanism) -> FlankFriction
         for r, other in zip(radii, radii[::-1], strict=True)
     ]  # fmt: skip
     arm = sliding_arm(Path(-ends[1], ends[0]), math.pi * module * math.cos(press))
-    return FlankFriction(
+    return [FlankFriction(
         name, mechanism, given.coefficient, (arm * turns[0], -arm * turns[1]),
         pair.radii[1] * math.cos(press), pair.carrier,
-    )  # fmt: skip
+    )]  # fmt: skip
 
+
+def _drawn(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, Any]:
+    """Teeth as 1 to 2 that fill the distance of the shafts as they are drawn."""
+    module = math.dist(one.at, two.at) / 30.0
+    return {
+        'teeth': [20, 40], 'module': sketch.size(module), 'face_width': sketch.size(6.0 * module),
+    }  # fmt: skip
+
+
+_TOOL = Tool(
+    'bevel', 'H', 'M1 6l5 2-5 2zm6-5l8 4H7zm0 6h8l-8 8z',
+    'Press on a link that turns, or where it is to be; drag to another: bevel gears',
+    between('bevel', 'shaft', _drawn), 'band',
+)  # fmt: skip
 
 register(
-    JointKind('bevel', BevelKeys, _read, firm='bevel gears have no play here', friction=_friction)
-)
+    JointKind(
+        'bevel', BevelKeys, _read, firm='bevel gears have no play here', friction=_friction,
+        tools=(_TOOL,),
+    )
+)  # fmt: skip

@@ -31,7 +31,7 @@ from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.cams.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import ContactFriction
-from mechanism_sim.planar.mechanism import Mechanism, Vector2, rotate
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2, rotate
 from mechanism_sim.scene.contact_keys import Contact, Friction, Play
 from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds._cam_guides import Guide, along, around, find_guide
@@ -46,6 +46,9 @@ from mechanism_sim.scene.quantities import (
     Radius,
     si_of,
 )
+from mechanism_sim.scene.quantities import Friction as FrictionCoefficient
+from mechanism_sim.scene.rounding import degrees, rounded
+from mechanism_sim.scene.sketch import Edit, Sketch, Spot, Tool
 from mechanism_sim.units import Measure
 
 Way = Annotated[Measure, si_of('rad', 'm')]
@@ -121,6 +124,10 @@ class LiftOffPart(Part):
     """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
     """What the coefficient relates: speeds, impulses or works."""
+    friction: FrictionCoefficient = 0.0
+    """Coulomb's coefficient."""
+    pin_radius: Radius = 0.0
+    """Of the pin on which a roller turns; required with friction of one."""
     contact: Contact | None = None
     """A law of force instead of a rigid contact."""
 
@@ -134,6 +141,10 @@ class GroovePart(Part):
     """Of both walls; required with a clearance."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
     """What the coefficient relates: speeds, impulses or works."""
+    friction: FrictionCoefficient = 0.0
+    """Coulomb's coefficient, on the pin of the roller."""
+    pin_radius: Radius = 0.0
+    """Of that pin; required with friction."""
     contact: Contact | None = None
     """A law of force instead of rigid walls."""
 
@@ -167,6 +178,8 @@ class CamKeys(PhaseKeys):
 
 Place = tuple[str, Vector2]
 _UNITS = ('rad', 'm')
+_RIGHT: dict[Any, Cam] = {}
+_MOST = 32  # profiles that are known
 #: pressure angles [deg] above these are usually avoided
 LARGEST_PRESSURE = {False: 30.0, True: 45.0}  # for followers that slide, that swing
 
@@ -198,6 +211,8 @@ def _play(joint: CamKeys) -> Play | None:
             radial=0.0,
             restitution=off.restitution,
             hypothesis=off.hypothesis,
+            friction=off.friction,
+            pin_radius=off.pin_radius,
             contact=off.contact,
         )
     if groove and groove.clearance:
@@ -205,20 +220,22 @@ def _play(joint: CamKeys) -> Play | None:
             radial=0.5 * groove.clearance,
             restitution=groove.restitution or 0.0,
             hypothesis=groove.hypothesis,
+            friction=groove.friction,
+            pin_radius=groove.pin_radius,
             contact=groove.contact,
         )
     return None
 
 
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> ContactFriction:
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[ContactFriction]:
     pair = mechanism.joint(name)
     assert isinstance(pair, CamPair)  # noqa: S101 - of this kind
-    follower = pair.cam.follower
-    if isinstance(follower, OscillatingFlat):
-        return ContactFriction(name, mechanism, given.coefficient, -follower.face_offset)
-    roller = getattr(follower, 'roller', 0.0)
-    share = (given.radius or 0.0) / roller if roller else 1.0
-    return ContactFriction(name, mechanism, given.coefficient, roller, share)
+    touch = pair.touch(mechanism, given.radius or 0.0)
+    if not pair.grooved:
+        return [ContactFriction(name, mechanism, given.coefficient, touch)]
+    return [
+        ContactFriction(name, mechanism, given.coefficient, touch.on(way), way) for way in (1, -1)
+    ]
 
 
 class _Reader:
@@ -249,8 +266,7 @@ class _Reader:
             away = guide.at[0] - centre[0], guide.at[1] - centre[1]
             beside = -sense * rotate(away, -direction)[1]
         touching = self._follower(guide, math.dist(guide.at, centre), beside, sense)
-        whole = Cam(self._law(guide, touching), touching, joint.base_radius or 0.0)
-        self._check_cam(whole)
+        whole = self._cam(guide, touching)
         kind = GroovePair if joint.groove else CamPair
         return kind(
             self.name,
@@ -263,11 +279,22 @@ class _Reader:
             direction,
             sense,
             phase,
-            math.atan2(*guide.arm[::-1]),
+            guide.arm,
             beside,
             # a jump of its second order would be one of the gap
             bool(joint.groove and joint.groove.clearance) and not check_smoothness(whole.law, 2),
         )
+
+    def _cam(self, guide: Guide, touching: Follower) -> Cam:
+        """The profile; one that was found right is known for a while, for that takes long."""
+        key = self.joint.model_dump_json(), guide.swings, self._slides, touching
+        if key not in _RIGHT:
+            cam = Cam(self._law(guide, touching), touching, self.joint.base_radius or 0.0)
+            self._check_cam(cam)
+            if len(_RIGHT) >= _MOST:
+                _RIGHT.pop(next(iter(_RIGHT)), None)
+            _RIGHT[key] = cam
+        return _RIGHT[key]
 
     def _check_keys(self) -> None:
         """What every cam needs, and what excludes each other."""
@@ -297,21 +324,22 @@ class _Reader:
             raise InputError(f"{where}: 'groove.restitution' is missing: the clearance needs it")
 
     def _check_friction(self) -> None:
-        joint, where = self.joint, f'{self.where}.friction'
-        if joint.friction is None:
-            return
-        if joint.groove:
-            raise InputError(
-                f'{where}: a roller in a groove touches one wall or the other: it has none here'
-            )
-        if joint.follower == 'roller' and joint.friction.radius is None:
-            raise InputError(
-                f"{where} needs a 'radius', that of the roller's pin, as radius: 4 mm"
-            )
-        if joint.friction.radius is not None and not joint.friction.radius < joint.roller:
-            raise InputError(
-                f'{where}.radius is that of the pin of a roller, and less than the roller'
-            )
+        """A roller rubs on its pin, which must be smaller; nothing else has one."""
+        joint, rubs = self.joint, []
+        if joint.friction:
+            rubs.append((f'{self.where}.friction', 'radius', joint.friction.radius))
+        for key, play in (('lift_off', joint.lift_off), ('groove', joint.groove)):
+            if play and (play.friction or play.pin_radius):
+                rubs.append((f'{self.where}.{key}', 'pin_radius', play.pin_radius or None))
+        for where, key, radius in rubs:
+            if joint.follower == 'roller' and radius is None:
+                raise InputError(
+                    f"{where} needs a '{key}', that of the roller's pin, as {key}: 4 mm"
+                )
+            if radius is not None and not radius < joint.roller:
+                raise InputError(
+                    f'{where}.{key} is that of the pin of a roller, and less than the roller'
+                )
 
     def _check_straight(self) -> None:
         """Keys that only cams that turn have."""
@@ -461,9 +489,62 @@ def _notes(machine: Any, pair: CamPair) -> list[str]:
     return notes
 
 
+def _draw(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
+    """A roller on a link that swings or slides, or on a new one that slides away from the cam.
+
+    It rises and returns by a quarter of its distance, and starts in a dwell where it is.
+    """
+    a, b, apart = sketch.ends(start, end, 'cam')
+    cam = sketch.turning(start, 'cam')
+    if cam.on != GROUND:
+        raise InputError(
+            'a cam turns on the ground: press on a link that does, or where it is to be'
+        )
+    links = [x for x, _ in end.handle.members] if end.handle else [end.link]
+    rail, rise = sketch.sliding(end), sketch.size(0.25 * apart)
+    swings = next((x for x in map(sketch.pivot, links) if x and x.link != cam.link), None)
+    joint: dict[str, Any] = {'follower': 'roller', 'roller': sketch.size(0.25 * apart)}
+    edits: list[Edit] = []
+    if rail:
+        follower = rail.own
+        apart = math.dist(cam.at, rail.at)
+    elif swings:
+        follower, edits = sketch.on_link(end, 'a follower is')
+        arm = math.dist(swings.at, b)
+        if arm < sketch.grid.step:
+            raise InputError('a cam touches a link beside its pivot: drag to its end')
+        (x, y), (u, v) = ((p[0] - a[0], p[1] - a[1]) for p in (swings.at, b))
+        joint['side'] = 'left' if x * v - y * u > 0.0 else 'right'
+        rise = rounded(min(0.25 * apart / arm, 0.4), math.radians(1.0), 'deg', 'rad')
+    else:
+        follower, axis = sketch.name('follower'), math.atan2(b[1] - a[1], b[0] - a[0])
+        guide = sketch.guide(cam.base, follower, axis)
+        edits = [sketch.link(follower), *guide, Edit(('guess', follower), sketch.long(apart))]
+    angle = sketch.poses[cam.link].angle if cam.link in sketch.poses else 0.0
+    if abs(angle) > 1e-9:
+        joint['phase'] = degrees(-angle, 4)
+    joint['base_radius'] = sketch.size(0.75 * apart)
+    joint['law'] = {'segments': [
+        {'from': f'{first} deg', 'to': f'{first + 100} deg', 'rise': sign + rise}
+        for first, sign in ((40, ''), (220, '-'))
+    ]}  # fmt: skip
+    joint = {'cam': [cam.own, follower], **joint}
+    path = sketch.named(cam.link, follower)
+    driven = sketch.driven(cam.link) if cam.edits else []
+    return [Edit(path, joint), *cam.edits, *edits, *driven]
+
+
+_TOOL = Tool(
+    'cam', 'A',
+    'M8 4a5 5 0 0 1 5 5 5 5 0 0 1-10 0c0-3 3-3 5-5zm0 3.5a1.5 1.5 0 1 0 0 3 1.5 1.5 0 0 0 '
+    '0-3zM8 0a1.6 1.6 0 1 1 0 3.2A1.6 1.6 0 0 1 8 0z',
+    'Press on a link that turns, or where a cam is to be; drag to a link that swings or slides, '
+    'or to where its follower is to be', _draw, 'band',
+)  # fmt: skip
+
 register(
     JointKind(
         'cam', CamKeys, _read, _play, firm="write 'lift_off' or 'groove'", notes=_notes,
-        friction=_friction, arm=('radius', False),
+        friction=_friction, rubs_by=(('radius',), False), tools=(_TOOL,),
     )
 )  # fmt: skip

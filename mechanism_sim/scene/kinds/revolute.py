@@ -13,6 +13,7 @@ from mechanism_sim.scene.clearances import leaning
 from mechanism_sim.scene.contact_keys import Clearance, Friction, Misalignment
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Position
+from mechanism_sim.scene.sketch import Edit, Sketch, Spot, Tool
 
 
 class RevoluteKeys(JointKeys):
@@ -51,8 +52,8 @@ def _read(places: Names, name: str, joint: RevoluteKeys) -> Revolute:
     return Revolute(name, a, b, on_a, on_b)
 
 
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> JournalFriction:
-    return JournalFriction(name, mechanism, given.coefficient, given.radius or 0.0)
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[JournalFriction]:
+    return [JournalFriction(name, mechanism, given.coefficient, given.radius or 0.0)]
 
 
 def _wrong_play(given: Clearance) -> str:
@@ -63,6 +64,8 @@ def _wrong_play(given: Clearance) -> str:
         return f"has a clearance with {what}: it needs 'length', that of the bearing"
     if given.length and given.contact and given.contact.law == 'film':
         return "has a film with length, which is for solid contacts: leave it out, or 'contact'"
+    if given.axial and given.contact and given.contact.law == 'film':
+        return "has a film with axial, which is for solid contacts: leave it out, or 'contact'"
     if not given.misalignment or not given.length:
         return ''
     most = 2.0 * given.radial / given.length
@@ -79,10 +82,19 @@ def _wrong_play(given: Clearance) -> str:
 
 def _notes(machine: Any, joint: Revolute) -> list[str]:
     play = machine.clearances.get(joint.name)
-    if not (isinstance(play, Clearance) and play.length):
+    if not isinstance(play, Clearance):
         return []
+    found = []
+    if play.axial:
+        faces = play.axial.face_radius
+        found = [
+            f'{joint.name}: stops along the axis, play {play.axial.play:g} m to either, '
+            f'{f"faces of radius {faces:g} m" if faces else "without moments"}'
+        ]
+    if not play.length:
+        return found
     if leaning(machine.mechanism, joint.name, play) is None:
-        return [f'{joint.name}: pin and bushing stay in line: its length changes nothing']
+        return [*found, f'{joint.name}: pin and bushing stay in line: its length changes nothing']
     given = play.misalignment or Misalignment()
     said = [
         f'{name} inclined by {axis.angle:g} rad'
@@ -91,14 +103,29 @@ def _notes(machine: Any, joint: Revolute) -> list[str]:
     ]
     most = 2.0 * play.radial / play.length
     return [
+        *found,
         f'{joint.name}: contacts at both ends of {play.length:g} m, '
-        f'{"".join(f"{x}, " for x in said)}room for {most:.4g} rad'
+        f'{"".join(f"{x}, " for x in said)}room for {most:.4g} rad',
     ]
 
+
+def _draw(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
+    """A pin between two points, which the machine brings together."""
+    (one, new), (two, newer) = sketch.reference(start), sketch.reference(end)
+    if one.partition('.')[0] == two.partition('.')[0]:
+        raise InputError('a pin joins points of two links: press on one, drag to the other')
+    return [Edit(sketch.named(one, two), {'revolute': [one, two]}), *new, *newer]
+
+
+_TOOL = Tool(
+    'pin', 'N', 'M8 4a4 4 0 1 1 0 8 4 4 0 0 1 0-8zm0 2.5a1.5 1.5 0 1 0 0 3 1.5 1.5 0 0 0 0-3z',
+    'Press on a point of a link, drag to a point of another: they are pinned together', _draw,
+    'band',
+)  # fmt: skip
 
 register(
     JointKind(
         'revolute', RevoluteKeys, _read, notes=_notes,
-        wrong_play=_wrong_play, friction=_friction, arm=('radius', True),
+        wrong_play=_wrong_play, friction=_friction, rubs_by=(('radius',), True), tools=(_TOOL,),
     )
 )  # fmt: skip

@@ -16,6 +16,7 @@ from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds.bevel import SpatialKeys, needed, placed, pressure_angle_of
 from mechanism_sim.scene.kinds.transmission import carrier_of
 from mechanism_sim.scene.quantities import Angle, Length
+from mechanism_sim.scene.sketch import Shaft, Sketch, Tool, between
 
 
 class WormKeys(SpatialKeys):
@@ -60,16 +61,16 @@ def _read(places: Names, name: str, joint: WormKeys) -> WormDrive:
     )  # fmt: skip
 
 
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> FlankFriction:
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFriction]:
     """Along the thread, [V] eqs. 5.52 to 5.59."""
     pair = mechanism.joint(name)
     assert isinstance(pair, WormDrive)  # noqa: S101 - of this kind
     lead, press, (r2, r3) = pair.worm.lead_angle, pair.worm.pressure_angle, pair.radii
-    return FlankFriction(
+    return [FlankFriction(
         name, mechanism, given.coefficient,
         (r2 * math.cos(lead), pair.hand * r3 * math.sin(lead)),
         r3 * math.cos(press) * math.cos(lead), pair.carrier,
-    )  # fmt: skip
+    )]  # fmt: skip
 
 
 def _notes(machine: Any, pair: WormDrive) -> list[str]:
@@ -82,8 +83,21 @@ def _notes(machine: Any, pair: WormDrive) -> list[str]:
     ]
 
 
+def _drawn(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, Any]:
+    """A worm of a third of the distance of the shafts."""
+    wide = math.dist(one.at, two.at) / 3.0
+    return {'teeth': [2, 30], 'diameter': sketch.size(wide), 'lead_angle': '10 deg'}
+
+
+_TOOL = Tool(
+    'worm', 'Y', 'M1 5h14v1.5l-14 3zm0 7.5V11l14-3v1.5zM1 14h14v1H1zM1 1h14v1H1z',
+    'Press on a link that turns, or where it is to be; drag to another: a worm and its wheel',
+    between('worm', 'shaft', _drawn), 'band',
+)  # fmt: skip
+
 register(
     JointKind(
-        'worm', WormKeys, _read, firm='a worm has no play here', notes=_notes, friction=_friction
+        'worm', WormKeys, _read, firm='a worm has no play here', notes=_notes, friction=_friction,
+        tools=(_TOOL,),
     )
-)
+)  # fmt: skip

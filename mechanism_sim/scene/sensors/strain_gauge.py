@@ -19,7 +19,7 @@ from mechanism_sim.scene.sensor_keys import (
     SensorKind,
     register,
 )
-from mechanism_sim.scene.sensors._places import check_link
+from mechanism_sim.scene.sensors._places import check_link, tool_on_link
 
 
 class StrainKeys(OnLinkKeys, AnalogueKeys):
@@ -62,7 +62,8 @@ def _fibre(machine: Any, sensor: Any) -> tuple[float, float]:
     """Along the axis, and from it [m]."""
     if isinstance(sensor.at, tuple):
         return float(sensor.at[0]), float(sensor.at[1])
-    return float(sensor.at), float(machine.mechanism.beams[sensor.link].fibre or 0.0)
+    fibre = machine.mechanism.beams[sensor.link].outer_fibre(sensor.at)
+    return float(sensor.at), float(fibre or 0.0)
 
 
 def _place(machine: Any, sensor: Any) -> str:
@@ -90,10 +91,10 @@ def _check(machine: Any, sensor: Any, where: str) -> None:
             f'{where}.at = {x:g} m is not on the {sensor.link}: it must be from 0 to '
             f'{beam.length:g} m'
         )
-    if beam.fibre is not None and abs(y) > beam.fibre:
+    if beam.fibre is not None and abs(y) > (fibre := float(beam.outer_fibre(x))):
         raise InputError(
             f'{where}.at: y = {y:g} m lies outside of the {sensor.link}, whose outer fibres are '
-            f'{beam.fibre:g} m from its axis'
+            f'{fibre:g} m from its axis'
         )
 
 
@@ -109,5 +110,14 @@ register(
         carrier=lambda machine, sensor: str(sensor.link),  # noqa: ARG005
         place=_place,
         check=_check,
+        tools=(
+            tool_on_link(
+                'strain_gauge',
+                'Shift+S',
+                'M0 12h16v2H0zM3 11V3h2v6h1V3h2v6h1V3h2v6h1V3h1v8h-3V5h0v6H7V5h0v6z',
+                {'kind': 'strain_gauge'},
+                'along',
+            ),
+        ),
     )
 )

@@ -15,12 +15,13 @@ from mechanism_sim.cycles.columns import part_of
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.sampling import Samples, table
 from mechanism_sim.nodes.parts import kinds_of
-from mechanism_sim.pages.charts.thinning import MOST, Line, thinned
 from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.report.charts.lines import OVER_TIME, TURNS, Abscissa, over_turns
+from mechanism_sim.report.charts.thinning import MOST, Envelope, Line, thinned
 from mechanism_sim.sensing.joint_view import JointView
 from mechanism_sim.vibration.shaken_frame import FrameMotion
 
-TURNS = 2  #: of the main drive that are shown in full; of a machine that repeats one will do
+_SHOWN = 2  # turns of the main drive that are shown in full; of a machine that repeats one will do
 _SAME = 1e-6  # [rad] or [m] of drives that follow the same law
 _BLOCK = 4096  # segments at once
 _FEWEST = 4  # places in each
@@ -38,12 +39,16 @@ class Window:
     ----------
     start, end : of the part [s]
     frames : the motion of frames on springs by name, all over the run
+    turning : whether there is a `reach`
     """
 
     def __init__(
-        self, record: Record, start: float, end: float, frames: dict[str, FrameMotion]
-    ) -> None:
+        self, record: Record, start: float, end: float, frames: dict[str, FrameMotion],
+        turning: bool = False,
+    ) -> None:  # fmt: skip
         self.record = record
+        self._reach: list[Envelope] = []
+        self._turning = turning
         self.start, self.end = start, end
         self._frames = frames
         self._names: list[str] = []
@@ -67,6 +72,16 @@ class Window:
         lines = thinned(blocks, int(counts.sum()), (self.start, self.end))
         return dict(zip(self._names, lines, strict=True))
 
+    @cached_property
+    def reach(self) -> dict[str, Array]:
+        """By name least and greatest values of all turns of the drive over its angle (3, N) [deg].
+
+        Nothing where they are not many.
+        """
+        names = self.lines.keys()
+        rows = self._reach[0].rows() if self._reach else []
+        return dict(zip(names, rows, strict=bool(rows)))
+
     @property
     def longest(self) -> float:
         """Time from one place to the next at most [s]."""
@@ -89,7 +104,11 @@ class Window:
             t = np.clip(curve.start[k] + dt, self.start, self.end)
             columns = self._columns(k, dt, t)
             self._names = list(columns)
-            yield t, np.array(list(columns.values()), np.float64)
+            values = np.array(list(columns.values()), np.float64)
+            if self._turning:
+                self._reach = self._reach or [Envelope(len(values))]
+                self._reach[0].add(360.0 * self.record.turned(t), values)
+            yield t, values
 
     def _columns(self, k: NDArray[np.intp], dt: Array, t: Array) -> dict[str, Array]:
         record = self.record
@@ -140,12 +159,26 @@ class Course:
             name: record.machine.oscillator(name).take(record.history)
             for name in record.machine.scene.oscillators
         }
-        self.run = Window(record, self.begin, record.end, self._frames)
         self.turns = _last_turns(record, skip)
+        first, last = record.whole_turns(skip) if record.has_turns else (0, 0)
+        many = record.machine.dynamic and last - first > TURNS
+        self.run = Window(record, self.begin, record.end, self._frames, many)
         self.detail = self.run
         if self.turns:
             start, end = record.times_at(np.array(self.turns)).tolist()
             self.detail = Window(record, start, end, self._frames)
+
+    @property
+    def over(self) -> Abscissa:
+        """The angle of the main drive, or time where it makes no turns."""
+        if self.turns is None:
+            return OVER_TIME
+        return over_turns(self.record.machine.main, lambda t: 360.0 * self.record.turned(t))
+
+    @cached_property
+    def struck(self) -> Array:
+        """Times of impacts (N,) [s]."""
+        return np.array([i.t for i in self.record.piece.impacts], np.float64)
 
     @property
     def long(self) -> bool:
@@ -179,7 +212,7 @@ class Course:
 def _last_turns(record: Record, skip: int) -> tuple[float, float] | None:
     if record.has_turns:
         first, last = record.whole_turns(skip)
-        return max(first, last - (TURNS if record.machine.dynamic else 1)), last
+        return max(first, last - (_SHOWN if record.machine.dynamic else 1)), last
     begin, end = record.turned(np.array([record.start, record.end])).tolist()
     if not end - begin >= 1.0 - 1e-9:  # nor is it where the drive slides: no number
         return None

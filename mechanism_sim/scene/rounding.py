@@ -38,3 +38,8 @@ def degrees(angle: float, digits: int = 1) -> str:
     """An angle [rad] in (-180, 180] degrees."""
     found = round(math.degrees(math.remainder(angle, 2.0 * math.pi)), digits) + 0.0
     return f'{found:g} deg'
+
+
+def exactly(value: float, unit: str, si: str = 'm') -> str:
+    """A value [SI] that must fit others, to ten digits, with a unit."""
+    return f'{value / to_si(f"1 {unit}", si):.10g} {unit}'

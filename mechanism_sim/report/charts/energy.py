@@ -4,21 +4,28 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
-import plotly.graph_objects as go
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.palette import colour
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Solution
-from mechanism_sim.pages.charts.course import Course
-from mechanism_sim.pages.charts.section import Chart, Section
-from mechanism_sim.pages.charts.style import brief, chart, places, written
-from mechanism_sim.pages.charts.thinning import Line, thinned
 from mechanism_sim.recording import realtime_factor
+from mechanism_sim.report.charts.chart import (
+    PANEL,
+    SMALL,
+    TIME,
+    Axis,
+    Chart,
+    Curve,
+    Panel,
+    Section,
+)
+from mechanism_sim.report.charts.course import Course
+from mechanism_sim.report.charts.thinning import Line, thinned
 
 _BLOCK = 2**16  # instants at once
 _TERMS = 'kinetic', 'potential', 'drive_work', 'dissipated'
@@ -29,14 +36,12 @@ def energy(course: Course) -> Section | None:
     if not course.record.machine.physics.has_forces:
         return None
     lines = balance(course)
-    figure = chart('time [s]', 'energy [J]')
-    _add(figure, {name.replace('_', ' '): lines[name] for name in _TERMS}, course)
-    charts = [Chart('energy', 'Energy balance', written(figure), 'time')]
+    charts = [_chart(course, 'energy', 'Energy balance', 'energy', {n: lines[n] for n in _TERMS})]
     text = 'Kinetic and potential energy, less what the drives put in, plus what is dissipated'
     if np.isfinite(lines['missing'].values).all():
-        figure = chart('time [s]', 'missing [J]', height=220, showlegend=False)
-        _add(figure, {'missing': lines['missing']}, course)
-        charts.append(Chart('energy-missing', 'What is missing in them', written(figure), 'time'))
+        missing = {'missing': lines['missing']}
+        title = 'What is missing in them'
+        charts.append(_chart(course, 'energy-missing', title, 'missing', missing))
         text += ', should stay what it was at the start; what is missing is error of integration.'
     else:
         text += (
@@ -74,15 +79,15 @@ def _terms(record: Record, t: Array) -> Array:
     return np.array([o.kinetic_energy, o.potential_energy, s.drive_work, s.dissipated])
 
 
-def _add(figure: go.Figure, lines: dict[str, Line], course: Course) -> None:
-    figure.update_xaxes(range=[course.run.start, course.run.end])
-    for i, (name, line) in enumerate(lines.items()):
-        if not np.isfinite(line.values).all():
-            continue
-        figure.add_scatter(
-            x=places(line.at), y=brief(line.values), mode='lines', name=name,
-            line={'color': colour(i), 'width': 1.3}, hovertemplate='%{x:.6f} s<br>%{y:.6g} J',
-        )  # fmt: skip
+def _chart(course: Course, key: str, title: str, words: str, lines: dict[str, Line]) -> Chart:
+    curves = tuple(
+        Curve(*line, name.replace('_', ' '), colour=i)
+        for i, (name, line) in enumerate(lines.items())
+        if np.isfinite(line.values).all()
+    )
+    x = replace(TIME, low=course.run.start, high=course.run.end)
+    height = PANEL if len(curves) > 1 else SMALL
+    return Chart(key, title, (Panel(x, Axis(words, 'J'), curves, height=height),), 'time')
 
 
 def solver(course: Course) -> Section:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
 from mechanism_sim.analysis.roses import Rose, impact_rose
-from mechanism_sim.analysis.wear import WearMap, wear_maps
+from mechanism_sim.analysis.wear import wear_maps
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.palette import INK, colour
 from mechanism_sim.hybrid.events import Impact
-from mechanism_sim.pages.charts.contacts import gaps_of
-from mechanism_sim.pages.charts.course import Course, Window
-from mechanism_sim.pages.charts.section import Chart, Section
-from mechanism_sim.pages.charts.style import brief, chart, pale, polar, written
-from mechanism_sim.planar.mechanism import Joint, Revolute
 from mechanism_sim.planar.play import joint_of_gap
+from mechanism_sim.report.charts.chart import TIME, Axis, Chart, Curve, Panel, Section, polar
+from mechanism_sim.report.charts.contacts import gaps_of
+from mechanism_sim.report.charts.course import Course, Window
 
 STEMS = 1500
 """Impacts that a chart shows one by one: of more, the hardest in each of so many bins of time."""
@@ -41,7 +39,9 @@ def impacts(course: Course, skip: int) -> Section | None:
     for joint in record.loose_joints:
         if joint in hit:
             rose = impact_rose(record, joint, skip)
-            charts += [_rose(course, rose, on_pin) for on_pin in (True, False)]
+            charts += [
+                rose_chart(rose, on_pin, *_joint(course, joint)) for on_pin in (True, False)
+            ]
         if record.machine.physics.has_forces:
             charts += _wear(course, joint, skip)
     return Section('impacts', 'Impacts', _text(course, struck), tuple(charts))
@@ -66,32 +66,19 @@ def _text(course: Course, struck: list[Impact]) -> str:
 
 
 def _stems(course: Course, struck: list[Impact], window: Window, title: str, key: str) -> Chart:
-    figure = chart('time [s]', 'normal impulse [mN s]')
-    figure.update_xaxes(range=[window.start, window.end])
-    figure.update_yaxes(rangemode='tozero')
+    curves = []
     for name, number, twin in _places(course):
         own = [i for i in struck if i.joint == name and window.start <= i.t <= window.end]
         own = _hardest(own, window)
-        if not own:
-            continue
-        t = np.array([i.t for i in own])
-        impulse = 1e3 * np.array([i.normal_impulse for i in own])
-        speed = brief([i.approach_speed for i in own])
-        shade = colour(number)
-        x = np.repeat(t, 3)
-        y = np.array([np.zeros(len(t)), impulse, np.full(len(t), np.nan)]).T.ravel()
-        figure.add_scatter(
-            x=x, y=brief(y), mode='lines', line={'color': pale(shade, 0.55), 'width': 1},
-            hoverinfo='skip', showlegend=False, legendgroup=name, name=f'stems of {name}',
-        )  # fmt: skip
-        figure.add_scatter(
-            x=t, y=brief(impulse), customdata=t, text=[f'{v:.4g} m/s' for v in speed.tolist()],
-            mode='markers', name=name, legendgroup=name,
-            marker={'color': shade, 'size': 5, 'symbol': 'circle-open' if twin else 'circle'},
-            hovertemplate='%{x:.9g} s<br>%{y:.5g} mN s<br>approach %{text}',
-        )  # fmt: skip
-    figure.update_layout(showlegend=len(figure.data) > 2)
-    return Chart(key, title, written(figure), 'time')
+        if own:
+            curves.append(Curve(
+                np.array([i.t for i in own]), 1e3 * np.array([i.normal_impulse for i in own]),
+                name, name, number, form='stems', marker='circle-open' if twin else 'circle',
+                notes=[f'approach {i.approach_speed:.4g} m/s' for i in own],
+            ))  # fmt: skip
+    x = replace(TIME, low=window.start, high=window.end)
+    panel = Panel(x, Axis('normal impulse', 'mN s', low=0.0), tuple(curves))
+    return Chart(key, title, (panel,), 'time')
 
 
 def _places(course: Course) -> list[tuple[str, int, bool]]:
@@ -117,31 +104,26 @@ def _hardest(struck: list[Impact], window: Window) -> list[Impact]:
     return list(best.values())
 
 
-def _rose(course: Course, rose: Rose, on_pin: bool) -> Chart:
+def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:
     """[SB] 8.11: every impact a line towards the place struck, the six hardest marked."""
     part, link = ('pin', rose.pin) if on_pin else ('bushing', rose.bushing)
     degrees = np.degrees(rose.on_pin if on_pin else rose.on_bushing)
     impulse = 1e3 * rose.normal_impulse
     chosen = np.argsort(-impulse, kind='stable')[:RAYS]
-    joint = _joint(course, rose.joint).name
-    shade = colour(course.record.machine.physics.joints.index(joint))
-    figure = polar('mN s', impulse, degrees, showlegend=False)
-    r = np.array([np.zeros(len(chosen)), impulse[chosen], np.full(len(chosen), np.nan)]).T
-    figure.add_scatterpolar(
-        r=brief(r.ravel()), theta=brief(np.repeat(degrees[chosen], 3)), mode='lines',
-        line={'color': pale(shade, 0.5), 'width': 1}, hoverinfo='skip', name='impacts',
-    )  # fmt: skip
     y = rose.largest
-    figure.add_scatterpolar(
-        r=brief(impulse[y]), theta=brief(degrees[y]), customdata=rose.time[y],
-        text=_labels(impulse[y], np.radians(degrees[y])), mode='markers+text',
-        textposition='top center', textfont={'size': 10, 'color': INK},
-        marker={'color': shade, 'size': 5}, name='hardest',
-        hovertext=[f'Y{i}' for i in range(1, len(y) + 1)],
-        hovertemplate='%{hovertext}<br>%{r:.5g} mN s<br>%{theta:.2f} deg<br>%{customdata:.9g} s',
+    curves = (
+        Curve(
+            degrees[chosen], impulse[chosen], of=joint, colour=number, form='stems', look='fine'
+        ),
+        Curve(
+            degrees[y], impulse[y], of=joint, colour=number, form='dots', marker='circle',
+            when=rose.time[y], texts=_labels(impulse[y], np.radians(degrees[y])),
+            notes=[f'Y{i}' for i in range(1, len(y) + 1)],
+        ),
     )  # fmt: skip
     title = f'{rose.joint}: impacts on the {part}, seen from the {link}'
-    return Chart(f'rose-{rose.joint}-{part}', title, written(figure), 'polar', joint)
+    key = f'rose-{rose.joint}-{part}'
+    return polar(key, title, 'mN s', curves, joint, 'normal impulse')
 
 
 def _labels(size: Array, direction: Array) -> list[str]:
@@ -155,32 +137,31 @@ def _labels(size: Array, direction: Array) -> list[str]:
     return found
 
 
-def _wear(course: Course, joint: str, skip: int) -> list[Chart]:
+def _wear(course: Course, gap: str, skip: int) -> list[Chart]:
     """Archard's measure of wear by direction on bushing and pin."""
-    maps = wear_maps(course.record, joint, skip=skip)
-    pair = _joint(course, joint)
-    assert isinstance(pair, Revolute)  # noqa: S101 - else it has no maps
+    maps = wear_maps(course.record, gap, skip=skip)
+    joint, number = _joint(course, gap)
     if not any(m.load_way.any() for m in maps):
         return []
-    return [
-        _map(course, joint, part, wear)
-        for part, wear in zip(('bushing', 'pin'), maps, strict=True)
-    ]
+    found = []
+    for part, wear in zip(('bushing', 'pin'), maps, strict=True):
+        title = f'{gap}: sliding wear of the {part} on {wear.link}, normal force times way'
+        about = wear.edges, wear.load_way, 'N m', joint, number
+        found.append(wear_chart(f'wear-{gap}-{part}', title, *about))
+    return found
 
 
-def _joint(course: Course, gap: str) -> Joint:
-    return joint_of_gap(course.record.machine.mechanism, gap)
+def wear_chart(
+    key: str, title: str, edges: Array, sums: Array, unit: str, joint: str, number: int
+) -> Chart:
+    """Sums (n,) over sectors between edges (n + 1,) [rad]."""
+    high = np.repeat(sums, 2)
+    x = np.degrees(np.repeat(edges, 2)[1:-1])
+    curve = Curve(x, high, of=joint, colour=number, form='area', look='wear', low=0.0 * high)
+    return polar(key, title, unit, [curve], joint, 'sum')
 
 
-def _map(course: Course, gap: str, part: str, wear: WearMap) -> Chart:
-    joint = _joint(course, gap).name
-    shade = colour(course.record.machine.physics.joints.index(joint))
-    figure = polar('N m', wear.load_way, np.degrees(wear.middles), showlegend=False)
-    figure.add_barpolar(
-        r=brief(wear.load_way), theta=brief(np.degrees(wear.middles)),
-        width=[360.0 / len(wear.load_way)] * len(wear.load_way),
-        marker={'color': pale(shade, 0.6), 'line': {'width': 0}}, name=part,
-        hovertemplate='%{theta:.0f} deg<br>%{r:.4g} N m',
-    )  # fmt: skip
-    title = f'{gap}: sliding wear of the {part} on {wear.link}, normal force times way'
-    return Chart(f'wear-{gap}-{part}', title, written(figure), 'polar', joint)
+def _joint(course: Course, gap: str) -> tuple[str, int]:
+    """The joint of a gap, and the number of its colour."""
+    name = joint_of_gap(course.record.machine.mechanism, gap).name
+    return name, course.record.machine.physics.joints.index(name)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.pages.charts.contacts import contacts
-from mechanism_sim.pages.charts.course import Course
-from mechanism_sim.pages.charts.energy import energy, solver
-from mechanism_sim.pages.charts.impacts import impacts
-from mechanism_sim.pages.charts.motion import drive, elastic, forces, guides, motion
-from mechanism_sim.pages.charts.parts import parts
-from mechanism_sim.pages.charts.section import Section
-from mechanism_sim.pages.charts.sensors import sensors
+from mechanism_sim.report.charts.chart import Section
+from mechanism_sim.report.charts.contacts import contacts
+from mechanism_sim.report.charts.course import Course
+from mechanism_sim.report.charts.energy import energy, solver
+from mechanism_sim.report.charts.impacts import impacts
+from mechanism_sim.report.charts.motion import drive, elastic, forces, guides, motion
+from mechanism_sim.report.charts.parts import parts
+from mechanism_sim.report.charts.sensors import sensors
 
 
 def sections(record: Record, skip: int = 0) -> list[Section]:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.columns import unit_of
-from mechanism_sim.export.palette import colour, numbers
+from mechanism_sim.export.palette import numbers
 from mechanism_sim.linkages.slot import PinInSlot
-from mechanism_sim.pages.charts.course import Course, Window
-from mechanism_sim.pages.charts.curves import Curve, above_rounding, over_drive, over_time
-from mechanism_sim.pages.charts.section import Chart, Section
-from mechanism_sim.pages.charts.style import brief, pale, places, polar, written
 from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.report.charts.chart import Chart, Section, polar
+from mechanism_sim.report.charts.chart import Curve as Drawing
+from mechanism_sim.report.charts.course import Course, Window
+from mechanism_sim.report.charts.curves import Curve, over_drive, over_time, quantities
+
+Vector = Sequence[Array]
 
 _NOTHING = 1e-9
 """Of the largest of its kind: what is less is rounding."""
@@ -32,7 +37,9 @@ def over(course: Course) -> str:
     main, count = course.record.machine.main, round(last - first)
     turns = 'The last whole turn' if count == 1 else f'The last {count} whole turns'
     found = f'{turns} of the {main}'
-    if count > 1:
+    if course.run.reach:
+        found = f'The last whole turn of the {main}, and pale the range of all turns'
+    elif count > 1:
         found += ', the latest strong and the one before it faint'
     if course.ideal is not None:
         found += '; the thick pale line is the same machine with ideal joints'
@@ -77,16 +84,16 @@ def _varies(course: Course, curve: Curve) -> bool:
 def elastic(course: Course) -> Section | None:
     """Deflection and stress of elastic links."""
     beams = course.record.machine.mechanism.beams
-    charts = []
-    for kind, words, unit in (('deflection', 'deflection', 'm'), ('stress', 'stress', 'Pa')):
+    charts: list[Chart] = []
+    for kind, title, unit in (
+        ('deflection', 'Deflection in the middle', 'm'), ('stress', 'Largest stress', 'Pa'),
+    ):  # fmt: skip
         curves = [
             Curve(f'{kind}.{link}', link, i)
             for i, (link, beam) in enumerate(beams.items())
             if kind == 'deflection' or beam.fibre is not None
         ]
-        if curves and above_rounding(course, curves, unit):
-            title = 'Deflection in the middle' if kind == 'deflection' else 'Largest stress'
-            charts.append(over_drive(course, f'elastic-{kind}', title, curves, words, unit))
+        charts += quantities(course, f'elastic-{kind}', title, curves, kind, unit)
     text = 'Deflection is across the link; stress is that at the outer fibres.'
     return Section('elastic', 'Elastic links', text, tuple(charts)) if charts else None
 
@@ -98,13 +105,10 @@ def forces(course: Course) -> Section | None:
         return None
     joints = machine.physics.joints
     curves = [Curve(f'reaction.{j}.size', j, i) for i, j in enumerate(joints)]
-    if not above_rounding(course, curves, 'N'):
-        return None
     title = 'Force in each joint'
-    charts = [over_drive(course, 'forces', title, curves, 'force', 'N')]
-    if course.turns and course.long:
-        title = 'Force in each joint over the whole run'
-        charts.append(over_time(course, 'forces-run', title, curves, 'force', 'N'))
+    charts = quantities(course, 'forces', title, curves, 'force', 'N', run=True)
+    if not charts:
+        return None
     lines = course.detail.lines
     tilting = [j for j in joints if f'bearing_moment.{j}.size' in lines]
     if tilting:
@@ -126,34 +130,42 @@ def forces(course: Course) -> Section | None:
 
 
 def _hodograph(course: Course, joint: str, number: int) -> Chart:
-    """The force of a joint as a vector in the world."""
-    t, size, direction = _vector(course.detail, joint)
-    shade, r, theta = colour(number), size[:0], direction[:0]
-    if course.ideal is not None and f'reaction.{joint}.x' in course.ideal.lines:
-        _, r, theta = _vector(course.ideal, joint)
-    figure = polar('N', np.append(size, r), np.append(direction, theta), showlegend=False)
-    if len(r):
-        figure.add_scatterpolar(
-            r=brief(r), theta=brief(theta), mode='lines', hoverinfo='skip',
-            line={'color': pale(shade), 'width': 6}, name='ideal machine',
-        )  # fmt: skip
-    figure.add_scatterpolar(
-        r=brief(size), theta=brief(direction), customdata=places(t), mode='lines', name=joint,
-        line={'color': shade, 'width': 1.2},
-        hovertemplate='%{r:.5g} N<br>%{theta:.1f} deg<br>%{customdata:.6f} s',
-    )  # fmt: skip
+    """The force of a joint, and beneath it that of the ideal machine."""
     pair = course.record.machine.mechanism.joint(joint)
     title = f'{joint}: {pair.first} on {pair.second}'
-    return Chart(f'forces-{joint}', title, written(figure), 'polar', joint)
+    beneath = None
+    if course.ideal is not None and f'reaction.{joint}.x' in course.ideal.lines:
+        beneath = _vector(course.ideal, joint)[1]
+    of = f'reaction.{joint}'
+    return hodograph(
+        f'forces-{joint}', title, of, *_vector(course.detail, joint), number, beneath, joint
+    )
 
 
-def _vector(window: Window, joint: str) -> tuple[Array, Array, Array]:
-    """Times [s], size [N] and direction [deg] of a force, where the line of its size is."""
+def hodograph(
+    key: str, title: str, of: str, t: Array, force: Vector, number: int,
+    ideal: Vector | None = None, joint: str = '',
+) -> Chart:  # fmt: skip
+    """A force (2, N) [N] at times (N,) [s] as a vector in the world, a dot where it begins."""
+
+    def curve(vector: Vector, **more: Any) -> Drawing:
+        x, y = vector
+        direction = np.degrees(np.arctan2(y, x))
+        return Drawing(direction, np.hypot(x, y), of=of, colour=number, **more)
+
+    own = curve(force, when=t)
+    curves = [own, own.start()]
+    if ideal is not None:
+        curves = [curve(ideal, look='ideal'), *curves]
+    return polar(key, title, 'N', curves, joint, 'force')
+
+
+def _vector(window: Window, joint: str) -> tuple[Array, Vector]:
+    """Times [s], and a force [N], where the line of its size is."""
     record = window.record
     t = np.unique(window.lines[f'reaction.{joint}.size'].at)
     seen = record.piece.physics.observe(record.piece.motion, *record.piece.motion.curve.find(t))
-    x, y = seen.reaction[record.piece.physics.joints.index(joint)]
-    return t, np.hypot(x, y), np.degrees(np.arctan2(y, x))
+    return t, seen.reaction[record.piece.physics.joints.index(joint)]
 
 
 def drive(course: Course) -> Section | None:
@@ -162,7 +174,8 @@ def drive(course: Course) -> Section | None:
     physics = machine.physics
     if not physics.has_forces or not physics.driven:
         return None
-    charts, own = [], numbers(machine.mechanism)
+    charts: list[Chart] = []
+    own = numbers(machine.mechanism)
     for straight, word in ((False, 'torque'), (True, 'force')):
         curves = [
             Curve('drive_torque' if not i else f'drive_torque.{c}', c, own.get(c, i))
@@ -170,12 +183,8 @@ def drive(course: Course) -> Section | None:
             if (c in physics.displacements) == straight
         ]
         unit = 'N' if straight else 'N m'
-        if above_rounding(course, curves, unit):
-            key, title = f'drive-{word}', f'Drive {word}'
-            charts.append(over_drive(course, key, title, curves, word, unit))
-            if course.turns and course.long:
-                title += ' over the whole run'
-                charts.append(over_time(course, f'{key}-run', title, curves, word, unit))
+        key, title = f'drive-{word}', f'Drive {word}'
+        charts += quantities(course, key, title, curves, word, unit, run=True)
     return Section('drive', 'Drive', '', tuple(charts))
 
 
@@ -190,11 +199,9 @@ def guides(course: Course) -> Section | None:
     def curves(kind: str) -> list[Curve]:
         return [Curve(f'reaction.{j.name}.{kind}', j.name, names.index(j.name)) for j in joints]
 
-    if not above_rounding(course, curves('size'), 'N'):
-        return None
     title, text = 'Force across each guide and slot', ''
-    charts = [over_drive(course, 'guides-force', title, curves('size'), 'force', 'N')]
-    if any(isinstance(j, Prismatic) for j in joints):
+    charts = quantities(course, 'guides-force', title, curves('size'), 'force', 'N')
+    if charts and any(isinstance(j, Prismatic) for j in joints):
         title = 'Moment in each guide'
         charts.append(
             over_drive(course, 'guides-moment', title, curves('moment'), 'moment', 'N m')
@@ -203,4 +210,4 @@ def guides(course: Course) -> Section | None:
             'The moment is that of the first-named on the second-named link, about the point that '
             'slides.'
         )
-    return Section('guides', 'Guides and slots', text, tuple(charts))
+    return Section('guides', 'Guides and slots', text, tuple(charts)) if charts else None

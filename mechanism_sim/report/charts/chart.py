@@ -1,0 +1,268 @@
+"""A chart as plain data: panels with axes, curves and marks, in the units in which people read.
+
+It says all there is to decide: what shares a panel, colours and dashes, what lies beneath what,
+labels and their order. `mechanism_sim.report.painting` draws it with Matplotlib,
+`mechanism_sim.pages.charts` writes it for the page; both show the same numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.export import palette
+from mechanism_sim.units import typeset
+
+Over = Literal['time', 'angle', 'frequency', 'polar', 'other']
+
+PANEL, SMALL, ROW = 1.9, 1.15, 0.28  #: heights of panels [in]: usual, one of several, of a band
+ROUND = 2.8  #: of round ones
+
+DASHES: tuple[tuple[float, ...], ...] = (
+    (), (3.7, 1.6), (6.4, 1.6, 1.0, 1.6), (1.0, 1.6), (5.0, 1.0), (2.0, 1.0), (3.0, 1.0, 1.0, 1.0),
+)  # fmt: skip
+"""Strokes and gaps of lines that are told apart, in their widths; the first is solid."""
+
+DOTTED = 3
+"""Number of the dashes of a second run."""
+
+
+MARKERS = (
+    'circle', 'square', 'triangle-up', 'diamond', 'triangle-down', 'cross', 'x', 'star',
+    'triangle-left', 'triangle-right', 'pentagon', 'hexagon', 'diamond-tall', 'cross-thin',
+    'x-thin', 'y-down', 'y-up', 'y-left', 'y-right',
+)  # fmt: skip
+"""Shapes of points; with ``-open`` they are hollow."""
+
+
+class Look(NamedTuple):
+    """Width of a line [points], and opacity."""
+
+    width: float
+    opacity: float
+
+
+LOOKS = {
+    '': Look(1.2, 1.0), 'strong': Look(2.2, 1.0), 'fine': Look(0.7, 0.6),
+    'earlier': Look(0.8, 0.45), 'ideal': Look(4.0, 0.28), 'range': Look(0.0, 0.25),
+    'body': Look(0.4, 1.0), 'wear': Look(0.0, 0.6),
+}  # fmt: skip
+"""Of a quantity; of the one that counts; of what is many; of turns before the last; of the ideal
+machine, beneath; of the range of many turns; of areas seen by themselves; of wear."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A quantity and its unit along an axis.
+
+    Attributes
+    ----------
+    low, high : ends of what is shown; where None they are those of the data
+    every : between ticks; where None as fits
+    names : of the places `at` instead of numbers; 0, 1, ... unless given
+    """
+
+    words: str
+    unit: str = ''
+    low: float | None = None
+    high: float | None = None
+    log: bool = False
+    every: float | None = None
+    names: tuple[str, ...] = ()
+    at: tuple[float, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """The words with the unit."""
+        return f'{self.words} [{typeset(self.unit)}]'.strip() if self.unit else self.words
+
+    @property
+    def places(self) -> tuple[float, ...]:
+        """Where the names are."""
+        return self.at or tuple(map(float, range(len(self.names))))
+
+
+TIME = Axis('time', 's')
+DIRECTION = Axis('direction', 'deg')
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """What is drawn of one quantity in one way.
+
+    Attributes
+    ----------
+    x, y : (N,) in the units of the axes, of round panels direction [deg] and size; where they are
+        not a number a line breaks. None at all: an entry of the legend only
+    label : in the legend; the same label has one entry
+    of : the quantity, ``velocity.crank``: the links and joints among its parts light it
+    colour : number in the palette, or a colour itself
+    dash : number in `DASHES`
+    form : steps change in the middle between places; an area lies between `low` and y
+    look : one of `LOOKS`
+    marker : at the points, one of `MARKERS`
+    low, error : (N,) lower edge of an area; half the height of bars of error
+    when : (N,) [s] of the run, where x is not that
+    texts : beside the points; may be empty
+    notes : what is said of each point to who points at it
+    """
+
+    x: Array
+    y: Array
+    label: str = ''
+    of: str = ''
+    colour: int | str = 0
+    dash: int = 0
+    form: Literal['line', 'dots', 'stems', 'steps', 'area'] = 'line'
+    look: str = ''
+    marker: str = ''
+    low: Array | None = None
+    error: Array | None = None
+    when: Array | None = None
+    texts: Sequence[str] = ()
+    notes: Sequence[str] = ()
+
+    @property
+    def shade(self) -> str:
+        """The colour, as #rrggbb."""
+        return self.colour if isinstance(self.colour, str) else palette.colour(self.colour)
+
+    def start(self) -> Curve:
+        """A dot where it begins."""
+        when = None if self.when is None else self.when[:1]
+        return replace(
+            self, x=self.x[:1], y=self.y[:1], label='', form='dots', marker='circle', when=when
+        )
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A dotted line across a panel from below to above, or at a level; its text at the end."""
+
+    at: float
+    text: str = ''
+    level: bool = False
+
+
+NOTHING = np.empty(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Axes with what is drawn on them.
+
+    Attributes
+    ----------
+    form : ``equal`` where both axes have one scale; ``polar``, with a direction and a size
+    height : [in]
+    scale : panels of the same one have the same range of y
+    struck : x of impacts, marked at the upper edge
+    """
+
+    x: Axis
+    y: Axis
+    curves: tuple[Curve, ...]
+    title: str = ''
+    form: Literal['plain', 'equal', 'polar'] = 'plain'
+    height: float = PANEL
+    scale: str = ''
+    marks: tuple[Mark, ...] = ()
+    struck: Array = field(default_factory=lambda: NOTHING)
+
+    @property
+    def entries(self) -> list[str]:
+        """The legend: labels in the order of the curves, and impacts; one label needs none."""
+        labels = dict.fromkeys(c.label for c in self.curves if c.label)
+        found = [label for label in labels if label != self.title]
+        found += ['impact'] * bool(len(self.struck))
+        return found if len(found) > 1 or len(self.struck) else []
+
+    @property
+    def free(self) -> float:
+        """Direction [deg] in which a round panel has most room for the numbers of its circles."""
+        reach = np.zeros(8)
+        for c in self.curves:
+            known = np.isfinite(c.x) & np.isfinite(c.y)
+            np.maximum.at(reach, np.mod(c.x[known] // 45.0, 8).astype(int), c.y[known])
+        return 22.5 + 45.0 * int(np.argmin(np.round(reach / (reach.max() or 1.0), 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """One or several panels under a title.
+
+    Attributes
+    ----------
+    key : unique among all charts of a report
+    over : what is on the horizontal axes: of ``time`` it is the time of the run [s]
+    joint : the joint, sensor or part that it is about; empty if it is about several
+    columns : panels side by side; panels above each other with the same x share it
+    width : [in] of a picture
+    note : below all panels
+    """
+
+    key: str
+    title: str
+    panels: tuple[Panel, ...]
+    over: Over = 'other'
+    joint: str = ''
+    columns: int = 1
+    width: float = 8.0
+    note: str = ''
+
+    @property
+    def rows(self) -> list[tuple[Panel, ...]]:
+        """The panels, row by row."""
+        return [
+            self.panels[k : k + self.columns] for k in range(0, len(self.panels), self.columns)
+        ]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A subject with its charts.
+
+    Attributes
+    ----------
+    text : a sentence or two on what is to be seen; may be empty
+    rows : a table beside the charts, line by line: what, and its value with its unit
+    """
+
+    key: str
+    title: str
+    text: str
+    charts: tuple[Chart, ...]
+    rows: tuple[tuple[str, str], ...] = ()
+
+
+def joined(title: str, charts: Sequence[Chart], columns: int = 1) -> Chart:
+    """The panels of several charts in one picture; those of round ones have their titles."""
+    panels = [
+        replace(p, title=p.title or (c.title if p.form == 'polar' else ''))
+        for c in charts
+        for p in c.panels
+    ]
+    side = 1.15 * ROUND if panels[0].form == 'polar' else 8.0 if columns == 1 else 6.0
+    columns = min(columns, len(panels))
+    return Chart('', title, tuple(panels), charts[0].over, columns=columns, width=columns * side)
+
+
+def polar(
+    key: str, title: str, unit: str, curves: Sequence[Curve], joint: str = '', words: str = 'size'
+) -> Chart:
+    """A round chart that has all of its curves."""
+    largest = max((float(np.nanmax(c.y)) for c in curves if len(c.y)), default=0.0) or 1.0
+    size = Axis(words, unit, 0.0, 1.08 * largest)
+    panel = Panel(DIRECTION, size, tuple(curves), form='polar', height=ROUND)
+    return Chart(key, title, (panel,), 'polar', joint, width=1.4 * ROUND)
+
+
+def whole(count: float) -> float:
+    """Distance of ticks at whole numbers, along so many."""
+    ten = 10.0 ** math.floor(math.log10(max(count / 8.0, 1.0)))
+    return float(next(k * ten for k in (1, 2, 5, 10) if k * ten >= count / 8.0))

@@ -1,0 +1,208 @@
+"""Charts on paper: the renderer that draws a `Chart` with Matplotlib."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator, MultipleLocator
+
+from mechanism_sim.export.palette import GROUND, IMPACT, INK
+from mechanism_sim.report.charts.chart import (
+    DASHES,
+    LOOKS,
+    MARKERS,
+    SMALL,
+    Chart,
+    Curve,
+    Panel,
+)
+from mechanism_sim.report.picture import Picture
+from mechanism_sim.units import typeset
+
+_SHAPES = dict(zip(MARKERS, 'os^DvPX*<>phd+x1234', strict=True))
+_TOP, _FOOT, _TITLE = 0.27, 0.45, 0.3  # [in] of a legend, of an axis with its words, of titles
+_ROUND = 34  # letters above a round panel
+_LETTERS = 14.0  # of a legend in an inch
+_NAMES = 6.0  # letters of names in an inch that are not slanted
+_LETTER = 0.073  # [in]
+_ALONE = 1.4  # times as high as others is a row that is alone
+_CAP = 2.5  # [points] of bars of error
+
+
+def paint(chart: Chart) -> Picture:
+    """A picture of a chart; artists of a curve have its place in the chart as their id."""
+    rows = chart.rows
+    heights = [max(p.height for p in row) for row in rows]
+    if len(rows) == 1:
+        heights = [_ALONE * heights[0] if rows[0][0].form == 'plain' else heights[0]]
+    extra = [_room(row, chart.width / chart.columns) for row in rows]
+    feet = sum(_FOOT for row, below in zip(rows, [*rows[1:], ()], strict=True)
+               if not _shared(row[0], below[0] if below else None))  # fmt: skip
+    size = chart.width, sum(heights) + sum(extra) + feet + _TITLE
+    figure = Picture(size, layout='constrained')
+    title = textwrap.fill(chart.title, int(_LETTERS * chart.width))
+    figure.suptitle(title, fontsize=10.0)
+    if chart.note:
+        figure.supxlabel(chart.note, fontsize='x-small')
+    grid = figure.add_gridspec(len(rows), chart.columns, height_ratios=heights)
+    scales: dict[str, Any] = {}
+    for i, row in enumerate(rows):
+        for j, panel in enumerate(row):
+            k = i * chart.columns + j
+            above = figure.axes[k - chart.columns] if i else None
+            joined = i and _shared(rows[i - 1][j], panel)
+            axes = figure.add_subplot(
+                grid[i, j], projection='polar' if panel.form == 'polar' else None,
+                sharex=above if joined else None,
+                sharey=scales.get(panel.scale) if panel.scale else None,
+            )  # fmt: skip
+            scales.setdefault(panel.scale, axes)
+            below = rows[i + 1][j] if i + 1 < len(rows) and j < len(rows[i + 1]) else None
+            _paint(axes, panel, f'{chart.key or "chart"}-{k}', _shared(panel, below))
+    for axes, panel in zip(figure.axes, chart.panels, strict=True):
+        _limit(axes, panel)
+    named = [bool(p.y.names) for p in chart.panels]
+    figure.align_ylabels([a for a, n in zip(figure.axes, named, strict=True) if not n])
+    return figure
+
+
+def _room(row: Sequence[Panel], width: float) -> float:
+    """What legends and titles above a row of panels take [in]."""
+    letters = max(sum(len(text) + 8 for text in p.entries) for p in row)
+    lines = np.ceil(letters / (_LETTERS * width))
+    return _TOP * max(float(lines), float(any(p.title for p in row)))
+
+
+def _shared(panel: Panel, below: Panel | None) -> bool:
+    return below is not None and panel.form == below.form == 'plain' and panel.x == below.x
+
+
+def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
+    """One panel; `bare` if the one below has its x."""
+    artists: dict[str, Any] = {}
+    for i, curve in enumerate(panel.curves):
+        for artist in _draw(axes, panel, curve):
+            artist.set_gid(f'{key}-{i}')
+        artists.setdefault(curve.label, _sample(curve))
+    for mark in panel.marks:
+        across = axes.axhline if mark.level else axes.axvline
+        across(mark.at, color=GROUND, lw=0.7, ls=':', zorder=1.0)
+        at = (1.0, mark.at) if mark.level else (mark.at, 1.0)
+        how = axes.get_yaxis_transform() if mark.level else axes.get_xaxis_transform()
+        axes.annotate(mark.text, at, (0, 2), how, 'offset points', fontsize=7.0, color=GROUND,
+                      ha='right' if mark.level else 'center')  # fmt: skip
+    if len(panel.struck):
+        style: dict[str, Any] = {'color': IMPACT, 'ms': 5.0, 'mew': 0.7, 'ls': '', 'zorder': 5.0}
+        axes.plot(
+            panel.struck, np.full(len(panel.struck), 0.97), '|', gid=f'{key}-struck',
+            transform=axes.get_xaxis_transform(), label='impact', **style,
+        )  # fmt: skip
+        artists['impact'] = Line2D([], [], marker='|', **style)
+    if entries := panel.entries:
+        longest = max(map(len, entries))
+        width = axes.figure.get_figwidth() * axes.get_position().width
+        side = 'right' if panel.title else 'left'
+        axes.legend(
+            [artists[e] for e in entries], entries, loc=f'lower {side}',
+            bbox_to_anchor=(float(bool(panel.title)), 1.0), borderaxespad=0.2, frameon=False,
+            fontsize=7.5, handlelength=2.6,
+            ncols=max(1, int(1.3 * _LETTERS * width) // (longest + 8)),
+        )  # fmt: skip
+    if panel.form == 'polar':
+        axes.set_rlabel_position(panel.free)
+        axes.tick_params(labelsize=6.5, pad=0.0)
+        axes.yaxis.set_major_locator(MaxNLocator(4))
+        unit = f' [{typeset(panel.y.unit)}]'
+        title = f'{panel.title}{unit}' if panel.title else panel.y.title
+        axes.set_title(
+            '\n'.join(textwrap.fill(x, _ROUND) for x in title.split('\n')), fontsize=8.5
+        )
+        return
+    if panel.title:
+        axes.set_title(panel.title, fontsize=9.0, loc='left')
+    wide = axes.figure.get_figwidth() / axes.get_gridspec().ncols
+    for name, axis in (('x', panel.x), ('y', panel.y)):
+        side = getattr(axes, f'{name}axis')
+        if axis.log:
+            getattr(axes, f'set_{name}scale')('log')
+        if axis.every:
+            side.set_major_locator(MultipleLocator(axis.every))
+        if axis.names:
+            getattr(axes, f'set_{name}ticks')(axis.places, axis.names)
+            if name == 'x' and sum(map(len, axis.names)) > _NAMES * wide:
+                axes.tick_params(axis='x', rotation=25.0)
+            side.set_minor_locator(MultipleLocator(1e300))
+        if axis.names and name == 'y':
+            axes.tick_params(axis='y', length=0.0)
+            axes.grid(visible=False)
+    if panel.form == 'equal':
+        axes.set_aspect('equal', adjustable='datalim')
+    small = panel.height <= SMALL
+    letter = _LETTER * (0.8 if small else 1.0)
+    high = panel.height * (_ALONE if axes.get_gridspec().nrows == 1 else 1.0)
+    axes.set_ylabel(textwrap.fill(panel.y.title, int(high / letter)), fontsize=7.5 if small else 9)
+    if bare:
+        axes.tick_params(labelbottom=False)
+    else:
+        axes.set_xlabel(textwrap.fill(panel.x.title, int((wide - 0.6) / _LETTER)))
+
+
+def _limit(axes: Any, panel: Panel) -> None:
+    """Ends of the axes, once all is drawn that has the same scale."""
+    for name, axis in (('x', panel.x), ('y', panel.y)):
+        if (axis.low, axis.high) != (None, None):
+            getattr(axes, f'set_{name}lim')(axis.low, axis.high)
+
+
+def _stroke(curve: Curve) -> dict[str, Any]:
+    look = LOOKS[curve.look]
+    pattern = DASHES[curve.dash % len(DASHES)]
+    hollow = curve.marker.endswith('-open')
+    return {
+        'color': curve.shade, 'lw': look.width, 'alpha': look.opacity,
+        'ls': '' if curve.form == 'dots' else (0, pattern) if pattern else '-',
+        'marker': _SHAPES.get(curve.marker.removesuffix('-open'), ''), 'ms': 3.4,
+        'mfc': 'white' if hollow else curve.shade, 'mew': 0.8,
+    }  # fmt: skip
+
+
+def _draw(axes: Any, panel: Panel, curve: Curve) -> list[Any]:
+    """The artists of a curve; the last one has its data."""
+    x = np.radians(curve.x) if panel.form == 'polar' else curve.x
+    y, label = curve.y, curve.label or '_nolegend_'
+    if curve.form == 'area' and curve.low is not None:
+        look = LOOKS[curve.look]
+        area = axes.fill_between(
+            x, curve.low, y, color=curve.shade, alpha=look.opacity, lw=look.width, label=label
+        )
+        return [area]
+    stroke = _stroke(curve)
+    found = []
+    if curve.form == 'stems':
+        rays = (
+            np.repeat(x, 3),
+            np.array([np.zeros(len(y)), y, np.full(len(y), np.nan)]).T.ravel(),
+        )
+        many = stroke | {'marker': '', 'alpha': min(stroke['alpha'], 0.6)}
+        found += axes.plot(*rays, label='_nolegend_', rasterized=len(x) > 2000, **many)
+        stroke |= {'ls': '', 'lw': 0.0}
+    step = {'drawstyle': 'steps-mid'} if curve.form == 'steps' else {}
+    found += axes.plot(x, y, label=label, **stroke, **step)
+    if curve.error is not None:
+        axes.errorbar(x, y, curve.error, fmt='none', ecolor=curve.shade, elinewidth=0.9,
+                      capsize=_CAP)  # fmt: skip
+    for at, text in zip(zip(x, y, strict=True), curve.texts, strict=False):
+        axes.annotate(text, at, (4, 4), textcoords='offset points', fontsize=7.0, color=INK)
+    return found
+
+
+def _sample(curve: Curve) -> Any:
+    """What stands for a curve in the legend."""
+    if curve.form == 'area':
+        return Patch(color=curve.shade, alpha=LOOKS[curve.look].opacity, lw=0.0)
+    return Line2D([], [], **_stroke(curve))
