@@ -432,7 +432,7 @@ def test_peers_answer_the_problems_of_elastic_links():
     """SciPy on Simeon's matrices; where it is installed, Exudyn on the beams themselves."""
     assert elastic_slider_crank.error(elastic_slider_crank.ours(1e-12)()().answer) < 1e-12
     assert spinning_beam.error(spinning_beam.ours(6)()().answer) < 4e-4
-    for problem, largest in ((elastic_slider_crank.PROBLEM, 5e-5), (spinning_beam.PROBLEM, 1e-3)):
+    for problem, largest in ((elastic_slider_crank.PROBLEM, 5e-5), (spinning_beam.PROBLEM, 3e-3)):
         for method in problem.methods[1:]:
             if not method.missing():
                 outcome = method.prepare(method.settings[-1])()()

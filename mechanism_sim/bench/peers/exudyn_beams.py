@@ -54,7 +54,7 @@ class Rod:
         for k, length in enumerate(np.diff(places).tolist()):
             self.system.AddObject(
                 items.ObjectANCFCable2D(
-                    nodeNumbers=self.nodes[k : k + 2], physicsLength=length, **matter
+                    nodeNumbers=self.nodes[k : k + 2], length=length, **matter
                 )
             )
         for coordinate, course in held.items():
@@ -86,7 +86,7 @@ class Rod:
         settings.timeIntegration.endTime = end
         settings.timeIntegration.generalizedAlpha.spectralRadius = _DAMPED
         settings.timeIntegration.verboseMode = 0
-        settings.solutionSettings.writeSolutionToFile = False
+        settings.solution.file.write = False
         position = self.exu.OutputVariableType.Position
 
         def run() -> Callable[[], Outcome]:
@@ -100,9 +100,9 @@ class Rod:
 def matter(modulus: float, area: float, moment: float, density: float) -> dict[str, float]:
     """Of a cable."""
     return {
-        'physicsMassPerLength': density * area,
-        'physicsBendingStiffness': modulus * moment,
-        'physicsAxialStiffness': modulus * area,
+        'massPerLength': density * area,
+        'bendingStiffness': modulus * moment,
+        'axialStiffness': modulus * area,
     }
 
 
@@ -131,7 +131,7 @@ def prepare_slider_crank(cables: int, steps: float) -> Run:
             referenceCoordinates=[crank + length, 0.0], initialCoordinates=[end, 0.0]
         )
     )
-    mass = rod.items.ObjectMassPoint2D(physicsMass=simeon.M3, nodeNumber=slider)
+    mass = rod.items.ObjectMassPoint2D(mass=simeon.M3, nodeNumber=slider)
     rod.system.AddObject(mass)
     rod.tie(rod.end(slider, 1))
     rod.tie(rod.end(slider, 0), rod.end(rod.nodes[-1], 0))
