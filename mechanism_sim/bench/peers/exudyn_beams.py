@@ -53,9 +53,7 @@ class Rod:
         ]
         for k, length in enumerate(np.diff(places).tolist()):
             self.system.AddObject(
-                items.ObjectANCFCable2D(
-                    nodeNumbers=self.nodes[k : k + 2], length=length, **matter
-                )
+                items.ObjectANCFCable2D(nodeNumbers=self.nodes[k : k + 2], length=length, **matter)
             )
         for coordinate, course in held.items():
             self.tie(self.end(self.nodes[0], coordinate), course=course)
