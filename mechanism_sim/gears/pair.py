@@ -106,7 +106,7 @@ class Pair:
         except InputError:
             return '; take more teeth'
         return (
-            f'; shifts of {first:.4f} and {second:.4f} end it at a centre distance of '
+            f'; shifts of {first:.4f} and {second:.4f} such modules end it at a centre distance of '
             f'{cured.centre_distance:.9g} m'
         )
 
