@@ -20,6 +20,8 @@ def text(finding: Finding) -> str:
     wanted = '' if finding.wanted is None else f' = {scale * finding.wanted:.6g} {unit}'
     for one in finding.found:
         note = ' (it steps across the wanted value there)' if one.jump else ''
+        if finding.wanted is None and one.value in (finding.curve[0][0], finding.curve[-1][0]):
+            note = ' (the end of the range: it may be less beyond)'
         shown = f'{finding.goal.name} = {scale * one.figure:.9g} {unit}'
         lines.append(f'{path} = {one.value:.12g}: {shown}{note}')
     if not lines:
