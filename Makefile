@@ -5,7 +5,7 @@ BIN = $(VENV)/bin
 SCENE ?= four_bar_clearance
 BAG ?= runs/$(SCENE)-$(shell date +%Y%m%d-%H%M%S).mcap
 
-.PHONY: run test test-all lint docs install clean
+.PHONY: run test test-all lint docs evidence install clean
 run: install
 	@mkdir -p runs
 	$(BIN)/mechanism-sim run $(SCENE) --revolutions 10 --processes --record $(BAG)
@@ -28,6 +28,10 @@ lint: install
 docs: $(VENV)/installed-docs
 	$(BIN)/python -m sphinx -W --keep-going -q -c docs . build/site
 	$(BIN)/python docs/site/links.py build/site
+
+# Screenshots of every kind of page, narrow and wide, light and dark, each looked at by axe-core.
+evidence: docs
+	MECHANISM_SIM_EVIDENCE=build/evidence $(BIN)/pytest -m '' test/test_pages.py
 
 install: $(VENV)/installed
 

@@ -96,6 +96,39 @@ def test_differences_are_those_that_another_reader_finds_in_the_bags(bags, compa
     assert found['impacts', 'count']['change'] > 20
 
 
+@pytest.mark.deep
+def test_an_ideal_bag_differs_from_a_worn_one_as_another_reader_finds(bags, tmp_path):
+    """Impacts, signal, and the forces of the messages, which the largest ones come up to."""
+    ideal, (_, worn) = tmp_path / 'ideal.mcap', bags
+    fine = ['--set', 'outputs.joint_reactions=5 kHz']
+    done = run('run', 'four_bar_nominal', '--revolutions', '3', '--record', str(ideal), *fine)
+    assert done.returncode == 0, done.stderr
+    said = run_json('report', str(ideal), str(worn), '-o', str(tmp_path / 'both.html'))
+    found = {(d['subject'], d['name']): d for d in said['differences']}
+    hits = foreign(worn, '/impacts')
+    assert foreign(ideal, '/impacts') == []
+    for name, wanted in (
+        ('count', len(hits)), ('sum of impulses', math.fsum(m.normal_impulse for m in hits)),
+        ('energy loss', math.fsum(m.energy_loss for m in hits)),
+    ):  # fmt: skip
+        difference = found['impacts', f'coupler_rocker {name}']
+        assert difference['first'] == 0.0
+        assert difference['second'] == difference['change'] == pytest.approx(wanted, rel=1e-14)
+    rms = []
+    for which, bag in (('first', ideal), ('second', worn)):
+        signal = np.concatenate([m.samples for m in foreign(bag, f'/accelerometer/{SENSOR}')])
+        rms.append(np.sqrt(np.mean(signal**2)))
+        assert found['sensors', f'{SENSOR} rms'][which] == pytest.approx(rms[-1])
+        reactions = foreign(bag, '/joint_reactions')
+        for k, joint in enumerate(reactions[0].joints):
+            largest = max(math.hypot(m.force_x[k], m.force_y[k]) for m in reactions)
+            told = found['peaks', f'{joint} largest force'][which]
+            assert told >= largest * (1.0 - 1e-12)
+            if which == 'first':  # smooth: 800 messages in a turn come near it
+                assert told == pytest.approx(largest, rel=1e-4)
+    assert found['sensors', f'{SENSOR} rms']['change'] == pytest.approx(rms[1] - rms[0])
+
+
 def test_an_ideal_machine_has_no_impacts_beside_a_worn_one():
     one, two = (
         simulated(scene, revolutions=2) for scene in ('four_bar_nominal', 'four_bar_clearance')

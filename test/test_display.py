@@ -24,6 +24,7 @@ from mechanism_sim.messages.definitions import field_descriptions
 from mechanism_sim.nodes.force_markers import SHORTEST, Picture, preview
 from mechanism_sim.nodes.topics import topics_of
 from mechanism_sim.planar.mechanism import HigherPair, Revolute
+from mechanism_sim.planar.play import ENDS
 from mechanism_sim.report.foxglove import to_foxglove
 from mechanism_sim.report.plot_paths import plots
 from mechanism_sim.report.rviz import to_rviz
@@ -40,6 +41,7 @@ ARROW, CUBE, SPHERE, CYLINDER, STRIP, LINES, TRIANGLES = (
 ADD, DELETE = 0, 2
 RATES = ('markers', 'joint_reactions', 'transforms')
 HOMES = {'four_bar_clearance': '', 'whole_machine': '/left/shop'}
+SIDES = 'left', 'right'
 DURATIONS = {'four_bar_clearance': '0.3 s', 'whole_machine': '0.15 s'}
 
 
@@ -230,13 +232,15 @@ def test_lenses_of_other_plays_show_what_is_between_their_walls(scene):
         for pair in seen.stage.plays:
             walls = [lenses.pop(0) for _ in machine.physics.clearances if _.startswith(pair.name)]
             body = lenses.pop(0)
-            assert {m.type for m in (*walls, body)} == {CUBE}
+            assert [m.type for m in (*walls, body)] == [*[CUBE] * len(walls), TRIANGLES]
+            half = max(p.x for p in body.points)
+            assert {abs(p.x) for p in body.points} == {half}  # upright
             right = place(walls[-1].pose.position)[0] - 0.5 * walls[-1].scale.x
-            drawn = [right - (place(body.pose.position)[0] + 0.5 * body.scale.x)]
+            drawn = [right - (place(body.pose.position)[0] + half)]
             gaps = [told[f'gap.{pair.name}' + ('_right' if len(walls) == 2 else '')][i]]
             if len(walls) == 2:
                 left = place(walls[0].pose.position)[0] + 0.5 * walls[0].scale.x
-                drawn.insert(0, place(body.pose.position)[0] - 0.5 * body.scale.x - left)
+                drawn.insert(0, place(body.pose.position)[0] - half - left)
                 gaps.insert(0, told[f'gap.{pair.name}_left'][i])
             width = seen.stage.widths[pair.name]
             magnification = 2.0 * 0.04 * seen.skeleton.size / width
@@ -248,9 +252,9 @@ def test_lenses_of_other_plays_show_what_is_between_their_walls(scene):
     assert seen.stage.plays
 
 
-def test_a_block_with_play_is_drawn_by_the_middle_of_its_sides():
-    """Between its corners, whose gaps the solution has; touched where one of them is closed."""
-    machine = ms.load_scene('slider_with_play')
+def test_a_block_with_play_is_where_its_corners_are_and_leans_as_they_do():
+    """By the gaps that the solution has; as a marker, a corner that touches is at its wall."""
+    machine = ms.load_scene('slider_with_play', {'links.slider.cog': ['15 mm', '10 mm']})
     stage, solution = preview(machine).stage, ms.simulate(machine)
     t = np.linspace(0.0, solution.duration, 500)
     k, dt = solution.motion.curve.find(t)
@@ -264,7 +268,29 @@ def test_a_block_with_play_is_drawn_by_the_middle_of_its_sides():
         closed = np.any([told[f'mode.{corner}'] > 1 for corner in corners], axis=0)
         assert ((frames.touching[:, 0] & (1 + n)) > 0).tolist() == closed.tolist()
         assert closed.any()
-    assert stage.widths['guide'] == pytest.approx(2e-3, rel=1e-3)
+    assert stage.widths['guide'] == pytest.approx(2e-3, rel=1e-2)  # of a block that turns, too
+    gaps = {x: told[f'gap.guide_{x}'] for x in (f'{e}_{s}' for e in ENDS for s in SIDES)}
+    lean = gaps['rear_left'] - gaps['front_left']
+    assert frames.tilts[:, 0] == pytest.approx(lean, abs=1e-15)
+    assert np.abs(lean).max() > 1e-4
+    picture = Picture(preview(machine))
+    made = picture.at(t, observed, solution.motion.modes[k].T)
+    for i, array in enumerate(made):
+        cubes = [m for m in array.markers if m.ns == 'lenses' and m.type == CUBE]
+        (body,) = (m for m in array.markers if m.ns == 'lenses' and m.type == TRIANGLES)
+        corners = [place(body.pose.position) + place(p) for p in body.points[:3]]
+        rear, front = (
+            corners[:2],
+            [corners[2] - [np.ptp([c[0] for c in corners[:2]]), 0], corners[2]],
+        )
+        inner = [
+            c.pose.position.x - s * 0.5 * c.scale.x for c, s in zip(cubes, (-1, 1), strict=True)
+        ]
+        times = (inner[1] - inner[0] - (rear[1] - rear[0])[0]) / stage.widths['guide']
+        for end, (left, right) in (('rear', rear), ('front', front)):
+            for side, gap in (('left', left[0] - inner[0]), ('right', inner[1] - right[0])):
+                wanted = times * gaps[f'{end}_{side}'][i]
+                assert gap == pytest.approx(wanted, abs=2e-5 * times)
 
 
 def test_every_impact_flashes_once_at_its_joint(shown):

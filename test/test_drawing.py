@@ -250,3 +250,30 @@ def test_bad_input_is_one_sentence(arguments, words, capsys):
     said = capsys.readouterr().err
     assert words in said
     assert said.count('\n') == 1
+
+
+def test_a_motor_shows_in_which_sense_it_turns():
+    for ratio, label in ((12.5, 'arc'), (-12.5, 'clockwise')):
+        machine = ms.load_scene('toggle_press', {'drive.motor.ratio': ratio})
+        rest = np.zeros((len(machine.mechanism.coordinates), 1))
+        (arrow,) = shapes(skeleton_of(machine, rest), 'drive')
+        assert arrow.label == label
+
+
+@pytest.mark.parametrize(
+    ('scene', 'teeth'),
+    [('bevel_pair', {'pinion': 20, 'wheel': 40}), ('worm_drive', {'wheel': 30})],
+)
+def test_gears_on_shafts_at_an_angle_have_their_teeth(scene, teeth):
+    """As many as cross the circle on which they work; those of bevel gears lower by their cone."""
+    machine = ms.load_scene(scene)
+    skeleton = skeleton_of(machine, machine.assembly.q[:, None])
+    (pair,) = (j for j in machine.mechanism.joints if j.name == 'pair')
+    for shape in shapes(skeleton, 'wheel'):
+        if shape.link in teeth:
+            radius = pair.radii[(pair.first, pair.second).index(shape.link)]
+            far = np.hypot(*shape.outline.T) - radius
+            assert np.count_nonzero((far > 0.0) & (np.roll(far, 1) <= 0.0)) == teeth[shape.link]
+            height = far.max() * teeth[shape.link] / (2.0 * radius)  # in modules
+            cone = math.atan2(teeth[shape.link], 60 - teeth[shape.link])
+            assert height == pytest.approx(math.cos(cone) if scene == 'bevel_pair' else 1.0)

@@ -73,20 +73,54 @@ def interpreter() -> str:
 
 def shown(folder: Path, live: Live, batches: list[dict], seconds: float) -> list[dict]:
     """What a page shows, 60 times a second."""
+    modules(folder)
+    (folder / 'page.mjs').write_text(DRIVER, encoding='utf-8')
+    given = {'stage': live.stage.to_json(), 'batches': batches, 'seconds': seconds}
+    return node(folder / 'page.mjs', json.dumps(given))
+
+
+def modules(folder: Path) -> None:
+    """The modules of the page, where Node finds them."""
     known = {'page_stream': 'stream', 'page_strip': 'strip', 'player': 'player', 'svg': 'svg'}
     for package, name in known.items():  # Node has a module 'stream' of its own
         module = folder / 'node_modules' / package
         module.mkdir(parents=True)
         (module / 'index.js').write_text(asset(f'{name}.js'), encoding='utf-8')
         (module / 'package.json').write_text('{"type": "module", "main": "index.js"}')
-    (folder / 'page.mjs').write_text(DRIVER, encoding='utf-8')
-    given = {'stage': live.stage.to_json(), 'batches': batches, 'seconds': seconds}
+
+
+def node(file: Path, given: str = '') -> list[dict]:
+    """What a program says, in JSON."""
     done = subprocess.run(
-        [interpreter(), str(folder / 'page.mjs')], input=json.dumps(given), capture_output=True,
-        text=True, check=False, timeout=TIMEOUT,
+        [interpreter(), str(file)], input=given, capture_output=True, text=True, check=False,
+        timeout=TIMEOUT,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
+
+
+NOISE = """
+const strips = [1, 1e-11].map((size) => {
+  const strip = new Strip(element(), { label: 'speed', unit: 'rad/s', scale: 1, usual: 1 });
+  const t = Array.from({ length: 200 }, (_, i) => 0.01 * i);
+  strip.add(t, t.map((x) => size * Math.sin(40 * x)));
+  strip.draw(1.99, 2);
+  const heights = lines.map(([, y]) => y);
+  return { text: strip.value.textContent, far: Math.max(...heights) - Math.min(...heights) };
+});
+process.stdout.write(JSON.stringify(strips));
+"""
+
+
+def test_rounding_noise_is_zero(tmp_path):
+    """Of a part in 10^11 of what is usual a chart shows a straight line, and writes zero."""
+    modules(tmp_path)
+    head, _, _ = DRIVER.partition('const { stage')
+    (tmp_path / 'noise.mjs').write_text(head + NOISE, encoding='utf-8')
+    seen, noise = node(tmp_path / 'noise.mjs')
+    assert seen['far'] > 30.0  # [px] of 90
+    assert seen['text'] != '0 rad/s'
+    assert noise == {'text': '0 rad/s', 'far': 0.0}
 
 
 def batches_of(pace: float, seconds: float, lost: tuple[float, float] = (0.0, 0.0)):

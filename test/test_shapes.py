@@ -7,6 +7,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from blocks import ROOT
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from matplotlib.path import Path as Outline
@@ -27,6 +28,7 @@ from mechanism_sim.report import drawing, figures
 
 TRIANGLES = 11  # of visualization_msgs/msg/Marker
 
+PAGE = ROOT / 'docs' / 'looking.md'
 QUICK = ('catapult', 'four_bar_on_frame', 'geneva', 'loader')
 
 
@@ -237,7 +239,11 @@ def test_the_measure_of_distance_is_that_of_its_authors():
 @pytest.mark.parametrize('shades', [LINKS, DARK], ids=['paper', 'dark'])
 def test_colours_of_links_are_told_apart_by_every_vision(shades, vision):
     seen = [lab(np.array(SEEN[vision]) @ linear(shade)) for shade in shades]
-    assert min(distance(*pair) for pair in combinations(seen, 2)) > 18.0
+    least = min(distance(*pair) for pair in combinations(seen, 2))
+    assert least > 18.0
+    ground = 'paper' if shades is LINKS else 'dark ground'
+    (row,) = (x for x in PAGE.read_text(encoding='utf-8').splitlines() if f'| on {ground} |' in x)
+    assert row.split('|')[2:6][[*SEEN].index(vision)].strip() == f'{least:.1f}'
 
 
 def test_colours_of_links_stand_out_from_paper():

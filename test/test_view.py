@@ -539,8 +539,9 @@ def test_a_slider_keeps_what_was_asked_for_until_the_machine_has_it_or_refuses(a
 
 
 def test_space_pauses_whatever_was_clicked_before(acted):
-    run = acted('whole_machine', 0.05)
+    run = acted(SCENE, 0.05)
     run.tell(playing=False)
+    run.page.evaluate("document.getElementById('choice').hidden = false")  # as of several plays
     for selector in ('#step', '#names', 'input[data-path=realtime_factor]', '#stage', '#bearing'):
         for playing, wanted in ((True, 'pause'), (False, 'play')):
             run.tell(playing)
@@ -614,6 +615,39 @@ def test_the_wheel_enlarges_where_it_points_and_the_scale_stays_true(acted):
     assert [float(v) for v in stage.get_attribute('viewBox').split()] == pytest.approx(
         [float(v) for v in whole.split()], abs=0.01
     )
+    assert run.tab.complaints == []
+
+
+@pytest.mark.deep
+def test_two_fingers_enlarge_what_is_between_them(acted):
+    """By as much as they part, and what was between them stays there."""
+    run = acted(SCENE, 0.1)
+    stage = run.page.locator('#stage')
+    place, whole = stage.bounding_box(), float(stage.get_attribute('viewBox').split()[2])
+    x, y = place['x'] + 0.5 * place['width'], place['y'] + 0.5 * place['height']
+    under = """([x, y]) => {
+        const matrix = document.querySelector('#stage').getScreenCTM().inverse();
+        const point = new DOMPoint(x, y).matrixTransform(matrix);
+        return [point.x, point.y];
+    }"""
+    before = run.page.evaluate(under, [x, y])
+    session = run.page.context.new_cdp_session(run.page)
+
+    def touch(kind: str, *far: float) -> None:
+        fingers = [
+            {'x': x + side * d, 'y': y, 'id': k} for d in far for k, side in ((0, -1), (1, 1))
+        ]
+        session.send('Input.dispatchTouchEvent', {'type': kind, 'touchPoints': fingers})
+
+    touch('touchStart', 30.0)
+    for far in range(35, 91, 5):
+        touch('touchMove', float(far))
+    touch('touchEnd')
+    run.page.wait_for_timeout(100)
+    times = whole / float(stage.get_attribute('viewBox').split()[2])
+    assert times == pytest.approx(3.0, rel=0.05)
+    assert run.page.evaluate(under, [x, y]) == pytest.approx(before, abs=3.0)
+    assert run.page.evaluate('window.visualViewport.scale') == 1.0  # the page itself does not
     assert run.tab.complaints == []
 
 

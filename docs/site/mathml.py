@@ -12,7 +12,11 @@ from sphinx.util import logging
 
 SIZES = re.compile(r'\\[bB]igg?[lrm]?(?![a-zA-Z])')  # of brackets; the converter knows none
 FUNCTION = re.compile(r'(<mo>&ApplyFunction;</mo>)(?!\s*<mo[^>]*>\()')
-THIN_SPACE = r'\1<mspace width="0.1667em"></mspace>'  # browsers leave none between sin and x
+BEFORE = re.compile(
+    r'(</m(?:i|n|sub|sup|subsup|over|row|frac)>|<mo[^>]*>\)</mo>)'
+    r'(?=\s*<mi>\w{2,}</mi>\s*<mo>&ApplyFunction;)'
+)
+THIN_SPACE = r'\1<mspace width="0.1667em"></mspace>'  # browsers leave none around sin
 logger = logging.getLogger(__name__)
 
 
@@ -35,7 +39,8 @@ def _block(translator: Any, node: nodes.math_block) -> None:
 def _converted(node: nodes.Element, as_block: bool) -> str:
     text = SIZES.sub('', node.astext()).replace('°', r'^\circ ')
     try:
-        return FUNCTION.sub(THIN_SPACE, tex2mathml(text, as_block=as_block))
+        made = FUNCTION.sub(THIN_SPACE, tex2mathml(text, as_block=as_block))
+        return BEFORE.sub(THIN_SPACE, made)
     except MathError as error:
         logger.warning('%s in the formula %s', error, text, location=node)
         return ''

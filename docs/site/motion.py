@@ -158,7 +158,7 @@ def moving(run: Recorded) -> dict[str, Any]:
     none = np.zeros((len(t), 0, 2))
     frames = replace(
         frames, pins=none, pin_rates=none, walls=none, forces=none, feet=none,
-        modes=frames.modes[:, :0], touching=frames.touching[:, :0],
+        modes=frames.modes[:, :0], tilts=none[..., 0], touching=frames.touching[:, :0],
     )  # fmt: skip
     stage = run.stage.to_json() | {'joints': [], 'bearings': [], 'plays': [], 'force': 0.0}
     stage['bounds'] = np.ravel(bounds(run.stage.skeleton, frames.poses)).tolist()

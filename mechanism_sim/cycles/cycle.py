@@ -327,7 +327,8 @@ def instant(
     t : [s]; without either the start
     duration : of the cycle [s], where the drive has no period
     points : as for `cycle`
-    still : no more than the instant is wanted, so that a drive without a period needs no duration
+    still : no more than the instant is wanted, so that a drive without a period needs no duration;
+        but where all points of a link coincide it is the motion that shows how large it is
 
     Raises
     ------
@@ -342,7 +343,8 @@ def instant(
         if t is not None:
             duration = max(t, duration or machine.period)
     elif still and duration is None:
-        duration = max(t or 0.0, _MOMENT)
+        spread = machine.scene.duration if not machine.mechanism.longest else None
+        duration = max(t or 0.0, spread or _MOMENT)
     elif duration := duration or machine.scene.duration:
         duration = max(t or 0.0, duration)
     found = cycle(machine, start=angle, duration=duration, points=points)

@@ -60,7 +60,7 @@ class Shape:
     curves : (k, 2) [m] each, in the link's frame, that define it; a single point, ends, corners
     symbol : size of a joint in this drawing [m]
     label : of the link or joint; none if empty
-    size : of wheels, of which the largest are painted first
+    size : of wheels and hands, of which the largest are painted first
     number : of the link among those that move, which stands for its colour; -1 of the ground
     bends : whether its link is elastic: edges have points enough to bend
     """
@@ -209,12 +209,18 @@ def _slot(shape: Shape) -> list[Path]:
 
 
 def _rail(shape: Shape) -> list[Path]:
-    """A rod of a link; of the frame a line, hatched below where the slider does not reach."""
+    """A rod of a link; of the frame a line, hatched below where the slider does not reach.
+
+    Of a guide with play each wall, hatched on its outer side.
+    """
     if shape.link != GROUND:
         return [Path('body', (rounded(shape.outline, 0.6 * BAR * shape.symbol),))]
     start, end = shape.outline
     along = (end - start) / np.hypot(*(end - start))
     below = np.array([along[1], -along[0]])
+    if shape.label:  # a wall: what slides is on its other side
+        below = -below if shape.label == 'left wall' else below
+        return _hatched(shape.outline, below, shape.symbol)
     below = -below if below[1] > 1e-9 else below
     foot = shape.outline + 1.1 * shape.symbol * below
     return [Path('line', (shape.outline,)), *_hatched(foot, below, shape.symbol)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 import scipy
@@ -12,7 +12,7 @@ import scipy
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.points import Place, Poses
 from mechanism_sim.export.bending import bendings
-from mechanism_sim.export.scale import scale_bar
+from mechanism_sim.export.scale import round_below, scale_bar
 from mechanism_sim.export.shapes import BOX, Shape, inside
 from mechanism_sim.linkages.forces import Spring
 from mechanism_sim.planar.drive import DriveLaw, Law
@@ -27,10 +27,19 @@ from mechanism_sim.planar.mechanism import (
 )
 from mechanism_sim.planar.view import Kind, circle
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.contact_keys import Clearance
 
 _MOUNT = 9.0  # length of the springs of a frame, in symbols
 _BODIES: tuple[Kind, ...] = 'wheel', 'cam', 'slider'
 _NEAR = 0.8  # a centre of gravity so near a joint is not marked, likewise
+_SWAY = 2.0  # that a frame on springs is seen to sway, about, likewise
+
+
+class Mounted(NamedTuple):
+    """A frame on springs."""
+
+    cog: Vector2  #: [m] where it is at rest
+    springs: range  #: their numbers
 
 
 class Skeleton:
@@ -44,8 +53,10 @@ class Skeleton:
     points : of links, by name, that have no joint; their links reach to them, and they are marked
     springs : their ends
     loose : joints with clearance, whose bushings are drawn
+    blocks : of those that slide the block's length and height, and its play to each side [m]
     drives : driven coordinates, each with the sign of the sense in which it sets out
-    frames : bodies that carry the ground, each by the points it reaches to and those on springs
+    frames : bodies that carry the ground, each by the points that it reaches to, its centre of
+        gravity the last of them, and those on springs
     magnified : how much larger elastic links deform here; 0: visibly
     size : by which symbols are chosen, if not by that of the mechanism [m]
 
@@ -56,7 +67,8 @@ class Skeleton:
     shapes : in the order in which they are painted
     springs : the ends of each, painted before all shapes as `shapes.coil`
     links : that move, in the order of poses
-    mounts : of each frame on springs the numbers of its springs
+    mounts : the frames on springs
+    sways : of those that are known to sway, how many times as far they are drawn
     bendings : of the elastic links
     """
 
@@ -71,8 +83,9 @@ class Skeleton:
         frames: Mapping[str, tuple[list[Vector2], list[Vector2]]] | None = None,
         magnified: float = 0.0,
         size: float = 0.0,
+        blocks: Mapping[str, tuple[float, float, float]] | None = None,
     ) -> None:
-        self.mechanism = mechanism
+        self.mechanism, self._blocks = mechanism, blocks or {}
         self.links = [body.name for body in mechanism.bodies]
         self.springs, self._loose = list(springs), set(loose)
         self._poses = Poses(mechanism, q)
@@ -111,10 +124,11 @@ class Skeleton:
         for place in (end for ends in self.springs for end in ends):
             self._support(place)
             self.reach(place)
-        self.mounts: dict[str, range] = {}
+        self.mounts: dict[str, Mounted] = {}
+        self.sways: dict[str, float] = {}
         for name, (corners, mounts) in frames.items():
             first = len(self.springs)
-            self.mounts[name] = range(first, first + len(mounts))
+            self.mounts[name] = Mounted(corners[-1], range(first, first + len(mounts)))
             self.add('frame', GROUND, np.array(corners + mounts), label=name)
             for x, y in mounts:
                 foot = GROUND, (x, y - _MOUNT * self.symbol)
@@ -157,10 +171,42 @@ class Skeleton:
     def scale_bar(self, width: float) -> tuple[float, str]:
         """A round length for a drawing of that width [m]; how it is written, and magnification."""
         length, text = scale_bar(width)
-        for factor in {x.magnified for x in self.bendings.values()}:
-            text += '; bending '
-            text += 'to scale' if factor == 1.0 else f'{factor:.4g} times larger'
+        bent, swayed = (x.magnified for x in self.bendings.values()), self.sways.values()
+        for what, factors in (('bending', bent), ('sway', swayed)):
+            for factor in sorted(set(factors)):
+                text += f'; {what} '
+                text += 'to scale' if factor == 1.0 else f'{factor:.4g} times larger'
         return length, text
+
+    def magnify(self, sway: Array) -> None:
+        """Choose how far frames on springs are drawn that sway (N, F, 3) [m, rad] in a run."""
+        for k, name in enumerate(self.mounts):
+            largest = float(np.abs(sway[:, k, :2]).max(initial=0.0))
+            if largest > 1e-9 * self.size:
+                self.sways[name] = max(1.0, round_below(_SWAY * self.symbol / largest))
+
+    def swayed(self, points: Array, frame: str, sway: Array) -> Array:
+        """Points (k, 2) [m] of a frame on springs, (N, k, 2).
+
+        Parameters
+        ----------
+        sway : (N, F, 3) [m, rad] of all frames, as much as is drawn
+        """
+        x, y, angle = sway[:, list(self.mounts).index(frame)].T
+        cog, c, s = np.array(self.mounts[frame].cog), np.cos(angle), np.sin(angle)
+        turned = (points - cog) @ np.array([[c, s], [-s, c]]).transpose(2, 0, 1)
+        return np.asarray(turned + cog + np.stack([x, y], axis=1)[:, None])
+
+    def coiled(self, poses: Array, sway: Array) -> Array:
+        """The ends of all springs at N poses, and swayings of `swayed`, (springs, N, 2, 2) [m]."""
+        found = [
+            [self.placed(link, np.array([at]), poses)[:, 0] for link, at in ends]
+            for ends in self.springs
+        ]
+        for name, (_, springs) in self.mounts.items():
+            for k in springs:
+                found[k][0] = self.swayed(np.array([self.springs[k][0][1]]), name, sway)[:, 0]
+        return np.array(found).reshape(len(found), 2, len(poses), 2).swapaxes(1, 2)
 
     def placed(self, link: str, points: Array, poses: Array) -> Array:
         """Points (k, 2) [m] of a link in the world (N, k, 2)."""
@@ -193,10 +239,18 @@ class Skeleton:
             self.add('support', GROUND, np.array([place[1]]))
 
     def _prismatic(self, joint: Prismatic) -> None:
-        """A box on `second`, on a rail of `first`."""
+        """A box on `second`, on a rail of `first`; a loose block between walls, true to scale."""
         runner = self._poses.within(joint.first, (joint.second, joint.on_second))
-        self.rail('rail', (joint.first, joint.on_first), joint.axis, runner)
         length, width = (self.symbol * x for x in BOX)
+        base = joint.first, joint.on_first
+        if joint.name in self._blocks:
+            length, width, play = np.array(self._blocks[joint.name]) * (0.5, 0.5, 1.0)
+            for side, label in ((1.0, 'left wall'), (-1.0, 'right wall')):
+                off = rotate((0.0, side * (width + play)), joint.axis)
+                wall = base[0], _plus(base[1], off)
+                self.rail('rail', wall, joint.axis, runner + np.array(off)[:, None], length, label)
+        else:
+            self.rail('rail', base, joint.axis, runner)
         corners = ((-length, -width), (length, -width), (length, width), (-length, width))
         turn = joint.axis - joint.angle
         box = np.array([_plus(joint.on_second, rotate(c, turn)) for c in corners])
@@ -244,15 +298,24 @@ class Skeleton:
         if link != GROUND:
             self._corners[link].append(at)
 
-    def rail(self, kind: Kind, place: Place, axis: float, runner: Array) -> None:
-        """A line of a link, as long as what runs (2, N) on it, in the link's frame, needs."""
+    def rail(
+        self, kind: Kind, place: Place, axis: float, runner: Array, half: float = 0.0,
+        label: str = '',
+    ) -> None:  # fmt: skip
+        """A line of a link, as long as what runs (2, N) on it, in the link's frame, needs.
+
+        Parameters
+        ----------
+        half : length of what runs [m], to each side
+        label : of a wall, the side of what runs on which it is
+        """
         link, base = place
         way = rotate((1.0, 0.0), axis)
         along = way @ (runner - np.array(base)[:, None])
-        spare = 2.5 * self.symbol
+        spare = half + 2.5 * self.symbol
         ends = float(along.min()) - spare, float(along.max()) + spare
         start, end = (_plus(base, (s * way[0], s * way[1])) for s in ends)
-        self.add(kind, link, np.array([start, end]))
+        self.add(kind, link, np.array([start, end]), label=label)
         if link != GROUND:
             self._rails.append((link, start, end))
 
@@ -278,12 +341,13 @@ class Skeleton:
         for owner, start, end in self._rails:
             if owner == link:
                 corners.append(_nearest(start, end, corners))
-        cog = self.mechanism.body(link).cog
+        cog, hand = self.mechanism.body(link).cog, 0.0
         if len(set(corners)) == 1 and link not in self._bodied:
             corners.append(cog)  # a pendulum
             if math.dist(corners[0], cog) < 0.5 * self.symbol:  # a rotor: a hand shows its turn
                 self._hands += 1
-                corners[-1] = corners[0][0] + 6.0 * self._hands * self.symbol, corners[0][1]
+                hand = 6.0 * self._hands * self.symbol  # shorter ones lie on longer ones
+                corners[-1] = corners[0][0] + hand, corners[0][1]
         distinct: list[Vector2] = []
         for corner in corners or [cog]:
             if all(math.dist(corner, other) > 1e-9 for other in distinct):
@@ -293,7 +357,7 @@ class Skeleton:
             at = at[:1]
         first = _corners(at, self.symbol)
         rest = np.delete(at, first, axis=0)
-        self.add('link', link, at[first], *([rest] if len(rest) else []), label=link)
+        self.add('link', link, at[first], *([rest] if len(rest) else []), label=link, size=hand)
 
     def _covered(self, link: str, points: Array) -> bool:
         """Whether a wheel or a slider of a link shows all of some points (k, 2) of it."""
@@ -357,8 +421,17 @@ def skeleton_of(
         for name, part in machine.scene.oscillators.items()
     }
     drives = {coordinate: _sense(laws[0]) for coordinate, laws in machine.plan.laws.items()}
+    drives |= {
+        motor.coordinate: motor.ratio * motor.characteristic.starting
+        for motor in machine.plan.motors
+    }
+    blocks = {
+        name: (play.length, play.height, play.radial)
+        for name, play in machine.clearances.items()
+        if isinstance(play, Clearance) and play.length and play.height
+    }
     return Skeleton(
-        mechanism, q, points, springs, machine.clearances, drives, frames, magnified, size
+        mechanism, q, points, springs, machine.clearances, drives, frames, magnified, size, blocks
     )
 
 
@@ -380,7 +453,7 @@ def bounds(skeleton: Skeleton, poses: Array) -> tuple[Array, Array]:
     low, high = everything.min(axis=0), everything.max(axis=0)
     room = 2.5 * skeleton.symbol
     centre = 0.5 * (low + high)
-    half = np.maximum(0.5 * (high - low) + room, [0.0, 18.0 * skeleton.symbol])
+    half = np.maximum(0.5 * (high - low) + room, 18.0 * skeleton.symbol)
     return centre - half, centre + half
 
 

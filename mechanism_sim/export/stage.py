@@ -6,7 +6,7 @@ All in SI units and as plain data. Who shows it draws and moves it, and knows no
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
@@ -19,6 +19,7 @@ from mechanism_sim.export.palette import index
 from mechanism_sim.export.scale import round_below
 from mechanism_sim.export.shapes import COIL, Shape
 from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute, Side
@@ -51,11 +52,12 @@ class Frames:
     modes : (N, B) of contact, as in ModeChange; 0 with an oil film
     walls : (N, W, 2) [m] distance from the left and the right wall of a play, of a block that of
         the middle of its side; nan without one
+    tilts : (N, W) [m] how much nearer to the left wall the front of a block is than its rear
     touching : (N, W) 1 where the left wall is touched, 2 the right one, 3 both
     forces : (N, J, 2) [N] of the first-named on the second-named link, along the world's axes
     feet : (N, K, 2) [m] points on the lines of action of forces that act at no fixed point
     drive : (N,) coordinate of the main drive [rad], or [m]
-    sway : (N, F, 3) of the F frames on springs [m, rad], as much as is drawn: see `Stage.sways`
+    sway : (N, F, 3) of the F frames on springs [m, rad], as much as is drawn: see `Skeleton.sways`
     """
 
     t: Array
@@ -64,6 +66,7 @@ class Frames:
     pin_rates: Array
     modes: NDArray[np.uint8]
     walls: Array
+    tilts: Array
     touching: NDArray[np.uint8]
     forces: Array
     feet: Array
@@ -88,7 +91,7 @@ class Frames:
 
     def packed(self) -> dict[str, Any]:
         """All instants, as arrays in base64."""
-        single = 'poses', 'pins', 'pin_rates', 'walls', 'forces', 'feet', 'sway'
+        single = 'poses', 'pins', 'pin_rates', 'walls', 'tilts', 'forces', 'feet', 'sway'
         return {
             't': packed(self.t),
             **{name: packed(getattr(self, name).astype('<f4')) for name in single},
@@ -107,7 +110,6 @@ class Stage:
     low, high : corners (2,) [m] of all that moves and of its usual arrows, and room around it
     force_scale : length of arrows per force [m/N]; 0 where there are no forces
     widths : of each of `plays`, how far apart its walls are, or how far it parts [m]
-    sways : of frames on springs that are known to sway, how many times as far they are drawn
     """
 
     machine: Machine
@@ -116,7 +118,6 @@ class Stage:
     high: Array
     force_scale: float
     widths: dict[str, float] = field(default_factory=dict)
-    sways: dict[str, float] = field(default_factory=dict)
 
     @property
     def links(self) -> list[str]:
@@ -162,6 +163,14 @@ class Stage:
             gaps[SIDES.index(side)] = o.gap[numbers].mean(axis=0)
         return gaps
 
+    def _tilted(self, o: Observation, pair: HigherPair | Prismatic) -> Array:
+        """How a block stands in its guide (N,) [m], see `Frames.tilts`; by either wall."""
+        for side, corners in self._walls(pair).items():
+            if isinstance(pair, Prismatic):
+                rear, front = o.gap[corners]
+                return np.asarray(rear - front if side == 'left' else front - rear)
+        return np.zeros(o.position.shape[1])
+
     def struck(self, gap: str) -> tuple[int, int]:
         """Numbers of the bearing and the joint that a gap belongs to; -1 if there is none."""
         joint = self._joints_of_gaps.get(gap, '')
@@ -202,13 +211,16 @@ class Stage:
             'slides': self.machine.main in self.machine.physics.displacements,
         }
 
-    def frames(self, t: Array, o: Observation, modes: NDArray[np.uint8]) -> Frames:
+    def frames(
+        self, t: Array, o: Observation, modes: NDArray[np.uint8], sway: Array | None = None
+    ) -> Frames:
         """The machine at times t (N,) [s].
 
         Parameters
         ----------
         o : the observed machine then
         modes : (m, N) of its gaps
+        sway : (N, F, 3) of its frames on springs, see `Swaying`; without, they are at rest
         """
         physics, bearings = self.machine.physics, self.bearings
         views = {
@@ -234,12 +246,19 @@ class Stage:
             _by_instant([path[1] for path in pins], count),
             touching,
             _by_instant([self._parted(o, pair) for pair in self.plays], count),
+            np.array([self._tilted(o, x) for x in self.plays]).reshape(-1, count).T,
             self._touched(modes, count),
             _by_instant([views[j.name].force for j in self.joints], count),
             _by_instant([views[j.name].foot for j in self.moving], count),
             o.position[physics.coordinates.index(self.machine.main)],
-            np.zeros((count, len(self.skeleton.mounts), 3)),
+            self.drawn(np.zeros((count, len(self.skeleton.mounts), 3)) if sway is None else sway),
         )
+
+    def drawn(self, sway: Array) -> Array:
+        """As much of the sway (N, F, 3) of frames on springs as is drawn."""
+        sways = self.skeleton.sways
+        times = [sways.get(name, 0.0) for name in self.skeleton.mounts]
+        return np.asarray(sway * np.array(times)[:, None])
 
     def _touched(self, modes: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
         found = np.zeros((count, len(self.plays)), np.uint8)
@@ -280,10 +299,8 @@ class Stage:
         }
 
     def _frame(self, name: str) -> dict[str, Any]:
-        part = self.machine.scene.oscillators[name]
-        springs = list(self.skeleton.mounts[name])
-        return {'name': name, 'cog': list(part.cog), 'springs': springs,
-                'times': self.sways.get(name, 0.0)}  # fmt: skip
+        cog, springs = self.skeleton.mounts[name]
+        return {'name': name, 'cog': list(cog), 'springs': list(springs)}
 
     def _bearing(self, joint: Joint) -> dict[str, Any]:
         play = self.machine.clearances[joint.name]
@@ -313,12 +330,46 @@ class Stage:
             'width': self.widths[pair.name],
             'face': index(numbers.get(face, -1)),
             'body': index(numbers.get(body, -1)),
+            'tilts': isinstance(pair, Prismatic),
         }
 
 
-def stage_of(machine: Machine, observed: Observation) -> Stage:
-    """The stage of a machine that moves as it was observed to, over all of its motion."""
+class Swaying:
+    """The frames on springs of a machine, which follow its motion piece by piece."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._frames = [machine.oscillator(name) for name in machine.scene.oscillators]
+
+    def take(self, motion: Motion) -> Callable[[Array], Array]:
+        """Follow a piece of motion, which comes after that of the last call.
+
+        Returns
+        -------
+        At times (N,) [s] of it, where the F frames are (N, F, 3) [m, rad], from where their mounts
+        carry them alone
+        """
+        moved = [frame.take(motion) for frame in self._frames]
+
+        def sway(t: Array) -> Array:
+            found = np.zeros((len(t), len(moved), 3))
+            for k, move in enumerate(moved):
+                place = move(t).position
+                found[:, k, : len(place)] = place.T
+            return found
+
+        return sway
+
+
+def stage_of(machine: Machine, observed: Observation, sway: Array | None = None) -> Stage:
+    """The stage of a machine that moves as it was observed to, over all of its motion.
+
+    Parameters
+    ----------
+    sway : (N, F, 3) of its frames on springs, see `Swaying`; without, they are drawn at rest
+    """
     skeleton = skeleton_of(machine, observed.position)
+    if sway is not None:
+        skeleton.magnify(sway)
     low, high = bounds(skeleton, skeleton.poses(observed.position))
     if skeleton.mounts:  # the bars of the scale stand below the feet of the springs
         low = low - np.array([0.0, 4.0 * skeleton.symbol])

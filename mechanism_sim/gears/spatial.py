@@ -17,11 +17,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechanism_sim.gears.forces import WormPair
+from mechanism_sim.gears.involute import Gear
 from mechanism_sim.gears.reading import GearReading
 from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.planar.view import Array, Draft, ToothLoad, View, circle
 
+_FEWEST = 8  # teeth that are drawn as involutes
 UNIT = WormPair(1, 1, 1.0, math.pi / 4)
 """What fields of dataclasses after others with defaults need."""
 
@@ -43,6 +45,11 @@ class SpatialPair(Transmission):
     @abstractmethod
     def radii(self) -> tuple[float, float]:
         """At which the force acts [m]."""
+
+    @property
+    @abstractmethod
+    def _teeth(self) -> tuple[tuple[int, float], tuple[int, float]]:
+        """How many there are, 0 of threads, and how much of their height is seen."""
 
     @abstractmethod
     def _beside(self, view: View, tangential: Array) -> tuple[Array, Array, Array, Array, Array]:
@@ -67,13 +74,18 @@ class SpatialPair(Transmission):
         return found
 
     def draw(self, draft: Draft) -> None:
-        """Pitch circles, with a notch that shows how far they have turned."""
-        for link, at, radius in zip(
-            (self.first, self.second), (self.on_first, self.on_second), self.radii, strict=True
-        ):
-            notch = 0.85 * radius, 0.0
-            rim = np.vstack([np.array([notch]) + at, circle(radius, at)[1:]])
-            draft.add('wheel', link, rim, size=radius)
+        """Teeth as each shaft is seen along itself; a worm as its pitch circle, with a notch."""
+        for link, at, radius, (teeth, height) in zip(
+            (self.first, self.second), (self.on_first, self.on_second), self.radii, self._teeth,
+            strict=True,
+        ):  # fmt: skip
+            rim = circle(radius)
+            rim[0] = 0.85 * radius, 0.0
+            if teeth >= _FEWEST:
+                rim = Gear(teeth, 2.0 * radius / teeth).outline(9, arc=2)
+                far = np.hypot(*rim.T)[:, None]
+                rim *= (radius + height * (far - radius)) / far
+            draft.add('wheel', link, rim + at, size=radius)
 
     def reading(self, view: View) -> GearReading:
         """Motion and torques, and the force on the second."""
@@ -113,6 +125,12 @@ class BevelPair(SpatialPair):
         """At the middle of the teeth [m]."""
         return self.mean_radii
 
+    @property
+    def _teeth(self) -> tuple[tuple[int, float], tuple[int, float]]:
+        first, second = self.mean_radii
+        mate = round(self.teeth * second / first)
+        return (self.teeth, math.cos(self.cones[0])), (mate, math.cos(self.cones[1]))
+
     def _beside(self, view: View, tangential: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Across the cones' common line, away from the mate: towards the shaft and the back."""
         first = -float(self.ratio) * view.moment / self.radii[0]
@@ -140,6 +158,10 @@ class WormDrive(SpatialPair):
     def radii(self) -> tuple[float, float]:
         """Pitch radii [m]."""
         return 0.5 * self.worm.diameter, 0.5 * self.worm.wheel_diameter
+
+    @property
+    def _teeth(self) -> tuple[tuple[int, float], tuple[int, float]]:
+        return (0, 1.0), (self.worm.teeth, 1.0)
 
     def _beside(self, view: View, tangential: Array) -> tuple[Array, Array, Array, Array, Array]:
         """The axial force on the worm is the tangential one of its wheel, and so the other way.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from mechanism_sim.export.stage import Swaying
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import Impact, MarkerArray
 from mechanism_sim.middleware import Parameter
@@ -69,6 +70,7 @@ class Display(SimulationNode):
 
     def _begin(self) -> None:
         self._schedule = Schedule(self.machine.scene.outputs.markers)
+        self._swaying = Swaying(self.machine)
         self.send(self._shapes, markers.shapes(self._preview.skeleton, self._prefix))
 
     def on_progress(self, message: Any) -> None:
@@ -95,11 +97,12 @@ class Display(SimulationNode):
 
     def _take(self, motion: Motion) -> None:
         t = self._schedule.due(motion.curve.end)
+        sway = self._swaying.take(motion)
         if not t.size or self._picture.empty:
             return
         k, dt = motion.curve.find(t)
         seen = self.machine.physics.observe(motion, k, dt)
-        for message in self._picture.at(t, seen, motion.modes[k].T):
+        for message in self._picture.at(t, seen, motion.modes[k].T, sway(t)):
             self.send(self._forces, message)
 
 

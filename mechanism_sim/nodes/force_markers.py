@@ -1,6 +1,6 @@
-"""Markers of what changes from instant to instant: forces, contacts, clearances, springs.
+"""Markers of what changes from instant to instant: forces, contacts, plays, springs.
 
-And the shapes of elastic links, which bend as figures show it.
+And the shapes of elastic links, which bend, and of frames on springs, which sway, as figures show.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from mechanism_sim.cycles.cycle import Cycle, cycle, is_steady
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.shapes import coil
 from mechanism_sim.export.skeleton import Skeleton
-from mechanism_sim.export.stage import Frames, Stage, stage_of
+from mechanism_sim.export.stage import Frames, Stage, Swaying, stage_of
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
-from mechanism_sim.nodes.markers import STEEL, Colour, frame_of, marker, painted
+from mechanism_sim.nodes.markers import STEEL, Colour, frame_of, marker, painted, sways
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import GROUND, Joint
 from mechanism_sim.planar.play import gaps_of
@@ -102,7 +102,8 @@ def preview(machine: Machine, duration: float | None = None) -> Preview:
     peaks = LoadPeaks(machine.physics, float(found.t[0]))
     peaks.add(found.solution.motion)
     bounded = [x.value for x in peaks.forces.values() if math.isfinite(x.value)]
-    return Preview(found, stage_of(machine, observed), max(bounded, default=0.0))
+    sway = Swaying(machine).take(found.solution.motion)(found.t)
+    return Preview(found, stage_of(machine, observed, sway), max(bounded, default=0.0))
 
 
 @dataclass(frozen=True)
@@ -157,10 +158,10 @@ class Picture:
             [self._lens(seen, machine.mechanism.joint(j), x, magnification) for j, x in of.items()]
             for of in (radial, half)
         )
-        self._springs = seen.skeleton.springs
-        self._elastic = [
-            part for part in painted(seen.skeleton, prefix) if part[0] in seen.skeleton.bendings
-        ]
+        skeleton = seen.skeleton
+        parts = painted(skeleton, prefix)
+        self._elastic = [part for part in parts if part[0].link in skeleton.bendings]
+        self._swaying = [part[:2] for part in parts if sways(skeleton, part[0])]
         gaps = machine.system.gaps if machine.dynamic else []
         self._joint_of = {gap.name: machine.mechanism.joint(gap.joint) for gap in gaps}
         self._hardest = max((i.normal_impulse for i in seen.found.solution.impacts), default=0.0)
@@ -175,15 +176,17 @@ class Picture:
         out = out / far if far > 1e-6 * self._size else np.array([0.0, 1.0])
         return _Lens(joint, 2.0 * radius * out, radius, magnified, play)
 
-    def at(self, t: Array, o: Observation, modes: NDArray[np.uint8]) -> Iterator[Any]:
-        """MarkerArrays at times t (N,) [s] of an observed machine, the modes of its gaps (m, N).
+    def at(
+        self, t: Array, o: Observation, modes: NDArray[np.uint8], sway: Array | None = None
+    ) -> Iterator[Any]:
+        """MarkerArrays at times t (N,) [s] of an observed machine; others as `Stage.frames` has.
 
         They are the same object every time, to be published before the next.
         """
-        frames = self._stage.frames(t, o, modes)
+        frames = self._stage.frames(t, o, modes, sway)
         writers = [
             *self._arrows(frames), *self._pins(frames), *self._walls(frames),
-            *self._coils(frames), *self._bent(frames),
+            *self._coils(frames), *self._bent(frames), *self._sway(frames),
         ]  # fmt: skip
         markers = [made for made, _ in writers]
         for i, time in enumerate(t.tolist()):
@@ -196,8 +199,8 @@ class Picture:
     @property
     def empty(self) -> bool:
         """Whether there is nothing to show."""
-        still = not (self._stage.joints or self._bearings or self._plays or self._springs)
-        return still and not self._elastic
+        known = self._stage.joints or self._bearings or self._plays or self._elastic
+        return not (known or self._stage.skeleton.springs)
 
     def flash(self, impact: Any) -> Any:
         """A flash at the joint of an Impact message; its volume stands for the impulse.
@@ -277,9 +280,11 @@ class Picture:
                     yield self._moving(wall, middle + np.array([[aside], [0.0]]))
                     number += 1
             way = lens.play - right if np.isnan(left).all() else 0.5 * (left - right)
-            body = self._lying(number, Marker.CUBE, STEEL, (2.0 * lens.inner, lens.radius), 0.5)
+            body = self._lying(number, Marker.TRIANGLE_LIST, STEEL, (1.0, 1.0), 0.5)
+            body.scale.z = 1.0
             moved = np.stack([lens.magnification * way, np.zeros_like(way)])
-            yield self._moving(body, middle + moved, frames.touching[:, w] > 0)
+            lean = 0.5 * lens.magnification * frames.tilts[:, w]
+            yield self._leaning(body, lens, lean, middle + moved, frames.touching[:, w] > 0)
             number += 1
 
     def _beside(self, lens: _Lens, frames: Frames) -> tuple[Array, Array]:
@@ -296,6 +301,22 @@ class Picture:
         made = marker('lenses', number, self._world, kind, shade, (*size, 0.1 * s))
         made.pose.position.z = (_HEIGHT + above) * s
         return made
+
+    def _leaning(
+        self, body: Any, lens: _Lens, lean: Array, place: Array, touching: Any
+    ) -> tuple[Any, Any]:
+        """What is between walls, whose ends are so far (N,) [m] off its middle."""
+        put, half = self._moving(body, place, touching)[1], 0.5 * lens.radius
+
+        def write(i: int) -> None:
+            put(i)
+            corners = [
+                Point(x=float(x * lens.inner - y * lean[i]), y=float(y * half))
+                for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+            ]
+            body.points = [corners[k] for k in (0, 1, 2, 0, 2, 3)]
+
+        return body, write
 
     @staticmethod
     def _moving(
@@ -319,24 +340,38 @@ class Picture:
 
     def _coils(self, frames: Frames) -> Iterator[Any]:
         """Springs as zigzags."""
-        placed, s = self._stage.skeleton.placed, self._symbol
-        for k, places in enumerate(self._springs):
-            ends = [placed(link, np.array([at]), frames.poses)[:, 0] for link, at in places]
+        s = self._symbol
+        for k, ends in enumerate(self._stage.skeleton.coiled(frames.poses, frames.sway)):
             made = marker('springs', k, self._world, Marker.LINE_STRIP, STEEL, (0.2 * s, 0.0, 0.0))
 
             def write(i: int, made: Any = made, ends: Any = ends) -> None:
-                line = coil(ends[0][i], ends[1][i], s)
+                line = coil(ends[i, 0], ends[i, 1], s)
                 made.points = [Point(x=x, y=y) for x, y in line.tolist()]
 
             yield made, write
 
     def _bent(self, frames: Frames) -> Iterator[Any]:
         """Elastic links, in their frames."""
-        for link, made, points in self._elastic:
-            placed = self._stage.skeleton.bent(link, points, frames.poses)
+        for shape, made, points in self._elastic:
+            placed = self._stage.skeleton.bent(shape.link, points, frames.poses)
 
             def write(i: int, made: Any = made, placed: Array = placed) -> None:
                 for point, (x, y) in zip(made.points, placed[i].tolist(), strict=True):
                     point.x, point.y = x, y
+
+            yield made, write
+
+    def _sway(self, frames: Frames) -> Iterator[Any]:
+        """Frames on springs that sway: turned about where the world's origin has been moved to."""
+        skeleton = self._stage.skeleton
+        for shape, made in self._swaying:
+            origin = skeleton.swayed(np.zeros((1, 2)), shape.label, frames.sway)[:, 0].T
+            half = 0.5 * frames.sway[:, list(skeleton.mounts).index(shape.label), 2]
+            place = self._moving(made, origin)[1]
+
+            def write(i: int, made: Any = made, half: Array = half, place: Any = place) -> None:
+                place(i)
+                turned = made.pose.orientation
+                turned.z, turned.w = math.sin(half[i]), math.cos(half[i])
 
             yield made, write

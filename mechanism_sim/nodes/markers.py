@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.export.palette import ACCENT, INK, PAPER, colour, rgb, tint
-from mechanism_sim.export.shapes import OPEN, Style
+from mechanism_sim.export.shapes import OPEN, Shape, Style
 from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.export.triangles import triangles
 from mechanism_sim.messages import ColorRGBA, Marker, MarkerArray, Point
@@ -80,17 +80,26 @@ def marker(
 
 
 def shapes(skeleton: Skeleton, prefix: str) -> Any:
-    """MarkerArray of all that keeps its shape."""
-    made = [each for link, each, _ in painted(skeleton, prefix) if link not in skeleton.bendings]
+    """MarkerArray of all that stands still in the frames of the links, and keeps its shape."""
+    made = [
+        each
+        for shape, each, _ in painted(skeleton, prefix)
+        if not (shape.link in skeleton.bendings or sways(skeleton, shape))
+    ]
     return MarkerArray(markers=made)
 
 
-def painted(skeleton: Skeleton, prefix: str) -> list[tuple[str, Any, Array]]:
-    """Markers of the shapes of links, locked to their frames: link, marker, its points (k, 2) [m].
+def sways(skeleton: Skeleton, shape: Shape) -> bool:
+    """Whether a shape is a frame on springs that is known to sway."""
+    return shape.kind == 'frame' and shape.label in skeleton.sways
+
+
+def painted(skeleton: Skeleton, prefix: str) -> list[tuple[Shape, Any, Array]]:
+    """Markers of the shapes, locked to the frames of links: shape, marker, its points (k, 2) [m].
 
     A namespace is a kind of shapes, see `NAMESPACES`: what is filled as triangles, then edges.
     """
-    made: list[tuple[str, Any, Array]] = []
+    made: list[tuple[Shape, Any, Array]] = []
     count: Counter[str] = Counter()
     kinds, s = get_args(Kind), skeleton.symbol
     for shape in skeleton.shapes:
@@ -105,7 +114,7 @@ def painted(skeleton: Skeleton, prefix: str) -> list[tuple[str, Any, Array]]:
                     name, count[name], frame, Marker.TRIANGLE_LIST, fill, (1.0, 1.0, 1.0),
                     corners, height,
                 )  # fmt: skip
-                made.append((shape.link, filled, corners))
+                made.append((shape, filled, corners))
                 count[name] += 1
             if edge is not None:
                 lines = (np.stack([c, np.roll(c, -1, axis=0)], axis=1) for c in path.curves)
@@ -116,7 +125,7 @@ def painted(skeleton: Skeleton, prefix: str) -> list[tuple[str, Any, Array]]:
                     name, count[name], frame, Marker.LINE_LIST, edge,
                     (_EDGE * s, 0.0, 0.0), ends, height + 0.1 * _LAYER * s,
                 )  # fmt: skip
-                made.append((shape.link, drawn, ends))
+                made.append((shape, drawn, ends))
                 count[name] += 1
     for _, each, _ in made:
         each.frame_locked = True

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from mechanism_sim.export.stage import Frames, packed
+from mechanism_sim.arrays import Array
+from mechanism_sim.export.stage import Frames, Swaying, packed
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import foreign, motion_of
@@ -24,6 +26,10 @@ _SLOWEST = 0.01  # [s] between instants where nothing turns
 _SEEN = 5.0  # [s] of a motion that does not repeat, by which sizes are chosen
 
 
+Sway = Callable[[Array], Array]
+"""Of frames on springs on a piece of motion, see `Swaying.take`."""
+
+
 class Live:
     """A machine that runs, by the messages of its topics; it may be heard from any time on.
 
@@ -33,6 +39,8 @@ class Live:
     time : [s] up to which the motion is known here
     impacts : so far in the run
     missed : [s] of motion that did not come, since this was last set to zero
+    swaying : frames on springs; None where the motion is not known from its start on, by which
+        theirs is: they are shown at rest
     """
 
     def __init__(self, text: str) -> None:
@@ -46,7 +54,8 @@ class Live:
     def _forget(self) -> None:
         self.time, self.impacts, self.missed = 0.0, 0, 0.0
         self._sent: float | None = None
-        self._pieces: deque[Motion] = deque(maxlen=_KEPT)
+        self.swaying: Swaying | None = Swaying(self.machine)
+        self._pieces: deque[tuple[Motion, Sway | None]] = deque(maxlen=_KEPT)
         self._struck: list[dict[str, Any]] = []
 
     def take(self, message: Any) -> None:
@@ -63,10 +72,13 @@ class Live:
             self.epoch += 1
             self._forget()
         begin = float(motion.curve.start[0])
-        if self._pieces and begin - self.time > _ROUNDING * max(begin, 1.0):
-            self.missed += begin - self.time  # what came before has no motion to go on with
-            self._pieces.clear()
-        self._pieces.append(motion)
+        if begin - self.time > _ROUNDING * max(begin, 1.0):
+            self.swaying = None
+            if self._pieces:
+                self.missed += begin - self.time  # what came before has no motion to go on with
+                self._pieces.clear()
+        sway = self.swaying.take(motion) if self.swaying else None
+        self._pieces.append((motion, sway))
         self.time = motion.curve.end
 
     def add_impact(self, message: Any) -> None:
@@ -95,14 +107,14 @@ class Live:
         if not self._pieces or (self._sent is not None and self._sent >= self.time):
             return None
         first = max(
-            float(self._pieces[0].curve.start[0]),
+            float(self._pieces[0][0].curve.start[0]),
             self.time - MOST * self.step if self._sent is None else self._sent,
         )
         count = math.ceil((self.time - first) / self.step - 1e-6)
         t = np.linspace(first, self.time, min(max(count, FEWEST), MOST) + 1)
         frames, struck = self.frames(t), self._struck
         self._sent, self._struck = self.time, []
-        while self._pieces[0].curve.end < self.time:
+        while self._pieces[0][0].curve.end < self.time:
             self._pieces.popleft()
         return {'type': 'frames', 'epoch': self.epoch, 'frames': frames, 'impacts': struck}
 
@@ -110,14 +122,15 @@ class Live:
         """What is shown at times `t` (N,) [s], which are known here, packed."""
         physics, parts = self.machine.physics, []
         speed, torque = [], []
-        starts = [motion.curve.start[0] for motion in self._pieces]
+        starts = [motion.curve.start[0] for motion, _ in self._pieces]
         of = np.maximum(np.searchsorted(starts, t, side='right') - 1, 0)
         main = physics.coordinates.index(self.machine.main)
         for number in np.unique(of).tolist():
-            motion, now = self._pieces[number], t[of == number]
+            (motion, sway), now = self._pieces[number], t[of == number]
             k, dt = motion.curve.find(now)
             seen = physics.observe(motion, k, dt)
-            parts.append(self.stage.frames(now, seen, motion.modes[k].T))
+            moved = sway(now) if sway else None
+            parts.append(self.stage.frames(now, seen, motion.modes[k].T, moved))
             speed.append(seen.velocity[main])
             torque.append(seen.drive_torque[0] if len(seen.drive_torque) else np.zeros(len(now)))
         rates = {'speed': np.concatenate(speed), 'torque': np.concatenate(torque)}

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+import numpy as np
+
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.export.stage import packed
@@ -17,6 +19,8 @@ from mechanism_sim.pages.recorded import recorded, together
 from mechanism_sim.report.charts.course import Course
 from mechanism_sim.scene import Machine, load_scene, simulate
 from mechanism_sim.units import for_people, typeset
+
+_NOTHING = 1e-12  # of a machine's size, which is rounding
 
 
 class Player:
@@ -119,6 +123,9 @@ def explore(
             )
         runs.append(recorded(record))
         lines.append(found[quantity])
+        if unit_of(machine, quantity) == 'm':  # of what touches only rounding is left
+            far = lines[-1].values
+            far[np.abs(far) < _NOTHING * machine.mechanism.size] = 0.0
     size = max(abs(line.values).max() for line in lines)
     unit, scale = for_people(unit_of(runs[0].record.machine, quantity), size)
     curves = {

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.scale import round_below
-from mechanism_sim.export.stage import Frames, Stage, packed, stage_of
+from mechanism_sim.export.stage import Frames, Stage, Swaying, packed, stage_of
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.planar.inverse_dynamics import Observation
 
@@ -28,7 +27,6 @@ _LEAST = 300  # of a run, however slow
 _BYTES = 2_000_000  # of all instants; events may take a quarter as much again
 _BLOCK = 4096  # instants observed at a time
 _SEEN = 1500  # instants by which sizes are chosen
-_SWAY = 2.0  # symbols that a frame on springs is seen to sway, about
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,13 +78,8 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     """
     many = np.linspace(record.start, record.end, _SEEN)
     seen, _ = _observe(record, many)
-    stage = stage_of(record.machine, seen)
-    for name, far in zip(
-        stage.skeleton.mounts, _swayed(record, many).transpose(1, 0, 2), strict=True
-    ):
-        largest = float(np.abs(far[:, :2]).max())
-        if largest > 1e-9 * stage.skeleton.size:
-            stage.sways[name] = max(1.0, round_below(_SWAY * stage.skeleton.symbol / largest))
+    sway = Swaying(record.machine).take(record.history)
+    stage = stage_of(record.machine, seen, sway(many))
     most = min(MOST, _BYTES // _size(stage))
     hardest_first = sorted(record.piece.impacts, key=lambda i: -i.normal_impulse)
     kept = sorted(hardest_first[:MOST], key=lambda i: i.t)
@@ -98,7 +91,7 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     parts = []
     for first in range(0, len(t), _BLOCK):
         some = t[first : first + _BLOCK]
-        parts.append(frames_at(record, stage, some))
+        parts.append(stage.frames(some, *_observe(record, some), sway(some)))
         if show:
             show(float(some[-1]), int(np.searchsorted([i.t for i in kept], some[-1])))
     hardest = max((i.normal_impulse for i in kept), default=0.0)
@@ -108,9 +101,8 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
 
 def frames_at(record: Record, stage: Stage, t: Array) -> Frames:
     """A run at times t (N,) [s]."""
-    times = np.array([stage.sways.get(name, 0.0) for name in stage.skeleton.mounts])
-    sway = times[:, None] * _swayed(record, t)
-    return replace(stage.frames(t, *_observe(record, t)), sway=sway)
+    sway = Swaying(record.machine).take(record.history)
+    return stage.frames(t, *_observe(record, t), sway(t))
 
 
 def together(*runs: Recorded) -> tuple[Recorded, ...]:
@@ -153,18 +145,8 @@ def _observe(record: Record, t: Array) -> tuple[Observation, NDArray[np.uint8]]:
     return record.machine.physics.observe(motion, k, dt), motion.modes[k].T
 
 
-def _swayed(record: Record, t: Array) -> Array:
-    """Where frames on springs are (N, F, 3) [m, rad], from where their mounts carry them alone."""
-    machine = record.machine
-    found = np.zeros((len(t), len(machine.scene.oscillators), 3))
-    for k, name in enumerate(machine.scene.oscillators):
-        place = machine.oscillator(name).take(record.history)(t).position
-        found[:, k, : len(place)] = place.T
-    return found
-
-
 def _size(stage: Stage) -> int:
     """Bytes of an instant on the page."""
     numbers = 3 * len(stage.links) + 4 * len(stage.bearings) + 2 * len(stage.joints)
-    numbers += 2 * len(stage.plays) + 3 * len(stage.skeleton.mounts)
+    numbers += 3 * len(stage.plays) + 3 * len(stage.skeleton.mounts)
     return 16 + 4 * numbers + len(stage.bearings) + len(stage.plays)

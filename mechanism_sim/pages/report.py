@@ -107,7 +107,6 @@ def page(
         modules=Markup(import_map(MODULES)),  # noqa: S704 - ours
         data=embedded(data),
         family=family,
-        sways=run.stage.sways,
         library=library,
         back=back,
         charts=embedded(charts),

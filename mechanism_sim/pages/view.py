@@ -77,7 +77,7 @@ class View(DescribedNode):
         self._asked = Mailbox()
         self._busy_since: float | None = None
         self._state: int | None = None
-        self._paused_here = False
+        self._paused_here = self._rests = False
         self._seen: list[tuple[float, float]] = []
         self._operator = Operator(self)
         self.create_subscription(String, 'scene', self._meet, LATCHED)
@@ -164,6 +164,13 @@ class View(DescribedNode):
                 f'{live.time:.6g} s'
             )
             live.missed = 0.0
+        rests = live.swaying is None and bool(live.machine.scene.oscillators)
+        if rests and not self._rests:
+            self._send_message(
+                'frames on springs are shown at rest: how they sway follows from all motion since '
+                'the start of the run, which did not come'
+            )
+        self._rests = rests
         self._state = await self._operator.state()
         for owner in {control.owner for control in self._controls.values() if control.parameter}:
             await self._update(owner)

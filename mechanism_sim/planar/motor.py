@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import heyoka as hy
+import numpy as np
 
 from mechanism_sim.numerics.curves import Curve
 from mechanism_sim.planar.frames import Frames
@@ -19,6 +20,10 @@ class Characteristic(Protocol):
     def name(self) -> str:
         """In words."""
 
+    @property
+    def starting(self) -> float:
+        """Torque at rest [N m]."""
+
     def torque(self, frames: Frames, key: str, speed: hy.expression) -> hy.expression:
         """Torque [N m] at a speed [rad/s]; `key` begins the names of its parameters."""
 
@@ -30,6 +35,11 @@ class PointsOfTorque:
     curve: Curve
 
     name = 'a motor of given torque over speed'
+
+    @property
+    def starting(self) -> float:
+        """Torque at rest [N m]."""
+        return float(self.curve(np.zeros(1))[0])
 
     def torque(self, frames: Frames, key: str, speed: hy.expression) -> hy.expression:
         """The curve through the points."""
@@ -49,6 +59,11 @@ class InductionMotor:
     breakdown_slip: float  #: at which it is reached
 
     name = 'an induction motor'
+
+    @property
+    def starting(self) -> float:
+        """Torque at rest [N m]."""
+        return 2.0 * self.breakdown_torque / (1.0 / self.breakdown_slip + self.breakdown_slip)
 
     @classmethod
     def of_data_sheet(

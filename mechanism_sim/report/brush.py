@@ -32,6 +32,7 @@ class Brush:
         self._axes, self._skeleton, self._metre = axes, skeleton, metre
         self._layers = count()
         self._frames = {link: Affine2D() for link in skeleton.links}
+        self._swaying = {name: Affine2D() for name in skeleton.mounts}
         self._coils: Any = None
         self._bent: list[tuple[str, Path, Any]] = []
 
@@ -40,13 +41,14 @@ class Brush:
         return points / self._metre
 
     def paint(self, pose: Array) -> None:
-        """The whole machine at a pose of `Skeleton.poses` (L, 3 + M)."""
+        """The whole machine at a pose of `Skeleton.poses` (L, 3 + M), its frames at rest."""
         self._coils = LineCollection(
             [], colors=INK, linewidths=0.9, zorder=1.0, joinstyle='round', capstyle='round'
         )
         self._axes.add_collection(self._coils, autolim=False)
         for shape in self._skeleton.shapes:
-            frame = self._frames.get(shape.link, Affine2D())
+            known = self._swaying if shape.kind == 'frame' else self._frames
+            frame = known.get(shape.label if shape.kind == 'frame' else shape.link, Affine2D())
             for path in shape.paths:
                 layer = 1.5 + 0.002 * next(self._layers)
                 patch = self._patch(path, frame, zorder=layer, **_look(path.style, shape.number))
@@ -55,17 +57,20 @@ class Brush:
                     self._bent.append((shape.link, path, patch))
         self.move(pose)
 
-    def move(self, pose: Array) -> None:
-        """What was painted, to another pose (L, 3 + M)."""
+    def move(self, pose: Array, sway: Array | None = None) -> None:
+        """What was painted, to another pose (L, 3 + M), and sway (F, 3) of frames on springs."""
+        skeleton = self._skeleton
+        sway = np.zeros((len(skeleton.mounts), 3)) if sway is None else sway
         for frame, (x, y, angle) in zip(self._frames.values(), pose[:, :3].tolist(), strict=True):
             frame.clear().rotate(angle).translate(x, y)
         for link, path, patch in self._bent:
             patch.set_path(_outline(self._deformed(link, path, pose)))
-        ends = [
-            [self._skeleton.placed(link, np.array([at]), pose[None])[0, 0] for link, at in spring]
-            for spring in self._skeleton.springs
-        ]
-        self._coils.set_segments([coil(start, end, self._skeleton.symbol) for start, end in ends])
+        for (name, (cog, _)), (x, y, angle) in zip(
+            skeleton.mounts.items(), sway.tolist(), strict=True
+        ):
+            self._swaying[name].clear().rotate_around(*cog, angle).translate(x, y)
+        ends = skeleton.coiled(pose[None], sway[None])[:, 0]
+        self._coils.set_segments([coil(start, end, skeleton.symbol) for start, end in ends])
 
     def ghost(self, pose: Array, shade: str = GHOST) -> None:
         """Links and sliders at another pose (L, 3 + M), as lines."""

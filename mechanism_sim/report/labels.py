@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.textpath import TextPath
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.shapes import Shape
+from mechanism_sim.export.shapes import Shape, coil
 from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.report.brush import Brush
@@ -71,9 +71,15 @@ class Labels:
         for shape, outline in self._placed:
             if shape.kind in ('pin', 'support', 'cog', 'point', 'drive'):
                 self.avoid(placed(shape, pose, shape.hull), _PIN)
+            elif shape.kind == 'rail':
+                for curve in (c for path in shape.paths for c in path.curves):
+                    self.avoid(placed(shape, pose, curve), _BAR)
             elif shape.paths:
                 closed = [*range(len(outline)), 0] if len(outline) > 2 else slice(None)
                 self.avoid(outline[closed], _BAR)
+        still = np.zeros((1, len(skeleton.mounts), 3))
+        for start, end in skeleton.coiled(pose[None], still)[:, 0]:
+            self.avoid(coil(start, end, skeleton.symbol), _BAR)
         moves = []
         for named in ('link', 'joint'):
             for shape, outline in self._placed:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
+from matplotlib.transforms import Affine2D
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
@@ -22,6 +23,7 @@ EDGE = 1.32
 
 _PLAY = 0.55  # clearance, in radii of the bushing
 _POINTS = 12  # of the pin's path in a frame
+_HALF = 0.6  # half the length of what is between walls, likewise
 _FLASH = 0.1  # [s] of film that an impact is shown
 
 
@@ -142,6 +144,8 @@ class Slit:
         self.metre = 2.0 * _PLAY / about['width']
         left, right = frames.walls[:, k].T
         self._at = self.metre * (0.5 * (left - right) if two else -right) + (not two) * _PLAY
+        # across the walls all is as many times larger, so that corners touch them where they do
+        self._lean = 0.5 * self.metre * frames.tilts[:, k] / _HALF
         names = ('between the walls', 'on the left', 'on the right', 'on both sides')
         self._words = [
             names[x] if two else ('in contact' if x else 'lifted off')
@@ -154,12 +158,12 @@ class Slit:
             axes.add_patch(Rectangle((x, -1.0), 0.25, 2.0, fc=tint(face), ec=face))
         half = 1.0 - _PLAY
         shape = FancyBboxPatch(
-            (-half, -0.6), 2.0 * half, 1.2, boxstyle='round,pad=0,rounding_size=0.1',
+            (-half, -_HALF), 2.0 * half, 2.0 * _HALF,
+            boxstyle='square,pad=0' if about['tilts'] else 'round,pad=0,rounding_size=0.1',
             fc=tint(body), ec=body,
         )  # fmt: skip
         self._body = axes.add_patch(shape)
         self._body.set_gid(f'lens-{joint}')
-        self._half = half
         self._mode = axes.text(0.0, -EDGE, '', ha='center', va='top', fontsize=9.0)
 
     def title(self, text: str) -> None:
@@ -168,5 +172,6 @@ class Slit:
 
     def show(self, i: int) -> None:
         """The instant of frame i."""
-        self._body.set_x(float(self._at[i]) - self._half)
+        way = Affine2D.from_values(1.0, 0.0, -self._lean[i], 1.0, self._at[i], 0.0)
+        self._body.set_transform(way + self._axes.transData)
         self._mode.set_text(self._words[i])

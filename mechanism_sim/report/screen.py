@@ -17,7 +17,7 @@ from mechanism_sim.cycles.points import choose
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.export.palette import ACCENT, INK
 from mechanism_sim.export.skeleton import bounds
-from mechanism_sim.export.stage import Frames, Stage, stage_of
+from mechanism_sim.export.stage import Frames, Stage, Swaying, stage_of
 from mechanism_sim.report.brush import Brush
 from mechanism_sim.report.drawing import PATHS, rule, trace
 from mechanism_sim.report.labels import Labels, Move
@@ -81,8 +81,10 @@ class Screen:
             raise InputError(f'{machine.name}: the forces are not known, its level has none')
         points = choose(machine, shown.paths)
         self._span = t[0], min(2.0 * t[-1] - t[-2], record.end) if len(t) > 1 else t[0]
-        samples = record.piece.samples(np.linspace(*self._span, _SWEEP))
-        self._stage = stage_of(machine, samples.observed)
+        many = np.linspace(*self._span, _SWEEP)
+        samples, sway = record.piece.samples(many), Swaying(machine).take(record.history)
+        self._stage = stage_of(machine, samples.observed, sway(many))
+        self._sway = self._stage.drawn(sway(t))
         skeleton = self._skeleton = self._stage.skeleton
         low, high = bounds(skeleton, skeleton.poses(samples.observed.position))
         lens = _lens_joint(record, self._stage, shown.lens)
@@ -101,7 +103,7 @@ class Screen:
             names.avoid(line)
         (first,) = skeleton.poses(self._coordinates(t[:1]))
         brush.paint(first)
-        self._moves: list[Move] = [brush.move]
+        self._moves: list[Move] = []
         if shown.labels != 'none':
             self._moves.append(names.write(skeleton, first, shown.labels == 'all'))
         lines = textwrap.wrap(machine.scene.title, max(20, int(self.size[0] / _LETTER)))
@@ -133,6 +135,7 @@ class Screen:
         for first in range(0, len(self._t), _BLOCK):
             poses = self._skeleton.poses(self._coordinates(self._t[first : first + _BLOCK]))
             for i in range(first, min(first + _BLOCK, len(self._t))):
+                self._brush.move(poses[i - first], self._sway[i])
                 for move in self._moves:
                     move(poses[i - first])
                 for show in self._shows:

@@ -1,8 +1,8 @@
-import { add, line } from 'svg';
+import { add, line, step } from 'svg';
 import { search, unpack } from 'player';
 
-const [WIDTH, HEIGHT] = [640, 220];
-const ROOM = { left: 56, right: 12, top: 26, bottom: 34 };
+const [WIDEST, HEIGHT] = [640, 220];
+const ROOM = { left: 56, right: 12, top: 30, bottom: 34 };
 
 /** A quantity of each run of a family over time: the chosen one in colour, all others pale. */
 export class Curves {
@@ -16,16 +16,18 @@ export class Curves {
     const [times, values] = [0, 1].map((k) => this.runs.flatMap((run) => Array.from(run[k])));
     const least = (all) => all.reduce((a, b) => Math.min(a, b), Infinity);
     const most = (all) => all.reduce((a, b) => Math.max(a, b), -Infinity);
-    this.x = scale(least(times), most(times), ROOM.left, WIDTH - ROOM.right);
+    const width = Math.min(WIDEST, svg.clientWidth || WIDEST); // so that letters are as large
+    this.right = width - ROOM.right;
+    this.x = scale(least(times), most(times), ROOM.left, this.right);
     this.y = scale(least(values), most(values), HEIGHT - ROOM.bottom, ROOM.top);
     svg.replaceChildren();
-    svg.setAttribute('viewBox', `0 0 ${WIDTH} ${HEIGHT}`);
+    svg.setAttribute('viewBox', `0 0 ${width} ${HEIGHT}`);
     svg.setAttribute('role', 'img');
     svg.setAttribute('aria-label', `${label} over time, for each value of the slider`);
     add(svg, 'text', { x: 2, y: 14 }).textContent = `${label} [${unit}]`;
-    add(svg, 'text', { x: WIDTH - ROOM.right, y: HEIGHT - 4, class: 'end' }).textContent = 'time [s]';
+    add(svg, 'text', { x: this.right, y: HEIGHT - 4, class: 'end' }).textContent = 'time [s]';
     for (const [at, far] of ticks(this.y)) {
-      add(svg, 'path', { class: 'grid', d: line([[ROOM.left, far], [WIDTH - ROOM.right, far]]) });
+      add(svg, 'path', { class: 'grid', d: line([[ROOM.left, far], [this.right, far]]) });
       add(svg, 'text', { x: ROOM.left - 6, y: far + 4, class: 'end' }).textContent = at;
     }
     for (const [at, far] of ticks(this.x).slice(0, -1)) {
@@ -67,9 +69,7 @@ function scale(low, high, from, to) {
 
 /** Round numbers along an axis, and where they are. */
 function ticks({ low, high, to }) {
-  const rough = (high - low) / 4;
-  const ten = 10 ** Math.floor(Math.log10(rough));
-  const each = ten * [1, 2, 5, 10].find((times) => times * ten >= rough);
+  const each = step((high - low) / 4);
   const found = [];
   for (let k = Math.ceil(low / each); k * each <= high; k += 1) {
     found.push([String(Number((k * each).toPrecision(6))), to(k * each)]);

@@ -6,6 +6,7 @@ const BORE = 104;
 const PIN = 42;
 const PLAY = BORE - PIN;
 const PIECES = 8;
+const HALF = 64; // of what is between walls, along them
 const SHOWN = 400;
 const PIXELS = 96 / 0.0254; // in a metre
 
@@ -187,8 +188,8 @@ class Slit {
       add(svg, 'rect', { class: 'part', x: side > 0 ? BORE : -BORE - 26, y: -100, width: 26,
         height: 200, style: `--link: var(--link-${this.play.face})` });
     }
-    this.body = add(svg, 'rect', { class: 'part journal', x: -PIN, y: -64, width: 2 * PIN,
-      height: 128, rx: 10, style: `--link: var(--link-${this.play.body})` });
+    this.body = add(svg, 'rect', { class: 'part journal', x: -PIN, y: -HALF, width: 2 * PIN,
+      height: 2 * HALF, rx: this.play.tilts ? 0 : 10, style: `--link: var(--link-${this.play.body})` });
     this.words = add(svg, 'text', { class: 'mode', x: 0, y: 144 });
     this.values = add(svg, 'text', { class: 'values', x: 0, y: 162 });
     this.note = add(svg, 'text', { class: 'note', x: 0, y: 182 });
@@ -206,7 +207,11 @@ class Slit {
     const none = 1e-6 * this.play.width; // is rounding
     const [left, right] = frame.walls[this.index].map((x) => (Math.abs(x) < none ? 0 : x));
     const x = this.two ? 0.5 * this.scale * (left - right) : PLAY - this.scale * right;
-    this.body.setAttribute('transform', `translate(${x.toFixed(3)} 0)`);
+    // across the walls all is as many times larger, so that corners touch them where they do
+    const tilt = Math.abs(frame.tilts[this.index]) < none ? 0 : frame.tilts[this.index];
+    const lean = (0.5 * this.scale * tilt) / HALF;
+    this.body.setAttribute('transform', `matrix(1 0 ${lean.toFixed(5)} 1 ${x.toFixed(3)} 0)`);
+    this.body.dataset.tilt = tilt;
     this.body.dataset.x = this.two ? 0.5 * (left - right) : right;
     const touching = frame.touching[this.index];
     this.words.textContent = touching
@@ -214,5 +219,6 @@ class Slit {
       : this.two ? 'between the walls' : 'lifted off';
     this.values.textContent = this.two
       ? `left ${quantity(left, 'm')}, right ${quantity(right, 'm')}` : `gap ${quantity(right, 'm')}`;
+    if (this.play.tilts) this.values.textContent += `, tilt ${quantity(tilt, 'm')}`;
   }
 }

@@ -54,7 +54,6 @@ export class Stage {
     this.box = box;
     this.svg.setAttribute('viewBox', box.map((x) => x.toFixed(4)).join(' '));
     this.svg.classList.toggle('zoomed', box[2] < this.all[2]);
-    this.#rule();
     this.#measure();
   }
 
@@ -168,7 +167,9 @@ export class Stage {
   #measure() {
     this.pixel = 1 / (this.svg.getScreenCTM()?.a || 1);
     this.svg.style.setProperty('--pixel', this.pixel.toFixed(4));
-    this.svg.style.setProperty('--whole', (this.pixel * (this.all[2] / this.box[2])).toFixed(4));
+    this.whole = this.pixel * (this.all[2] / this.box[2]);
+    this.svg.style.setProperty('--whole', this.whole.toFixed(4));
+    this.#rule();
     if (this.frame) this.show(this.frame);
   }
 
@@ -218,7 +219,6 @@ export class Stage {
     for (const shape of shapes.filter(({ kind, label }) => kind === 'link' && label)) {
       this.#name(names, shape);
     }
-    this.#rule();
   }
 
   #shape(machine, { kind, link, label, colour, paths }) {
@@ -246,10 +246,11 @@ export class Stage {
     const shown = times > 1 ? below(length / times) : length;
     const far = (shown * times) / this.unit;
     const at = { transform: `translate(${left} ${top + height - (times > 1 ? 3 / times : 0)}) scale(${1 / times})` };
-    const hidden = this.rules?.at(-1).style.display;
+    const [hidden = '', hiddenForces = ''] = this.rules?.map(({ style }) => style.display) ?? [];
     this.rules?.forEach((rule) => rule.remove());
     const rule = add(this.svg, 'g', { class: 'rule', ...at });
     this.rules = [rule];
+    rule.style.display = hidden;
     add(rule, 'path', { class: 'line', d: line([[0, -4], [0, 0], [far, 0], [far, -4]]) });
     add(rule, 'text', { x: far + 6, y: 0 }).textContent = times > 1 ? quantity(shown, 'm') : text;
     if (!this.stage.force) return;
@@ -257,9 +258,10 @@ export class Stage {
     const long = (force * times * this.stage.force_scale) / this.unit;
     const forces = add(this.svg, 'g', { class: 'rule of-forces', ...at });
     this.rules.push(forces);
-    forces.style.display = hidden ?? '';
-    add(forces, 'path', { class: 'force', d: arrow([0, -2.4 * SYMBOL - 3], [long, -2.4 * SYMBOL - 3], 2.2) });
-    add(forces, 'text', { x: long + 6, y: -2.4 * SYMBOL }).textContent = quantity(force, 'N');
+    forces.style.display = hiddenForces;
+    const up = -Math.max(2.4 * SYMBOL, 15 * this.whole);
+    add(forces, 'path', { class: 'force', d: arrow([0, up - 3], [long, up - 3], 2.2) });
+    add(forces, 'text', { x: long + 6, y: up }).textContent = quantity(force, 'N');
   }
 
   #name(names, { link, label, outline }) {
