@@ -11,6 +11,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.export.skeleton import skeleton_of
 from mechanism_sim.hybrid.events import StopReason
 from mechanism_sim.scene.build import build
+from mechanism_sim.scene.check import check
 from mechanism_sim.scene.files import check_scene
 
 J1, J2, R1, R2, K = 0.003, 0.08, 0.04, 0.1, 5e4
@@ -133,6 +134,72 @@ def test_a_stiff_belt_tends_to_the_ideal_one():
     assert off[1] < 0.02 * off[0] < 1e-3
 
 
+@pytest.mark.parametrize(('crossed', 'groove'), [(False, None), (True, 0.7)])
+def test_a_belt_holds_up_to_eulers_ratio_of_tensions_and_slips_at_it(crossed, groove):
+    mu, mean, s = 0.25, 150.0, -1.0 if crossed else 1.0
+    ends = strands(crossed)
+    free = 2.0 * np.arccos((R1 - s * R2) / np.hypot(*CENTRES))  # of the first pulley's rim
+    wrap = 2.0 * np.pi - free if crossed else min(free, 2.0 * np.pi - free)
+    ratio = np.exp((mu / np.sin(0.5 * groove) if groove else mu) * wrap)
+    most = 2.0 * mean * (ratio - 1.0) / (ratio + 1.0)
+    torque = most * (R1 + J1 * R2**2 / (J2 * R1))  # that the second needs so much to keep up
+    friction = {'coefficient': mu, **({'groove': groove} if groove else {})}
+    t = np.array([0.0, 0.06, 0.1])
+    for share in (0.999, 1.001):
+        machine = drive(
+            {'crossed': crossed, 'pretension': mean, 'friction': friction}, duration=0.1,
+            drive={'coordinate': 'a', 'torque': {'constant': share * torque}},
+        )  # fmt: skip
+        solution = ms.simulate(machine)
+        x = solution.sample(t)
+        slip = R1 * x['velocity.a'] - s * R2 * x['velocity.b']
+        pull = min(share, 1.0) * most
+        assert s * R2 * x['acceleration.b'] == pytest.approx(pull * R2**2 / J2, rel=1e-12)
+        gained = R1 * (share * torque - R1 * pull) / J1 - pull * R2**2 / J2
+        assert slip == pytest.approx(gained * t, abs=1e-12)
+        assert solution.energy.dissipated == pytest.approx(
+            pull * 0.5 * gained * t[-1] ** 2, abs=1e-12
+        )
+        ways = [(q - p) / np.hypot(*(q - p)) for p, q in ends]
+        force = [x['reaction.belt.x'][1], x['reaction.belt.y'][1]]
+        tensions = np.linalg.solve(-np.transpose(ways), force)
+        assert tensions.sum() == pytest.approx(2.0 * mean)
+        if share > 1.0:
+            assert tensions.max() / tensions.min() == pytest.approx(ratio, rel=1e-12)
+
+
+def test_a_belt_that_slipped_holds_again():
+    """A pulley that spins is caught: what it has too much goes into slip, at a constant pull."""
+    friction, w = {'coefficient': 0.3}, 50.0
+    machine = drive(
+        {'pretension': 100, 'friction': friction}, duration=0.1,
+        initial={'velocity': {'a': w, 'b': 0}},
+    )  # fmt: skip
+    solution = ms.simulate(machine)
+    most = machine.mechanism.joint('belt').most
+    stops = R1 * w / (most * (R1**2 / J1 + R2**2 / J2))
+    x = solution.sample(np.array([0.5 * stops, 1.001 * stops, 0.1]))
+    slip = R1 * x['velocity.a'] - R2 * x['velocity.b']
+    assert slip == pytest.approx([0.5 * R1 * w, 0.0, 0.0], abs=1e-9)
+    assert x['velocity.b'][2] == pytest.approx(most * R2 / J2 * stops, rel=1e-12)
+    assert solution.energy.dissipated == pytest.approx(0.5 * most * R1 * w * stops, rel=1e-12)
+    assert 'slips beyond a ratio of tensions' in ' '.join(check(machine).notes)
+
+
+@pytest.mark.parametrize('crossed', [False, True])
+@pytest.mark.parametrize(('driven', 'braked'), ['ab', 'ba'])
+def test_a_chain_is_as_efficient_as_it_is_said_to_be(crossed, driven, braked):
+    machine = drive(
+        {'crossed': crossed, 'friction': {'efficiency': 0.93}},
+        drive={'coordinate': driven, 'speed': 20},
+        loads={'brake': {'at': braked, 'torque': f'-0.2*{braked}_rate'}},
+    )
+    cycle = ms.cycle(machine)
+    assert cycle.efficiency == pytest.approx(0.93, rel=1e-12)
+    loss = cycle['drive_power'] - 0.2 * cycle[f'velocity.{braked}'] ** 2
+    assert cycle['friction_loss.belt'] == pytest.approx(loss, rel=1e-12)
+
+
 def test_an_arm_that_carries_pulleys_takes_no_moment():
     """As the strands balance on their pulleys, what turns the arm is the drive alone."""
     data = {
@@ -179,6 +246,11 @@ def test_drawn_strands_touch_their_pulleys(crossed):
         ({'radii': [0.3, 0.2], 'crossed': True}, 'no crossed belt goes round'),
         ({'radii': [0.0412345671, 0.1]}, 'no ratio of whole numbers up to 10000'),
         ({'pretension': 5}, "pretension needs 'stiffness'"),
+        ({'friction': {'coefficient': 0.3}}, 'pretension is missing'),
+        ({'friction': {'coefficient': 0.3}, 'stiffness': 1e4, 'pretension': 9}, 'do not slip'),
+        ({'friction': {'coefficient': 0.3, 'efficiency': 0.9}}, "of a chain its 'efficiency'"),
+        ({'friction': {'groove': 0.6}}, "needs a 'coefficient'"),
+        ({'friction': {'coefficient': 0.3, 'radius': 0.1}, 'pretension': 9}, 'radius has no mea'),
         ({'carrier': 'a'}, 'a carries the belt'),
         ({'clearance': {'radial': 1e-3, 'restitution': 0}}, 'belts and chains have strands'),
         ({'ratio': '1/2'}, 'ratio has no meaning in a belt joint'),

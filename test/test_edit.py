@@ -20,17 +20,19 @@ from mechanism_sim import documents, strict_json
 from mechanism_sim.catalogue import config_folder, scene_names
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
+from mechanism_sim.pages.edit import palette
 from mechanism_sim.pages.edit.background import Background
 from mechanism_sim.pages.edit.document import Document
 from mechanism_sim.pages.edit.motion import INSTANTS, Turn
 from mechanism_sim.pages.edit.session import Session
 from mechanism_sim.scene import Machine, load_scene
+from mechanism_sim.scene.kinds import KINDS
+from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.rounding import rounded
 from mechanism_sim.scene.scene_text import renamed, with_value, without
+from mechanism_sim.scene.sensors import SENSORS
 
-TOOLS = (
-    'link', 'cylinder', 'spring', 'ground', 'point', 'slider', 'drive', 'clearance', 'masses',
-)  # fmt: skip
+TOOLS = [tool.name for tools in palette.GROUPS.values() for tool in tools]
 FILES = sorted(config_folder().glob('**/*.yaml'))
 
 
@@ -298,6 +300,215 @@ def test_a_four_bar_from_nothing_is_what_one_would_write():
     assert radii == pytest.approx(np.full(INSTANTS, 0.05), abs=1e-6)
     page.ask('trace', point='link_2.p1')
     assert set(page.state['curves']) == {'link_1.end'}
+
+
+def crank() -> Page:
+    """A crank of 50 mm that turns about the origin."""
+    page = Page()
+    page.draw('ground', (0.0, 0.0, ''))
+    page.draw('link', (0.0, 0.0, 'ground.p1'), (0.03, 0.04, ''))
+    page.draw('drive', (0.01, 0.01, 'link_1/'))
+    return page
+
+
+def drawn(page: Page, *gestures: tuple[Any, ...]) -> dict[str, np.ndarray]:
+    """Parts drawn one after the other; the coordinates over a turn of the machine, from zero."""
+    for what, *ends in gestures:
+        page.draw(what, *ends)
+    assert page.said == []
+    assert page.state['problem'] == ''
+    turn = page.session._picture.turn
+    assert turn is not None
+    return {c: q - q[0] for c, q in zip(turn.mechanism.coordinates, turn.q, strict=True)}
+
+
+def test_tools_come_from_the_kinds_and_no_two_have_a_name_or_a_key_in_common():
+    tools = [tool for tools in palette.GROUPS.values() for tool in tools]
+    for kinds in (KINDS, LOADS, SENSORS):
+        for kind in kinds.values():
+            assert set(kind.tools) <= set(tools)
+            assert kind.tools
+    for key in ('name', 'key'):
+        assert len({getattr(tool, key) for tool in tools}) == len(tools)
+    assert not {tool.key for tool in tools} & {'V', 'T', 'X', 'F'}  # of the hand, and to fit
+
+
+def test_gears_belts_and_racks_roll_as_their_radii_say():
+    q = drawn(
+        Page(), ('gears', (0.0, 0.0, ''), (0.06, 0.0, '')),
+        ('gears', (0.06, 0.0, 'ground_wheel_2'), (0.15, 0.0, '')),
+        ('belt', (0.0, 0.0, 'ground_wheel_1'), (0.0, 0.2, '')),
+        ('rack', (0.0, 0.0, 'ground_wheel_1'), (0.0, -0.04, '')),
+    )  # fmt: skip
+    first = q['wheel_1']
+    assert first[-1] == pytest.approx(2.0 * math.pi)
+    # 20, 40 and 50 teeth of 2 mm: 2*90/2 - 40; pulleys of 30 and 50 mm; a pinion of 40 mm
+    assert q['wheel_2'] == pytest.approx(-first / 2.0)
+    assert q['wheel_3'] == pytest.approx(20.0 / 50.0 * first)
+    assert q['pulley_1'] == pytest.approx(first * 30.0 / 50.0)
+    assert np.abs(q['rack_1']) == pytest.approx(0.04 * first, abs=1e-9)
+    sun = drawn(
+        crank(), ('gears', (0.0, 0.0, 'ground_link_1'), (0.03, 0.04, 'link_1.end')),
+    )  # fmt: skip
+    # Willis: about a sun of 20 teeth that is held, a planet of 40 turns 1 + 20/40 times
+    assert sun['wheel_1'] == pytest.approx(1.5 * sun['link_1'])
+
+
+def test_cams_rise_and_geneva_wheels_and_yokes_move_as_drawn():
+    slides = drawn(Page(), ('cam', (0.0, 0.0, ''), (0.0, 0.06, '')))['follower_1']
+    assert slides.max() == pytest.approx(0.015, abs=1e-9)  # a quarter of 60 mm
+    assert slides.min() == pytest.approx(0.0, abs=1e-9)
+    page = Page()
+    page.draw('ground', (0.1, 0.02, ''))
+    page.draw('link', (0.1, 0.02, 'ground.p1'), (0.02, 0.06, ''))
+    swings = drawn(page, ('cam', (0.0, 0.0, ''), (0.02, 0.06, 'link_1.end')))['link_1']
+    assert np.ptp(swings) == pytest.approx(math.radians(10.0), abs=1e-6)  # 63 mm/4 over 89 mm
+    q = drawn(
+        crank(), ('geneva', (0.03, 0.04, 'link_1.end'), (-0.07, 0.0, '')),
+        ('stepper', (0.03, 0.04, 'link_1.end'), (0.0, -0.08, '')),
+        ('slot', (0.03, 0.04, 'link_1.end'), (0.13, 0.04, '')),
+    )  # fmt: skip
+    assert abs(q['wheel_1'][-1]) == pytest.approx(0.5 * math.pi, abs=1e-6)  # four slots
+    assert abs(q['rack_1'][-1]) == pytest.approx(0.1, abs=1e-6)  # twice the crank
+    turned = math.atan2(4.0, 3.0) + q['link_1']
+    assert q['yoke_1'] == pytest.approx(0.05 * (np.cos(turned) - np.cos(turned[0])), abs=1e-4)
+
+
+def test_a_block_slides_on_a_link_and_a_pin_becomes_its_pin():
+    page = crank()
+    page.draw('ground', (0.0, -0.08, ''))
+    page.draw('link', (0.0, -0.08, 'ground.p2'), (0.06, 0.16, ''))
+    page.draw('link', (0.03, 0.04, 'link_1.end'), (0.04, 0.08, 'link_2/'))
+    before = page.text
+    page.draw('slider', (0.04, 0.08, 'link_2_link_3'), (0.05, 0.12, 'link_2/'))
+    given = documents.parse(page.text)
+    assert 'link_2_link_3' not in given['joints']
+    assert given['joints']['link_2_slider_1']['prismatic'][1] == 'slider_1'
+    assert given['joints']['link_3_slider_1'] == {'revolute': ['link_3.end', 'slider_1']}
+    assert page.state['problem'] == ''
+    page.ask('undo')
+    assert page.text == before
+    page = Page()
+    page.draw('ground', (0.0, 0.0, ''))
+    page.draw('link', (0.0, 0.0, 'ground.p1'), (0.1, 0.0, ''))
+    page.draw('guide', (0.05, 0.0, 'link_1/'), (0.05, 0.04, ''))
+    given = documents.parse(page.text)
+    assert given['joints']['link_1_slider_1'] == {
+        'prismatic': ['link_1.p1', 'slider_1'], 'axis': '90 deg',
+    }  # fmt: skip
+    assert given['guess']['slider_1'] == '40 mm'
+    # two free motions: whatever point is pulled goes where it can
+    page.ask('pull', handle='slider_1.start', x=0.0, y=0.09, step=1e-3)
+    (x, y, angle), (u, v, _) = page.heard[-1]['poses']
+    assert (u, v) == pytest.approx((0.0, 0.09), abs=1e-5)
+    assert (x, y) == (0.0, 0.0)
+    along = math.cos(angle) * u + math.sin(angle) * v
+    assert along == pytest.approx(0.05, abs=1e-9)  # it stays on its rail
+
+
+def test_forces_and_sensors_are_put_on_links_and_leave_with_them():
+    page = four_bar()
+    page.draw('force', (0.075, 0.11, 'link_2.p1'), (0.075, 0.061, ''))
+    page.draw('torque', (0.2, 0.0, 'ground_link_3'), (0.2, -0.123, ''))
+    page.draw('accelerometer', (0.075, 0.11, 'link_2.p1'))
+    page.draw('load_cell', (0.15, 0.17, 'link_2_link_3'))
+    page.draw('probe', (0.15, 0.17, 'link_2_link_3'))
+    page.draw('encoder', (0.2, 0.0, 'ground_link_3'))
+    given = documents.parse(page.text)
+    assert given['loads'] == {
+        'force_1': {'at': 'link_2.p1', 'force': ['0 N', '-49 N']},
+        'torque_1': {'at': 'link_3', 'torque': '-1.2 N m'},
+    }
+    assert given['sensors'] == {
+        'accelerometer_1': {'link': 'link_2', 'at': 'link_2.p1'},
+        'load_cell_1': {'kind': 'load_cell', 'joint': 'link_2_link_3'},
+        'probe_1': {'kind': 'displacement_probe', 'joint': 'link_2_link_3'},
+        'encoder_1': {'kind': 'encoder', 'link': 'link_3'},
+    }
+    assert given['joints']['link_2_link_3']['clearance']['radial'] == '0.1 mm'
+    assert page.said == []
+    assert page.state['problem'] == ''
+    signs = {'.'.join(mark['path']): mark for mark in page.state['marks']}
+    assert signs['loads.force_1']['arrow'] == [0.0, pytest.approx(-0.049)]
+    assert signs['sensors.accelerometer_1']['at'] == pytest.approx([0.096, 0.0])
+    assert len(signs) == 6
+    drawn = page.text
+    page.ask('rename', path=['joints', 'link_2_link_3'], name='pin')
+    assert documents.parse(page.text)['sensors']['load_cell_1']['joint'] == 'pin'
+    page.ask('undo')
+    page.ask('remove', path=['links', 'link_3'])
+    given = documents.parse(page.text)
+    assert set(given['loads']) == {'force_1'}
+    assert set(given['sensors']) == {'accelerometer_1'}
+    page.ask('undo')
+    assert page.text == drawn
+    page = Page('gear_pair')
+    page.ask('remove', path=['joints', 'mesh'])
+    assert 'gears' not in documents.parse(page.text)
+    page.ask('undo')
+    page.ask('rename', path=['links', 'wheel'], name='disc')  # whose gear is a wheel, too
+    assert page.state['problem'] == ''
+    assert documents.parse(page.text)['joints']['mesh'] == {'mesh': ['pinion', 'wheel']}
+
+
+@pytest.mark.parametrize(('name', 'key', 'far'), [
+    ('gear_pair', 'wheel_shaft', (0.013, 0.02)), ('planetary', 'planet_pin', (0.01, 0.0)),
+    ('geneva', 'ground_wheel', (0.02, 0.01)), ('linear_intermittent', 'crank.end', (0.01, 0.0)),
+    ('rack_and_pinion', 'pinion_shaft', (0.0, 0.01)),
+])  # fmt: skip
+def test_what_must_fit_is_fitted_while_it_is_dragged(name, key, far):
+    page = Page(name)
+    x, y = page.at(key)
+    to = x + far[0], y + far[1]
+    page.ask('drag', handle=key, x=to[0], y=to[1], step=1e-3)
+    assert page.heard[-1]['problem'] == ''
+    page.drop(key, *to)
+    assert page.state['problem'] == ''
+    assert page.said == []
+    Machine(name, page.session.document.scene()).assembly  # noqa: B018 - raises if it does not fit
+
+
+def test_forces_that_follow_a_drag_are_those_of_newtons_law():
+    page = Page('four_bar_nominal')
+    page.session.pause()
+    told = page.heard[-1]
+    assert told['type'] == 'forces'
+    x, y = page.at('coupler_rocker')
+    page.ask('drag', handle='coupler_rocker', x=x + 0.01, y=y - 0.02, step=1e-3)
+    frame, turn = page.heard[-1], page.session._picture.turn
+    assert turn is not None
+    forces, tree = turn.forces(), turn.mechanism
+    assert forces is not None
+    names = [joint['name'] for joint in forces.joints]
+    assert frame['forces']['forces'][0] == [
+        pytest.approx(f, rel=1e-3) for f in forces.forces[0].tolist()
+    ]
+    # of a link over a turn at constant speed: m a = F, by Fourier's series of its mass centre
+    speed = turn.machine.plan.laws['crank'][0].coefficients[1]
+    count = INSTANTS - 1
+    order = np.fft.fftfreq(count, 1.0 / count)
+    for link, ends in (('coupler', ('crank_coupler', 'coupler_rocker')),
+                       ('rocker', ('coupler_rocker', 'rocker_ground'))):  # fmt: skip
+        body = tree.body(link)
+        at = tree.locate_all(link, turn.q, body.cog)[:, :-1]
+        second = np.fft.ifft(-((speed * order) ** 2) * np.fft.fft(at)).real
+        found = -body.mass * np.array(turn.machine.scene.gravity)[:, None] * np.ones(count)
+        for name in ends:
+            sign = 1.0 if tree.joint(name).second == link else -1.0
+            found = found - sign * forces.forces[:-1, names.index(name)].T
+        assert np.abs(found + body.mass * second).max() < 1e-6 * np.abs(forces.forces).max()
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize('what', ['gears', 'rack', 'cam', 'belt', 'bevel', 'worm', 'ratio'])
+@pytest.mark.parametrize('to', [(0.13, 0.07), (-0.031, 0.02), (0.0, -2.6), (0.003, 0.001)])
+def test_a_pair_drawn_anywhere_runs_at_once(what, to):
+    page = Page()
+    step = 10.0 ** math.floor(math.log10(math.hypot(*to) / 60.0))
+    page.draw(what, (0.0, 0.0, ''), (*to, ''), step=step)
+    assert page.said == []
+    machine = ms.scene.build.build('x', page.session.document.scene())
+    assert ms.simulate(machine).duration == pytest.approx(1.0)
 
 
 def test_clearance_comes_with_masses_and_goes_again():

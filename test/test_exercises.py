@@ -53,6 +53,8 @@ def test_the_circular_cam():
     assert pull.greatest.value == pytest.approx(D * W**2 * (1 - D / R), rel=1e-9)
     sine = np.sin(found['pressure_angle.contact'])
     assert abs(sine) == pytest.approx(abs(D / R * np.cos(gamma)), abs=1e-12)
+    across = found['sliding_speed.contact'] * np.cos(found['pressure_angle.contact'])
+    assert across == pytest.approx(W * found['position.follower'], rel=1e-10)
     flat = turn('rise_dwell_return', {**CIRCULAR, 'joints.contact.follower': 'flat'})
     assert flat['position.follower'] == pytest.approx(R + D * np.sin(gamma), rel=1e-12)
 

@@ -228,15 +228,21 @@ def test_a_given_moment_and_the_resistance_do_what_energy_takes(name):
 
 
 def test_forces_of_links_without_mass():
-    """Problems 3.2 to 3.5, 3.7, and [V] 3.25, 3.30 with the page's number."""
+    """Problems 3.1 to 3.5, 3.7, and [V] 3.25, 3.30 with the page's number."""
     light = made(FORCES, 'light')
 
     def loaded(loads, **drive):
         content = light.scene.model_dump(exclude_none=True, by_alias=True)
         content['loads'] = loads
+        content['links']['rod']['points'] = {'P': [0.05, 0.0]}
         content['drive'] |= drive
         return build('light', Scene.model_validate(content))
 
+    push = {'at': 'rod.P', 'force': [0.0, 20.0], 'frame': 'link'}
+    found = cycle(loaded({'across': push}), local=True)
+    for joint, arm in (('crank_rod', 0.15), ('rod_piston', 0.05)):
+        across = found[f'reaction.{joint}.rod.across']
+        assert across == pytest.approx(np.full(361, -20.0 * arm / 0.2))
     found = cycle(loaded({'m': {'at': 'rod', 'torque': 3.0}}), local=True)
     assert found['reaction.crank_rod.rod.across'] == pytest.approx(np.full(361, 3.0 / 0.2))
     assert found['reaction.rod_piston.rod.across'] == pytest.approx(np.full(361, -3.0 / 0.2))

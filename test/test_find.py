@@ -8,6 +8,7 @@ from running import run
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.report.find import text
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.find import find, read_goal
@@ -52,6 +53,10 @@ def test_the_least_is_where_it_is_balanced():
     assert finding.found[0].value == pytest.approx(2.0 * ARM / 0.1, rel=1e-6)
     at = finding.curve[0]
     assert at == pytest.approx((1.0, 9.81 * (2.0 * ARM - 0.1) / math.sqrt(2.0)), rel=1e-12)
+    assert 'end of the range' not in text(finding)
+    beside = find(model, ('masses.weight.mass', '1 kg', '2 kg'), goal, 3)
+    assert text(beside).startswith('masses.weight.mass = 2: ')
+    assert 'end of the range' in text(beside)
 
 
 def test_a_figure_that_steps_across_the_goal_is_marked():

@@ -326,7 +326,12 @@ def test_transverse_plane_of_a_helical_gear():
 @pytest.mark.parametrize(
     ('make', 'sentence'),
     [
-        (lambda: Pair(Gear(6, M), Gear(60, M)), r'undercut up to a profile shift of 0\.6491'),
+        (
+            lambda: Pair(Gear(6, M), Gear(60, M)),
+            r'undercut up to a profile shift of 0\.6491.*; take more teeth',
+        ),
+        (lambda: Pair(Gear(8, M), Gear(14, M)), r'; shifts of .* and .* end it at a centre'),
+        (lambda: Pair(Gear(8, M, shift=-0.1), Gear(8, M, shift=-0.3)), 'take larger ones'),
         (lambda: Gear(2, M), 'three teeth'),
         (lambda: Gear(20, -M), 'module is positive'),
         (lambda: Gear(10, M, shift=1.2), 'pointed'),

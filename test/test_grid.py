@@ -10,18 +10,22 @@ from mechanism_sim.bench.grid import FAMILIES, Family, GridCase, grid, run_case
 from mechanism_sim.bench.grid import jams as jams_module
 from mechanism_sim.bench.grid.case import Draft, exchanged_energy, variant
 from mechanism_sim.bench.grid.jams import confirm_jam, jams, solutions
+from mechanism_sim.bench.grid.joint_jams import no_forces
 from mechanism_sim.bench.grid.run import write_scenes
 from mechanism_sim.contact.problem import Rest
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid import contacts as contacts_module
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.contacts import Contacts
+from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import check_scene
 
 # of each family so many neighbours, whose equations have one structure: little is compiled
 SAMPLE = {
     'four_bar_ideal': 3, 'four_bar_rigid': 6, 'four_bar_friction': 4, 'geneva': 2, 'slot': 2,
     'loads': 1, 'package': 6, 'cam': 2, 'train': 2, 'train_rattle': 3,
-    'elastic': 1, 'rotor': 2, 'tilted': 1,
+    'elastic': 1, 'rotor': 2, 'tilted': 1, 'belt': 1, 'walls_rubbing': 1,
 }  # fmt: skip
 # a start that parts at once, depths of minus a rounding, two ends of slip in one step, a recovery
 # of one long step; refusals that came only with the run; two ends that part in one step
@@ -193,6 +197,20 @@ def test_one_contact_never_jams_for_good(friction):
         assert normal == pytest.approx(1.0 / (1.0 - 2.0 * friction))
         assert tangential == pytest.approx(-friction * normal)
     assert not jams(A, b, v, [friction])
+
+
+@pytest.mark.deep
+def test_joints_that_jam_beside_a_contact_have_no_forces_and_others_have():
+    outcome = run_case(grid(only=['rubbing_loose_037'])[0])
+    assert outcome.ok
+    assert outcome.reason.startswith('jam, confirmed: friction jams coupler_left_rocker')
+    scene = grid(only=['rubbing_loose_037'])[0].draft().scene
+    machine = build('wiper', check_scene('wiper', scene))
+    run = machine.start()
+    assert isinstance(run, EventLoop)
+    run.advance(0.02, final=True)
+    slip = run.contact_terms.rate[1:] * (run.state.closed[0] > 0)
+    assert not no_forces(run, machine.system, [0], slip, np.array([0.5]))
 
 
 def test_two_contacts_that_wedge_jam():

@@ -109,6 +109,33 @@ def lifted(mu, way=1.0, load=1000.0):
     return face * (math.sin(tilt) + way * mu * math.cos(tilt))
 
 
+@pytest.mark.parametrize('share', [0.99, 1.01])
+def test_a_slot_is_a_clutch(share):
+    """A shoe is pressed on a pin that is pushed along its slot: it comes along, or slips."""
+    mu, F, M, m, end = 0.3, 200.0, 3.0, 2.0, 0.5
+    push = share * mu * F * (M + m) / m
+    machine = made({
+        'links': {'driver': {'mass': M}, 'sled': {'mass': 0.5}, 'shoe': {'mass': m - 0.5}},
+        'joints': {'rail': {'prismatic': ['ground', 'driver']},
+                   'base': {'prismatic': ['ground', 'sled']},
+                   'column': {'prismatic': ['sled', 'shoe'], 'axis': '90 deg'},
+                   'clutch': {'slot': ['driver', 'shoe'], 'friction': {'coefficient': mu}}},
+        'loads': {'press': {'at': 'shoe', 'force': [0.0, -F]},
+                  'push': {'at': 'driver', 'force': [push, 0.0]}},
+        'gravity': [0.0, 0.0], 'duration': end,
+    })  # fmt: skip
+    solution = ms.simulate(machine)
+    x = solution.sample(np.array([0.0, end]))
+    along = min(share, 1.0) * mu * F
+    for link, a in (('driver', (push - along) / M), ('sled', along / m)):
+        assert x[f'acceleration.{link}'] == pytest.approx(a, rel=1e-12)
+        assert x[f'velocity.{link}'][1] == pytest.approx(a * end, rel=1e-12)
+    slid = x['position.driver'][1] - x['position.sled'][1]
+    work = push * (x['position.driver'][1] - x['position.driver'][0])
+    assert solution.energy.dissipated + work == pytest.approx(mu * F * slid, abs=1e-9)
+    assert (slid > 0.01) == (share > 1.0)
+
+
 @pytest.mark.parametrize('mu', [0.0, 0.05, 0.1, 0.17])
 def test_a_wedge_lifts_and_lowers_and_holds(mu):
     rubs = {f'joints.{n}.friction.coefficient': mu for n in ('bed', 'guide', 'face')}
@@ -373,6 +400,48 @@ def test_followers_rub_where_they_touch(name, pin):
     assert lost.max() > 1e-5
 
 
+def test_a_roller_rubs_on_that_wall_of_its_groove_that_it_presses():
+    """The groove is between two circles about the cam's middle; forces by sines and cosines."""
+    mu, e, roller, pin = 0.2, 0.01, 0.008, 2e-3
+    scene = variant('groove_cam', {})
+    scene['joints']['contact'] |= {
+        'groove': {'clearance': 0}, 'friction': {'coefficient': mu, 'radius': pin},
+    }  # fmt: skip
+    machine = build('groove', check_scene('groove', scene))
+    cycle = ms.cycle(machine)
+    angle, w = cycle['position.cam'], cycle['velocity.cam']
+    pair = machine.mechanism.joint('contact')
+    middle = e * np.array([np.cos(angle), np.sin(angle)])
+    middle *= 1.0 if pair.profile(np.zeros((2, 1)))[0, 0] >= 0.0 else -1.0
+    high = middle[1] + np.sqrt(0.04**2 - middle[0] ** 2)  # of the roller's middle
+    other = -middle[1] + np.sqrt(0.04**2 - middle[0] ** 2)
+    if np.ptp(high - cycle['position.follower']) > np.ptp(other - cycle['position.follower']):
+        middle, high = -middle, other
+    assert np.ptp(high - cycle['position.follower']) < 1e-12
+    n = (np.array([np.zeros_like(high), high]) - middle) / 0.04
+    force = np.array([cycle['reaction.contact.x'], cycle['reaction.contact.y']])
+    N, T = (n * force).sum(axis=0), n[0] * force[1] - n[1] * force[0]
+    assert (N > 5.0).sum() > 50 < (N < -5.0).sum()
+    x, y = -np.sign(N) * roller * n + np.array([np.zeros_like(high), high])
+    vx, vy = w * y, cycle['velocity.follower'] - w * x  # of the follower there, less the cam's
+    slip = n[0] * vy - n[1] * vx
+    share = mu * pin / roller
+    assert pytest.approx(-share * np.abs(N) * np.sign(slip), abs=1e-6) == T
+    lost = cycle['friction_loss.contact']
+    assert lost == pytest.approx(share * np.abs(N * slip), abs=1e-6)
+
+
+def test_a_rack_rubs_alike_in_every_slot():
+    mu, r = 0.1, 0.04
+    machine = rubbing('linear_intermittent', 'crank_rack', coefficient=mu)
+    solution = ms.simulate(machine, revolutions=2.4)
+    x = solution.sample(np.linspace(0.01, solution.duration, 200))
+    N, angle, w = x['reaction.crank_rack.x'], x['position.crank'], x['velocity.crank']
+    along = -mu * np.abs(N) * np.sign(-w * r * np.cos(angle))
+    assert x['reaction.crank_rack.y'] == pytest.approx(along, abs=1e-9)
+    assert (np.abs(along[-50:]) > 0.01).any()
+
+
 def test_a_geneva_wheel_rubs_while_its_pin_is_in_a_slot():
     """The pin slides along the slot as its distance from the wheel's centre changes."""
     mu, r, d = 0.1, 0.05, 0.05 * math.sqrt(2.0)
@@ -397,17 +466,16 @@ def test_teeth_lose_what_their_path_of_contact_says():
 @pytest.mark.parametrize(
     ('name', 'joint', 'friction', 'sentence'),
     [
-        ('belt_drive', 'belt', {}, 'cannot have friction: a belt has none here'),
+        ('gear_pair', 'mesh', {'efficiency': 0.9}, "of a chain its 'efficiency'"),
         ('offset_roller_cam', None, {}, "friction needs a 'radius', that of the roller's pin"),
         ('rise_dwell_return', None, {'radius': 0.01}, 'is that of the pin of a roller'),
-        ('groove_cam', None, {'radius': 0.001}, 'touches one wall or the other'),
+        ('groove_cam', None, {'radius': 0.001}, "friction of its walls in its 'clear"),
         ('gear_pair', 'mesh', {'length': 0.01}, 'length has no meaning in a mesh joint'),
     ],
 )  # fmt: skip
 def test_what_cannot_rub_is_refused(name, joint, friction, sentence):
     keys = variant(name, {})['joints']
     joint = joint or next(n for n, j in keys.items() if 'cam' in j)
-    joint = joint if joint in keys else next(n for n, j in keys.items() if 'belt' in j)
     keys = {**keys[joint], 'friction': {'coefficient': 0.1, **friction}}
     with pytest.raises(InputError, match=sentence):
         build(name, check_scene(name, variant(name, {f'joints.{joint}': keys})))

@@ -16,12 +16,14 @@ STRIKES = math.sqrt(2.0 * PLAY * m / PUSH)  # [s] when
 SPEED = PUSH / m * STRIKES
 
 
-def ball(angle, mu, block, **clearance):
+def ball(angle, mu, block, length=None, cog=0.0, **clearance):
     """A ball in the hole of a block that slides with friction, pushed against its wall."""
     scene = {
         'mechanism': 'linkage', 'title': 'ball', 'gravity': [0.0, 0.0], 'start': 'centred',
-        'links': {'block': {'mass': M}, 'ball': {'mass': m, 'inertia': 2e-5, 'cog': 0.0}},
-        'joints': {'guide': {'prismatic': ['ground', 'block'], 'friction': {'coefficient': mu}},
+        'links': {'block': {'mass': M, 'cog': cog},
+                  'ball': {'mass': m, 'inertia': 2e-5, 'cog': 0.0}},
+        'joints': {'guide': {'prismatic': ['ground', 'block'],
+                             'friction': {'coefficient': mu, 'length': length}},
                    'hole': {'revolute': ['ball', 'block'],
                             'clearance': {'radial': PLAY, **clearance}}},
         'loads': {'push': {'at': 'ball',
@@ -68,6 +70,23 @@ def test_an_impact_makes_friction_in_a_guide(hypothesis):
         left = own - p / m * of_ball
         lost = 0.5 * m * (own @ own - left @ left) + 0.5 * M * (block**2 - after**2)
         assert first.energy_loss == pytest.approx(lost, abs=1e-12)
+
+
+def test_the_friction_of_an_impact_bears_on_what_makes_it():
+    """The impulse of a block off its guide turns it against both ends, less by its own friction.
+
+    There ``T = 2 mu M/L`` of ``M = h (p - T)``, as if the block had ``1 + 2 mu h/L`` of its mass.
+    """
+    mu, e, h, length = 0.4, 0.5, 0.3, 0.2
+    machine = ball(0.0, mu, 0.2, length=length, cog=[0.0, h], restitution=e)
+    solution = ms.simulate(machine, duration=1.2 * STRIKES)
+    mass = M * (1.0 + 2.0 * mu * h / length)
+    first = solution.impacts[0]
+    p = (1.0 + e) * first.approach_speed / (1.0 / m + 1.0 / mass)
+    assert first.normal_impulse == pytest.approx(p, rel=1e-9)
+    seen = solution.sample(np.array([1.1 * STRIKES]))
+    assert seen['velocity.block'][0] == pytest.approx(0.2 + p / mass, rel=1e-9)
+    assert abs(solution.energy.residual) < 1e-12
 
 
 @pytest.mark.parametrize('case', [CASES[1], CASES[4]])
@@ -187,6 +206,40 @@ def test_a_tight_slot_is_the_limit_of_a_loose_one():
     tight = yoke(0.0).energy.dissipated
     off = [yoke(radial).energy.dissipated / tight - 1.0 for radial in (1e-3, 1e-4, 1e-5)]
     assert 0.0 < off[2] < 0.15 * off[1] < 0.03 * off[0] < 0.01
+
+
+LIMITS = (
+    ('geneva', 'crank_wheel', {}, lambda x: {'clearance': {'radial': x}}),
+    ('gear_pair', 'mesh', {}, lambda x: {'backlash': {'width': x}}),
+    ('linear_intermittent', 'crank_rack', {}, lambda x: {'clearance': {'radial': x}}),
+    ('groove_cam', 'contact', {'radius': 2e-3},
+     lambda x: {'groove': {'clearance': x, 'pin_radius': 2e-3}}),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('name', 'joint', 'pin', 'loose'),
+    [pytest.param(*x, marks=[pytest.mark.deep] if k > 1 else []) for k, x in enumerate(LIMITS)],
+    ids=[x[0] for x in LIMITS],
+)
+def test_tight_walls_are_the_limit_of_loose_ones(name, joint, pin, loose):
+    """Wheels, teeth, racks and grooves: losses differ by the play."""
+
+    def dissipated(keys):
+        scene = variant(name, {})
+        scene['joints'][joint] |= keys
+        solution = ms.simulate(build(name, check_scene(name, scene)), revolutions=1.0)
+        assert abs(solution.energy.residual) < 1e-9 * solution.energy.dissipated
+        return solution.energy.dissipated
+
+    ideal = {'groove': {'clearance': 0}} if name == 'groove_cam' else {}
+    tight = dissipated({**ideal, 'friction': {'coefficient': 0.1, **pin}})
+    off = []
+    for play in (1e-4, 1e-5):
+        ((key, given),) = loose(play).items()
+        found = dissipated({key: {**given, 'restitution': 0.0, 'friction': 0.1}})
+        off.append(abs(found / tight - 1.0))
+    assert off[1] < 0.15 * off[0] < 0.01
 
 
 def test_a_pin_rubs_where_it_touches_its_slot():

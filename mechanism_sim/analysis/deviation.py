@@ -19,7 +19,6 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Machine, simulate
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import InitialPart
 from mechanism_sim.scene.sensor_keys import Converter, Noise
 from mechanism_sim.sensing.orders import Turns
 from mechanism_sim.sensing.spectra import power
@@ -107,7 +106,9 @@ def ideal_machine(machine: Machine) -> Machine:
     given = scene.initial.position
     update: dict[str, Any] = {
         'joints': {name: _ideal_joint(joint) for name, joint in scene.joints.items()},
-        'initial': InitialPart(position={n: x for n, x in given.items() if n in driven}),
+        'initial': scene.initial.model_copy(
+            update={'position': {n: x for n, x in given.items() if n in driven}, 'velocity': {}}
+        ),
         'guess': {**given, **scene.guess},
     }
     clean = {'noise': Noise(), 'adc': Converter(), 'trigger': None}

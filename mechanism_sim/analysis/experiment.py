@@ -146,7 +146,8 @@ def trial(bag: Path, skip: int | None = None) -> Trial:
 def _condition(bag: Path, machine: Machine) -> Condition:
     if not machine.closed_form or JOINT not in machine.clearances:
         raise InputError(
-            f'{bag}: the experiment is that of a four_bar whose joint {JOINT} has clearance'
+            f'{bag}: the experiment is that of a four_bar of rigid links whose joint {JOINT} has '
+            'clearance'
         )
     play = machine.clearances[JOINT]
     if len(machine.laws) > 1 or machine.torque_driven:

@@ -39,6 +39,7 @@ from mechanism_sim.planar.mechanism import (
     rotate,
 )
 from mechanism_sim.planar.rails import chord
+from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import Charted, Draft, View
 
 Array = NDArray[np.float64]
@@ -170,6 +171,14 @@ class CamPair(HigherPair):
     def closure(self, mechanism: Mechanism) -> CamClosure:
         """The follower touches, without play."""
         return CamClosure(self, mechanism)
+
+    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch:
+        """Off the roller's centre, which turns on a pin of that radius, or off a face's pivot."""
+        follower, name = self.cam.follower, f'{self.name}.friction'
+        roller = getattr(follower, 'roller', 0.0)
+        share = radius / roller if roller else 1.0
+        offset = follower.face_offset if isinstance(follower, OscillatingFlat) else -roller
+        return Touch(self.closure(mechanism), name, offset, share=share)
 
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """How far the follower is from the place where it touches [m]; as an arc if it swings."""

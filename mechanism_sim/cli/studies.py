@@ -173,7 +173,7 @@ def _find(options: argparse.Namespace) -> int:
             **({} if options.revolutions is None else {'periods': options.revolutions}),
         )  # fmt: skip
     if file:
-        figures.save(report.picture(finding, machine.scene.title), file)
+        figures.save(figures.paint(report.chart(finding, machine.scene.title)), file)
     return print_result(options, finding, report.to_json, report.text)
 
 
@@ -189,7 +189,7 @@ def _sweep(options: argparse.Namespace) -> int:
     with progress.busy('checking', options.json) as say:
         plan = read_plan(options.file, options.measures, say)
     table = Path(options.output or f'{plan.name}{default_ending()}')
-    chart = report.chart_of(plan, options.plot, options.over)
+    asked = report.chart_of(plan, options.plot, options.over)
     try:
         with progress.count('sweep', plan.size, quiet=options.json) as show:
             summary, rows = sweep(
@@ -198,10 +198,11 @@ def _sweep(options: argparse.Namespace) -> int:
             )  # fmt: skip
     except SweepInterrupted as interrupted:
         return ending.report_signal(str(interrupted))
-    if chart:
-        report.draw(chart, plan, rows)
+    if asked:
+        figures.save(figures.paint(report.sweep_chart(asked, plan, rows)), asked.file)
     if options.effects:
-        report.draw_effects(Path(options.effects), plan, rows)
+        found = figures.paint(report.effects_chart(plan, rows))
+        figures.save(found, Path(options.effects))
     if options.json:
         print_json(report.to_json(summary, plan, rows))
     else:

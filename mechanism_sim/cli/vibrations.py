@@ -62,14 +62,13 @@ def _picture(options: argparse.Namespace) -> Path | None:
 
 
 def _draw(
-    file: Path | None, picture: Callable[[Result, str], Any], found: Result, title: str
+    file: Path | None, chart: Callable[[Result, str], Any], found: Result, title: str
 ) -> None:
     """Draw a result, if that was asked for."""
     from mechanism_sim.report import figures  # noqa: PLC0415
 
     if file:
-        with figures.style():
-            figures.save(picture(found, title), file)
+        figures.save(figures.paint(chart(found, title)), file)
 
 
 def _span(name: str, text: str, unit: str) -> Array:
@@ -109,7 +108,7 @@ def _modes(options: argparse.Namespace) -> int:
     else:
         found = floquet.station(machine, options.turning)
         table = report.ModeTable(machine.name, [found], main=machine.main)
-    _draw(file, report.modes_picture, table, machine.scene.title)
+    _draw(file, report.modes_chart, table, machine.scene.title)
     return print_result(options, table, report.modes_json, report.modes_text)
 
 
@@ -129,7 +128,7 @@ def _response(options: argparse.Namespace) -> int:
         speeds = _span('--speeds', options.speeds, 'rad/s')
         machine = read_machine(options)
         turned = unbalance_response(machine, options.quantities, speeds)
-        _draw(file, report.response_picture, turned, machine.scene.title)
+        _draw(file, report.response_chart, turned, machine.scene.title)
         return print_result(options, turned, report.response_json, report.response_text)
     if options.harmonics is not None:
         if any(x is not None for x in forced):
@@ -137,7 +136,7 @@ def _response(options: argparse.Namespace) -> int:
         period = quantity('--period', options.period, 's')[0] if options.period else None
         machine = read_machine(options)
         series = harmonics(machine, options.quantities, options.harmonics, period)
-        _draw(file, report.harmonics_picture, series, machine.scene.title)
+        _draw(file, report.harmonics_chart, series, machine.scene.title)
         return print_result(options, series, report.harmonics_json, report.harmonics_text)
     if options.period is not None:
         raise InputError('--period belongs to --harmonics')
@@ -151,5 +150,5 @@ def _response(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     source = read_source(machine, options.force, direction, options.torque, options.base)
     found = response(machine, source, options.quantities, frequency, speed)
-    _draw(file, report.response_picture, found, machine.scene.title)
+    _draw(file, report.response_chart, found, machine.scene.title)
     return print_result(options, found, report.response_json, report.response_text)

@@ -17,6 +17,7 @@ from mechanism_sim.numerics.complementarity import Array, Indices
 from mechanism_sim.numerics.kernels import kernel
 
 _SWEEPS, _SETTLED = 10_000, 1e-15
+_GROWS, _LEAST_STEP = 0.95, 0.02  # of a change that is not settling; of the way to a bound
 
 
 class Rubs(NamedTuple):
@@ -30,19 +31,22 @@ class Rubs(NamedTuple):
     coefficients: Array  #: (t,) of every term of all bounds
     ends: Indices  #: (t,) how many components there are up to that of a term
     owner: Indices  #: (t,) whose bound a term belongs to
+    walls: Indices  #: (t,) 1 or -1 if it is of forces of that sign only, else 0
 
 
-def rubs_of(terms: Array, sizes: list[list[int]], rows: int, free: int, drives: int) -> Rubs:
+def rubs_of(
+    terms: Array, sizes: list[list[tuple[int, int]]], rows: int, free: int, drives: int
+) -> Rubs:
     """Views of the terms in one row."""
-    k, each = len(sizes), [x for own in sizes for x in own]
+    k, each = len(sizes), [x for own in sizes for x, _ in own]
     shapes = (k,), (k, free), (rows + k, k), (k, drives), (sum(each), rows + k), (len(each),)
     ends = np.cumsum([math.prod(shape) for shape in shapes])[:-1]
     slip, response, compliance, drive, forces, coefficients = (
         x.reshape(s) for x, s in zip(np.split(terms, ends), shapes, strict=True)
     )
     owner = np.array([i for i, own in enumerate(sizes) for _ in own])
-    last = np.cumsum(each)
-    return Rubs(slip, response, compliance, drive, forces, coefficients, last, owner)
+    last, walls = np.cumsum(each), np.array([wall for own in sizes for _, wall in own])
+    return Rubs(slip, response, compliance, drive, forces, coefficients, last, owner, walls)
 
 
 @kernel
@@ -53,6 +57,7 @@ def friction_impulses(
     coefficients: Array,
     ends: Indices,
     owner: Indices,
+    walls: Indices,
     x: Array,
     start: Array,
 ) -> Array:
@@ -60,7 +65,7 @@ def friction_impulses(
 
     Each ends its slip, or is as large as its bound and against the slip that is left.
     """
-    k, r, size = len(rate), len(x), 0.0
+    k, r, size, before, step = len(rate), len(x), 0.0, math.inf, 1.0
     every = np.concatenate((x, start))
     free = rate.copy()
     for j in range(k):
@@ -72,24 +77,28 @@ def friction_impulses(
             bound, first = 0.0, 0
             for t in range(len(owner)):
                 if owner[t] == j:
-                    square = 0.0
+                    square, force = 0.0, 0.0
                     for c in range(first, ends[t]):
                         force = 0.0
                         for i in range(r + k):
                             force += forces[c, i] * every[i]
                         square += force * force
-                    bound += coefficients[t] * math.sqrt(square)
+                    if walls[t] * force >= 0.0:
+                        bound += coefficients[t] * math.sqrt(square)
                 first = ends[t]
             slip = free[j]
             for i in range(k):
                 slip += compliance[r + j, i] * every[r + i]
-            own, before = compliance[r + j, j], every[r + j]
-            wanted = before - slip / own if own > 0.0 else -math.inf * slip if slip != 0.0 else 0.0
-            every[r + j] = min(max(wanted, -bound), bound)
-            change = max(change, abs(every[r + j] - before))
+            own, now = compliance[r + j, j], every[r + j]
+            wanted = now - slip / own if own > 0.0 else -math.inf * slip if slip != 0.0 else 0.0
+            every[r + j] += step * (min(max(wanted, -bound), bound) - now)
+            change = max(change, abs(every[r + j] - now))
             size = max(size, bound)
         if change <= _SETTLED * size:
             break
+        if change > _GROWS * before:  # bounds that grow much with their own friction
+            step = max(0.5 * step, _LEAST_STEP)
+        before = change
     return every[r:]
 
 
@@ -108,8 +117,9 @@ def with_friction(c: ContactProblem, rubs: Rubs, x: Array, start: Array) -> Arra
     They (k,) themselves.
     """
     found: Array = friction_impulses(
-        rubs.rate, rubs.compliance, rubs.forces, rubs.coefficients, rubs.ends, rubs.owner, x, start
-    )
+        rubs.rate, rubs.compliance, rubs.forces, rubs.coefficients, rubs.ends, rubs.owner,
+        rubs.walls, x, start,
+    )  # fmt: skip
     share = np.outer(found, x / (x @ x))
     rows = len(x)
     c.response[:] += share.T @ rubs.response

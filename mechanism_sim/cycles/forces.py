@@ -41,7 +41,7 @@ class Forces:
         self._paths = Paths(self._mechanism, [*cogs, *held])
         self._springs = _OnGround(machine)
         names = [joint.name for joint in self._mechanism.joints]
-        self._rubs = [(names.index(f.name), f) for f in machine.plan.frictions(self._mechanism)]
+        self._rubs = {names.index(f.name): f for f in machine.plan.frictions(self._mechanism)}
 
     def columns(self, t: Array, o: Observation) -> dict[str, Array]:
         """Arrays (N,) by name, see `Cycle`."""
@@ -55,7 +55,7 @@ class Forces:
             found[f'reaction.{joint.name}.direction'] = np.arctan2(y, x)
             if isinstance(joint, Prismatic):
                 found[f'reaction.{joint.name}.moment'] = o.reaction_moment[i]
-        for i, friction in self._rubs:
+        for i, friction in self._rubs.items():
             found[f'friction_loss.{friction.name}'] = friction.loss(
                 o.reaction[i], o.reaction_moment[i], o.position, o.velocity
             )

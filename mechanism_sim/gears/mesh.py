@@ -42,6 +42,7 @@ from mechanism_sim.planar.mechanism import (
     rotate,
 )
 from mechanism_sim.planar.protocols import ForceElement
+from mechanism_sim.planar.touch import TurningTouch
 from mechanism_sim.planar.view import Array, Charted, Draft, ToothLoad, View, circle
 
 _FLANK = 14  # points of a drawn flank, its fillet among them
@@ -106,6 +107,10 @@ class GearMesh(HigherPair):
     def closure(self, mechanism: Mechanism) -> MeshClosure:
         """Without play."""
         return MeshClosure(self, mechanism)
+
+    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> TurningTouch:
+        """Flanks, on the mean of their path."""
+        return TurningTouch(self.closure(mechanism), f'{self.name}.friction', self.sliding_arm)
 
     @property
     def elastic(self) -> bool:

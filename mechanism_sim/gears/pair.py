@@ -8,7 +8,7 @@ a tip of the pinion, which drives.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -74,7 +74,7 @@ class Pair:
             ]
             raise InputError(
                 f'a pair of teeth lets go before the next one touches: the contact ratio is '
-                f'{"; ".join([f"{self.contact_ratio:.4g}", *cut])}'
+                f'{"; ".join([f"{self.contact_ratio:.4g}", *cut])}{self._cure() if cut else ""}'
             )
         if start < -self._reach(one) * (1.0 + 1e-12) and not one.undercut:
             raise InputError('the tips of the wheel reach inside the base circle of the pinion')
@@ -86,6 +86,29 @@ class Pair:
                 f'the tips of {one.teeth} and {two.teeth} internal teeth meet on their way out: '
                 f'the numbers differ too little'
             )
+
+    def _cure(self) -> str:
+        """Profile shifts that end undercut, if the pair meshes with them, and their distance.
+
+        What one gear gains the other gives, as far as it is not undercut itself.
+        """
+        gears = self.pinion, self.wheel
+        first, second = (rounded_up(g.least_shift) if g.undercut else g.shift for g in gears)
+        if not self.wheel.undercut:
+            gain = first - self.pinion.shift
+            least = -math.inf if self.wheel.internal else rounded_up(self.wheel.least_shift)
+            second = max(self.wheel.shift - self._side * gain, least)
+        elif not self.pinion.undercut:
+            gain = second - self.wheel.shift
+            first = max(self.pinion.shift - gain, rounded_up(self.pinion.least_shift))
+        try:
+            cured = Pair(replace(self.pinion, shift=first), replace(self.wheel, shift=second))
+        except InputError:
+            return '; take more teeth'
+        return (
+            f'; shifts of {first:.4f} and {second:.4f} end it at a centre distance of '
+            f'{cured.centre_distance:.9g} m'
+        )
 
     @property
     def _tips_meet(self) -> bool:
@@ -126,7 +149,13 @@ class Pair:
         one, two, side = self.pinion, self.wheel, self._side
         pressure = one.system.pressure_angle
         shifts, teeth = two.shift + side * one.shift, two.teeth + side * one.teeth
-        working = inverse_inv(inv(pressure) + 2.0 * math.tan(pressure) * shifts / teeth)
+        value = inv(pressure) + 2.0 * math.tan(pressure) * shifts / teeth
+        if value < 0.0:
+            raise InputError(
+                f'with profile shifts of {one.shift:g} and {two.shift:g} modules no centre '
+                'distance is without backlash: take larger ones'
+            )
+        working = inverse_inv(value)
         return (two.base_radius + side * one.base_radius) / math.cos(working)
 
     @property

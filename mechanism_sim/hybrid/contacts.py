@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import product
 from time import perf_counter
 
 import heyoka as hy
@@ -15,10 +16,12 @@ from mechanism_sim.contact.chatter import ChatterRule, remaining_time
 from mechanism_sim.contact.impact import ContactImpulse, Hypothesis, jam_margin, shock, stop_slide
 from mechanism_sim.contact.problem import (
     FLIES,
+    FOLLOWS,
     GAP,
     LOSS,
     NORMAL,
     RECOVERS,
+    ROUGH,
     SLIDES_BACKWARD,
     SLIDES_FORWARD,
     STICKS,
@@ -51,7 +54,7 @@ from mechanism_sim.hybrid.system import (
 )
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import charge, kernel
-from mechanism_sim.planar.switches import HOLDS
+from mechanism_sim.planar.switches import HOLDS, Switch
 
 _SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 _SIGNS = {int(mode): sign for sign, mode in _SLIDING.items()}
@@ -59,6 +62,11 @@ INSIDE = 1e-13  # [m] depth at which a compliant contact begins: its force has n
 _SET_DOWN = 0.01  # of the speed that its load makes: what touches slower is loaded from rest
 _BEYOND = 1e3  # times the rounding of a guard: more did not fall at the same instant
 _ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
+
+_IDLE = 1e-30  # coefficient of what slides without friction for a while
+
+_MOST_TRIED = 4  # gaps at rest whose modes are all tried
+_TINY_SHARE = 1e-9  # of the accelerations: rounding
 
 _RUBBED, _MOST_RUBBED = 1e-13, 200  # of impulses that friction in ideal joints changes
 _ROUGHLY_RUBBED = 1e-9  # the same, where rounding goes on turning a slip over
@@ -100,6 +108,10 @@ class Contacts(Switching):
             np.array([Hypothesis(gap.hypothesis).code for gap in gaps], dtype=np.int64),
         )
         self._problem = problem_of(*self._arrays)
+        flags = {s.flag: k for k, s in enumerate(system.switches) if isinstance(s, Switch)}
+        self._engaged = {
+            i: system.switch_index[flags[flag]][0] for i, flag in system.dynamics.engaged.items()
+        }
         self._modes = np.zeros(m, dtype=np.int64)
         self._touched, self._resting, self._begins, self._drawn = np.zeros((4, m), dtype=np.bool_)
         self._none = np.zeros(m, dtype=np.int64)
@@ -139,6 +151,13 @@ class Contacts(Switching):
             self._problem.restitution[i] = restitution
         if not own:
             raise KeyError(joint)
+
+    def set_switches(self, rows: tuple[int, ...] | None = None) -> None:
+        """Set the rows of the switches, and which contacts rub by them."""
+        super().set_switches(rows)
+        for i, flag in self._engaged.items():
+            rubs = self._pars[flag] > 0.0
+            self._problem.friction[i] = self._system.gaps[i].friction if rubs else _IDLE
 
     def set_modes(self, modes: tuple[int, ...], approach: tuple[float, ...] | None = None) -> None:
         """Set the modes that hold from now on, and the speeds of first touches [m/s]."""
@@ -185,7 +204,7 @@ class Contacts(Switching):
         if self.switches:
             self.set_switches()
             self.pass_edges()
-        if self._system.dynamics.rubs:
+        if self._system.slipping:
             self.sides = (1.0,) * len(self._system.side_index)
             if not self.modes:
                 self._begin_to_rub()
@@ -203,7 +222,7 @@ class Contacts(Switching):
         if any(closed) or self._system.relations:
             self.project()
         self.settle()
-        if self.modes and self._system.dynamics.rubs:
+        if self.modes and self._system.slipping:
             self._begin_to_rub()
         self.mode_changes = [
             ModeChange(self.time, name, Mode(mode), Mode.UNKNOWN)
@@ -325,6 +344,7 @@ class Contacts(Switching):
         self._press_sides()
         for k in range(len(self._system.towards_index) // 2):
             self._follow_pin(k)
+        self._hold_still(self._system.slipping)
         self._respond_to_missed()
 
     def missed_event(self, seen_now: int | None = None) -> int | None:
@@ -573,8 +593,10 @@ class Contacts(Switching):
         booked = log.count and log.last_time == self.time
         booked = booked and (len(before) > 1 or self._system.frictional)
         self._at_present(self._system.contact_function, out=self._arrays[0])
-        if self._system.dynamics.rubs:
-            self._foresee_rest(resting, touching, slips)
+        if self._system.dynamics.rubs and not self._foresee_rest(resting, touching, slips):
+            self._feel(self._modes)
+            self._jam(resting, touching, jams, given)
+            return
         rest = rest_now(
             *self._arrays,
             self._limits,
@@ -589,10 +611,7 @@ class Contacts(Switching):
         )
         if not rest.solved:
             self._set_flags(False)
-            if given:  # it gave way by rounding: nothing forces it to slide
-                self._rest(resting, touching, jams)
-            else:
-                self._unjam(resting, touching, jams)
+            self._jam(resting, touching, jams, given)
             return
         self.horizon = min(self.horizon, rest.horizon)
         if rest.changed:
@@ -610,21 +629,82 @@ class Contacts(Switching):
             drawn = self._drawn.copy()
             self._rest(resting | drawn, touching | drawn, jams)
 
-    def _foresee_rest(self, resting: Mask, touching: Mask, slips: Indices) -> None:
-        """Let friction in ideal joints be that of the modes that come of it."""
+    def _jam(
+        self, resting: Mask, touching: Mask, jams: int, given: Mapping[int, int] | None
+    ) -> None:
+        """No forces keep contacts at rest: those that gave way need not, by rounding."""
+        if given:
+            self._rest(resting, touching, jams)
+        else:
+            self._unjam(resting, touching, jams)
+
+    def _foresee_rest(self, resting: Mask, touching: Mask, slips: Indices) -> bool:
+        """Let friction in ideal joints be that of the modes that come of it, if there are any."""
         modes, closed = self._modes.copy(), self._problem.closed.copy()
         masks = np.zeros((2, len(modes)), dtype=np.bool_)
         terms, layout, laws, _, hypothesis = self._arrays
-        for _ in range(_MOST_RUBBED):
+        seen: set[bytes] = set()
+        while modes.tobytes() not in seen:
+            seen.add(modes.tobytes())
             rest = rest_now(
                 terms, layout, laws, closed, hypothesis, self._limits, resting, touching, slips,
                 self._drive_rates, self.impacts.rows[:0], modes, *masks,
             )  # fmt: skip
             if not (rest.solved and rest.changed):
-                break
-            write_flags(modes, masks[0, :0], self._flags, self._parameters)
-            self._press_sides()
-            self._at_present(self._system.contact_function, out=terms)
+                return True
+            self._feel(modes)
+        # each of these modes makes a friction under which others follow: some go with their own
+        known = resting.sum() <= _MOST_TRIED
+        for tried in self._possible(resting, slips) if known else ():
+            self._feel(tried)
+            if self._agrees(tried, resting):
+                return True
+        return not known
+
+    def _feel(self, modes: Indices) -> None:
+        """Let friction in ideal joints, and the terms of contacts, be those of some modes."""
+        write_flags(modes, self._begins[:0], self._flags, self._parameters)
+        self._press_sides()
+        self._at_present(self._system.contact_function, out=self._arrays[0])
+
+    def _possible(self, resting: Mask, slips: Indices) -> Iterator[Indices]:
+        """Modes (m,) of all gaps, of those at rest all that their slips allow."""
+        gaps = _chosen(resting)
+        choices: list[tuple[int, ...]] = []
+        for i in gaps:
+            way = int(slips[i]) or self._slip(self._problem, i)
+            if not self._problem.friction[i]:
+                choices.append((FOLLOWS, FLIES))
+            elif way:
+                choices.append((SLIDES_FORWARD if way > 0 else SLIDES_BACKWARD, FLIES))
+            else:
+                choices.append((STICKS, SLIDES_FORWARD, SLIDES_BACKWARD, FLIES))
+        for chosen in product(*choices):
+            modes = self._modes.copy()
+            modes[gaps] = chosen
+            yield modes
+
+    def _agrees(self, modes: Indices, resting: Mask) -> bool:
+        """Whether gaps at rest go on in the modes whose friction is felt."""
+        m, c = len(modes), self._problem
+        seen = self._at_present(self._system.watch)
+        if any(seen[k] <= 0.0 for k, guard in enumerate(self._system.guards)
+               if guard == Guard(-1, 0)):  # fmt: skip
+            return False
+        for i in _chosen(resting):
+            least = -_TINY_SHARE * np.abs(c.free_acceleration).max(initial=0.0)
+            if modes[i] == FLIES:
+                if c.acceleration[i] < least:
+                    return False
+                continue
+            way = {SLIDES_FORWARD: 1.0, SLIDES_BACKWARD: -1.0}.get(int(modes[i]), 0.0)
+            if way and not self._slip(c, i) and way * c.acceleration[m + i] < least:
+                return False
+            for k, guard in enumerate(self._system.guards):
+                slides = way and guard.friction > 0
+                if guard.gap == i and not slides and seen[k] < min(self._floor[k], 0.0):
+                    return False
+        return True
 
     def _unjam(self, resting: Mask, touching: Mask, jams: int) -> None:
         """Let an impact without collision end a slide that no force can keep."""
@@ -714,7 +794,7 @@ class Contacts(Switching):
     ) -> tuple[list[int], Array, list[float]]:
         """Rows of gaps, rates of these per unit impulse, and coefficients of friction."""
         rows = [*gaps, *(len(self.modes) + i for i in gaps)]
-        friction = [self._system.dynamics.friction[i] for i in gaps]
+        friction = np.minimum(terms.friction[gaps], ROUGH).tolist()
         return rows, terms.compliance[np.ix_(rows, rows)], friction
 
     def _free(

@@ -117,6 +117,13 @@ class Dynamics:
         self.friction = [min(gap.friction, ROUGH) for gap in gaps]
         self.frictional = [i for i, mu in enumerate(self.friction) if mu > 0.0]
         self.mu = {i: p(f'{gaps[i].name}.friction', self.friction[i]) for i in self.frictional}
+        #: of contacts that rub in a part of their cycle only: flags of these parts
+        self.engaged = {
+            i: flag
+            for i in self.frictional
+            if (flag := getattr(gaps[i], 'engaged', lambda _: None)(eq.frames)) is not None
+        }
+        self.mu |= {i: mul(self.mu[i], flag) for i, flag in self.engaged.items()}
         self.closed = [p.reserve(f'{g.name}.closed') for g in gaps]
         self.sticks = {i: p.reserve(f'{gaps[i].name}.sticks') for i in self.frictional}
         self.slips = {i: p.reserve(f'{gaps[i].name}.slips') for i in self.frictional}
@@ -449,20 +456,16 @@ class Dynamics:
         return order
 
     def struck(self, impulses: Sequence[Term]) -> Solved:
-        """What impulses of all rows, then of friction in ideal joints, add to a free motion.
-
-        The friction is to be entered in `loads`, too.
-        """
+        """What impulses of all rows add to a free motion, of whose loads friction is one."""
         count, m = len(self.rows), len(self.normal)
         N, T = impulses[:m], impulses[m:count] if self.frictional else [None] * m
         a, closing = self.exact_free, self._exact_closing
         return Solved(
-            self._with(a, [*self.response, *self.rub_response], list(impulses)),
+            self._with(a, self.response, list(impulses)),
             list(N),
             list(T),
-            self._with(closing, [*self._closing, *self.rub_closing], list(impulses))
-            if closing else [],
-        )  # fmt: skip
+            self._with(closing, self._closing, list(impulses)) if closing else [],
+        )
 
     def compressed(self, i: int) -> tuple[Term, Term, Term]:
         """Depth of a closed compliant contact, its rate, and ``|dy/d distance|``.

@@ -167,7 +167,7 @@ class Switching(ABC):
         return [*seen, part]
 
     def _rubbed_fast(self) -> RunError:
-        joints = [rub.friction.name for rub in self._system.dynamics.rubs]
+        joints = dict.fromkeys(rub.friction.name for rub in self._system.dynamics.rubs)
         return RunError(
             f'friction jams at t = {self.time:.9g} s{self._where}: in {", ".join(joints)} no '
             'finite forces let the motion go on; a smaller coefficient or radius runs'
@@ -183,6 +183,18 @@ class Switching(ABC):
     def rubbing(self, values: Sequence[float]) -> None:
         self._set((*self._system.side_index, *self._system.towards_index), values)
         self._set_status()
+
+    def _hold_still(self, slipping: Sequence[int]) -> None:
+        """Let friction that is at rest hold, or act against where it goes: before it moves."""
+        places = self._places()
+        for k in slipping:
+            row, rates = self.switches[k], self._rates_of(k)
+            after = self._system.holding[k].holding(row, rates, places[k])
+            if after is None and abs(places[k]) <= REST:
+                after = int(rates[0] + rates[1] > 0.0)
+            if after not in (None, row):
+                self.set_switches((*self.switches[:k], after, *self.switches[k + 1 :]))
+                self._press_sides()
 
     def _press_sides(self) -> None:
         """Let the signs of what presses on lines that rub be those of its present forces."""

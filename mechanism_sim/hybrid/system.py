@@ -170,7 +170,7 @@ class System:
         self.switches = list(frames.switches.values())
         self.switch_levels = len(by_level(self.switches))
         bounds = self._bounds[id(d.stabilised)].values()
-        self.sides = [x.side for bound in bounds for x in bound if x.side is not None]
+        self.sides = [hy.par[i] for n, i in p.names.items() if '.friction.side.' in n]
         self.guards += [Guard(-1, 0, side=k) for k in range(len(self.sides))]
         pins = sum(x.side is None for bound in bounds for x in bound)
         self._towards = [
@@ -344,6 +344,12 @@ class System:
         }
 
     @cached_property
+    def slipping(self) -> list[int]:
+        """The switches of friction in joints, and of belts."""
+        names = self.equations.frames.switches
+        return [k for k, name in enumerate(names) if name in self.equations.frames.slips]
+
+    @cached_property
     def holding_rows(self) -> tuple[list[int], list[int]]:
         """Of each switch that may hold, where its flag and its holding are among all symbols."""
         ends = np.cumsum([len(s.symbols) for s in self.switches]).tolist()
@@ -395,16 +401,17 @@ class System:
         if not self.dynamics.rubs:
             return {}
         carried, frames = self.reactions(solved), self.equations.frames
-        found = {}
+        found: dict[hy.expression, list[Pressed]] = {}
         for rub in self.dynamics.rubs:
             name = rub.friction.name
-            key = f'{name}.friction.side'
-            found[rub.switch.flag] = [
-                x._replace(side=self.equations.parameters.reserve(f'{key}.{i}', 1.0))
-                if len(x.components) == 1
-                else x
-                for i, x in enumerate(rub.friction.pressed(frames, carried[name]))
-            ]
+            key = f'{rub.friction.label}.friction.side'
+            found[rub.switch.flag] = terms = []
+            for i, x in enumerate(rub.friction.pressed(frames, carried[name])):
+                if len(x.components) > 1:
+                    terms.append(x)
+                    continue
+                side = self.equations.parameters.reserve(f'{key}.{i}', 1.0)
+                terms.append(x._replace(side=0.5 * (side + float(x.wall)) if x.wall else side))
         return found
 
     def reactions(self, solved: Solved) -> dict[str, Wrench]:
@@ -561,15 +568,15 @@ class System:
         return self._on_now(self.unpulled(terms))
 
     @cached_property
-    def rub_function(self) -> tuple[hy.cfunc_dbl, list[list[int]]]:
+    def rub_function(self) -> tuple[hy.cfunc_dbl, list[list[tuple[int, int]]]]:
         """What `contact.rubbing.rubs_of` reads, of `watch`'s vector, and sizes of all bounds.
 
-        The latter are how many components each term of each bound has.
+        The latter are how many components each term of each bound has, and its wall.
         """
         d, frames = self.dynamics, self.equations.frames
         unit = [hy.make_vars(f'struck{k}') for k in range(len(d.rows))]
         impulses = [*unit, *(rub.T for rub in d.rubs)]
-        carried = self.reactions(d.struck(impulses))
+        carried = self.reactions(d.struck(unit))
         bounds = [rub.friction.pressed(frames, carried[rub.friction.name]) for rub in d.rubs]
         forces = [dense(c) for b in bounds for p in b for c in p.components]
         terms = [
@@ -582,7 +589,7 @@ class System:
         ]
         # flanks of teeth bear as they did before the impact
         terms = hy.subs([dense(x) for x in terms], dict.fromkeys(impulses, hy.expression(0.0)))
-        return self._on_now(terms), [[len(p.components) for p in b] for b in bounds]
+        return self._on_now(terms), [[(len(p.components), p.wall) for p in b] for b in bounds]
 
     @cached_property
     def pressing(self) -> hy.cfunc_dbl:

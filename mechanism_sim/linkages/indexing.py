@@ -33,6 +33,7 @@ from mechanism_sim.planar.mechanism import (
     Vector2,
     rotate,
 )
+from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import (
     SLOT,
     Array,
@@ -120,6 +121,10 @@ class Geneva(HigherPair):
         """Without play."""
         return GenevaClosure(self, mechanism)
 
+    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch:
+        """Where the pin touches its slot."""
+        return Touch(self.closure(mechanism), f'{self.name}.friction', radius, at_pin=True)
+
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """Distance of the pin from the nearest slot, or of the locked wheel from its place [m]."""
         wheel = pose(self.second)
@@ -179,6 +184,10 @@ class SlottedRack(HigherPair):
     def closure(self, mechanism: Mechanism) -> RackClosure:
         """Without play."""
         return RackClosure(self, mechanism)
+
+    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch:
+        """Where the pin touches its slot."""
+        return Touch(self.closure(mechanism), f'{self.name}.friction', radius, at_pin=True)
 
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """Distance of the pin from the nearest slot, or of the locked rack from its place [m]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator
 from typing import Any
 
@@ -31,6 +32,7 @@ _WIDTH = 560.0  # [pixels] that legends are sure of
 _LETTER, _KEY, _LEGEND = 6.3, 46.0, 19.0  # [pixels] of a letter and a sample of legends, of lines
 _FOOT, _GAP, _HEAD, _TITLE = 44, 16, 10, 18  # [pixels] below and above panels, of their titles
 _DISC, _ROUND = 260, 30  # [pixels] of round ones, and around them
+_APART = 0.14  # of the width, between panels side by side
 _PIXEL = 1.25  # in a point of a line
 _AXIS = {
     'showline': True, 'linecolor': _LINE, 'linewidth': 1, 'ticks': 'outside', 'ticklen': 4,
@@ -105,8 +107,8 @@ class _Figure:
         for i, row in enumerate(rows):
             for j, panel in enumerate(row):
                 domain = [(top - tall[i]) / inner, top / inner]
-                apart = 0.5 * 0.16 if chart.columns > 1 else 0.0
-                across = [j / chart.columns + apart * bool(j), (j + 1) / chart.columns]
+                wide = (1.0 - _APART * (chart.columns - 1)) / chart.columns
+                across = [j * (wide + _APART), j * (wide + _APART) + wide]
                 self._add(panel, i * chart.columns + j, domain, across)
             top -= tall[i] + feet[i] + (heads[i + 1] if i + 1 < len(rows) else 0)
 
@@ -117,7 +119,8 @@ class _Figure:
         lines = int(np.ceil(across / (_WIDTH / self.chart.columns)))
         marked = any(m.text and not m.level for m in panel.marks)
         least = _ROUND if panel.form == 'polar' else _HEAD
-        return round(least + _LEGEND * lines + (_TITLE if panel.title else 0) + 14 * marked)
+        title = bool(panel.title and not lines)
+        return round(least + _LEGEND * lines + _TITLE * title + 14 * marked)
 
     def _add(self, panel: Panel, k: int, domain: list[float], across: list[float]) -> None:
         n = '' if not k else str(k + 1)
@@ -153,13 +156,13 @@ class _Figure:
         self._legend(panel, n, domain, across)
         seen: set[str] = set()
         for i, curve in enumerate(panel.curves):
-            for trace in _traces(panel, curve):
-                first_one = curve.label not in seen and trace.get('hoverinfo') != 'skip'
-                entry = curve.label in panel.entries and (first_one or not len(curve.x))
-                seen |= {curve.label} if entry else set()
-                self.data.append(
-                    trace | where | {'showlegend': entry, 'legend': 'legend' + n, 'meta': [k, i]}
-                )
+            entry = curve.label in panel.entries and curve.label not in seen
+            seen.add(curve.label)
+            *more, main = (
+                trace | where | {'showlegend': False, 'legend': 'legend' + n, 'meta': [k, i]}
+                for trace in _traces(panel, curve)
+            )
+            self.data += [*more, main | {'showlegend': entry}]
         for mark in panel.marks:
             self._mark(mark, panel, where)
         if len(panel.struck):
@@ -172,11 +175,12 @@ class _Figure:
             })  # fmt: skip
 
     def _legend(self, panel: Panel, n: str, domain: list[float], across: list[float]) -> None:
-        """Above its panel, where there are no curves."""
+        """Above its panel, where there are no curves; to the right of a title."""
         if panel.entries:
             self.layout['legend' + n] = {
-                'orientation': 'h', 'x': across[0], 'xanchor': 'left', 'y': domain[1],
-                'yanchor': 'bottom', 'bgcolor': _NOTHING, 'font': {'size': 11}, 'itemwidth': 30,
+                'orientation': 'h', 'x': across[bool(panel.title)], 'y': domain[1],
+                'xanchor': 'right' if panel.title else 'left', 'yanchor': 'bottom',
+                'bgcolor': _NOTHING, 'font': {'size': 11}, 'itemwidth': 30,
             }  # fmt: skip
 
     def _mark(self, mark: Any, panel: Panel, where: Json) -> None:
@@ -214,23 +218,16 @@ class _Figure:
 
 
 def _axis(axis: Axis, panel: Panel, side: str) -> Json:
-    found: Json = {'title': {'text': axis.title}}
+    title = axis.title
+    if side == 'y':
+        title = '<br>'.join(textwrap.wrap(title, int(_INCH * panel.height / _LETTER))) or title
+    found: Json = {'title': {'text': title}}
     ends = [axis.low, axis.high]
     if axis.log:
         ends = [None if end is None else float(np.log10(end)) for end in ends]
         found |= {'type': 'log', 'dtick': 1, 'tickformat': '~g' if side == 'x' else ''}
-    if ends == [0.0, None]:
-        found |= {'rangemode': 'tozero'}
-    elif None not in ends:
+    if ends != [None, None]:
         found |= {'range': ends}
-    elif ends != [None, None]:
-        values = np.concatenate([c.x if side == 'x' else c.y for c in panel.curves])
-        known = values[np.isfinite(values) & ((values > 0.0) | (not axis.log))]
-        auto = [float(f(known)) for f in (np.min, np.max)]
-        auto = [float(np.log10(x)) for x in auto] if axis.log else auto
-        room = 0.05 * (auto[1] - auto[0])
-        found |= {'range': [auto[0] - room if ends[0] is None else ends[0],
-                            auto[1] + room if ends[1] is None else ends[1]]}  # fmt: skip
     if axis.every:
         found |= {'dtick': axis.every}
     if axis.names:
@@ -247,7 +244,7 @@ def pale(shade: str, opacity: float) -> str:
 
 
 def _traces(panel: Panel, curve: Curve) -> Iterator[Json]:
-    """What is drawn of a curve; the first trace has its data."""
+    """What is drawn of a curve; the last trace has its data."""
     round_ = panel.form == 'polar'
     look = LOOKS[curve.look]
     width = round(_PIXEL * look.width, 2)

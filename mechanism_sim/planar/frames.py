@@ -84,7 +84,7 @@ class Frames:
         )
         self.outside: dict[str, hy.expression] = {}
         self.switches: dict[str, Switch | Table] = {}
-        self._slips: set[str] = set()
+        self.slips: set[str] = set()
         self.formulas: set[str] = set()
 
     @property
@@ -104,13 +104,13 @@ class Frames:
         """A flag that is 1 where `guard` is positive and 0 elsewhere."""
         for other, known in self.switches.items():
             alike = isinstance(known, Switch) and known.inside == guard
-            if alike and other not in self._slips:
+            if alike and other not in self.slips:
                 return known.symbols[0]
         return self._switch(name, guard).flag
 
     def slip(self, name: str, rate: hy.expression) -> Switch:
         """The switch of a friction, on the rate that it acts against: no load shares it."""
-        self._slips.add(name)
+        self.slips.add(name)
         return self._switch(name, rate)
 
     def _switch(self, name: str, guard: hy.expression) -> Switch:

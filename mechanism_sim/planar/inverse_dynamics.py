@@ -165,7 +165,7 @@ class InverseDynamics:
         groups = [forces, moments, balance]
         if self._rubs:
             bounds = [r.friction.pressed(frames, carried[r.friction.name]) for r in self._rubs]
-            self._sizes = [[len(p.components) for p in bound] for bound in bounds]
+            self._sizes = [[(len(p.components), p.wall) for p in bound] for bound in bounds]
             groups += [
                 [x for bound in bounds for p in bound for x in p.components],
                 [x for bound in bounds for p in bound for x in (p.coefficient, p.resolution)],
@@ -279,7 +279,7 @@ class InverseDynamics:
         )  # fmt: skip
         if not sound.all():
             worst = motion[self._driven[0], np.flatnonzero(known)[sound.argmin()]]
-            joints = ', '.join(rub.friction.name for rub in self._rubs)
+            joints = ', '.join(dict.fromkeys(rub.friction.name for rub in self._rubs))
             name = self.mechanism.coordinates[self._driven[0]]
             place = (
                 f'{1e3 * worst:.6g} mm'

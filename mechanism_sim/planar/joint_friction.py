@@ -34,6 +34,7 @@ from mechanism_sim.planar.mechanism import (
     Vector2,
 )
 from mechanism_sim.planar.switches import Switch
+from mechanism_sim.planar.touch import Touch
 
 Array = NDArray[np.float64]
 
@@ -55,13 +56,15 @@ STANDARD_GRAVITY = 9.80665  # m/s^2
 class Pressed(NamedTuple):
     """``coefficient sqrt(components^2 + resolution^2)``, one term of a bound.
 
-    With a single component whose sign is known it is linear: ``coefficient side component``.
+    With a single component whose sign is known it is linear: ``coefficient side component``. One
+    of a wall is zero where its component has the other sign.
     """
 
     coefficient: Term
     components: Sequence[Term]  #: [N] linear in the joint's wrench
     resolution: Term  #: [N]
-    side: Term = None  #: 1 or -1
+    side: Term = None  #: 1 or -1; 0 of the wall that is off
+    wall: int = 0  #: 1 or -1
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,11 @@ class JointFriction(ABC):
     def joint(self) -> Joint:
         """The joint that rubs."""
         return self.mechanism.joint(self.name)
+
+    @property
+    def label(self) -> str:
+        """Its name, of the walls of a joint different ones."""
+        return self.name
 
     @property
     @abstractmethod
@@ -128,7 +136,7 @@ class JointFriction(ABC):
         return lost
 
     def _number(self, frames: Frames, key: str, value: float) -> Term:
-        return frames.parameters(f'{self.name}.friction.{key}', value)
+        return frames.parameters(f'{self.label}.friction.{key}', value)
 
     def _resolution(self, frames: Frames) -> Term:
         mass = sum(body.mass for body in self.mechanism.bodies) or 1.0
@@ -296,7 +304,10 @@ class TeethFriction(JournalFriction):
 
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
         """By the tangential force, which changes its sign where the other flanks bear."""
-        closure = _pair(self).closure(self.mechanism)
+        joint = self.joint
+        if not isinstance(joint, HigherPair):
+            raise TypeError(f'{self.name} is no higher pair')
+        closure = joint.closure(self.mechanism)
         one, other = (closure.wrench(frames, [hy.expression(x)]) for x in (1.0, -1.0))
         x, y = add(one.x, neg(other.x)), add(one.y, neg(other.y))  # 2 cos(pressure angle) long
         square = add(mul(x, x), mul(y, y))
@@ -363,7 +374,7 @@ class FlankFriction(JointFriction):
         for _, link, at, arm in self._ends:
             for c, turn in self.mechanism.turns(link, at).items():
                 slip = slip + arm * turn * v[index(c)]
-        against = self.coefficient * self.arms[1] * np.sign(slip) * np.sign(moment)
+        against = self.coefficient * self.arms[1] * np.sign(slip) * np.sign(moment * self.lever)
         return np.asarray(self.coefficient * np.abs(moment / (self.lever - against) * slip))
 
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
@@ -377,107 +388,49 @@ class FlankFriction(JointFriction):
 class ContactFriction(JointFriction):
     """A pin in a slot that opens, a knife or a flat face or a roller on a cam: ``b = mu N``.
 
-    They touch where the line of action is nearest to the joint's point on the second-named link,
-    or by `radius` before that, where a roller touches. A roller turns on its pin: what acts at its
-    rim is less, as the pin's radius is than its own: `share`.
+    A roller turns on its pin: what acts at its rim is less, as the pin's radius is than its own.
+    In a groove it touches one wall or the other: each has a friction of its own.
     """
 
-    radius: float = 0.0  #: [m] of a roller
-    share: float = 1.0
+    touch: Touch
+    wall: int = 0  #: 1 or -1: it bears forces of this sign only, along the row of the pair
 
     @property
     def law(self) -> str:
         """By the normal force."""
-        mu = self.coefficient * self.share
-        return f'|{{0}}| <= {mu:.6g} times the normal force in {{1}}{_AGAINST}'
+        mu, where = self.coefficient * self.touch.share, ' on this wall' if self.wall else ''
+        return f'|{{0}}| <= {mu:.6g} times the normal force in {{1}}{where}{_AGAINST}'
 
     @property
     def words(self) -> str:
         """By the coefficient at the contact."""
-        rolls = f', {self.share:.4g} of it at the rim of the roller' if self.radius else ''
+        share = self.touch.share
+        rolls = f', {share:.4g} of it at the rim of the roller' if share != 1.0 else ''
         return f'coefficient {self.coefficient:g}{rolls}'
 
-    def _contact(self, frames: Frames) -> tuple[tuple[Term, Term], tuple[Term, Term]]:
-        """Unit normal on the second-named link; from its point to the contact [m]."""
-        (nx, ny), arm = _line_of_action(self, frames)
-        off = neg(self._number(frames, 'roller', self.radius))
-        return (nx, ny), (add(mul(arm, ny), mul(off, nx)), add(neg(mul(arm, nx)), mul(off, ny)))
+    @property
+    def label(self) -> str:
+        """With the wall."""
+        return f'{self.name}.{"outer" if self.wall > 0 else "inner"}' if self.wall else self.name
 
     def slip(self, frames: Frames) -> Jet:
-        """Velocity of the second-named link on the first, along the normal turned by +90."""
-        j, m = self.joint, self.mechanism
-        (nx, ny), (dx, dy) = self._contact(frames)
-        x1, y1 = frames.position(m.point(j.first, j.on_first), f'{self.name}.friction.first')
-        x2, y2 = frames.position(m.point(j.second, j.on_second), f'{self.name}.friction.second')
-        ends = ('first', j.first, j.on_first), ('second', j.second, j.on_second)
-        w1, w2 = (
-            m.turning(frames, link, at, f'{self.name}.friction.{which}').rate
-            for which, link, at in ends
-        )
-        from_first = add(x2.value, dx, neg(x1.value)), add(y2.value, dy, neg(y1.value))
-        vx = add(x2.rate, neg(mul(w2, dy)), neg(x1.rate), mul(w1, from_first[1]))
-        vy = add(y2.rate, mul(w2, dx), neg(y1.rate), neg(mul(w1, from_first[0])))
-        rate = add(mul(vy, nx), neg(mul(vx, ny)))
-        if rate is None:
-            return lift(0.0)
-        slopes = {c: hy.diff(rate, frames.v[c]) for c in frames.coordinates}
-        bends = [hy.diff(rate, frames.q[c]) * frames.v[c] for c in frames.coordinates]
-        return Jet(None, slopes, rate, hy.sum(bends))
-
-    def _force(self, frames: Frames, T: Term) -> tuple[Term, Term, Term]:
-        """On the second-named link, and its moment about the joint's point there."""
-        (nx, ny), arm = self._contact(frames)
-        force = neg(mul(T, ny)), mul(T, nx)
-        return *force, moment_of(arm, force)
+        """Along the normal turned by +90."""
+        return self.touch.slip(frames)
 
     def loads(self, frames: Frames, T: Term) -> list[Load]:
         """Opposite forces at the contact."""
-        j, m = self.joint, self.mechanism
-        x, y, moment = self._force(frames, T)
-        ends = (j.second, j.on_second), (j.first, j.on_first)
-        (x2, y2), (x1, y1) = (
-            frames.position(m.point(link, at), f'{self.name}.friction.{which}')
-            for which, (link, at) in zip(('second', 'first'), ends, strict=True)
-        )
-        between = add(x2.value, neg(x1.value)), add(y2.value, neg(y1.value))
-        back = neg(x), neg(y)
-        other = add(neg(moment), moment_of(between, back))
-        first, second = f'{self.name}.friction.first', f'{self.name}.friction.second'
-        return [
-            Load(first, j.first, j.on_first, back, other),
-            Load(second, j.second, j.on_second, (x, y), moment),
-        ]
+        return self.touch.loads(frames, T)
 
     def wrench(self, frames: Frames, T: Term) -> Wrench:
         """A force at the contact."""
-        return Wrench(*self._force(frames, T))
+        return self.touch.wrench(frames, T)
 
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
         """By the normal force."""
-        (nx, ny), _ = self._contact(frames)
-        mu = self._number(frames, 'coefficient', self.coefficient * self.share)
-        engaged = getattr(_pair(self).closure(self.mechanism), 'engaged', None)
-        mu = mul(mu, engaged(frames)) if engaged else mu
-        return [Pressed(mu, (_along(wrench, nx, ny),), self._resolution(frames))]
-
-
-def _pair(friction: JointFriction) -> HigherPair:
-    joint = friction.joint
-    if not isinstance(joint, HigherPair):
-        raise TypeError(f'{friction.name} is no higher pair')
-    return joint
-
-
-def _line_of_action(friction: JointFriction, frames: Frames) -> tuple[tuple[Term, Term], Term]:
-    """Of a pair's force on its second link: direction, and how far it passes by the joint's point.
-
-    The direction of a positive force along the row; the distance [m] is to the direction's right.
-    """
-    joint = _pair(friction)
-    unit = joint.closure(friction.mechanism).wrench(frames, [hy.expression(1.0)])
-    x, y = dense(unit.x), dense(unit.y)
-    size = hy.sqrt(x * x + y * y)
-    return (x / size, y / size), div(unit.moment, size)
+        normal, _ = self.touch.contact(frames)
+        mu = self._number(frames, 'coefficient', self.coefficient * self.touch.share)
+        mu = mul(mu, engaged) if (engaged := self.touch.engaged(frames)) is not None else mu
+        return [Pressed(mu, (_along(wrench, *normal),), self._resolution(frames), wall=self.wall)]
 
 
 def _along(wrench: Wrench, nx: Term, ny: Term) -> Term:
@@ -505,7 +458,7 @@ def rubs(frictions: Sequence[JointFriction], frames: Frames) -> list[Rub]:
     for k, friction in enumerate(frictions):
         slip, T = friction.slip(frames), hy.make_vars(f'friction{k}')
         if slip.rate is not None:
-            switch = frames.slip(f'joints:{friction.name}.friction', slip.rate)
+            switch = frames.slip(f'joints:{friction.label}.friction', slip.rate)
             found.append(Rub(friction, T, switch, slip, friction.loads(frames, T)))
     return found
 
@@ -514,7 +467,11 @@ _LEFT, _STEPS = 1e-13, 60  # of a bound, and how often Newton's method may try
 
 
 def solve_friction(
-    start: Array, slopes: Array, numbers: Array, ways: Array, sizes: Sequence[Sequence[int]]
+    start: Array,
+    slopes: Array,
+    numbers: Array,
+    ways: Array,
+    sizes: Sequence[Sequence[tuple[int, int]]],
 ) -> tuple[Array, Array]:
     """Every T of known motions, by Newton's method, while the friction grows from none to all.
 
@@ -524,7 +481,7 @@ def solve_friction(
         each T
     numbers : (2 p, N) coefficient and resolution of each of their p terms
     ways : (m, N) -1, 0 or 1: the sign of T
-    sizes : of each friction, how many components its terms have
+    sizes : of each friction, how many components its terms have, and their walls
 
     Returns
     -------
@@ -550,19 +507,24 @@ def solve_friction(
 
 
 def _bounds(
-    components: Array, slopes: Array, numbers: Array, sizes: Sequence[Sequence[int]]
+    components: Array, slopes: Array, numbers: Array, sizes: Sequence[Sequence[tuple[int, int]]]
 ) -> tuple[Array, Array]:
     """Bounds (m, N), and their derivatives (m, m, N) by each T."""
     m, _, count = slopes.shape
     bound, slope = np.zeros((m, count)), np.zeros((m, m, count))
     i = p = 0
     for k, terms in enumerate(sizes):
-        for size in terms:
+        for size, wall in terms:
             own = slice(i, i + size)
             coefficient, resolution = numbers[2 * p], numbers[2 * p + 1]
             root = np.sqrt((components[own] ** 2).sum(axis=0) + resolution**2)
+            along = components[own] / root
+            if wall:  # the mean of |N| and +-N
+                off, both = wall * components[i] < 0.0, root + np.abs(components[i])
+                half = 0.5 * np.where(off, resolution**2 / both, both)
+                root, along = half, wall * half / root[None]
             bound[k] += coefficient * root
-            slope[k] += coefficient * (components[own] * slopes[:, own]).sum(axis=1) / root
+            slope[k] += coefficient * (along * slopes[:, own]).sum(axis=1)
             i, p = own.stop, p + 1
     return bound, slope
 

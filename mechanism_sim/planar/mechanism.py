@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mechanism_sim.planar.protocols import ForceElement, PairClosure
     from mechanism_sim.planar.rotor import Rotor
     from mechanism_sim.planar.tilt import Tilt
+    from mechanism_sim.planar.touch import Touch, TurningTouch
     from mechanism_sim.planar.view import Charted, Draft, ToothLoad, View
 
 GROUND = 'ground'
@@ -127,6 +128,11 @@ class HigherPair(ABC):
         return False
 
     @property
+    def slips(self) -> bool:
+        """Whether that is because friction alone holds it."""
+        return False
+
+    @property
     def extent(self) -> float:
         """How far from a joint of its links it touches at most [m]."""
         return 0.0
@@ -142,6 +148,16 @@ class HigherPair(ABC):
     @abstractmethod
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """Its row at the poses of links, whatever the tree."""
+
+    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch | TurningTouch:
+        """Where it rubs, with a pin of that radius [m].
+
+        Raises
+        ------
+        TypeError
+            If it has no friction.
+        """
+        raise TypeError(f'{self.name} has no friction')
 
     def elements(self, _: Mechanism) -> Sequence[ForceElement]:
         """The forces of an elastic pair."""

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from mechanism_sim.numerics.symbolic import Term, dense, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.loads import Wrench
+from mechanism_sim.planar.loads import Wrench, together
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute, Side
 from mechanism_sim.planar.protocols import ForceLaw, PairClosure
+from mechanism_sim.planar.touch import Touch, TurningTouch
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,7 @@ class Wall:
     friction: float = 0.0
     hypothesis: str = 'newton'
     law: ForceLaw | None = None
+    touch: Touch | TurningTouch | None = None  #: of a wall that rubs
 
     @property
     def name(self) -> str:
@@ -51,23 +53,33 @@ class Wall:
         play = lift(dense(frames.parameters(f'{self.joint}.play', self.play)))
         return play - offset if self.side == 'left' else play + offset
 
-    def slip(self, frames: Frames) -> Jet:
-        """There is no friction here.
+    def _rubs(self) -> Touch | TurningTouch:
+        """Where; the wall presses on the second-named link against the offset, or along it."""
+        if self.touch is None:
+            raise ValueError(f'{self.name} has no friction')
+        return self.touch.on(-1 if self.side == 'left' else 1)
 
-        Raises
-        ------
-        NotImplementedError
-        """
-        raise NotImplementedError('walls of higher pairs have no friction')
+    def slip(self, frames: Frames) -> Jet:
+        """Velocity of the first-named link on the second, along the wall's force turned by +90."""
+        slip = self._rubs().slip(frames)
+        return slip if self.side == 'left' else -slip
+
+    def engaged(self, frames: Frames) -> Term:
+        """1 while the wall rubs, 0 while what has no friction holds; None if it always does."""
+        return self.touch.engaged(frames) if self.touch else None
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """Along the force of the wall."""
         pressed = self.wrench(frames, hy.expression(1.0), None)
         return lift(dense(pressed.x)), lift(dense(pressed.y))
 
-    def wrench(self, frames: Frames, N: Term, _: Term) -> Wrench:
-        """What the closure would do with the wall's force along its row."""
-        return self.closure.wrench(frames, [neg(N) if self.side == 'left' else N])
+    def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
+        """What the closure would do with the wall's force along its row, and friction."""
+        pressed = self.closure.wrench(frames, [neg(N) if self.side == 'left' else N])
+        if T is None:
+            return pressed
+        along = T if self.side == 'left' else neg(T)
+        return together(pressed, self._rubs().wrench(frames, along))
 
     def stretch(self, value: Term) -> Term:
         """The value is the distance."""
@@ -152,11 +164,15 @@ def walls(
     closure: PairClosure,
     play: float,
     restitution: float,
+    friction: float = 0.0,
     hypothesis: str = 'newton',
     law: ForceLaw | None = None,
+    pin_radius: float = 0.0,
 ) -> list[Wall]:
     """All walls of a higher pair; `play` [m] is from where its offset is zero."""
+    touch = closure.joint.touch(closure.mechanism, pin_radius) if friction else None
+    friction *= touch.share if touch else 1.0
     return [
-        Wall(closure, side, play, restitution, hypothesis=hypothesis, law=law)
+        Wall(closure, side, play, restitution, friction, hypothesis, law, touch)
         for side in closure.joint.sides
     ]

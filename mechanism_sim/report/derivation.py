@@ -212,12 +212,12 @@ class _Derivation:
                 mechanism,
             )  # fmt: skip
             self._vectors.use_seen()
-            name, unit = friction.name, friction.unit
-            meaning = f'friction of {name} on its second link, against its slip'
+            name, unit = friction.label, friction.unit
+            meaning = f'friction of {friction.name} on its second link, against its slip'
             T = self._symbols.make('T', (name,), f'{name}.friction', meaning, unit)
             for c, term in found.items():
                 self._on[c].append(sympy.Mul(T, self._in_symbols(term)))
-            self._rubs.append(f'{name}: {friction.law.format(f"T_{name}", name)}.')
+            self._rubs.append(f'{name}: {friction.law.format(f"T_{name}", friction.name)}.')
         for load in self._unknowns:
             found = generalised(load.loads(self._vectors.frames), self._vectors.frames, mechanism)
             self._vectors.use_seen()

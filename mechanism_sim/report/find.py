@@ -8,7 +8,6 @@ import numpy as np
 
 from mechanism_sim.export.palette import INK
 from mechanism_sim.report.charts.chart import Axis, Chart, Curve, Mark, Panel
-from mechanism_sim.report.figures import paint
 from mechanism_sim.strict_json import plain
 from mechanism_sim.study.find import Finding, within_limits
 from mechanism_sim.units import for_people
@@ -21,6 +20,8 @@ def text(finding: Finding) -> str:
     wanted = '' if finding.wanted is None else f' = {scale * finding.wanted:.6g} {unit}'
     for one in finding.found:
         note = ' (it steps across the wanted value there)' if one.jump else ''
+        if finding.wanted is None and one.value in (finding.curve[0][0], finding.curve[-1][0]):
+            note = ' (the end of the range: it may be less beyond)'
         shown = f'{finding.goal.name} = {scale * one.figure:.9g} {unit}'
         lines.append(f'{path} = {one.value:.12g}: {shown}{note}')
     if not lines:
@@ -47,13 +48,8 @@ def to_json(finding: Finding) -> dict[str, Any]:
     }
 
 
-def picture(finding: Finding, title: str) -> Any:
-    """The figure over the parameter, with what was wanted and found."""
-    return paint(chart(finding, title))
-
-
 def chart(finding: Finding, title: str) -> Chart:
-    """The chart of that picture."""
+    """The figure over the parameter, with what was wanted and found."""
     unit, scale = for_people(finding.unit)
     x, y = np.array(finding.curve).T
     curves = [Curve(x, scale * y, finding.goal.name, marker='circle')]

@@ -28,8 +28,8 @@ _SHAPES = dict(zip(MARKERS, 'os^DvPX*<>phd+x1234', strict=True))
 _TOP, _FOOT, _TITLE = 0.27, 0.45, 0.3  # [in] of a legend, of an axis with its words, of titles
 _ROUND = 34  # letters above a round panel
 _LETTERS = 14.0  # of a legend in an inch
-_NAMES = 4.0  # letters of names below an inch of a figure that are not slanted
-_HIGH = 0.062  # [in] of a small letter
+_NAMES = 6.0  # letters of names in an inch that are not slanted
+_LETTER = 0.073  # [in]
 _ALONE = 1.4  # times as high as others is a row that is alone
 _CAP = 2.5  # [points] of bars of error
 
@@ -73,10 +73,9 @@ def paint(chart: Chart) -> Picture:
 
 def _room(row: Sequence[Panel], width: float) -> float:
     """What legends and titles above a row of panels take [in]."""
-    lines = [
-        bool(p.title) + sum(len(text) + 8 for text in p.entries) / (_LETTERS * width) for p in row
-    ]
-    return _TOP * float(np.ceil(max(lines)))
+    letters = max(sum(len(text) + 8 for text in p.entries) for p in row)
+    lines = np.ceil(letters / (_LETTERS * width))
+    return _TOP * max(float(lines), float(any(p.title for p in row)))
 
 
 def _shared(panel: Panel, below: Panel | None) -> bool:
@@ -107,9 +106,11 @@ def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
     if entries := panel.entries:
         longest = max(map(len, entries))
         width = axes.figure.get_figwidth() * axes.get_position().width
+        side = 'right' if panel.title else 'left'
         axes.legend(
-            [artists[e] for e in entries], entries, loc='lower left', bbox_to_anchor=(0.0, 1.0),
-            borderaxespad=0.2, frameon=False, fontsize=7.5, handlelength=2.6,
+            [artists[e] for e in entries], entries, loc=f'lower {side}',
+            bbox_to_anchor=(float(bool(panel.title)), 1.0), borderaxespad=0.2, frameon=False,
+            fontsize=7.5, handlelength=2.6,
             ncols=max(1, int(1.3 * _LETTERS * width) // (longest + 8)),
         )  # fmt: skip
     if panel.form == 'polar':
@@ -124,6 +125,7 @@ def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
         return
     if panel.title:
         axes.set_title(panel.title, fontsize=9.0, loc='left')
+    wide = axes.figure.get_figwidth() / axes.get_gridspec().ncols
     for name, axis in (('x', panel.x), ('y', panel.y)):
         side = getattr(axes, f'{name}axis')
         if axis.log:
@@ -132,7 +134,7 @@ def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
             side.set_major_locator(MultipleLocator(axis.every))
         if axis.names:
             getattr(axes, f'set_{name}ticks')(axis.places, axis.names)
-            if name == 'x' and sum(map(len, axis.names)) > _NAMES * axes.figure.get_figwidth():
+            if name == 'x' and sum(map(len, axis.names)) > _NAMES * wide:
                 axes.tick_params(axis='x', rotation=25.0)
             side.set_minor_locator(MultipleLocator(1e300))
         if axis.names and name == 'y':
@@ -141,20 +143,19 @@ def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
     if panel.form == 'equal':
         axes.set_aspect('equal', adjustable='datalim')
     small = panel.height <= SMALL
-    title = panel.y.title
-    if small and _HIGH * len(title) > panel.height:
-        title = title.replace(' [', '\n[')
-    axes.set_ylabel(title, fontsize=7.5 if small else None)
+    letter = _LETTER * (0.8 if small else 1.0)
+    high = panel.height * (_ALONE if axes.get_gridspec().nrows == 1 else 1.0)
+    axes.set_ylabel(textwrap.fill(panel.y.title, int(high / letter)), fontsize=7.5 if small else 9)
     if bare:
         axes.tick_params(labelbottom=False)
     else:
-        axes.set_xlabel(panel.x.title)
+        axes.set_xlabel(textwrap.fill(panel.x.title, int((wide - 0.6) / _LETTER)))
 
 
 def _limit(axes: Any, panel: Panel) -> None:
     """Ends of the axes, once all is drawn that has the same scale."""
     for name, axis in (('x', panel.x), ('y', panel.y)):
-        if panel.form != 'polar' or name == 'y':
+        if (axis.low, axis.high) != (None, None):
             getattr(axes, f'set_{name}lim')(axis.low, axis.high)
 
 
@@ -171,7 +172,7 @@ def _stroke(curve: Curve) -> dict[str, Any]:
 
 
 def _draw(axes: Any, panel: Panel, curve: Curve) -> list[Any]:
-    """The artists of a curve; the first one has its data."""
+    """The artists of a curve; the last one has its data."""
     x = np.radians(curve.x) if panel.form == 'polar' else curve.x
     y, label = curve.y, curve.label or '_nolegend_'
     if curve.form == 'area' and curve.low is not None:
@@ -191,7 +192,7 @@ def _draw(axes: Any, panel: Panel, curve: Curve) -> list[Any]:
         found += axes.plot(*rays, label='_nolegend_', rasterized=len(x) > 2000, **many)
         stroke |= {'ls': '', 'lw': 0.0}
     step = {'drawstyle': 'steps-mid'} if curve.form == 'steps' else {}
-    found = [*axes.plot(x, y, label=label, **stroke, **step), *found]
+    found += axes.plot(x, y, label=label, **stroke, **step)
     if curve.error is not None:
         axes.errorbar(x, y, curve.error, fmt='none', ecolor=curve.shade, elinewidth=0.9,
                       capsize=_CAP)  # fmt: skip

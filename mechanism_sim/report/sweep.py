@@ -13,7 +13,7 @@ import numpy as np
 from mechanism_sim import text_table
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.report.charts.chart import DASHES, MARKERS, Axis, Chart, Curve, Panel
-from mechanism_sim.report.figures import check_picture, paint, save
+from mechanism_sim.report.figures import check_picture
 from mechanism_sim.strict_json import plain
 from mechanism_sim.sweep.effects import effects, exceedances, measures_of
 from mechanism_sim.sweep.plan import REPEAT, Plan
@@ -209,16 +209,11 @@ def chart_of(plan: Plan, file: str | None, over: str | None) -> Asked | None:
     return Asked(path, chosen)
 
 
-def draw(asked: Asked, plan: Plan, rows: Sequence[dict[str, Value]]) -> None:
-    """Draw impulses, impacts and I_n over a swept value, a line for each of the other values.
+def sweep_chart(asked: Asked, plan: Plan, rows: Sequence[dict[str, Value]]) -> Chart:
+    """Impulses, impacts and I_n over a swept value, a line for each of the other values.
 
     Bars are 95 % confidence intervals; repetitions are put together.
     """
-    save(paint(sweep_chart(asked, plan, rows)), asked.file)
-
-
-def sweep_chart(asked: Asked, plan: Plan, rows: Sequence[dict[str, Value]]) -> Chart:
-    """The chart of that picture."""
     lines, x = _lines(asked, plan, rows), _axis(asked, plan)
     panels: list[Panel] = []
     for name, scale, words, unit in _PANELS:
@@ -270,20 +265,17 @@ def _axis(asked: Asked, plan: Plan) -> Axis:
     return Axis(words, 'SI')
 
 
-def draw_effects(file: Path, plan: Plan, rows: Sequence[dict[str, Value]]) -> None:
-    """Draw main effects: a row for each measure, a column for each factor, means with errors.
+def effects_chart(plan: Plan, rows: Sequence[dict[str, Value]]) -> Chart:
+    """Main effects: a row for each measure, a column for each factor, means with errors.
 
     Bars are two standard errors of a mean; the share is that of the variance which the factor
     explains by itself, and the index that of Sobol where the design gives it.
+
+    Raises
+    ------
+    InputError
+        If there are none.
     """
-    found = effects_chart(plan, rows)
-    if found is None:
-        raise InputError(f'--effects {file}: nothing that is swept changes a measure')
-    save(paint(found), file)
-
-
-def effects_chart(plan: Plan, rows: Sequence[dict[str, Value]]) -> Chart | None:
-    """The chart of that picture; none where there are no effects."""
     found = {(e.measure, e.factor): e for e in effects(plan, rows)}
     factors = list(dict.fromkeys(factor for _, factor in found))
     units = {c.name: c.unit for c in plan.own}
@@ -307,7 +299,7 @@ def effects_chart(plan: Plan, rows: Sequence[dict[str, Value]]) -> Chart | None:
             names = () if numbers else tuple(str(level.x) for level in levels)
             panels.append(Panel(Axis(short, of, names=names), Axis(name, unit), (curve,), said,
                                 height=1.6, scale=name))  # fmt: skip
+    if not panels:
+        raise InputError('--effects: nothing that is swept changes a measure')
     wide = 1.2 + 2.1 * len(factors)
-    return (
-        Chart('effects', '', tuple(panels), columns=len(factors), width=wide) if panels else None
-    )
+    return Chart('effects', '', tuple(panels), columns=len(factors), width=wide)

@@ -12,7 +12,6 @@ from mechanism_sim.export.palette import GROUND, INK, LINKS
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, Curve, Mark, Panel, whole
 from mechanism_sim.report.charts.lines import colours
-from mechanism_sim.report.figures import paint
 from mechanism_sim.study.harmonics import Harmonics
 from mechanism_sim.study.modes import CriticalSpeed, Mode, Station
 from mechanism_sim.study.response import FrequencyResponse
@@ -125,13 +124,8 @@ def _amplitude(z: complex | None) -> str:
     return f'{abs(z):.4g} at {np.degrees(np.angle(z)):.1f} deg'
 
 
-def modes_picture(table: ModeTable, title: str) -> Any:
-    """Mode shapes as stems; frequencies over angle or speed, with the line of the rotation."""
-    return paint(modes_chart(table, title))
-
-
 def modes_chart(table: ModeTable, title: str) -> Chart:
-    """The chart of that picture."""
+    """Mode shapes as stems; frequencies over angle or speed, with the line of the rotation."""
     if table.over is None:
         panels = tuple(map(_shape, table.stations[0].modes))
         return Chart('modes', title, panels)
@@ -199,13 +193,8 @@ def _per(found: FrequencyResponse, name: str) -> str:
     return unit if not source else '1' if unit == source else f'{unit} per {source}'
 
 
-def response_picture(found: FrequencyResponse, title: str) -> Any:
-    """Amplitudes, logarithmic, above phases; each unit has a panel of its own."""
-    return paint(response_chart(found, title))
-
-
 def response_chart(found: FrequencyResponse, title: str) -> Chart:
-    """The chart of that picture."""
+    """Amplitudes, logarithmic, above phases; each unit has a panel of its own."""
     shades = dict(zip(found.amplitudes, colours(found.amplitudes, {}), strict=True))
     x = Axis(f'frequency of {found.source.name}', 'Hz')
     panels, names = [], list(found.amplitudes)
@@ -213,7 +202,8 @@ def response_chart(found: FrequencyResponse, title: str) -> Chart:
         sizes = {n: np.abs(found.amplitudes[n]) for n in names if _per(found, n) == unit}
         log = all((y > 0.0).any() for y in sizes.values())
         curves = tuple(Curve(found.frequency, y, n, n, shades[n]) for n, y in sizes.items())
-        panels.append(Panel(x, Axis('amplitude', unit, log=log), curves))
+        head = next(iter(sizes)) if len(sizes) == 1 else ''
+        panels.append(Panel(x, Axis('amplitude', unit, log=log), curves, head))
     phases = tuple(
         Curve(found.frequency, np.degrees(np.unwrap(np.angle(z))), name, name, shades[name])
         for name, z in found.amplitudes.items()
@@ -250,13 +240,8 @@ def harmonics_text(found: Harmonics) -> str:
     return '\n'.join(text_table.lines(rows, indent=''))
 
 
-def harmonics_picture(found: Harmonics, title: str) -> Any:
-    """Amplitudes of the harmonics as stems."""
-    return paint(harmonics_chart(found, title))
-
-
 def harmonics_chart(found: Harmonics, title: str) -> Chart:
-    """The chart of that picture."""
+    """Amplitudes of the harmonics as stems."""
     panels = []
     for k, (name, s) in enumerate(found.series.items()):
         number = np.arange(1.0, len(s.amplitudes) + 1.0)

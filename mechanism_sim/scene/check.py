@@ -25,8 +25,8 @@ _WHY = {
     'for, have no limit, or masses are not given: loop closure',
     Level.INVERSE_DYNAMICS: 'the drives are prescribed, every joint is ideal, and forces are '
     'asked for: loop closure and a linear solve for the forces',
-    Level.SMOOTH: 'every joint is ideal and the drives leave a motion free: equations of motion '
-    'with closed loops',
+    Level.SMOOTH: 'every joint is ideal, or a belt that may slip, and the drives leave a motion '
+    'free: equations of motion with closed loops',
     Level.NONSMOOTH: 'joints have clearance: equations of motion with gaps, and an event loop for '
     'free flight, impact and following',
     Level.COMPLIANT: 'joints have clearance and a law of contact force, or teeth or belts give '
@@ -93,14 +93,19 @@ def check(machine: Machine) -> Report:
         pair = machine.mechanism.joint(joint)
         if isinstance(pair, HigherPair) and pair.elastic:
             continue
+        if c.friction and c.restitution and c.hypothesis == 'newton':
+            warnings.append(
+                f"{joint}: Newton's restitution with friction can create energy where sliding "
+                "stops or turns within an impact; 'hypothesis: poisson' or 'stronge' cannot"
+            )
+        friction = f', friction {c.friction:g}' if c.friction else ''
         if isinstance(pair, HigherPair):
             room = f'play {c.radial:g} m to either side' if len(pair.sides) > 1 else 'may lift off'
             gaps.append(
                 f'{joint}: {pair.parts}, {room}, {c.hypothesis.capitalize()} restitution '
-                f'{c.restitution:g}'
+                f'{c.restitution:g}{friction}'
             )
             continue
-        friction = f', friction {c.friction:g}' if c.friction else ''
         block = isinstance(pair, Prismatic)
         kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
         if c.film:
@@ -113,11 +118,6 @@ def check(machine: Machine) -> Report:
             f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}, start '
             f'{"centred" if c.film else scene.start}'
         )
-        if c.friction and c.restitution and c.hypothesis == 'newton':
-            warnings.append(
-                f"{joint}: Newton's restitution with friction can create energy where sliding "
-                "stops or turns within an impact; 'hypothesis: poisson' or 'stronge' cannot"
-            )
     for name in machine.mechanism.cut:
         if name not in machine.clearances:
             single = isinstance(machine.mechanism.joint(name), HigherPair)
@@ -216,7 +216,8 @@ def _notes(machine: Machine) -> list[str]:
     notes = motion_notes(mechanism, start, machine.plan.laws)
     for joint in machine.plan.joints:
         notes += KINDS[scene.joints[joint.name].kind].notes(machine, joint)
-    notes += [f'{f.name}: friction, {f.words}' for f in machine.plan.frictions(mechanism)]
+    rubbing = (f'{f.name}: friction, {f.words}' for f in machine.plan.frictions(mechanism))
+    notes += dict.fromkeys(rubbing)
     notes += elastic_notes(machine.mechanism, machine.period, bool(machine.clearances))
     notes += tilt_notes(machine.mechanism)
     notes += sensor_notes(machine)

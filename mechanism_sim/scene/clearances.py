@@ -35,11 +35,14 @@ def gaps_and_films(
                 if isinstance(joint, PinInSlot) and c.friction:
                     gaps += [
                         SlotWall(closure, side, c.radial, c.restitution, c.friction,
-                                 c.hypothesis, law, c.pin_radius)
+                                 c.hypothesis, law, pin_radius=c.pin_radius)
                         for side in joint.sides
                     ]  # fmt: skip
                 else:
-                    gaps += walls(closure, c.radial, c.restitution, c.hypothesis, law)
+                    gaps += walls(
+                        closure, c.radial, c.restitution, c.friction, c.hypothesis, law,
+                        c.pin_radius,
+                    )  # fmt: skip
         elif isinstance(joint, Prismatic) and isinstance(c, Clearance):
             gaps += corners(
                 mechanism, name, c.length or 0.0, c.height or 0.0, c.radial, c.restitution,

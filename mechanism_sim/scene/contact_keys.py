@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -52,12 +53,22 @@ class Contact(Part):
 class Friction(Part):
     """Coulomb friction in an ideal joint, under its own force."""
 
-    coefficient: Annotated[float, si(''), Field(ge=0.0, allow_inf_nan=False)]
-    """Coulomb's coefficient; a joint that rests sticks with the same."""
+    coefficient: Annotated[float, si(''), Field(ge=0.0, allow_inf_nan=False)] = 0.0
+    """Coulomb's coefficient, required; a joint that rests sticks with the same."""
     radius: Length | None = None
     """Of a pin, the arm of its friction; required there."""
     length: Length | None = None
     """Of a block along its guide, about its point: its ends carry moments; else none rub."""
+    groove: Annotated[float, si('rad'), Field(gt=0.0, lt=math.pi)] | None = None
+    """Of a V-belt: between the flanks of its pulleys' grooves; without it the belt is flat."""
+    efficiency: Annotated[float, si(''), Field(gt=0.0, le=1.0)] | None = None
+    """Of a chain or a toothed belt, in the place of a coefficient."""
+
+    @model_validator(mode='after')
+    def _one_size(self) -> Friction:
+        if len({'coefficient', 'efficiency'} & self.model_fields_set) != 1:
+            raise ValueError("needs a 'coefficient', or of a chain its 'efficiency' instead")
+        return self
 
 
 class Play(Part):

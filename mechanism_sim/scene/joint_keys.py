@@ -5,7 +5,7 @@ A kind is a file in `mechanism_sim.scene.kinds`; whatever lists kinds or keys fi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Protocol
 
@@ -48,11 +48,11 @@ def _clearance(joint: JointKeys) -> Play | None:
 
 
 def _walls_only(given: Clearance) -> str:
-    """What a pair without friction and law of contact cannot have."""
-    absent = given.model_fields_set - {'radial', 'restitution', 'hypothesis'}
-    wrong = sorted(key for key in absent if getattr(given, key))
+    """What a pair without a law of contact cannot have."""
+    known = {'radial', 'restitution', 'hypothesis', 'friction', 'pin_radius'}
+    wrong = sorted(key for key in given.model_fields_set - known if getattr(given, key))
     return (
-        f'has a clearance with {wrong[0]}: here it has radial and restitution only'
+        f'has a clearance with {wrong[0]}: here it has {", ".join(sorted(known))} only'
         if wrong
         else ''
     )
@@ -109,8 +109,10 @@ class JointKind:
     firm : why it can have no ``clearance``; empty if it can
     notes : what can be said of a joint of a machine without moving it
     mounted : a joint as it is put together where coordinates have rough values [rad, m]
-    friction : that of an ideal joint, of its name, its keys and the mechanism; None if it has none
-    arm : the key that says where friction acts, and whether it must be given
+    friction : those of an ideal joint, of its name, its keys and the mechanism; None if none
+    rubs_by : the keys that its friction may have beside the coefficient, and whether the first,
+        which says where friction acts, must be given
+    slips : whether a joint is loose because friction alone holds it
     rotor : if it lets the axis of a link give way: that link, and how
     tools : by which such joints are drawn
     refit : of a sketch whose links were moved, of a joint's name and keys: what makes it fit
@@ -124,8 +126,9 @@ class JointKind:
     firm: str = ''
     notes: Callable[[Any, Any], list[str]] = lambda machine, joint: []  # noqa: ARG005
     mounted: Callable[[Any, Mapping[str, float]], Joint] = lambda joint, start: joint  # noqa: ARG005
-    friction: Callable[[str, Friction, Mechanism], JointFriction] | None = None
-    arm: tuple[str, bool] = ('', False)
+    friction: Callable[[str, Friction, Mechanism], Sequence[JointFriction]] | None = None
+    rubs_by: tuple[Sequence[str], bool] = ((), False)
+    slips: bool = False
     rotor: Callable[[Names, str, Any], tuple[str, Rotor]] | None = None
     tools: tuple[Tool, ...] = ()
     refit: Callable[[Sketch, str, Any], list[Edit]] | None = None

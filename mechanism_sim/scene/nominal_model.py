@@ -139,7 +139,10 @@ class NominalModel(MachineModel):
         """The cheapest level that is exact for the scene."""
         if self.clearances:
             rigid = any(c.wall == 'rigid' for c in self.plan.rigid.values())
-            return Level.NONSMOOTH if rigid else Level.COMPLIANT
+            slipping = {j.name for j in self.plan.joints if isinstance(j, HigherPair) and j.slips}
+            if rigid or self.clearances.keys() - slipping:
+                return Level.NONSMOOTH if rigid else Level.COMPLIANT
+            return Level.SMOOTH
         if self.torque_driven:
             return Level.SMOOTH
         wanted = self.scene.outputs.forces and self.plan.weighed and not self.without_forces

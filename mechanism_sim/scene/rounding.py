@@ -43,8 +43,3 @@ def degrees(angle: float, digits: int = 1) -> str:
 def exactly(value: float, unit: str, si: str = 'm') -> str:
     """A value [SI] that must fit others, to ten digits, with a unit."""
     return f'{value / to_si(f"1 {unit}", si):.10g} {unit}'
-
-
-def roughly(value: float, digits: int = 2) -> float:
-    """A value to so many digits."""
-    return float(f'{value:.{digits}g}')

@@ -59,23 +59,23 @@ def read_frictions(places: Places) -> Callable[[Mechanism], list[JointFriction]]
         if given is None:
             continue
         where = f'{places.name}: joints.{name}.friction'
-        arm, needed = kind.arm
-        for key in given.model_fields_set - {'coefficient', arm}:
+        keys, needed = kind.rubs_by
+        for key in given.model_fields_set - {'coefficient', *keys}:
             if getattr(given, key) is not None:
                 raise InputError(f'{where}.{key} has no meaning in a {kind.name} joint')
-        if needed and getattr(given, arm) is None:
-            raise InputError(f"{where} needs a '{arm}', as {arm}: 10 mm")
-        if given.coefficient and kind.play(joint):
+        if needed and getattr(given, keys[0]) is None:
+            raise InputError(f"{where} needs a '{keys[0]}', as {keys[0]}: 10 mm")
+        if given.coefficient and kind.play(joint) and not kind.slips:
             raise InputError(
-                f'{where}: the joint is loose: give the friction of a pin, a block or a slot in '
-                "its 'clearance'; the play of other pairs has none"
+                f"{where}: the joint is loose: give the friction of its walls in its 'clearance', "
+                "'lift_off', 'groove' or 'backlash'"
             )
-        if given.coefficient:
+        if given.coefficient or given.efficiency:
             rubs[name] = given
 
     def made(mechanism: Mechanism) -> list[JointFriction]:
         makers = ((name, KINDS[places.scene.joints[name].kind].friction) for name in rubs)
-        return [make(name, rubs[name], mechanism) for name, make in makers if make]
+        return [x for name, make in makers if make for x in make(name, rubs[name], mechanism)]
 
     return made
 

@@ -33,7 +33,7 @@ ComplexArray = NDArray[np.complex128]
 _RIGID = 1e-7
 #: relative difference of roots, or of sizes, up to which they count as the same
 _EQUAL = 1e-8
-#: least singular value of shapes of equal roots; below it they are parallel, and the root defective
+#: least singular value of shapes of equal roots; below it they are parallel, the root defective
 _PARALLEL = 1e-3
 
 

@@ -138,7 +138,7 @@ def press_follower(scene: Scene, spring: float, damping: float = 0.0) -> Scene:
     return scene
 
 
-def _driven(random: Random, scene: Scene, k: int) -> Draft:
+def driven(random: Random, scene: Scene, k: int) -> Draft:
     """The scene with its shaft at another speed, on a ramp, or moved by a torque."""
     factor = float(10.0 ** random.uniform(-1.0, 1.0))
     speed = scene['drive']['speed'] * factor
@@ -159,10 +159,11 @@ def _driven(random: Random, scene: Scene, k: int) -> Draft:
 
 
 def _ideal(random: Random, k: int) -> Draft:
-    return _driven(random, cam(random), k)
+    return driven(random, cam(random), k)
 
 
-def _press_at_random(random: Random, scene: Scene) -> Scene:
+def pressed(random: Random, scene: Scene) -> Scene:
+    """The scene with a random force that presses the follower against its cam."""
     swings = 'revolute' in scene['joints']['guide']
     force = random.uniform(0.05, 2.0) if swings else random.uniform(2.0, 40.0)
     return press_follower(scene, float(force), float(pick(random, (0.0, 0.01 if swings else 1.0))))
@@ -170,7 +171,7 @@ def _press_at_random(random: Random, scene: Scene) -> Scene:
 
 def _lift_off(random: Random, k: int) -> Draft:
     keys = {'restitution': pick(random, RESTITUTIONS), 'hypothesis': pick(random, RIGID)}
-    return _driven(random, _press_at_random(random, cam(random, {'lift_off': keys})), k)
+    return driven(random, pressed(random, cam(random, {'lift_off': keys})), k)
 
 
 def _soft_lift_off(random: Random, k: int) -> Draft:
@@ -179,7 +180,7 @@ def _soft_lift_off(random: Random, k: int) -> Draft:
         'restitution': float(random.uniform(0.1, 1.0)),
         'contact': {'law': law, 'stiffness': decades(random, 7.0, 9.5), 'exponent': 1.5},
     }
-    return _driven(random, _press_at_random(random, cam(random, {'lift_off': keys})), 0)
+    return driven(random, pressed(random, cam(random, {'lift_off': keys})), 0)
 
 
 def _groove(random: Random, k: int) -> Draft:
@@ -187,7 +188,7 @@ def _groove(random: Random, k: int) -> Draft:
     if k % 4 == 3:
         keys['contact'] = {'law': LAWS[k // 4 % 4], 'stiffness': decades(random, 7.0, 9.0)}
         keys['restitution'] = max(keys['restitution'], 0.1)
-    return _driven(random, cam(random, {'groove': keys}), 0 if k % 4 == 3 else k)
+    return driven(random, cam(random, {'groove': keys}), 0 if k % 4 == 3 else k)
 
 
 def _valve(random: Random, k: int) -> Draft:

@@ -3,7 +3,7 @@
 The engine solves complementarity problems by pivoting. Here each combination of modes is a set of
 linear equations, whose solution is held against the inequalities of Coulomb and Signorini: first
 for forces, then for an impact without collision and the forces after it (Glocker, Pfeiffer 1995,
-Nonlinear Dyn. 7:471).
+Nonlinear Dyn. 7:471); beside friction in ideal joints for forces only, see `joint_jams`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.bench.grid.joint_jams import no_forces
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.scene import Machine
@@ -26,7 +27,7 @@ _SLACK = 1e-9  # of the largest term: rounding of an inequality
 
 def confirm_jam(machine: Machine, error: RunError) -> bool:
     """Whether no mode of contact is consistent where a run ended because contacts jam."""
-    said = re.search(r'jams .* at t = ([-+.\de]+) s', str(error))
+    said = re.search(r'jams .*?at t = ([-+.\de]+) s', str(error))
     if not said or not machine.dynamic:
         return False
     run = machine.start()
@@ -37,13 +38,18 @@ def confirm_jam(machine: Machine, error: RunError) -> bool:
     terms, count = run.contact_terms, len(machine.system.gaps)
     near, speed = _NEAR * machine.mechanism.size, machine.fastest * machine.mechanism.size
     touching = [i for i in range(count) if run.state.closed[i] or abs(terms.value[i]) < near]
+    if machine.system.dynamics.rubs:
+        slips = np.array([terms.rate[count + i] if len(terms.rate) > count else 0.0
+                          for i in touching])  # fmt: skip
+        slips[np.abs(slips) < _NEAR * max(speed, 1.0)] = 0.0
+        friction = np.minimum(terms.friction[touching], 1e4)
+        return no_forces(run, machine.system, touching, slips, friction)
     rows = [*touching, *(count + i for i in touching)]
     A = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
     b = np.array([terms.free_acceleration[r] for r in rows])
     v = np.array([terms.rate[r] for r in rows])
     v[np.abs(v) < _NEAR * max(speed, 1.0)] = 0.0
-    friction = [min(machine.system.gaps[i].friction, 1e4) for i in touching]
-    return jams(A, b, v, friction)
+    return jams(A, b, v, [min(machine.system.gaps[i].friction, 1e4) for i in touching])
 
 
 def jams(A: Array, b: Array, v: Array, friction: Sequence[float]) -> bool:

@@ -30,7 +30,7 @@ LOOSE = (
 )
 
 
-def _geneva(random: Random, k: int) -> Draft:
+def wheel(random: Random, k: int) -> Draft:
     """A wheel of three to eight slots, its pin ideal or with play."""
     slots, radius = 3 + k % 6, 0.05
     keys, extent = drive(random, WAYS[k // 6 % 5], (0.5, 1.8))
@@ -47,7 +47,8 @@ def _geneva(random: Random, k: int) -> Draft:
     return Draft(scene, **extent)
 
 
-def _rack(random: Random, k: int) -> Draft:
+def rack(random: Random, k: int) -> Draft:
+    """A slotted rack, its pin ideal or with play."""
     keys, extent = drive(random, WAYS[k % 5], (0.3, 1.5))
     keys['start_angle'] = math.pi / 2.0
     scene = variant('linear_intermittent', {'drive': keys})
@@ -204,6 +205,9 @@ def _rubbing(random: Random, k: int) -> Draft:
     if name != 'pendulum':
         old = {k: scene['drive'][k] for k in ('coordinate', 'start_angle') if k in scene['drive']}
         scene['drive'] = {**keys, **old}
+    if k // len(RUBBING) % 2:
+        scene['joints'] = {n: {x: y for x, y in j.items() if x != 'lift_off'}
+                           for n, j in scene['joints'].items()}  # fmt: skip
     rub(random, scene, 0.02, 0.1)
     return Draft(scene, duration=1.5) if name == 'pendulum' else Draft(scene, **extent)
 
@@ -220,6 +224,10 @@ def rub(random: Random, scene: Scene, radius: float, length: float = 0.0) -> Non
             keys['radius'] = radius * decades(random, -1.0, 0.0)
         elif 'prismatic' in joint and length and random.random() < 0.5:
             keys['length'] = length * decades(random, 0.0, 0.5)
+        if 'lift_off' in joint:
+            own = {'friction': keys['coefficient'], 'pin_radius': keys.get('radius', 0.0)}
+            scene['joints'][name] = {**joint, 'lift_off': {**joint['lift_off'], **own}}
+            continue
         scene['joints'][name] = {**joint, 'friction': keys}
 
 
@@ -280,8 +288,8 @@ def _package(random: Random, k: int) -> Draft:
 
 
 FAMILIES = (
-    Family('geneva', 36, _geneva),
-    Family('rack', 15, _rack),
+    Family('geneva', 36, wheel),
+    Family('rack', 15, rack),
     Family('slot', 40, _slot, (), 20),
     Family('loads', 30, _loads, NOT_SEATED),
     Family('steps', 60, _steps, NOT_SEATED),

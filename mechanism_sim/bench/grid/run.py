@@ -17,6 +17,7 @@ from mechanism_sim.bench.grid import (
     linkages,
     machines,
     rotors,
+    rubbing,
     tilted,
     trains,
 )
@@ -29,7 +30,7 @@ _CHUNK = 6  # neighbouring cases that one process runs, for what it has compiled
 
 FAMILIES: tuple[Family, ...] = tuple(
     family
-    for module in (four_bars, machines, linkages, cams, trains, elastic, rotors, tilted)
+    for module in (four_bars, machines, linkages, cams, trains, elastic, rotors, tilted, rubbing)
     for family in module.FAMILIES
 )
 

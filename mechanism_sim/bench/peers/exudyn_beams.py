@@ -173,7 +173,7 @@ def prepare_spinning_beam(end: float, cables: int, steps: float) -> Run:
 def method(prepare: Callable[[int, float], Run], cables: int, steps: Sequence[float]) -> Method:
     """Of a problem, with a number of cables."""
     return Method(
-        f'Exudyn, {cables} cables',
+        f'Exudyn ({cables} cables)',
         tuple(steps),
         'steps',
         lambda setting: prepare(cables, setting),

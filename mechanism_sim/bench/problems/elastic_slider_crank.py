@@ -88,7 +88,7 @@ PROBLEM = Problem(
         ),
         *solve_ivp_methods(
             scipy,
-            ('DOP853', 'LSODA'),
+            ('DOP853',),
             "`solve_ivp` on the test set's seven coordinates in index 1, written by hand; "
             '`numpy.linalg.solve` on 10 equations a call.',
         ),

@@ -42,8 +42,8 @@ PROBLEM = Problem(
             (1, 2, 3, 4, 6),
             'modes',
             ours,
-            'The event loop of `simulate`: modes of a cantilever without stretch, rtol 1e-12. What '
-            'more modes leave is the third order of the deflection, 4 % of the length here.',
+            'The event loop of `simulate`: modes of a cantilever without stretch, rtol 1e-12. '
+            'What more of them leave is of third order in the deflection, 4 % of the length here.',
         ),
         method(partial(prepare_spinning_beam, END), 4, (800, 3200)),
         method(partial(prepare_spinning_beam, END), 8, (1600, 6400)),

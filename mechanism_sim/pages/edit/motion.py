@@ -233,13 +233,18 @@ class Turn:
                 return q
         columns = [first]
         for k in range(1, INSTANTS):
-            guess = columns[-1] + (columns[-1] - columns[-2] if k > 1 else 0.0)
+            guess = columns[-1] + (columns[-1] - columns[-2] if k > 1 else self._step(first, ways))
             guess[held] = ways[:, k]
             q, left = self._kinematics.positions(guess[:, None])
             if left[0] or (np.abs(q[:, 0] - columns[-1]) / size).max() > 2.0 * _LEAP:
                 break
             columns.append(q[:, 0])
         return np.array(columns).T
+
+    def _step(self, first: Array, ways: Array) -> Array:
+        """How far (n,) the first step goes, by rates at the start: teeth fit at many angles."""
+        step = self._kinematics.rates(first[:, None], ways[:, 1:2] - ways[:, :1])[:, 0]
+        return step if np.isfinite(step).all() else np.zeros(len(first))
 
 
 def _values(laws: tuple[Law, ...], t: Array, order: int = 0) -> Array:

@@ -14,6 +14,8 @@ from mechanism_sim.scene.joint_keys import JointKeys
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.quantities import Part, meanings
 from mechanism_sim.scene.schema import AnyScene
+from mechanism_sim.scene.sensor_keys import SensorKeys, sensor_keys_of
+from mechanism_sim.scene.sensors import SENSORS
 
 _DEEPEST = 3
 
@@ -78,7 +80,7 @@ def _rows(
             'depth': depth,
             'help': help_.get(name, ''),
             'unit': facts.render() if not facts.part else '',
-            'choices': list(facts.choices) if not facts.part else [],
+            'choices': _choices(model, key, facts),
             'text': _text(given),
             'default': '' if given is not None else _default(field, facts),
             'kind': 'value',
@@ -101,8 +103,17 @@ def _rows(
             yield row
 
 
+def _choices(model: type[Part], key: str, facts: Facts) -> list[str]:
+    if issubclass(model, SensorKeys) and key == 'kind':
+        return [*SENSORS]
+    return list(facts.choices) if not facts.part else []
+
+
 def _keys(model: type[Part], value: Mapping[str, Any]) -> list[str]:
-    """The keys that have a meaning: of a joint those of its kind."""
+    """The keys that have a meaning: of a joint or a sensor those of its kind."""
+    if issubclass(model, SensorKeys):
+        kind = value.get('kind') or SensorKeys().kind
+        return sensor_keys_of(SensorKeys(kind=kind)) if kind in SENSORS else [*model.model_fields]
     if not issubclass(model, JointKeys):
         first = [
             k for k in ('title', 'description', 'length', 'points') if k in model.model_fields

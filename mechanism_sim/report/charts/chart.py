@@ -176,8 +176,9 @@ class Panel:
 
     @property
     def entries(self) -> list[str]:
-        """The legend: labels in the order of the curves, and impacts; one alone needs none."""
-        found = list(dict.fromkeys(c.label for c in self.curves if c.label))
+        """The legend: labels in the order of the curves, and impacts; one label needs none."""
+        labels = dict.fromkeys(c.label for c in self.curves if c.label)
+        found = [label for label in labels if label != self.title]
         found += ['impact'] * bool(len(self.struck))
         return found if len(found) > 1 or len(self.struck) else []
 

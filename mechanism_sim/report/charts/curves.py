@@ -33,10 +33,19 @@ class Curve:
 _ROUNDING = {'m': 1e-12, 'rad': 1e-12, 'N': 1e-9, 'N m': 1e-10}
 
 
-def above_rounding(course: Course, curves: list[Curve], unit: str) -> bool:
-    """Whether any of these quantities is more than zero but for rounding."""
+def quantities(
+    course: Course, key: str, title: str, curves: list[Curve], words: str, unit: str,
+    joint: str = '', run: bool = False,
+) -> list[Chart]:  # fmt: skip
+    """Quantities in one unit over the drive, and over a long run; none if all are rounding."""
     values = [course.run.lines[c.column].values for c in curves]
-    return any(np.abs(x).max() > _ROUNDING.get(unit, 0.0) for x in values)
+    if not any(np.abs(x).max() > _ROUNDING.get(unit, 0.0) for x in values):
+        return []
+    found = [over_drive(course, key, title, curves, words, unit, joint)]
+    if run and course.turns and course.long:
+        title = f'{title} over the whole run'
+        found.append(over_time(course, f'{key}-run', title, curves, words, unit, joint))
+    return found
 
 
 def over_drive(

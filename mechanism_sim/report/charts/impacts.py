@@ -143,13 +143,12 @@ def _wear(course: Course, gap: str, skip: int) -> list[Chart]:
     joint, number = _joint(course, gap)
     if not any(m.load_way.any() for m in maps):
         return []
-    return [
-        wear_chart(
-            f'wear-{gap}-{part}',
-            f'{gap}: sliding wear of the {part} on {wear.link}, normal force times way', wear.edges, wear.load_way, 'N m', joint, number,
-        )
-        for part, wear in zip(('bushing', 'pin'), maps, strict=True)
-    ]  # fmt: skip
+    found = []
+    for part, wear in zip(('bushing', 'pin'), maps, strict=True):
+        title = f'{gap}: sliding wear of the {part} on {wear.link}, normal force times way'
+        about = wear.edges, wear.load_way, 'N m', joint, number
+        found.append(wear_chart(f'wear-{gap}-{part}', title, *about))
+    return found
 
 
 def wear_chart(

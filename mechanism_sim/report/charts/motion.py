@@ -15,7 +15,7 @@ from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.report.charts.chart import Chart, Section, polar
 from mechanism_sim.report.charts.chart import Curve as Drawing
 from mechanism_sim.report.charts.course import Course, Window
-from mechanism_sim.report.charts.curves import Curve, above_rounding, over_drive, over_time
+from mechanism_sim.report.charts.curves import Curve, over_drive, over_time, quantities
 
 Vector = Sequence[Array]
 
@@ -84,16 +84,16 @@ def _varies(course: Course, curve: Curve) -> bool:
 def elastic(course: Course) -> Section | None:
     """Deflection and stress of elastic links."""
     beams = course.record.machine.mechanism.beams
-    charts = []
-    for kind, words, unit in (('deflection', 'deflection', 'm'), ('stress', 'stress', 'Pa')):
+    charts: list[Chart] = []
+    for kind, title, unit in (
+        ('deflection', 'Deflection in the middle', 'm'), ('stress', 'Largest stress', 'Pa'),
+    ):  # fmt: skip
         curves = [
             Curve(f'{kind}.{link}', link, i)
             for i, (link, beam) in enumerate(beams.items())
             if kind == 'deflection' or beam.fibre is not None
         ]
-        if curves and above_rounding(course, curves, unit):
-            title = 'Deflection in the middle' if kind == 'deflection' else 'Largest stress'
-            charts.append(over_drive(course, f'elastic-{kind}', title, curves, words, unit))
+        charts += quantities(course, f'elastic-{kind}', title, curves, kind, unit)
     text = 'Deflection is across the link; stress is that at the outer fibres.'
     return Section('elastic', 'Elastic links', text, tuple(charts)) if charts else None
 
@@ -105,13 +105,10 @@ def forces(course: Course) -> Section | None:
         return None
     joints = machine.physics.joints
     curves = [Curve(f'reaction.{j}.size', j, i) for i, j in enumerate(joints)]
-    if not above_rounding(course, curves, 'N'):
-        return None
     title = 'Force in each joint'
-    charts = [over_drive(course, 'forces', title, curves, 'force', 'N')]
-    if course.turns and course.long:
-        title = 'Force in each joint over the whole run'
-        charts.append(over_time(course, 'forces-run', title, curves, 'force', 'N'))
+    charts = quantities(course, 'forces', title, curves, 'force', 'N', run=True)
+    if not charts:
+        return None
     lines = course.detail.lines
     tilting = [j for j in joints if f'bearing_moment.{j}.size' in lines]
     if tilting:
@@ -177,7 +174,8 @@ def drive(course: Course) -> Section | None:
     physics = machine.physics
     if not physics.has_forces or not physics.driven:
         return None
-    charts, own = [], numbers(machine.mechanism)
+    charts: list[Chart] = []
+    own = numbers(machine.mechanism)
     for straight, word in ((False, 'torque'), (True, 'force')):
         curves = [
             Curve('drive_torque' if not i else f'drive_torque.{c}', c, own.get(c, i))
@@ -185,12 +183,8 @@ def drive(course: Course) -> Section | None:
             if (c in physics.displacements) == straight
         ]
         unit = 'N' if straight else 'N m'
-        if above_rounding(course, curves, unit):
-            key, title = f'drive-{word}', f'Drive {word}'
-            charts.append(over_drive(course, key, title, curves, word, unit))
-            if course.turns and course.long:
-                title += ' over the whole run'
-                charts.append(over_time(course, f'{key}-run', title, curves, word, unit))
+        key, title = f'drive-{word}', f'Drive {word}'
+        charts += quantities(course, key, title, curves, word, unit, run=True)
     return Section('drive', 'Drive', '', tuple(charts))
 
 
@@ -205,11 +199,9 @@ def guides(course: Course) -> Section | None:
     def curves(kind: str) -> list[Curve]:
         return [Curve(f'reaction.{j.name}.{kind}', j.name, names.index(j.name)) for j in joints]
 
-    if not above_rounding(course, curves('size'), 'N'):
-        return None
     title, text = 'Force across each guide and slot', ''
-    charts = [over_drive(course, 'guides-force', title, curves('size'), 'force', 'N')]
-    if any(isinstance(j, Prismatic) for j in joints):
+    charts = quantities(course, 'guides-force', title, curves('size'), 'force', 'N')
+    if charts and any(isinstance(j, Prismatic) for j in joints):
         title = 'Moment in each guide'
         charts.append(
             over_drive(course, 'guides-moment', title, curves('moment'), 'moment', 'N m')
@@ -218,4 +210,4 @@ def guides(course: Course) -> Section | None:
             'The moment is that of the first-named on the second-named link, about the point that '
             'slides.'
         )
-    return Section('guides', 'Guides and slots', text, tuple(charts))
+    return Section('guides', 'Guides and slots', text, tuple(charts)) if charts else None

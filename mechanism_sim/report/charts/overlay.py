@@ -60,15 +60,16 @@ def _axes(chart: Chart) -> list[tuple[str, str, str]]:
 
 
 def _named(panel: Panel, name: str) -> Iterator[Curve]:
-    """The lines of a run, but for those of its ideal machine."""
-    for c in panel.curves:
-        if c.look != 'ideal':
-            dotted = name == SECOND and c.form == 'line'
-            label = c.label or ('' if c.look == 'earlier' else c.of.rpartition('.')[2])
-            yield replace(
-                c, label=label and f'{label} {name}', of=f'{c.of} {name}',
-                dash=DOTTED if dotted else c.dash,
-            )  # fmt: skip
+    """The lines of a run, but for those of its ideal machine; in the legend all have its name."""
+    kept = [c for c in panel.curves if c.look != 'ideal']
+    plain = not any(c.label for c in kept) and next((c for c in kept if not c.look), None)
+    for c in kept:
+        label = f'{c.label} {name}' if c.label else name if c is plain else ''
+        dash, marker = c.dash, c.marker
+        if name == SECOND:
+            dash = DOTTED if c.form == 'line' else c.dash
+            marker = marker and f'{marker.removesuffix("-open")}-open'
+        yield replace(c, label=label, of=f'{c.of} {name}', dash=dash, marker=marker)
 
 
 def _both(one: Panel, two: Panel) -> Panel:

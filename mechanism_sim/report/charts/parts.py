@@ -8,7 +8,7 @@ from mechanism_sim.analysis.parts import PARTS
 from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.report.charts.chart import Chart, Section
 from mechanism_sim.report.charts.course import Course
-from mechanism_sim.report.charts.curves import Curve, above_rounding, over_drive, over_time
+from mechanism_sim.report.charts.curves import Curve, over_time, quantities
 from mechanism_sim.report.charts.motion import over
 
 
@@ -26,11 +26,9 @@ def parts(course: Course) -> list[Section]:
                     Curve(f'{node}.{joint.name}.{field}', label, 2 * i)
                     for i, (field, label) in enumerate(labels.items())
                 ]
-                if not above_rounding(course, curves, unit):
-                    continue
                 key = f'{node}-{joint.name}-{next(iter(labels))}'.replace('_', '-')
                 name = f'{joint.name}: {title}'
-                charts.append(over_drive(course, key, name, curves, words, unit, joint.name))
+                charts += quantities(course, key, name, curves, words, unit, joint.name)
         title = PARTS[kind.topic].title
         if charts:
             title = title[:1].upper() + title[1:]

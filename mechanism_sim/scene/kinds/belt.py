@@ -11,6 +11,13 @@ the same two forces balance on the first pulley. The left strand is longer by
 ``x = r1 a1 - s r2 a2`` than at the start, the right one shorter: an ideal belt keeps x at zero, a
 strand of stiffness k pulls with ``T0 + k x + c x'`` while it is taut, else not at all. What x has
 to do with angles a follows from the power of the strands, T+ x' - T- x'.
+
+A belt that friction holds keeps x' at zero as long as the tensions on the pulley that it wraps
+least, by phi, are in a ratio of at most ``e^(mu phi)`` (L. Euler 1762, J. A. Eytelwein 1808); then
+it slips at that ratio. Its centres are fixed and it does not stretch: what one strand pulls more
+than the pretension T0, the other pulls less (F. Reuleaux), so that the pull ``T+ - T-`` is at most
+``2 T0 tanh(mu phi/2)``. Flanks of a groove of angle alpha press with ``1/sin(alpha/2)`` times the
+force: so much more is mu of a V-belt.
 """
 
 from __future__ import annotations
@@ -19,7 +26,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
@@ -29,11 +36,12 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.gears.transmission import Transmission, TransmissionClosure
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.joint_friction import FlankFriction
 from mechanism_sim.planar.loads import Load, Wrench, moment_of
 from mechanism_sim.planar.mechanism import GROUND, LinkPoint, Mechanism, Vector2
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.view import Draft, circle
-from mechanism_sim.scene.contact_keys import Play
+from mechanism_sim.scene.contact_keys import Friction, Play
 from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds.transmission import PhaseKeys
 from mechanism_sim.scene.quantities import Length, si
@@ -56,7 +64,8 @@ class BeltKeys(PhaseKeys):
     damping: Annotated[float, si('N s/m'), Field(ge=0.0)] = 0.0
     """Of each strand while it is taut."""
     pretension: Annotated[float, si('N'), Field(ge=0.0)] = 0.0
-    """In each strand at the start; 0 for a chain, of which one strand pulls at a time."""
+    """In each strand at the start, or on the mean of both where friction holds the belt; 0 for a
+    chain, of which one strand pulls at a time."""
     carrier: str | None = None
     """Link that carries both shafts; else the ground."""
 
@@ -81,6 +90,7 @@ class Belt(Transmission):
     stiffness: float = 0.0  #: [N/m]; 0 for an ideal belt
     damping: float = 0.0  #: [N s/m]
     pretension: float = 0.0  #: [N]
+    friction: float | None = None  #: coefficient, if that alone holds it; as on a flat pulley
 
     @property
     def bearings(self) -> tuple[str, ...]:
@@ -89,8 +99,25 @@ class Belt(Transmission):
 
     @property
     def elastic(self) -> bool:
-        """Whether its strands give way."""
-        return self.stiffness > 0.0
+        """Whether its strands give way, or it slips."""
+        return self.stiffness > 0.0 or self.slips
+
+    @property
+    def slips(self) -> bool:
+        """Whether friction alone holds it."""
+        return self.friction is not None
+
+    @property
+    def wrap(self) -> float:
+        """The smaller angle of contact [rad]; a crossed belt has the same on both pulleys."""
+        (r1, r2), s = self.radii, self.sense
+        across = math.asin((r1 - s * r2) / math.hypot(*self.apart))
+        return math.pi - 2.0 * (abs(across) if s > 0.0 else -across)
+
+    @property
+    def most(self) -> float:
+        """The largest difference of tensions before it slips [N]."""
+        return 2.0 * self.pretension * math.tanh(0.5 * (self.friction or 0.0) * self.wrap)
 
     @property
     def sense(self) -> float:
@@ -123,8 +150,9 @@ class Belt(Transmission):
         return BeltClosure(self, mechanism)
 
     def elements(self, mechanism: Mechanism) -> Sequence[ForceElement]:
-        """Strands that give way."""
-        return [BeltForce(self, mechanism)] if self.elastic else []
+        """Strands that give way, or that slip."""
+        kind = SlippingBelt if self.slips else BeltForce
+        return [kind(self, mechanism)] if self.elastic else []
 
     def draw(self, draft: Draft) -> None:
         """Pulleys, and the strands between them."""
@@ -250,6 +278,31 @@ class BeltForce:
         ))  # fmt: skip
 
 
+@dataclass(frozen=True)
+class SlippingBelt(BeltForce):
+    """A belt that friction holds, or lets slip: the pull acts against the slip x'."""
+
+    def _pull(self, frames: Frames) -> tuple[Term, Term]:
+        """Difference of tensions [N], and the slip [m/s]."""
+        _, rate = self._stretch(frames)
+        slips = frames.slip(f'joints:{self.name}.friction', dense(rate)).flag
+        most = frames.parameters(f'{self.name}.most', self.joint.most)
+        return mul(most, 2.0 * slips - 1.0), rate
+
+    def _tensions(self, frames: Frames) -> tuple[Term, Term]:
+        half = mul(hy.expression(0.5), self._pull(frames)[0])
+        mean = frames.parameters(f'{self.name}.pretension', self.joint.pretension)
+        return add(mean, half), add(mean, neg(half))
+
+    def power_lost(self, frames: Frames) -> Term:
+        """Pull times slip."""
+        return mul(*self._pull(frames))
+
+    def energy(self, _: Frames) -> Term:
+        """It stores none."""
+        return None
+
+
 def strand_wrench(
     joint: Belt, mechanism: Mechanism, frames: Frames, tensions: tuple[Term, Term]
 ) -> Wrench:
@@ -294,18 +347,51 @@ def _read(places: Names, name: str, joint: BeltKeys) -> Belt:
             f'{where}.radii: {r1:g} m to {r2:g} m is no ratio of whole numbers up to {_LARGEST}: '
             "write fewer digits, or give the belt a 'stiffness'"
         )
+    held = _held(joint)
+    if held is not None and joint.stiffness:
+        raise InputError(f'{where}.friction: strands that give way do not slip: leave out one')
+    if held is not None and not joint.pretension:
+        raise InputError(
+            f"{where}.pretension is missing: what friction can hold goes with it, as '200 N'"
+        )
     for key in ('damping', 'pretension'):
-        if getattr(joint, key) and not joint.stiffness:
+        allowed = held is not None and key == 'pretension'
+        if getattr(joint, key) and not (joint.stiffness or allowed):
             raise InputError(f"{where}.{key} needs 'stiffness': an ideal belt has none")
     return Belt(
         name, a, b, on_a, on_b, -ratio if joint.crossed else ratio, joint.phase, carrier,
         joint.radii, centre, apart, (one, two), joint.stiffness or 0.0, joint.damping,
-        joint.pretension,
+        joint.pretension, held,
     )  # fmt: skip
 
 
+def _held(joint: BeltKeys) -> float | None:
+    """The coefficient of friction that alone holds a belt, as if its pulleys were flat."""
+    given = joint.friction
+    if given is None or given.efficiency is not None:
+        return None
+    return given.coefficient / math.sin(0.5 * (given.groove or math.pi))
+
+
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFriction]:
+    """Of a chain: of its efficiency e it loses ``k = 2 (1 - e)/(1 + e)`` of the pull.
+
+    Half of that acts on each wheel against its turning: with the pull N they have
+    ``(1 + k/2) N`` and ``(1 - k/2) N``.
+    """
+    belt = mechanism.joint(name)
+    assert isinstance(belt, Belt)  # noqa: S101 - of this kind
+    if given.efficiency in (None, 1.0):
+        return []
+    (r1, r2), s = belt.radii, belt.sense
+    lost = 2.0 * (1.0 - given.efficiency) / (1.0 + given.efficiency)
+    arms = 0.5 * r1, 0.5 * s * r2
+    return [FlankFriction(name, mechanism, lost, arms, s * r2, belt.carrier)]
+
+
 def _play(joint: BeltKeys) -> Play | None:
-    return Play(radial=0.0, restitution=0.0) if joint.stiffness else None
+    soft = joint.stiffness or _held(joint) is not None
+    return Play(radial=0.0, restitution=0.0) if soft else None
 
 
 def _mounted(joint: Belt, start: Mapping[str, float]) -> Belt:
@@ -314,6 +400,17 @@ def _mounted(joint: Belt, start: Mapping[str, float]) -> Belt:
     step = 2.0 * math.pi / joint.ratio.denominator
     off = (b - c) - joint.phase - float(joint.ratio) * (a - c)
     return replace(joint, phase=joint.phase + step * round(off / step))
+
+
+def _notes(_: Any, joint: Belt) -> list[str]:
+    """What it can pull."""
+    if joint.friction is None:
+        return []
+    wrap, ratio = math.degrees(joint.wrap), math.exp(joint.friction * joint.wrap)
+    return [
+        f'{joint.name}: slips beyond a ratio of tensions of {ratio:.4g}, by {wrap:.4g} deg of '
+        f'contact, that is a difference of {joint.most:.6g} N'
+    ]
 
 
 def _drawn(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, list[str]]:
@@ -331,7 +428,8 @@ _TOOL = Tool(
 
 register(
     JointKind(
-        'belt', BeltKeys, _read, _play, firm='belts and chains have strands', mounted=_mounted,
-        tools=(_TOOL,),
+        'belt', BeltKeys, _read, _play, firm='belts and chains have strands', notes=_notes,
+        mounted=_mounted, friction=_friction, rubs_by=(('groove', 'efficiency'), False),
+        slips=True, tools=(_TOOL,),
     )
 )  # fmt: skip

@@ -113,7 +113,7 @@ def _read(places: Names, name: str, joint: BevelKeys) -> BevelPair:
     )  # fmt: skip
 
 
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> FlankFriction:
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFriction]:
     """Of teeth one module high at the middle, on the spur gears that roll like the cones there.
 
     These have the cones' back radii and roll at the shafts' rates times the cosines of the cones
@@ -131,10 +131,10 @@ def _friction(name: str, given: Friction, mechanism: Mechanism) -> FlankFriction
         for r, other in zip(radii, radii[::-1], strict=True)
     ]  # fmt: skip
     arm = sliding_arm(Path(-ends[1], ends[0]), math.pi * module * math.cos(press))
-    return FlankFriction(
+    return [FlankFriction(
         name, mechanism, given.coefficient, (arm * turns[0], -arm * turns[1]),
         pair.radii[1] * math.cos(press), pair.carrier,
-    )  # fmt: skip
+    )]  # fmt: skip
 
 
 def _drawn(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, Any]:

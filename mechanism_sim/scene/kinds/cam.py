@@ -46,6 +46,7 @@ from mechanism_sim.scene.quantities import (
     Radius,
     si_of,
 )
+from mechanism_sim.scene.quantities import Friction as FrictionCoefficient
 from mechanism_sim.scene.rounding import degrees, rounded
 from mechanism_sim.scene.sketch import Edit, Sketch, Spot, Tool
 from mechanism_sim.units import Measure
@@ -123,6 +124,10 @@ class LiftOffPart(Part):
     """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
     """What the coefficient relates: speeds, impulses or works."""
+    friction: FrictionCoefficient = 0.0
+    """Coulomb's coefficient."""
+    pin_radius: Radius = 0.0
+    """Of the pin on which a roller turns; required with friction of one."""
     contact: Contact | None = None
     """A law of force instead of a rigid contact."""
 
@@ -136,6 +141,10 @@ class GroovePart(Part):
     """Of both walls; required with a clearance."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
     """What the coefficient relates: speeds, impulses or works."""
+    friction: FrictionCoefficient = 0.0
+    """Coulomb's coefficient, on the pin of the roller."""
+    pin_radius: Radius = 0.0
+    """Of that pin; required with friction."""
     contact: Contact | None = None
     """A law of force instead of rigid walls."""
 
@@ -202,6 +211,8 @@ def _play(joint: CamKeys) -> Play | None:
             radial=0.0,
             restitution=off.restitution,
             hypothesis=off.hypothesis,
+            friction=off.friction,
+            pin_radius=off.pin_radius,
             contact=off.contact,
         )
     if groove and groove.clearance:
@@ -209,20 +220,22 @@ def _play(joint: CamKeys) -> Play | None:
             radial=0.5 * groove.clearance,
             restitution=groove.restitution or 0.0,
             hypothesis=groove.hypothesis,
+            friction=groove.friction,
+            pin_radius=groove.pin_radius,
             contact=groove.contact,
         )
     return None
 
 
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> ContactFriction:
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[ContactFriction]:
     pair = mechanism.joint(name)
     assert isinstance(pair, CamPair)  # noqa: S101 - of this kind
-    follower = pair.cam.follower
-    if isinstance(follower, OscillatingFlat):
-        return ContactFriction(name, mechanism, given.coefficient, -follower.face_offset)
-    roller = getattr(follower, 'roller', 0.0)
-    share = (given.radius or 0.0) / roller if roller else 1.0
-    return ContactFriction(name, mechanism, given.coefficient, roller, share)
+    touch = pair.touch(mechanism, given.radius or 0.0)
+    if not pair.grooved:
+        return [ContactFriction(name, mechanism, given.coefficient, touch)]
+    return [
+        ContactFriction(name, mechanism, given.coefficient, touch.on(way), way) for way in (1, -1)
+    ]
 
 
 class _Reader:
@@ -311,21 +324,22 @@ class _Reader:
             raise InputError(f"{where}: 'groove.restitution' is missing: the clearance needs it")
 
     def _check_friction(self) -> None:
-        joint, where = self.joint, f'{self.where}.friction'
-        if joint.friction is None:
-            return
-        if joint.groove:
-            raise InputError(
-                f'{where}: a roller in a groove touches one wall or the other: it has none here'
-            )
-        if joint.follower == 'roller' and joint.friction.radius is None:
-            raise InputError(
-                f"{where} needs a 'radius', that of the roller's pin, as radius: 4 mm"
-            )
-        if joint.friction.radius is not None and not joint.friction.radius < joint.roller:
-            raise InputError(
-                f'{where}.radius is that of the pin of a roller, and less than the roller'
-            )
+        """A roller rubs on its pin, which must be smaller; nothing else has one."""
+        joint, rubs = self.joint, []
+        if joint.friction:
+            rubs.append((f'{self.where}.friction', 'radius', joint.friction.radius))
+        for key, play in (('lift_off', joint.lift_off), ('groove', joint.groove)):
+            if play and (play.friction or play.pin_radius):
+                rubs.append((f'{self.where}.{key}', 'pin_radius', play.pin_radius or None))
+        for where, key, radius in rubs:
+            if joint.follower == 'roller' and radius is None:
+                raise InputError(
+                    f"{where} needs a '{key}', that of the roller's pin, as {key}: 4 mm"
+                )
+            if radius is not None and not radius < joint.roller:
+                raise InputError(
+                    f'{where}.{key} is that of the pin of a roller, and less than the roller'
+                )
 
     def _check_straight(self) -> None:
         """Keys that only cams that turn have."""
@@ -531,6 +545,6 @@ _TOOL = Tool(
 register(
     JointKind(
         'cam', CamKeys, _read, _play, firm="write 'lift_off' or 'groove'", notes=_notes,
-        friction=_friction, arm=('radius', False), tools=(_TOOL,),
+        friction=_friction, rubs_by=(('radius',), False), tools=(_TOOL,),
     )
 )  # fmt: skip

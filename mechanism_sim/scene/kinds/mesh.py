@@ -21,6 +21,7 @@ from mechanism_sim.scene.gear_keys import GearPart
 from mechanism_sim.scene.gears import Placed, Wheel, place, read_wheel
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Coefficient, Displacement, Length, Part, si
+from mechanism_sim.scene.quantities import Friction as FrictionCoefficient
 from mechanism_sim.scene.rounding import exactly
 from mechanism_sim.scene.sketch import Edit, Shaft, Sketch, Spot, Tool, point
 
@@ -47,6 +48,8 @@ class BacklashPart(Part):
     """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
     """What the coefficient relates: speeds, impulses or works."""
+    friction: FrictionCoefficient = 0.0
+    """Coulomb's coefficient of rigid flanks, at their mean distance from the pitch point."""
     contact: Contact | None = None
     """A law of force instead of rigid teeth."""
 
@@ -137,10 +140,10 @@ def _teeth(one: Wheel, two: Wheel) -> Teeth:
     return Teeth(two.name, one.gear, rack=True) if two.part.rack else Teeth(two.name, two.gear)
 
 
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> TeethFriction:
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[TeethFriction]:
     mesh = mechanism.joint(name)
     assert isinstance(mesh, GearMesh)  # noqa: S101 - of this kind
-    return TeethFriction(name, mechanism, given.coefficient, mesh.sliding_arm)
+    return [TeethFriction(name, mechanism, given.coefficient, mesh.sliding_arm)]
 
 
 def _play(joint: MeshKeys, placed: Placed, base_pitch: float) -> float:
@@ -161,10 +164,12 @@ def _play(joint: MeshKeys, placed: Placed, base_pitch: float) -> float:
         )
     if not joint.elasticity and backlash.restitution is None:
         raise InputError("'backlash.restitution' is missing: the teeth are rigid")
-    if joint.elasticity and (backlash.contact or backlash.restitution is not None):
+    if joint.elasticity and (
+        backlash.contact or backlash.friction or backlash.restitution is not None
+    ):
         raise InputError(
-            'elastic teeth rebound by themselves: leave out backlash.restitution and '
-            'backlash.contact'
+            'elastic teeth rebound by themselves, and do not rub: leave out '
+            'backlash.restitution, backlash.contact and backlash.friction'
         )
     largest = 0.5 * base_pitch / math.cos(placed.pressure_angle)
     if width >= largest:
@@ -287,7 +292,7 @@ def backlashes(places: Names, joints: tuple[Joint, ...]) -> dict[str, Play]:
         elif given:
             found[mesh.name] = Play(
                 radial=mesh.play, restitution=given.restitution or 0.0,
-                hypothesis=given.hypothesis, contact=given.contact,
+                hypothesis=given.hypothesis, contact=given.contact, friction=given.friction,
             )  # fmt: skip
     return found
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.joint_friction import ContactFriction, LineFriction
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic
+from mechanism_sim.planar.joint_friction import ContactFriction, JointFriction, LineFriction
+from mechanism_sim.planar.mechanism import GROUND, HigherPair, Mechanism, Prismatic
+from mechanism_sim.planar.touch import Touch
 from mechanism_sim.scene.contact_keys import Clearance, Friction
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Angle
@@ -45,14 +46,18 @@ def _read(places: Names, name: str, joint: PrismaticKeys) -> Prismatic:
     return Prismatic(name, a, b, on_a, on_b, joint.axis, joint.angle)
 
 
-def line_friction(name: str, given: Friction, mechanism: Mechanism) -> LineFriction:
+def line_friction(name: str, given: Friction, mechanism: Mechanism) -> list[JointFriction]:
     """Friction along a guide or a slot."""
-    return LineFriction(name, mechanism, given.coefficient, given.length or 0.0)
+    return [LineFriction(name, mechanism, given.coefficient, given.length or 0.0)]
 
 
-def contact_friction(name: str, given: Friction, mechanism: Mechanism) -> ContactFriction:
+def contact_friction(name: str, given: Friction, mechanism: Mechanism) -> list[JointFriction]:
     """Friction of a pin in a slot that it leaves."""
-    return ContactFriction(name, mechanism, given.coefficient)
+    joint = mechanism.joint(name)
+    assert isinstance(joint, HigherPair)  # noqa: S101 - of such kinds
+    touch = joint.touch(mechanism)
+    assert isinstance(touch, Touch)  # noqa: S101 - and of no teeth
+    return [ContactFriction(name, mechanism, given.coefficient, touch)]
 
 
 def _wrong_play(given: Clearance) -> str:
@@ -145,6 +150,6 @@ _TOOLS = (
 register(
     JointKind(
         'prismatic', PrismaticKeys, _read,
-        wrong_play=_wrong_play, friction=line_friction, arm=('length', False), tools=_TOOLS,
+        wrong_play=_wrong_play, friction=line_friction, rubs_by=(('length',), False), tools=_TOOLS,
     )
 )  # fmt: skip

@@ -52,8 +52,8 @@ def _read(places: Names, name: str, joint: RevoluteKeys) -> Revolute:
     return Revolute(name, a, b, on_a, on_b)
 
 
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> JournalFriction:
-    return JournalFriction(name, mechanism, given.coefficient, given.radius or 0.0)
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[JournalFriction]:
+    return [JournalFriction(name, mechanism, given.coefficient, given.radius or 0.0)]
 
 
 def _wrong_play(given: Clearance) -> str:
@@ -126,6 +126,6 @@ _TOOL = Tool(
 register(
     JointKind(
         'revolute', RevoluteKeys, _read, notes=_notes,
-        wrong_play=_wrong_play, friction=_friction, arm=('radius', True), tools=(_TOOL,),
+        wrong_play=_wrong_play, friction=_friction, rubs_by=(('radius',), True), tools=(_TOOL,),
     )
 )  # fmt: skip

@@ -61,16 +61,16 @@ def _read(places: Names, name: str, joint: WormKeys) -> WormDrive:
     )  # fmt: skip
 
 
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> FlankFriction:
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFriction]:
     """Along the thread, [V] eqs. 5.52 to 5.59."""
     pair = mechanism.joint(name)
     assert isinstance(pair, WormDrive)  # noqa: S101 - of this kind
     lead, press, (r2, r3) = pair.worm.lead_angle, pair.worm.pressure_angle, pair.radii
-    return FlankFriction(
+    return [FlankFriction(
         name, mechanism, given.coefficient,
         (r2 * math.cos(lead), pair.hand * r3 * math.sin(lead)),
         r3 * math.cos(press) * math.cos(lead), pair.carrier,
-    )  # fmt: skip
+    )]  # fmt: skip
 
 
 def _notes(machine: Any, pair: WormDrive) -> list[str]:

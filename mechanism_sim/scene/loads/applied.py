@@ -22,7 +22,7 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.joint_keys import Names
 from mechanism_sim.scene.load_keys import Elements, LoadKind, register
 from mechanism_sim.scene.quantities import Part, Quantity, si_of
-from mechanism_sim.scene.rounding import roughly
+from mechanism_sim.scene.rounding import rounded
 from mechanism_sim.scene.sketch import Edit, Sketch, Spot, Tool
 from mechanism_sim.units import Measure, to_si, to_si_of
 
@@ -238,9 +238,10 @@ def _range(places: Names, where: str, given: DuringPart, tree: Mechanism) -> Cyc
 
 def _force(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A force of a newton per millimetre of its arrow."""
-    (x, y), (u, v), _ = sketch.ends(start, end, 'force')
+    (x, y), (u, v), long = sketch.ends(start, end, 'force')
     at, edits = sketch.on_link(start, 'a force acts')
-    force = [f'{roughly(1e3 * part):g} N' for part in (u - x, v - y)]
+    step = 10.0 ** (math.floor(math.log10(1e3 * long)) - 1)
+    force = [rounded(1e3 * part, step, 'N', 'N') for part in (u - x, v - y)]
     load = Edit(('loads', sketch.name('force')), {'at': at, 'force': force})
     return [load, *edits, *sketch.masses()]
 
@@ -249,7 +250,7 @@ def _torque(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A torque of a newton metre per 100 mm, counterclockwise if it is drawn upwards."""
     (x, y), (u, v) = sketch.where(start), sketch.where(end)
     at, edits = sketch.on_link(start, 'a torque acts')
-    size = math.copysign(roughly(10.0 * math.hypot(u - x, v - y)), v - y) or 1.0
+    size = float(f'{math.copysign(10.0 * math.hypot(u - x, v - y), v - y):.2g}') or 1.0
     load = Edit(('loads', sketch.name('torque')), {'at': at, 'torque': f'{size:g} N m'})
     return [load, *edits, *sketch.masses()]
 

@@ -1,0 +1,140 @@
+"""Where the links of a higher pair touch, how they slide there, and what a force along it does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import heyoka as hy
+
+from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet, lift
+from mechanism_sim.planar.loads import Load, Wrench, moment_of
+from mechanism_sim.planar.protocols import PairClosure
+
+Point = tuple[Term, Term]
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A contact on the line of action of the closure's force, from which it follows.
+
+    It is the point of the line that is nearest to the joint's point on one of the links, or
+    `offset` beside that, along the positive force on the second: a roller touches by its radius
+    before its centre, and a pin behind it.
+    """
+
+    closure: PairClosure
+    name: str  #: of its parameters
+    offset: float = 0.0  #: [m]
+    at_pin: bool = False  #: whether that is the point on the first-named link
+    share: float = 1.0  #: of the coefficient: of a roller, the radius of its pin over its own
+
+    def on(self, way: float) -> Touch:
+        """On the wall that presses so, 1 or -1, on the second along the positive force."""
+        return replace(self, name=f'{self.name}.{way:g}', offset=way * self.offset)
+
+    @property
+    def _ends(self) -> tuple[tuple[str, str, tuple[float, float]], ...]:
+        j = self.closure.joint
+        return ('first', j.first, j.on_first), ('second', j.second, j.on_second)
+
+    def _points(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
+        m = self.closure.mechanism
+        one, two = (
+            frames.position(m.point(link, at), f'{self.name}.{which}')
+            for which, link, at in self._ends
+        )
+        return one, two
+
+    def contact(self, frames: Frames) -> tuple[Point, Point]:
+        """Unit normal on the second-named link; from its point to the contact [m]."""
+        unit = self.closure.wrench(frames, [hy.expression(1.0)])
+        x, y = dense(unit.x), dense(unit.y)
+        size = hy.sqrt(x * x + y * y)
+        nx, ny = x / size, y / size
+        off, moment = frames.parameters(f'{self.name}.offset', self.offset), unit.moment
+        px = py = None  # from there to the pin
+        if self.at_pin:
+            (x1, y1), (x2, y2) = self._points(frames)
+            px, py = add(x1.value, neg(x2.value)), add(y1.value, neg(y2.value))
+            moment = add(moment, neg(moment_of((px, py), (x, y))))
+        arm = div(moment, size)
+        from_point = add(px, mul(arm, ny), mul(off, nx)), add(py, neg(mul(arm, nx)), mul(off, ny))
+        return (nx, ny), from_point
+
+    def slip(self, frames: Frames) -> Jet:
+        """Velocity of the second-named link on the first, along the normal turned by +90."""
+        m = self.closure.mechanism
+        (nx, ny), (dx, dy) = self.contact(frames)
+        (x1, y1), (x2, y2) = self._points(frames)
+        w1, w2 = (
+            m.turning(frames, link, at, f'{self.name}.{which}').rate
+            for which, link, at in self._ends
+        )
+        from_first = add(x2.value, dx, neg(x1.value)), add(y2.value, dy, neg(y1.value))
+        vx = add(x2.rate, neg(mul(w2, dy)), neg(x1.rate), mul(w1, from_first[1]))
+        vy = add(y2.rate, mul(w2, dx), neg(y1.rate), neg(mul(w1, from_first[0])))
+        rate = add(mul(vy, nx), neg(mul(vx, ny)))
+        if rate is None:
+            return lift(0.0)
+        slopes = {c: hy.diff(rate, frames.v[c]) for c in frames.coordinates}
+        bends = [hy.diff(rate, frames.q[c]) * frames.v[c] for c in frames.coordinates]
+        return Jet(None, slopes, rate, hy.sum(bends))
+
+    def wrench(self, frames: Frames, T: Term) -> Wrench:
+        """What a force T along the slip does to the second-named link."""
+        (nx, ny), arm = self.contact(frames)
+        force = neg(mul(T, ny)), mul(T, nx)
+        return Wrench(*force, moment_of(arm, force))
+
+    def loads(self, frames: Frames, T: Term) -> list[Load]:
+        """Opposite forces at the contact."""
+        x, y, moment = self.wrench(frames, T)
+        (x1, y1), (x2, y2) = self._points(frames)
+        between = add(x2.value, neg(x1.value)), add(y2.value, neg(y1.value))
+        back = neg(x), neg(y)
+        other = add(neg(moment), moment_of(between, back))
+        j = self.closure.joint
+        return [
+            Load(f'{self.name}.first', j.first, j.on_first, back, other),
+            Load(f'{self.name}.second', j.second, j.on_second, (x, y), moment),
+        ]
+
+    def engaged(self, frames: Frames) -> Term:
+        """1 while it rubs, 0 where something else holds the links; None if it always does."""
+        engaged = getattr(self.closure, 'engaged', None)
+        return engaged(frames) if engaged else None
+
+
+@dataclass(frozen=True)
+class TurningTouch:
+    """Teeth that slide by their mean distance from the pitch point, times their relative turning.
+
+    What acts there is a couple.
+    """
+
+    closure: PairClosure
+    name: str  #: of its parameters
+    arm: float  #: [m]
+    share: float = 1.0
+
+    def on(self, _: float) -> TurningTouch:
+        """Either flank slides alike."""
+        return self
+
+    def slip(self, frames: Frames) -> Jet:
+        """Of the second-named link on the first [m/s]."""
+        j, m = self.closure.joint, self.closure.mechanism
+        first = frames.turn(m.turns(j.first, j.on_first), f'{self.name}.first')
+        second = frames.turn(m.turns(j.second, j.on_second), f'{self.name}.second')
+        turned = (second - first) * lift(dense(frames.parameters(f'{self.name}.arm', self.arm)))
+        return Jet(None, turned.gradient, turned.rate, turned.curvature)
+
+    def wrench(self, frames: Frames, T: Term) -> Wrench:
+        """A moment."""
+        return Wrench(None, None, mul(T, frames.parameters(f'{self.name}.arm', self.arm)))
+
+    def engaged(self, _: Frames) -> Term:
+        """Always."""
+        return None
