@@ -177,7 +177,11 @@ def test_what_makes_no_sense_is_refused(contact, play, text):
         four_bar(contact, **play)
 
 
-def test_walls_are_alike():
+def test_roughness_is_of_oil_and_walls_are_alike():
+    with pytest.raises(InputError, match='there is no oil'):
+        ms.load_scene('four_bar_clearance', {
+            f'{PLAY}.contact': {'law': 'hertz', 'stiffness': 1e9, 'roughness': 1e-6}
+        })  # fmt: skip
     with pytest.raises(InputError, match=r"no 'contact.stiffness', but another"):
         ms.load_scene('four_bar_clearance', {
             f'{PLAY}.contact': {'law': 'hertz', 'stiffness': 1e9},

@@ -284,6 +284,18 @@ def test_turns_that_overlap_are_a_band_around_all_and_the_last_whole_one():
     np.testing.assert_allclose(y[once], true, rtol=1e-6, atol=1e-6)
 
 
+def test_angles_begin_anew_with_every_turn(solution):
+    """The crank over its own angle is that angle; the rocker stays where it was."""
+    axes = solution.plot('position', against='angle').axes[0]
+    for shade, low, high in ((LINKS[0], 0.0, 360.0), (LINKS[2], 110.0, 145.0)):
+        drawn = [x.get_data() for x in axes.lines if same_color(x.get_color(), shade)]
+        assert len(drawn) == 2  # turns
+        for x, y in drawn:
+            assert low - 1e-6 <= np.nanmin(y) < np.nanmax(y) <= high + 1e-6
+            if shade == LINKS[0]:
+                np.testing.assert_allclose(y, x, atol=1e-6)
+
+
 def test_cycles_are_plotted_over_the_angle():
     found = ms.cycle(ms.load_scene('four_bar_nominal'), points=['coupler.cog'])
     figure = found.plot('drive_torque', 'position.coupler.cog')

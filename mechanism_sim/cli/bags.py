@@ -124,7 +124,7 @@ def _analyze(options: argparse.Namespace) -> int:
     if details and plots:
         from mechanism_sim.report.condition import draw  # noqa: PLC0415
 
-        with progress.busy('plots', options.json), figures.style():
+        with progress.busy('plots', options.json):
             figures.save_all(draw(details), plots)
     if details and wanted and not options.json:
         echo(render_details(details))
@@ -202,8 +202,7 @@ def _experiment(options: argparse.Namespace) -> int:
     if place:
         from mechanism_sim.report.experiment_figures import draw  # noqa: PLC0415
 
-        with figures.style():
-            figures.save_all(draw(found), place)
+        figures.save_all(draw(found), place)
     return print_result(options, found, report.to_json, report.render)
 
 

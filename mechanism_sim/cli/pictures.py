@@ -144,9 +144,8 @@ def _plot(options: argparse.Namespace) -> int:
         mechanism, struck = asked.marks(start, end)
         own = palette.numbers(mechanism) if mechanism else {}
         drawn = lines.draw(series, title, over, own, struck)
-        with figures.style():
-            for picture in pictures:
-                figures.save(drawn, picture)
+        for picture in pictures:
+            figures.save(drawn, picture)
     if options.json:
         print_json({
             'files': files,

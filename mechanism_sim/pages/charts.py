@@ -32,7 +32,7 @@ _WIDTH = 560.0  # [pixels] that legends are sure of
 _LETTER, _KEY, _LEGEND = 6.3, 46.0, 19.0  # [pixels] of a letter and a sample of legends, of lines
 _FOOT, _GAP, _HEAD, _TITLE = 44, 16, 10, 18  # [pixels] below and above panels, of their titles
 _DISC, _ROUND = 260, 30  # [pixels] of round ones, and around them
-_APART = 0.14  # of the width, between panels side by side
+_APART = 0.17  # of the width, between panels side by side
 _PIXEL = 1.25  # in a point of a line
 _AXIS = {
     'showline': True, 'linecolor': _LINE, 'linewidth': 1, 'ticks': 'outside', 'ticklen': 4,
@@ -226,18 +226,8 @@ def _axis(axis: Axis, panel: Panel, side: str) -> Json:
     if axis.log:
         ends = [None if end is None else float(np.log10(end)) for end in ends]
         found |= {'type': 'log', 'dtick': 1, 'tickformat': '~g' if side == 'x' else ''}
-    if ends == [0.0, None]:
-        found |= {'rangemode': 'tozero'}
-    elif None not in ends:
+    if ends != [None, None]:
         found |= {'range': ends}
-    elif ends != [None, None]:
-        values = np.concatenate([c.x if side == 'x' else c.y for c in panel.curves])
-        known = values[np.isfinite(values) & ((values > 0.0) | (not axis.log))]
-        auto = [float(f(known)) for f in (np.min, np.max)]
-        auto = [float(np.log10(x)) for x in auto] if axis.log else auto
-        room = 0.05 * (auto[1] - auto[0])
-        found |= {'range': [auto[0] - room if ends[0] is None else ends[0],
-                            auto[1] + room if ends[1] is None else ends[1]]}  # fmt: skip
     if axis.every:
         found |= {'dtick': axis.every}
     if axis.names:

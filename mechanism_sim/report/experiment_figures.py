@@ -72,7 +72,9 @@ def charts(found: Experiment) -> Iterator[tuple[str, Chart]]:
     yield '7_10', _severity(found, 1, 1e3, 'clearance', 'mm')
     yield '7_11', _severity(found, 0, 30.0 / math.pi, 'speed of the crank', 'rpm')
     half = min(found.bearings, key=lambda x: abs(x.condition.restitution - 0.5))
-    yield '8_03', _simulated(half)
+    shown = [(_ROWS['acceleration', 'coupler'], half.first.rows[0])]
+    title = f'simulated: {_condition(half)}'
+    yield '8_03', _beside_nominal(title, half.first, shown, 'with clearance')
     if found.assumed is not reference:
         simulated = found.assumed.first
         for number, quantity in (('8_01', 'velocity'), ('8_02', 'acceleration')):
@@ -80,7 +82,9 @@ def charts(found: Experiment) -> Iterator[tuple[str, Chart]]:
         modified = simulated.modified(found.alpha)
         for number, quantity in (('8_04', 'acceleration'), ('8_06', 'velocity')):
             yield number, _superposed(found, modified, quantity, 'simulated, modified')
-        yield '8_08', _forces(found, modified)
+        shown = [(row, modified[row.place]) for row in list(_ROWS.values())[4:]]
+        title = f'simulated, modified by alpha = {found.alpha:.3g}: {_condition(found.assumed)}'
+        yield '8_08', _beside_nominal(title, simulated, shown, 'modified')
     yield '8_11', rose_picture(JOINT, reference.rose)
     if len(reference.rose):
         yield '8_12', _dominant(reference)
@@ -185,18 +189,6 @@ def _beside_nominal(
         for row, values in shown
     ]  # fmt: skip
     return Chart('', title, tuple(panels), 'angle')
-
-
-def _simulated(trial: Trial) -> Chart:
-    cycle = trial.first
-    shown = [(_ROWS['acceleration', 'coupler'], cycle.rows[0])]
-    return _beside_nominal(f'simulated: {_condition(trial)}', cycle, shown, 'with clearance')
-
-
-def _forces(found: Experiment, modified: Array) -> Chart:
-    title = f'simulated, modified by alpha = {found.alpha:.3g}: {_condition(found.assumed)}'
-    shown = [(row, modified[row.place]) for row in list(_ROWS.values())[4:]]
-    return _beside_nominal(title, found.assumed.first, shown, 'modified')
 
 
 def _dominant(trial: Trial) -> Chart:

@@ -82,10 +82,11 @@ def save(figure: Any, file: Path, cropped: bool = False) -> None:
     metadata = {'Date': None} if file.suffix == '.svg' else None
     # In memory first: Matplotlib's writer of PDF cannot give up halfway.
     picture = BytesIO()
-    figure.savefig(
-        picture, format=file.suffix[1:], dpi=200, metadata=metadata,
-        bbox_inches='tight' if cropped else None,
-    )  # fmt: skip
+    with style():
+        figure.savefig(
+            picture, format=file.suffix[1:], dpi=200, metadata=metadata,
+            bbox_inches='tight' if cropped else None,
+        )  # fmt: skip
     output.write_bytes(file, picture.getvalue())
 
 

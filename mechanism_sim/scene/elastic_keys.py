@@ -79,9 +79,8 @@ class SectionPart(Part):
     diameter: Length | None = None
     """Of a circle."""
     points: Annotated[list[tuple[Position, StationPart]], Field(min_length=2)] | None = None
-    """List of [x, section], such as [200 mm, {width: 8 mm, height: 6 mm}], with rising x, for a
-    link that tapers: sizes change linearly between points. Two points of the same x are a step.
-    """
+    """Of a link that tapers, a list of [x, section], such as [200 mm, {diameter: 8 mm}], with
+    rising x; sizes change linearly between points, and two points of the same x are a step."""
 
     @model_validator(mode='after')
     def _one_shape(self) -> SectionPart:

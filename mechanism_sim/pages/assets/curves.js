@@ -1,4 +1,4 @@
-import { add, line } from 'svg';
+import { add, line, step } from 'svg';
 import { search, unpack } from 'player';
 
 const [WIDEST, HEIGHT] = [640, 220];
@@ -69,9 +69,7 @@ function scale(low, high, from, to) {
 
 /** Round numbers along an axis, and where they are. */
 function ticks({ low, high, to }) {
-  const rough = (high - low) / 4;
-  const ten = 10 ** Math.floor(Math.log10(rough));
-  const each = ten * [1, 2, 5, 10].find((times) => times * ten >= rough);
+  const each = step((high - low) / 4);
   const found = [];
   for (let k = Math.ceil(low / each); k * each <= high; k += 1) {
     found.push([String(Number((k * each).toPrecision(6))), to(k * each)]);

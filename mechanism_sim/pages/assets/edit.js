@@ -122,6 +122,7 @@ function show(news) {
   flying = false;
   drawing = null;
   canvas.stretch(null);
+  by('hint').textContent = TOOLS.get(canvas.tool).hint;
   by('title').textContent = words(news.stage.title);
   document.title = `${news.changed ? '• ' : ''}${news.name}: editor`;
   if (document.activeElement !== by('file')) by('file').value = news.file || `${news.name}.yaml`;
@@ -170,6 +171,7 @@ function frame(news) {
     if (run || root.dataset.checked) forget();
     state.number = news.number;
   }
+  if (news.forces === undefined) news.forces = pressed; // those of a frame before
   draw(news);
   state.problem = news.problem;
   tell();
@@ -372,7 +374,9 @@ function gesture({ type, from, spot, handle, x, y }) {
     if (type === 'drag') {
       drawing = from;
       const begin = from.grip?.at ?? [from.x, from.y];
-      canvas.stretch([begin, spot.grip?.at ?? [spot.x, spot.y]], tool);
+      const end = spot.grip?.at ?? [spot.x, spot.y];
+      canvas.stretch([begin, end], tool);
+      by('hint').textContent = quantity(Math.hypot(end[0] - begin[0], end[1] - begin[1]), 'm');
     } else if (type === 'drop' || type === 'click') {
       ask({ type: 'draw', what: tool, step, from: plain(from), to: plain(spot) });
     }

@@ -1,4 +1,4 @@
-import { quantity } from 'svg';
+import { quantity, step } from 'svg';
 
 const ROOM = { left: 76, right: 4, top: 8, bottom: 16 }; // [px]; on the left for '-500 mN m'
 const LINES = 3;
@@ -159,10 +159,4 @@ function range(values, rounding) {
   const high = values.reduce((a, b) => Math.max(a, b), -Infinity);
   const room = Math.max(0.12 * (high - low), 0.05 * Math.max(Math.abs(high), Math.abs(low)), rounding) || 1;
   return [low - room, high + room];
-}
-
-/** The nearest of 1, 2 and 5 times a power of ten that is not below x. */
-function step(x) {
-  const ten = 10 ** Math.floor(Math.log10(x));
-  return [1, 2, 5, 10].find((times) => times * ten >= x) * ten;
 }

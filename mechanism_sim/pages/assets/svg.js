@@ -57,3 +57,9 @@ export function quantity(value, unit) {
   const prefix = ['p', 'n', 'µ', 'm', '', 'k', 'M', 'G'][thousands + 4];
   return `${Number((value / 1000 ** thousands).toPrecision(3))} ${prefix}${unit}`;
 }
+
+/** The nearest of 1, 2 and 5 times a power of ten that is not below x. */
+export function step(x) {
+  const ten = 10 ** Math.floor(Math.log10(x));
+  return [1, 2, 5, 10].find((times) => times * ten >= x) * ten;
+}

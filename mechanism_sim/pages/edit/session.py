@@ -37,11 +37,10 @@ from mechanism_sim.scene.sketch import (
 
 Send = Callable[[dict[str, Any]], None]
 
-_BUDGET = 0.014
-"""[s] of a frame, of 17 ms; forces are left out of a drag that needs more."""
+_BUDGET = 0.012
+"""[s] of a frame, of 17 ms; where forces take it beyond, they come with one frame in `_SOME`."""
 
-_LATE = 5
-"""Frames one after the other, beyond which that is so."""
+_SOME = 4
 
 _ARROW = 0.3
 """Length of the arrow of the largest force, of the machine's size."""
@@ -88,7 +87,7 @@ class Session:
         self._of: str | None = None  # the text whose picture this is
         self._tried: list[Edit] = []  # what is dragged makes of it
         self._forces: tuple[int, float] = (0, 0.0)  # the state whose forces these are; [m/N]
-        self._late = 0
+        self._frames, self._each = 0, 1  # of drags; of so many one has forces
         self._pulled: Array | None = None  # coordinates of a machine that is turned by hand
         self._found: dict[str, dict[str, Any]] = {}
         self._refresh()
@@ -316,14 +315,21 @@ class Session:
             self.number += 1
         frame = {'type': 'frame', 'number': self.number, 'problem': self._picture.problem}
         frame |= self._drawn(self._picture)
-        state, scale = self._forces
-        if scale and self._picture.turn:
-            if known := self._picture.turn.forces(1):
-                frame['forces'] = _of_forces(known, scale)
-            self._late = self._late + 1 if time.thread_time() > begun + _BUDGET else 0
-            if self._late > _LATE:  # no machine for that
-                self._forces = state, 0.0
+        frame |= self._dragged_forces(begun)
         self._send(frame)
+
+    def _dragged_forces(self, begun: float) -> dict[str, Any]:
+        """Forces for a frame of a drag; where they take too long for each, for one of some."""
+        self._frames += 1
+        turn, scale = self._picture.turn, self._forces[1]
+        if not scale or self._frames % self._each:
+            return {} if scale and turn else {'forces': None}
+        try:
+            known = turn.forces(1) if turn else None
+        except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError):
+            known = None
+        self._each = 1 if time.thread_time() < begun + _BUDGET else _SOME
+        return {'forces': _of_forces(known, scale) if known else None}
 
     def _drop(self, message: Mapping[str, Any]) -> None:
         self._of = None  # what was dragged goes back, if it cannot stay
