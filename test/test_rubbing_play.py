@@ -242,6 +242,26 @@ def test_tight_walls_are_the_limit_of_loose_ones(name, joint, pin, loose):
     assert off[1] < 0.15 * off[0] < 0.01
 
 
+def test_a_pin_drags_either_wall_of_a_wheel_along():
+    scene = variant('geneva', {})
+    play = {'radial': 1e-5, 'restitution': 0.0, 'friction': 0.1}
+    scene['joints']['crank_wheel']['clearance'] = play
+    solution = ms.simulate(build('geneva', check_scene('geneva', scene)), revolutions=1.0)
+    x = solution.sample(np.linspace(0.01, solution.duration, 300))
+    angle, w = x['position.crank'], x['velocity.crank']
+    pin = 0.05 * np.array([np.cos(angle), np.sin(angle)]) - [[0.05 * math.sqrt(2.0)], [0.0]]
+    away = np.hypot(*pin)
+    rate = 0.05 * w * (pin[1] * np.cos(angle) - pin[0] * np.sin(angle)) / away
+    fx, fy = x['reaction.crank_wheel.x'], x['reaction.crank_wheel.y']
+    along, across = (pin[0] * fx + pin[1] * fy) / away, (pin[0] * fy - pin[1] * fx) / away
+    inside = (away < 0.0499) & (np.abs(rate) > 1e-3) & (np.abs(across) > 0.1)
+    for wall in (across > 0.0, across < 0.0):
+        seen = inside & wall
+        assert seen.sum() > 10
+        dragged = 0.1 * np.abs(across) * np.sign(rate)
+        assert along[seen] == pytest.approx(dragged[seen], rel=0.01)
+
+
 def test_a_pin_rubs_where_it_touches_its_slot():
     """It slides by ``R w cos`` along the slot, and rolls on the wall by its radius."""
     radius = 0.01

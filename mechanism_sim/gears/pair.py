@@ -106,8 +106,8 @@ class Pair:
         except InputError:
             return '; take more teeth'
         return (
-            f'; shifts of {first:.4f} and {second:.4f} end it at a centre distance of '
-            f'{cured.centre_distance:.9g} m'
+            f'; shifts of {first:.4f} and {second:.4f} such modules end it at a centre distance '
+            f'of {cured.centre_distance:.9g} m'
         )
 
     @property

@@ -14,6 +14,8 @@ from mechanism_sim.units import for_people
 
 _COMPONENTS = ('x', 'y')
 
+_NOTHING = 1e-8  # of the other end of a range, which is shown with six digits
+
 
 def where(cycle: Cycle, extreme: Extreme) -> str:
     """The position of the drive at an extreme, within a turn."""
@@ -44,10 +46,10 @@ def _extremes(cycle: Cycle) -> list[str]:
         if part_of(name) in _COMPONENTS:
             continue  # people read sizes; JSON has components too
         shown, scale = for_people(unit_of(machine, name))
-        low, high = (
-            f'{scale * x.value:.6g}' if abs(x.value) > ends.rounding else '0'
-            for x in (ends.least, ends.greatest)
-        )
+        both = ends.least, ends.greatest
+        # a step in rates is found a little beside its zero: what that leaves is nothing
+        nothing = max(ends.rounding, _NOTHING * max(abs(x.value) for x in both))
+        low, high = (f'{scale * x.value:.6g}' if abs(x.value) > nothing else '0' for x in both)
         if ends.constant:
             rows.append((name, shown, low, 'always', '', ''))
         else:
