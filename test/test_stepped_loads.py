@@ -393,3 +393,24 @@ tables: {press: {file: press.csv, columns: [stroke, force]}}
 def test_what_is_wrong_with_tables_formulas_and_motors_is_said(key, value, found):
     with pytest.raises(InputError, match=found):
         ms.load_scene('slider_crank', {key: value})
+
+
+def test_what_holds_two_rates_at_once_is_shown_as_it_acts():
+    """What holds the crank turns the piston: iteration for the one and the other never ends."""
+    machine = ms.load_scene('slider_crank', {
+        'joints.rod_piston.clearance': {'radial': 1e-5, 'restitution': 0.3},
+        'drive': {
+            'coordinate': 'crank', 'speed': 0.0, 'start_angle': -1.3579206, 'flywheel': 0.004557,
+            'torque': {'constant': 0.66173, 'per_speed': -0.012627},
+        },
+        'loads': {
+            'late': {'at': 'rod', 'torque': '1 if t > 0.03 and not crank_rate < 0 else -0.5'},
+            'rub': {'at': 'piston', 'force': ['-39.227*sign(vx)', 0.0]},
+        },
+    })  # fmt: skip
+    solution = ms.simulate(machine, duration=0.4)
+    seen = solution.sample(np.array([0.1, 0.2, 0.4]))
+    assert np.abs(seen['velocity.crank']).max() < 1e-11  # held
+    assert np.abs(seen['acceleration.crank']).max() < 1e-9
+    exchanged = abs(solution.energy.drive_work) + solution.energy.dissipated
+    assert abs(solution.energy.residual) < 1e-10 * exchanged

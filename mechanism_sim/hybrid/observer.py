@@ -57,10 +57,36 @@ _RUBBED = 1e-9
 """Of a bound: farther from its law no friction is let go."""
 
 _SWEEPS, _SETTLED = 1000, 1e-14  # of the iteration for switches that hold together
+_DEPENDENT = 1e-9  # determinant of what two of them do, the largest of each row 1
 
 
 _CENTRAL = 1e-6
 """Of the clearance: a pin so near to the centre is in it, but for rounding."""
+
+
+def _together(
+    free: Array, jump: Array, held: NDArray[np.bool_]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Parts (h, N) of what holds that leave no rates, and where (N,) there are such of 0 to 1.
+
+    Iteration may go to and fro for ever: what holds one rate may turn another one.
+
+    Parameters
+    ----------
+    free : (h, N) rates of what is held, without any part
+    jump : (h, h, N) what all of the first makes of the rate of the second
+    held : (h, N) whether it holds
+    """
+    several = held.sum(axis=0) > 1
+    both = held[:, None] & held[None]
+    A = np.where(both, jump.transpose(1, 0, 2), np.eye(len(held))[..., None]).transpose(2, 0, 1)
+    size = np.maximum(np.abs(A).max(axis=2, keepdims=True), 1e-300)
+    A, b = A / size, -np.where(held, free, 0.0).T[..., None] / size
+    several &= np.abs(np.linalg.det(A)) > _DEPENDENT
+    found = np.zeros(held.shape)
+    found[:, several] = np.linalg.solve(A[several], b[several])[..., 0].T
+    inside = (found >= 0.0) & (found <= 1.0)
+    return found, several & inside.all(axis=0)
 
 
 class Observer:
@@ -173,8 +199,9 @@ class Observer:
     def _with_parts(self, inputs: Array, rows: Array | None) -> Array | None:
         """The values (r, N) of the switches, with its part for each that holds.
 
-        Of several that hold at once it is those of 0 to 1 that leave least of the rates of what
-        they hold, by projected Gauss-Seidel iteration.
+        Several that hold at once have those that leave no rates of what they hold; where these do
+        not lie between 0 and 1, those of 0 to 1 that leave least, by projected Gauss-Seidel
+        iteration.
         """
         flags, holds = self.system.holding_rows
         if rows is None or self._rubs or not flags or not (held := rows[holds] > 0.0).any():
@@ -189,17 +216,19 @@ class Observer:
             slopes.append(self._holding_rates(inputs, now)[0] - free)
             now[flag] -= own
         parts, jump = np.zeros(held.shape), np.array(slopes)
-        for _ in range(_SWEEPS):
+        exact, alone = _together(free, jump, held)
+        for _ in range(0 if alone.all() else _SWEEPS):
             change = np.zeros(())
             for k, own in enumerate(held):
                 acts = own & (jump[k, k] < 0.0)
                 slope = np.where(acts, jump[k, k], -1.0)
                 left = free[k] + (jump[:, k] * parts).sum(axis=0)
                 part = np.where(acts, np.clip(parts[k] - left / slope, 0.0, 1.0), 0.0)
-                change = np.maximum(change, np.abs(part - parts[k]).max())
+                change = np.maximum(change, np.abs(part - parts[k])[~alone].max())
                 parts[k] = part
             if change < _SETTLED:
                 break
+        parts = np.where(alone, exact, parts)
         now[flags] = np.where(held, parts, now[flags])
         found = rows.copy()
         found[:, columns] = now
