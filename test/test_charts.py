@@ -305,7 +305,8 @@ def test_every_scene_has_its_charts(name):
         warnings.simplefilter('error')
         found = sections(record)
     keys = [section.key for section in found]
-    assert keys[0] == 'motion'
+    if name != 'spinning_beam':  # which turns steadily in the end
+        assert keys[0] == 'motion'
     assert keys[-1] == 'solver'
     assert ('contact' in keys) == bool(machine.physics.clearances)
     assert ('energy' in keys) == machine.physics.has_forces
@@ -315,10 +316,11 @@ def test_every_scene_has_its_charts(name):
     assert ('oscillators' in keys) == bool(machine.scene.oscillators)
     assert len(charts_of(found)) == sum(len(section.charts) for section in found)
     for chart in charts_of(found).values():
-        assert curves(chart), chart.key
+        assert any(len(c.x) for panel in chart.panels for c in panel.curves), chart.key
         for panel in chart.panels:
             for axis in (panel.x, panel.y):
-                assert axis.names or re.search(r'\w \[.+\]$', axis.title), (chart.key, axis)
+                if not axis.names and 'gauge' not in chart.key:  # strains have no unit
+                    assert re.search(r'\w \[.+\]$', axis.title), (chart.key, axis)
             for c in panel.curves:
                 assert len(c.x) == len(c.y) <= 3 * MOST
                 assert not len(c.x) or np.isfinite(c.y).any(), chart.key

@@ -25,9 +25,9 @@ from mechanism_sim.tables import Table
 class Stats:
     """What a run cost."""
 
-    wall_time: float  #: [s]
-    cpu_time: float  #: [s] of this process, without compilation
-    compile_time: float  #: [s]
+    wall_time: float  #: [s] with the start of the run, without compilation
+    cpu_time: float  #: [s] of this process, likewise
+    compile_time: float  #: [s] in which code was made; 0 where the process had all of it
     steps: int
     switches: int  #: events: impacts and losses of contact
 

@@ -11,7 +11,9 @@ by a digest of what they are pickled to, which is no larger than what is compute
 from __future__ import annotations
 
 import pickle
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from copy import copy
 from functools import lru_cache
 from hashlib import sha256
@@ -25,6 +27,23 @@ hy.set_logger_level_error()
 
 _LARGEST = 200_000
 """Nodes of expressions that are compared in a few milliseconds."""
+
+
+_spent = [0.0, 0.0]
+
+
+def spent() -> tuple[float, float]:
+    """Wall and CPU time [s] in which this process has made code so far, or read it from disk."""
+    wall, cpu = _spent
+    return wall, cpu
+
+
+@contextmanager
+def _counted() -> Iterator[None]:
+    wall, cpu = time.perf_counter(), time.process_time()
+    yield
+    _spent[0] += time.perf_counter() - wall
+    _spent[1] += time.process_time() - cpu
 
 
 class _Terms:
@@ -61,7 +80,8 @@ class _Terms:
 def _function(terms: _Terms, variables: tuple[hy.expression, ...]) -> hy.cfunc_dbl:
     bound_cache()
     optimisation = 0 if terms.large else 3
-    return hy.cfunc(list(terms.expressions), vars=list(variables), opt_level=optimisation)
+    with _counted():
+        return hy.cfunc(list(terms.expressions), vars=list(variables), opt_level=optimisation)
 
 
 def function(
@@ -92,15 +112,16 @@ def _integrator(
         hy.t_event(g, direction=hy.event_direction.negative, cooldown=0.0, callback=marking(index))
         for index, g in enumerate(terms.expressions[count:])
     ]
-    return hy.taylor_adaptive(
-        list(zip(states, terms.expressions[:count], strict=True)),
-        [0.0] * count,
-        pars=[0.0] * (flag + 1),
-        tol=tolerance,
-        t_events=events,
-        compact_mode=compact,
-        opt_level=1 if compact else 3,  # the third level takes half as long again for nothing
-    )
+    with _counted():
+        return hy.taylor_adaptive(
+            list(zip(states, terms.expressions[:count], strict=True)),
+            [0.0] * count,
+            pars=[0.0] * (flag + 1),
+            tol=tolerance,
+            t_events=events,
+            compact_mode=compact,
+            opt_level=1 if compact else 3,  # the third level takes half as long again for nothing
+        )
 
 
 def integrator(

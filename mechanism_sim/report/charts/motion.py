@@ -47,9 +47,9 @@ def over(course: Course) -> str:
 
 
 def motion(course: Course) -> Section:
-    """Angles, rates and accelerations of all coordinates."""
+    """Angles, rates and accelerations of all coordinates but those of elastic links."""
     machine = course.record.machine
-    physics, charts = machine.physics, []
+    physics, rotors, charts = machine.physics, machine.mechanism.rotors, []
     own = numbers(machine.mechanism)
     for kind, titles in _KINDS.items():
         for straight, title in zip((False, True), titles, strict=True):
@@ -57,7 +57,7 @@ def motion(course: Course) -> Section:
                 Curve(f'{kind}.{c}', c, own.get(c, i))
                 for i, c in enumerate(physics.coordinates)
                 if (c in physics.displacements) == straight
-                and c not in machine.mechanism.deformations
+                and (c not in machine.mechanism.deformations or c.partition('.')[0] in rotors)
             ]
             if kind == 'position' and course.turns:
                 curves = [c for c in curves if c.label != machine.main]

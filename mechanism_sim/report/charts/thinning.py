@@ -100,7 +100,9 @@ class Envelope:
         found = []
         for pair in zip(self._least.T, self._largest.T, strict=True):
             known = np.isfinite(pair[0])
-            filled = [np.interp(at, at[:-1][known], x[known], period=360.0) for x in pair]
+            filled = np.full((2, len(at)), np.nan)
+            if known.any():
+                filled[:] = [np.interp(at, at[:-1][known], x[known], period=360.0) for x in pair]
             found.append(np.array([at, *filled]))
         return found
 
