@@ -396,7 +396,14 @@ def test_printed_equations_of_motion_are_those_of_the_engine(variant):
     for element in model_of(machine).elements:
         for c in generalised(element.loads(eq.frames), eq.frames, eq.mechanism):
             name = element.name.partition('.')[2] or element.name
-            rows[f'Q_{name}_{c}'] = np.array([d == c for d in eq.coordinates])
+            rows[f'Q_{name}_{c.replace(".", "_")}'] = np.array([d == c for d in eq.coordinates])
+    model = model_of(machine)
+    for rub in model.dynamics.rubs if machine.dynamic else model._rubs:
+        found = generalised(
+            rub.friction.loads(eq.frames, hy.expression(1.0)), eq.frames, eq.mechanism
+        )
+        terms = [found.get(c) for c in eq.coordinates]
+        rows[f'T_{rub.friction.label}'] = engine(machine, terms, state)
     for load in machine.plan.unknowns(eq.mechanism):
         found = generalised(load.loads(eq.frames), eq.frames, eq.mechanism)
         terms = [found.get(c) for c in eq.coordinates]

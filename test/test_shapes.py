@@ -22,7 +22,7 @@ from mechanism_sim.export.skeleton import skeleton_of
 from mechanism_sim.export.stage import stage_of
 from mechanism_sim.export.triangles import triangles
 from mechanism_sim.gears.involute import TOOTH_SYSTEMS, Fillet, Gear
-from mechanism_sim.nodes.markers import shapes as markers
+from mechanism_sim.nodes.markers import painted
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
 from mechanism_sim.report import drawing, figures
 
@@ -85,7 +85,7 @@ def test_every_named_point_is_drawn_by_every_viewer(scene):
         for style, curves in shape['paths']
         if style not in OPEN
     ]
-    fills = [m for m in markers(skeleton, '').markers if m.type == TRIANGLES]
+    fills = [m for _, m, _ in painted(skeleton, '') if m.type == TRIANGLES]
     fans = [
         (m.header.frame_id, np.array([(p.x, p.y) for p in m.points]).reshape(-1, 3, 2))
         for m in fills

@@ -29,7 +29,8 @@ _LATEX = {
     'theta': r'\theta', 'thetadot': r'\dot{\theta}', 'thetaddot': r'\ddot{\theta}',
     'sdot': r'\dot{s}', 'sddot': r'\ddot{s}', 'xdot': r'\dot{x}', 'xddot': r'\ddot{x}',
     'ydot': r'\dot{y}', 'yddot': r'\ddot{y}', 'tau': r'\tau', 'sigma': r'\sigma', 'Rsq': 'R^2',
-    'Mz': 'M', 'phi': r'\varphi', 'phidot': r'\dot{\varphi}', 'phiddot': r'\ddot{\varphi}',
+    'Mz': 'M', 'zdot': r'\dot{z}', 'zddot': r'\ddot{z}',
+    'phi': r'\varphi', 'phidot': r'\dot{\varphi}', 'phiddot': r'\ddot{\varphi}',
 }  # fmt: skip
 """Stems that LaTeX writes otherwise."""
 
@@ -117,13 +118,18 @@ class Symbols:
                 subject = ' '.join(x for x in (link, disk, way) if x)
                 return 'phi', subject, f'slope of the axis {at} towards {way}', 'rad'
             where = f'its disk or support {pair}' if pair else 'its middle'
-            subject = f'{link} {pair}'.strip()
+            subject, what = f'{link} {pair}'.strip(), f'{way} of the axis of {link} in {where}'
+            return way, subject, f'{what}, from where it rests', 'm'
+        if c in mechanism.tilts:
+            way = axis[-1]
             return (
-                way,
-                subject,
-                f'{way} of the axis of {link} in {where}, from where it rests',
-                'm',
+                'phi',
+                f'{link} {way}',
+                f'inclination of {link} along the {way} of its frame',
+                'rad',
             )
+        if axis and mechanism.body(link).tilt:
+            return 'z', link, f'displacement of {link} along its axes', 'm'
         if c in mechanism.deformations:
             return axis, link, f'amplitude of the shape {axis} of the elastic link {link}', 'm'
         if c not in self._displacements:
