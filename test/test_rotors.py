@@ -353,6 +353,15 @@ def test_disks_on_a_rigid_shaft_are_one_body():
     assert roots(two, 300.0) == pytest.approx(roots(one, 300.0), **EXACT)
 
 
+def test_a_torque_spins_all_disks():
+    wall = {'wall': {'along': 0.3, 'clamped': True}}
+    other = {'along': 0.6, 'mass': MASS, 'inertia': 0.5 * POLAR}
+    drive = {'speed': 0.0, 'torque': {'constant': 3.0}}
+    machine = rotor(supports=wall, shaft=SHAFT, off=0.0, drive=drive, disks={'b': other})
+    speed = ms.simulate(machine, duration=0.5).sample(np.array([0.5]))['velocity.disk']
+    assert speed == pytest.approx([3.0 * 0.5 / (1.5 * POLAR)], rel=1e-12)
+
+
 def test_a_shaft_of_two_diameters_and_many_disks_is_as_stiff_as_its_deflections_say():
     a, b, stiff = 0.2, 0.5, 16.0 * EI
     # clamped at b from the disk, thick from a on: moments of a unit load, by parts
