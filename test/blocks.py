@@ -30,7 +30,7 @@ ROOT = Path(__file__).parents[1]
 RUN = ('sh', 'python', 'console')
 BLOCK = re.compile(
     r'(?:^ *<!-- (?P<mark>not run|numbers vary|file): (?P<reason>[^\n]+?) -->\n)?'
-    r'^(?P<indent> *)```(?P<language>\S*)\n(?P<text>.*?)^(?P=indent)```$',
+    r'^(?P<indent> *)```(?P<language>\S*)[^\n]*\n(?P<text>.*?)^(?P=indent)```$',
     re.DOTALL | re.MULTILINE,
 )
 NUMBER = re.compile(r'[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?')
