@@ -158,15 +158,20 @@ def write(file: Path, columns: Sequence[Column], about: dict[str, str] | None = 
         If it cannot be written.
     """
     with output.beside(file) as part:
-        {
-            '.parquet': _parquet,
-            '.csv': _csv,
-            '.xlsx': _xlsx,
-            '.mat': _mat,
-            '.npz': _npz,
-        }[file.suffix](part, columns, about or {})
-        with part.open('rb+') as stream:
-            os.fsync(stream.fileno())
+        write_part(part, columns, about)
+
+
+def write_part(file: Path, columns: Sequence[Column], about: dict[str, str] | None = None) -> None:
+    """The same for who gives the file its name; errors are those of the system."""
+    {
+        '.parquet': _parquet,
+        '.csv': _csv,
+        '.xlsx': _xlsx,
+        '.mat': _mat,
+        '.npz': _npz,
+    }[file.suffix](file, columns, about or {})
+    with file.open('rb+') as stream:
+        os.fsync(stream.fileno())
 
 
 def _parquet(path: Path, columns: Sequence[Column], about: dict[str, str]) -> None:

@@ -166,7 +166,7 @@ class _Whole:
             tables.Column(n, np.concatenate([p[n] for p in self._parts]), self._units.get(n, ''))
             for n in names
         ]
-        tables.write(self._path, columns)
+        tables.write_part(self._path, columns)
 
 
 class _Csv:
