@@ -25,7 +25,7 @@ from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, moment_of
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Point, Revolute, Vector2
-from mechanism_sim.planar.play import ENDS, STOPS, end_name
+from mechanism_sim.planar.play import ENDS, STOPS, MeasuredGap, end_name
 from mechanism_sim.planar.protocols import ForceLaw
 
 Array = NDArray[np.float64]
@@ -107,7 +107,7 @@ def bearing_ends(
 
 
 @dataclass(frozen=True)
-class AxialStop:
+class AxialStop(MeasuredGap):
     """A face at an end of a bearing, on which the collar of the first link comes to rest.
 
     With the way z of the first link against the second along the axis, and the inclination s of
@@ -193,18 +193,6 @@ class AxialStop:
         root = np.sqrt(self.crown**2 + self.radius**2 * (x * x + y * y))
         arm = np.divide(self.radius**2, root, out=np.zeros_like(root), where=root > 0.0)
         return np.asarray(N * arm * np.array([-y, x]))
-
-    def stretch(self, value: Term) -> Term:
-        """The value is the distance."""
-        return hy.expression(1.0)
-
-    def depth(self, value: Term) -> Term:
-        """The value is the distance."""
-        return -value
-
-    def distance(self, value: Array) -> Array:
-        """The value is the distance."""
-        return value
 
 
 def axial_stops(mechanism: Mechanism, joint: str, play: float, **face: Any) -> Iterator[AxialStop]:

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +20,7 @@ from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Side, Vector2, rotate
-from mechanism_sim.planar.play import SIDES, corner_name
+from mechanism_sim.planar.play import SIDES, MeasuredGap, corner_name
 from mechanism_sim.planar.protocols import ForceLaw
 from mechanism_sim.planar.rails import Foot, rail_of
 
@@ -29,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class GuideClearance:
+class GuideClearance(MeasuredGap):
     """A corner of a block and the wall of its guide, to the left or right of the guide's axis.
 
     With the corner at h to the left of the axis, the gap is ``width - h`` or ``width + h``:
@@ -49,14 +48,6 @@ class GuideClearance:
 
     softness: ClassVar[float] = 1e-6
     """Two corners that stick to one wall hold the same: they share it, giving way so little."""
-
-    def stretch(self, value: Term) -> Term:
-        """The value is the distance."""
-        return hy.expression(1.0)
-
-    def depth(self, value: Term) -> Term:
-        """The value is the distance."""
-        return -value
 
     @property
     def _guide(self) -> Prismatic:
@@ -120,10 +111,6 @@ class GuideClearance:
         force = contact_wrench(self.normal(frames), N, T)
         x, y = self._off(frames, self._guide.on_second, self._guide.second, 'block')
         return Wrench(force.x, force.y, moment_of((x.value, y.value), (force.x, force.y)))
-
-    def distance(self, value: Array) -> Array:
-        """The value is the distance."""
-        return value
 
 
 def corners(

@@ -20,8 +20,24 @@ from mechanism_sim.planar.touch import Touch, TurningTouch
 Array = NDArray[np.float64]
 
 
+class MeasuredGap:
+    """A gap whose value is the distance itself."""
+
+    def stretch(self, value: Term) -> Term:
+        """The value is the distance."""
+        return hy.expression(1.0)
+
+    def depth(self, value: Term) -> Term:
+        """The value is the distance."""
+        return -value
+
+    def distance(self, value: Array) -> Array:
+        """The value is the distance."""
+        return value
+
+
 @dataclass(frozen=True)
-class Wall:
+class Wall(MeasuredGap):
     """One wall of a higher pair with play.
 
     With the offset h of the closure, such as that of a pin from the centre line to the left of its
@@ -80,18 +96,6 @@ class Wall:
             return pressed
         along = T if self.side == 'left' else neg(T)
         return together(pressed, self._rubs().wrench(frames, along))
-
-    def stretch(self, value: Term) -> Term:
-        """The value is the distance."""
-        return hy.expression(1.0)
-
-    def depth(self, value: Term) -> Term:
-        """The value is the distance."""
-        return -value
-
-    def distance(self, value: Array) -> Array:
-        """The value is the distance."""
-        return value
 
 
 def wall_name(mechanism: Mechanism, joint: HigherPair, side: Side) -> str:
