@@ -77,6 +77,7 @@ CASES = {
     'test_live_charts.py::test_motion_goes_on_evenly_and_charts_are_full': 1,
     'test_loop_closure.py::test_a_motion_through_a_dead_point_is_found_there': 2,
     'test_measurement_chain.py::test_a_steady_tone_has_the_amplitude_of_the_formula': 7,
+    'test_net.py::test_a_scene_moves_as_recorded': 14,
     'test_oscillator.py::test_the_response_is_that_of_an_integrator': 1,
     'test_output.py::test_a_full_disk_ends_in_a_sentence_and_leaves_nothing': 5,
     'test_output.py::test_a_read_only_folder_ends_in_a_sentence': 5,

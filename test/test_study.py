@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from four_bars import loose
-from running import run_json
+from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
@@ -150,6 +150,13 @@ def test_studies_refuse_what_they_cannot_say(study):
     torque = {'drive': {'speed': 36.0, 'torque': {'constant': 0.1}}}
     with pytest.raises(InputError, match='constant speed'):
         study(ms.load_scene('four_bar_clearance', torque))
+
+
+def test_a_follower_that_rests_on_its_cam_once_a_turn_has_no_multipliers():
+    done = run('periodic', 'valve_train')
+    assert done.returncode == 0
+    assert 'repeats every 1 revolutions, to 0; stable' in done.stdout
+    assert 'no Floquet multipliers' in done.stdout
 
 
 def test_commands_print_json():

@@ -23,7 +23,9 @@ def periodic(response: Response) -> str:
             f'repeats every {response.period} revolutions, to {response.residual:.2g}; '
             f'{"stable" if response.stable else "unstable"}',
             f'  {response.impacts} impacts, {scale * response.impulse:.6g} {unit} in a period',
-            f'  Floquet multipliers of size {sizes} (to {response.spread:.2g})',
+            f'  Floquet multipliers of size {sizes} (to {response.spread:.2g})'
+            if sizes
+            else '  no Floquet multipliers: closed contacts leave nothing free once a period',
         ]
     )
 

@@ -169,7 +169,8 @@ def _refine(section: Section, state: State, period: int, tolerance: float) -> Re
         np.linalg.eigvals(jacobian(section, state, period, h)[1]) for h in (1e-6, 1e-7)
     )
     by_size = [sorted(m, key=lambda z: (-abs(z), -z.imag)) for m in (multipliers, finer)]
-    spread = max(abs(a - b) for a, b in zip(*by_size, strict=True))
+    # closed contacts may leave nothing free at the section: then there are no multipliers
+    spread = max((abs(a - b) for a, b in zip(*by_size, strict=True)), default=0.0)
     found = tuple(complex(m) for m in by_size[0])
     return Response(period, residual, state, impacts, impulse, found, float(spread))
 

@@ -1,0 +1,271 @@
+"""The record of what the package computes, which restructuring must not change.
+
+``python test/net.py`` compares everything with ``references/net.json`` and lists what differs;
+``python test/net.py --write`` makes the record anew, to be committed together with the change
+that explains it. `test_net.py` compares a part of it on every run of the tests.
+
+Three kinds of entries:
+
+- ``scenes``: digest, final state and counts of every scene over a short run;
+- ``commands``: keys and figures of ``--json`` of the commands on three scenes;
+- ``topics``: types, numbers and first messages of the topics of three recorded runs.
+
+Digests are compared where processor and compilers are those of the record
+(docs/reproducibility.md), figures everywhere, to `TOLERANCE`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import running
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+import mechanism_sim as ms
+from mechanism_sim.catalogue import scene_names
+from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.scene import span
+
+RECORD = Path(__file__).parent / 'references/net.json'
+TOLERANCE = 1e-7
+"""Of a figure, or of the largest of its list: other processors round otherwise."""
+
+LENGTH = 0.02
+"""[s] of a scene whose drive has no period; of the others a quarter of a turn is run."""
+
+LOOSE, IDEAL, FREE = 'four_bar_clearance', 'four_bar_nominal', 'mass_on_spring'
+SHORT = ('--duration', '0.05')
+COMMANDS = {
+    'check': [('check', s) for s in (IDEAL, LOOSE, FREE)],
+    'solve': [('solve', s, *SHORT) for s in (IDEAL, LOOSE, FREE)],
+    'cycle': [('cycle', IDEAL), *(('cycle', s, *SHORT) for s in (LOOSE, FREE))],
+    'modes': [('modes', s) for s in (IDEAL, FREE)],
+    'response': [
+        ('response', FREE, '--base', 'base', '--frequencies', '1 Hz:3 Hz:3'),
+        ('response', 'unbalanced_machine', '--harmonics', '3'),
+    ],
+    'periodic': [('periodic', LOOSE, '--transient', '3', '--longest', '1')],
+    'statistics': [('statistics', LOOSE, '--revolutions', '24', '--skip', '2')],
+    'lift-off': [('lift-off', 'eccentric_cam')],
+    'find': [
+        ('find', IDEAL, '--vary', 'drive.speed=300 rpm:400 rpm', '--so-that',
+         'largest(reaction.coupler_rocker) = 12 N'),
+    ],
+    'scenes': [('scenes',)],
+    'contact-loss': [('contact-loss', LOOSE)],
+    'starts': [('starts', LOOSE, '--angles', '2')],
+    'draw': [('draw', s, '-o', '{folder}/drawing.svg') for s in (IDEAL, LOOSE, FREE)],
+    'export': [('export', s, '--format', 'urdf', '-o', '{folder}/machine.urdf') for s in (IDEAL, LOOSE)],
+    'info': [('info', f'{{folder}}/{s}.mcap') for s in (IDEAL, LOOSE, FREE)],
+    'analyze': [('analyze', f'{{folder}}/{s}.mcap') for s in (IDEAL, LOOSE, FREE)],
+}  # fmt: skip
+
+_BY_THE_CLOCK = ('wall_time', 'cpu_time', 'compile_time', 'realtime', 'size', 'path', 'file')
+_TIMED_TOPICS = ('/clock', '/rosout', '/diagnostics', '/parameter_events')
+
+
+def environment() -> dict[str, str]:
+    """All that digests depend on beside the package: processor, integrator, arrays, Python."""
+    cpu = Path('/proc/cpuinfo')
+    lines = cpu.read_text(encoding='utf-8').splitlines() if cpu.exists() else []
+    known = dict(line.split(':', 1) for line in lines if ':' in line)
+    names = {key.strip(): value.strip() for key, value in known.items()}
+    return {
+        'processor': names.get('model name', ''),
+        'heyoka': version('heyoka'),
+        'numpy': version('numpy'),
+        'python': '.'.join(map(str, sys.version_info[:2])),
+    }
+
+
+def scene_entry(name: str, duration: float | None = None) -> dict[str, Any]:
+    """Digest, final state and counts of a scene over `duration` [s], or the usual short run."""
+    machine = ms.load_scene(name)
+    period = machine.period if math.isfinite(machine.period) else LENGTH / 0.25
+    usual = min(0.25 * period, machine.scene.duration or math.inf)
+    digest, impacts = MotionDigest(), 0
+    run = ms.stream(machine, duration=span(machine, None, duration or usual))
+    for piece in run:
+        digest.add(piece.motion, piece.impacts)
+        impacts += len(piece.impacts)
+    final = run.final
+    return {
+        'duration': run.duration,
+        'level': machine.level.value,
+        'digest': digest.hexdigest(),
+        'steps': run.stats.steps,
+        'impacts': impacts,
+        'coordinates': list(machine.physics.coordinates),
+        'position': final.position[:, 0].tolist(),
+        'velocity': final.velocity[:, 0].tolist(),
+    }
+
+
+def record_bags(folder: Path) -> None:
+    """Record the three runs that commands and topics are read from."""
+    for scene in (IDEAL, LOOSE, FREE):
+        bag = str(folder / f'{scene}.mcap')
+        done = running.run('run', scene, *SHORT, '--record', bag)
+        assert done.returncode == 0, done.stderr
+
+
+def command_entry(arguments: tuple[str, ...], folder: Path) -> dict[str, Any]:
+    """Exit code, and the leaves of the JSON of a command."""
+    done = running.run(*(x.format(folder=folder) for x in arguments), '--json')
+    found = json.loads(done.stdout) if done.stdout.strip() else None
+    return {'code': done.returncode, 'leaves': leaves(found)}
+
+
+def topic_entries(bag: Path) -> dict[str, Any]:
+    """Type, number of messages and leaves of the first message, by topic of a bag."""
+    found: dict[str, Any] = {}
+    with bag.open('rb') as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for schema, channel, _, message in reader.iter_decoded_messages():
+            entry = found.setdefault(
+                channel.topic, {'type': schema.name, 'count': 0, 'first': leaves(plain(message))}
+            )
+            entry['count'] += 1
+    for topic in found:
+        if topic.endswith(_TIMED_TOPICS):
+            found[topic].update(count=None, first=sorted(found[topic]['first']))
+    return found
+
+
+def plain(message: Any) -> Any:
+    """A decoded message as dictionaries, lists, numbers and text."""
+    if isinstance(message, bytes):
+        return message.hex()
+    if isinstance(message, list | tuple | np.ndarray):
+        return [plain(x) for x in message]
+    slots = getattr(message, '__slots__', None)
+    return {s: plain(getattr(message, s)) for s in slots} if slots else message
+
+
+def leaves(value: Any) -> dict[str, Any]:
+    """Leaves by path: of all items of lists together, numbers as count, sum and largest size.
+
+    Text is kept where it is one short word, such as a name or a unit.
+    """
+    numbers: dict[str, list[float]] = {}
+    texts: dict[str, Any] = {}
+    for path, leaf in _walk(value, ''):
+        if any(word in path for word in _BY_THE_CLOCK):
+            texts[path] = 'by the clock'
+        elif isinstance(leaf, int | float) and not isinstance(leaf, bool):
+            numbers.setdefault(path, []).append(float(leaf))
+        else:
+            short = not isinstance(leaf, str) or (len(leaf) <= 40 and '/' not in leaf)
+            texts.setdefault(path, leaf if short else 'text')
+    return {
+        **texts,
+        **{
+            path: [len(x), math.fsum(x), max(map(abs, x))]
+            for path, x in numbers.items()
+            if np.isfinite(x).all()
+        },
+    }
+
+
+def _walk(value: Any, path: str) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _walk(item, f'{path}.{key}'.lstrip('.'))
+    elif isinstance(value, list):
+        yield f'{path}#', float(len(value))
+        for item in value:
+            yield from _walk(item, f'{path}[]')
+    else:
+        yield path, value
+
+
+def differences(name: str, old: Any, new: Any, same_bits: bool) -> list[str]:
+    """Sentences, one for each thing in which an entry differs from its record."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        found = [f'{name}.{key}: {"lost" if key in old else "new"}' for key in old ^ new.keys()]
+        for key in old.keys() & new.keys():
+            bits = key in ('digest', 'steps')
+            if same_bits or not bits:
+                found += differences(f'{name}.{key}', old[key], new[key], same_bits)
+        return sorted(found)
+    if isinstance(old, list) and old and all(isinstance(x, int | float) for x in old):
+        a, b = np.array(old, float), np.array(new, float)
+        size = max(np.abs(a).max(), 1e-12)
+        if a.shape == b.shape and (np.abs(a - b) <= TOLERANCE * size).all():
+            return []
+    elif isinstance(old, float) and isinstance(new, int | float):
+        if abs(old - new) <= TOLERANCE * max(abs(old), 1e-12):
+            return []
+    elif old == new:
+        return []
+    return [f'{name}: {_shown(old)} before, {_shown(new)} now']
+
+
+def _shown(value: Any) -> str:
+    text = str(value)
+    return text if len(text) <= 90 else f'{text[:90]}...'
+
+
+def load() -> dict[str, Any]:
+    """The committed record."""
+    record: dict[str, Any] = json.loads(RECORD.read_text(encoding='utf-8'))
+    return record
+
+
+def same_bits(record: dict[str, Any]) -> bool:
+    """Tell if digests can be compared with those of the record."""
+    return bool(record['environment'] == environment())
+
+
+def make(record: dict[str, Any] | None) -> dict[str, Any]:
+    """Everything anew; durations are those of a record if there is one."""
+    known = record['scenes'] if record else {}
+    scenes = {}
+    for name in scene_names():
+        print(name, file=sys.stderr)
+        scenes[name] = scene_entry(name, known.get(name, {}).get('duration'))
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        record_bags(folder)
+        commands = {
+            ' '.join(line): command_entry(line, folder)
+            for lines in COMMANDS.values()
+            for line in lines
+        }
+        topics = {s: topic_entries(folder / f'{s}.mcap') for s in (IDEAL, LOOSE, FREE)}
+    return {
+        'environment': environment(),
+        'scenes': scenes,
+        'commands': commands,
+        'topics': topics,
+    }
+
+
+def _main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
+    parser.add_argument('--write', action='store_true', help='make the record anew')
+    write = parser.parse_args().write
+    old = load() if RECORD.exists() else None
+    new = make(None if write else old)
+    said: list[str] = []
+    if old:
+        for part in ('scenes', 'commands', 'topics'):
+            said += differences(part, old[part], new[part], same_bits(old))
+    print('\n'.join(said) or 'nothing differs')
+    if write:
+        RECORD.write_text(json.dumps(new, indent=1, sort_keys=True) + '\n', encoding='utf-8')
+    return 1 if said and not write else 0
+
+
+if __name__ == '__main__':
+    sys.exit(_main())
