@@ -65,7 +65,9 @@ COMMANDS = {
     'contact-loss': [('contact-loss', LOOSE)],
     'starts': [('starts', LOOSE, '--angles', '2')],
     'draw': [('draw', s, '-o', '{folder}/drawing.svg') for s in (IDEAL, LOOSE, FREE)],
-    'export': [('export', s, '--format', 'urdf', '-o', '{folder}/machine.urdf') for s in (IDEAL, LOOSE)],
+    'export': [
+        ('export', s, '--format', 'urdf', '-o', '{folder}/machine.urdf') for s in (IDEAL, LOOSE)
+    ],
     'info': [('info', f'{{folder}}/{s}.mcap') for s in (IDEAL, LOOSE, FREE)],
     'analyze': [('analyze', f'{{folder}}/{s}.mcap') for s in (IDEAL, LOOSE, FREE)],
 }  # fmt: skip
@@ -136,9 +138,9 @@ def topic_entries(bag: Path) -> dict[str, Any]:
                 channel.topic, {'type': schema.name, 'count': 0, 'first': leaves(plain(message))}
             )
             entry['count'] += 1
-    for topic in found:
+    for topic, entry in found.items():
         if topic.endswith(_TIMED_TOPICS):
-            found[topic].update(count=None, first=sorted(found[topic]['first']))
+            entry.update(count=None, first=sorted(entry['first']))
     return found
 
 
