@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from four_bars import RADIAL, RESTITUTION, SPEED
 
 import mechanism_sim as ms
+from mechanism_sim import strict_json
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene import Level, span
+from mechanism_sim.scene import Level, Machine, span
 from mechanism_sim.scene.check import check, render
-from mechanism_sim.scene.files import read_scene
+from mechanism_sim.scene.files import check_scene, read_scene
 from mechanism_sim.scene.motion_notes import mobility_note
+from mechanism_sim.study.parameters import parameters
 
 LOOSE, FILE = 'four_bar_clearance', 'four_bar_clearance.yaml'
 
@@ -178,6 +182,45 @@ def test_scenes_that_do_not_exist_are_refused_with_the_nearest(name, said):
 def test_malformed_override_texts_are_refused(text):
     with pytest.raises(InputError, match='override'):
         ms.load_scene(LOOSE, [text])
+
+
+def test_every_scene_written_out_is_read_again_as_it_was():
+    """As studies, sweeps, bags and nodes do: by values, by JSON, and with a number changed."""
+    for name in ms.scene_names():
+        machine = Machine(*read_scene(name))
+        content = machine.scene.to_document()
+        assert check_scene(name, content) == machine.scene
+        assert check_scene(name, strict_json.loads(strict_json.dumps(content))) == machine.scene
+        limits = {'solver.rtol': ('1e-13', '1e-10')}
+        (found,) = parameters(machine, ['solver.rtol'], '', limits=limits)
+        assert (found.low, found.high) == (1e-13, 1e-10)
+
+
+def test_parts_of_scenes_are_written_out_by_one_method():
+    """`Part.to_document`: what pydantic dumps by itself has the names of fields, not the keys."""
+    folder = Path(ms.__file__).parent
+    dumping = {p.name for p in folder.rglob('*.py') if '.model_dump(' in p.read_text('utf-8')}
+    assert dumping == {'quantities.py'}
+
+
+@pytest.mark.parametrize(
+    ('overrides', 'said'),
+    [
+        (['drive.speed=1 rpm', 'drive.speed=2 rpm'],
+         "drive.speed is set twice, to '1 rpm' and to '2 rpm': keep one"),
+        (['drive.speed=1 rpm', 'drive={}'],
+         "setting 'drive' would undo that of 'drive.speed' before it"),
+        ({'drive.speed': 1.0, 'drive': {}},
+         "setting 'drive' would undo that of 'drive.speed' before it"),
+    ],
+)  # fmt: skip
+def test_an_override_never_undoes_another_in_silence(overrides, said):
+    assert said in refusal(overrides)
+
+
+def test_overrides_that_agree_or_change_parts_of_others_are_taken():
+    twice = ['drive={speed: 1 rad/s}', 'drive.speed=2 rad/s', 'drive.speed=2 rad/s']
+    assert read_scene(LOOSE, twice)[1].drive.speed.value == 2.0
 
 
 def test_overrides_as_texts_and_as_values_are_the_same():

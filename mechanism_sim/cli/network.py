@@ -52,7 +52,9 @@ def add(command: Command) -> None:
     option(sub, '--rate', 'R', 'recorded seconds in a second; 0: as fast as possible', 1.0)
     option(sub, '--from', 'S', 'begin so long after the first message', 0.0)
     option(sub, '--delay', 'S', 'wait before the first message', 0.0)
-    sub.add_argument('--topics', nargs='+', default=[], metavar='TOPIC', help='only these')
+    sub.add_argument(
+        '--topics', nargs='+', action='extend', default=[], metavar='TOPIC', help='only these'
+    )
     option(sub, '--clock', 'HZ', 'publish /clock, too, if the bag has none', float)
     _patience(sub)
 

@@ -170,5 +170,5 @@ class MachineModel(Rich):
         silent = {
             'title', 'description', 'duration', 'outputs', 'sensors', 'oscillators', 'measures',
         }  # fmt: skip
-        content = self.scene.model_dump(exclude=silent)
+        content = self.scene.to_document(exclude=silent)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
