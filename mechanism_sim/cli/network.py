@@ -300,6 +300,8 @@ def _play(node: CommandNode, options: argparse.Namespace, words: list[str]) -> i
     from mechanism_sim.report import progress  # noqa: PLC0415
 
     bag = read_bag(words[0])
+    if not any(topic.count for topic in bag.topics.values()):
+        raise InputError(f'{words[0]} holds nothing that can be played: it has no messages')
     time.sleep(options.delay)
     with progress.bar('play', (bag.end - bag.start) / 1e9, quiet=options.json) as show:
         count = node.play(
