@@ -371,6 +371,55 @@ def test_angles_and_rates_of_the_start_can_be_set_outright():
     assert seated.q == pytest.approx([1.030945894142804, 2.124939981241757], abs=1e-12)
 
 
+@pytest.mark.parametrize('scene', ['toggle_press', 'thesis_complete'])
+def test_every_coordinate_that_check_lists_can_be_given_at_the_start(scene):
+    """Those of links between loose joints, too: the seated start again, coordinate by coordinate.
+
+    Deformations of elastic links are left as they are.
+    """
+    machine = ms.load_scene(scene)
+    listed = [c for c in check(machine).coordinates if '.bend' not in c and c != machine.main]
+    assert any(c.endswith('.x') for c in listed)
+    state, free = machine.initial_state(), machine.system.free
+    initial = {
+        kind: {c: values[free.index(c)] for c in listed}
+        for kind, values in (('position', state.q), ('velocity', state.v))
+    }
+    again = ms.load_scene(scene, {'initial': initial})
+    found = again.initial_state()
+    for kind, values in (('position', found.q), ('velocity', found.v)):
+        assert {c: values[free.index(c)] for c in listed} == initial[kind]
+
+
+def test_the_angle_of_a_block_in_a_loose_guide_can_be_given():
+    """Without clearance it is a displacement by that name, and refused with the right key."""
+    given = {'initial.position.slider': '0.1 mrad'}
+    machine = ms.load_scene('slider_with_play', given)
+    assert machine.initial_state().q[machine.system.free.index('slider')] == 1e-4
+    said = refusal_of_start({'initial.position.slider': '0.2 m'}, 'slider_with_play')
+    assert 'what can be given of it is slider, an angle' in said
+
+
+def refusal_of_start(overrides, scene):
+    with pytest.raises(InputError) as caught:
+        ms.load_scene(scene, overrides).initial_state()
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ('scene', 'overrides', 'said'),
+    [
+        ('four_bar_clearance', {'initial.position': {'rocker.x': '1 mm'}},
+         "rocker hangs on a joint without clearance, so that its only coordinate is 'rocker'"),
+        ('toggle_press', {'initial.position': {'lower.x': '1 rad'}}, 'in m'),
+        ('toggle_press', {'guess': {'lower.x': '1 mm'}}, "only 'initial' gives: write 'lower'"),
+        ('toggle_press', {'drive.coordinate': 'lower.x'}, "only 'initial' gives: write 'lower'"),
+    ],
+)  # fmt: skip
+def test_places_of_links_where_they_have_no_meaning_name_the_right_key(scene, overrides, said):
+    assert said in refusal(overrides, scene)
+
+
 def test_reading_keeps_the_name_and_checks_nothing_mechanical():
     name, scene = read_scene(LOOSE, {'links.crank.length': '2 m'})
     assert name == LOOSE

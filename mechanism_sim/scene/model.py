@@ -94,7 +94,7 @@ class MachineModel(Rich):
     def placed_outright(self) -> bool:
         """Whether the scene itself says where links start, beside the main drive."""
         given = self.plan.given
-        return bool((given[0].keys() | given[1]) - {self.main})
+        return bool((given[0].keys() | given[1]) - {self.main}) or any(self.plan.floating)
 
     @cached_property
     def held(self) -> dict[str, tuple[float, float]]:
