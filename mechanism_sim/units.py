@@ -79,6 +79,16 @@ _KNOWN = {
 
 _ANGULAR, _HERTZ = ('rad', 'deg', 'rpm'), ('Hz', 'kHz')
 
+_PER_MINUTE = re.compile(
+    r'(?:1|r|rev)?\s*/\s*min|min\s*(?:\^|\*\*)\s*-\s*1|min⁻¹|rpm', re.IGNORECASE
+)
+"""Units that catalogues of motors and machines write where they mean revolutions per minute.
+
+Taken by its dimension alone, ``1/min`` would be 1/60 rad/s.
+"""
+_ROTATION = 'rad/s', 'rad/s^2'
+"""Wanted units whose angle has to be written: ``1/s`` may be a radian or a revolution a second."""
+
 _FACTOR = re.compile(r'(\s+|\s*[*/]\s*|^)([A-Za-z]+)(?:(?:\^|\*\*)(-?\d))?')
 
 
@@ -313,19 +323,32 @@ def _text_to_si(value: str, unit: str, hint: str) -> float:
         return float(number)
     if not unit:
         raise ValueError(f"has the unit '{given}' where a plain number belongs: {hint}")
+    if unit == 'rad/s' and _PER_MINUTE.fullmatch(given):
+        given = 'rpm'
     if not _UNIT.fullmatch(given) or _NO_UNIT.search(given):
         raise ValueError(f"has the unknown unit '{given}': {hint}")
     written_in, wanted = _common_unit(given), _common_unit(unit)
     if written_in is None or wanted is None:
         return _converted_by_pint(number, given, unit, hint)
-    mixed = written_in.angular if unit == 'Hz' else 'rad' in unit and written_in.hertz
-    if written_in.powers != wanted.powers or mixed:
-        raise ValueError(_other(given, unit, hint))
+    fits = written_in.powers == wanted.powers
+    if not fits or _mixed(unit, written_in.angular, written_in.hertz):
+        raise ValueError(_other(given, unit, hint, fits))
     return float(Decimal(number) * written_in.factor)
 
 
-def _other(given: str, unit: str, hint: str) -> str:
-    return f"has the unit '{given}', which is not a unit of '{unit}': {hint}"
+def _mixed(unit: str, angular: bool, hertz: bool) -> bool:
+    """Whether a unit of the right dimension counts something else than the wanted one.
+
+    A frequency is not an angular velocity, although both are 1/s.
+    """
+    if unit in _ROTATION:
+        return hertz or not angular
+    return angular if unit == 'Hz' else 'rad' in unit and hertz
+
+
+def _other(given: str, unit: str, hint: str, fits: bool) -> str:
+    both = ' (it may mean rev/s or rad/s)' if fits and unit == 'rad/s' else ''
+    return f"has the unit '{given}', which is not a unit of '{unit}'{both}: {hint}"
 
 
 def _converted_by_pint(number: str, given: str, unit: str, hint: str) -> float:
@@ -335,9 +358,8 @@ def _converted_by_pint(number: str, given: str, unit: str, hint: str) -> float:
     except Exception as error:  # pint raises many kinds: unknown units, syntax, tokens
         raise ValueError(f"has the unknown unit '{given}': {hint}") from error
     wanted = ureg.Unit('1/s' if unit == 'Hz' else unit)
-    # A frequency is not an angular velocity, although both are 1/s.
-    angular = any(word in str(quantity.units) for word in ('rad', 'deg', 'rev', 'turn'))
-    mixed = angular if unit == 'Hz' else 'rad' in unit and 'hertz' in str(quantity.units)
-    if not quantity.is_compatible_with(wanted) or mixed:
-        raise ValueError(_other(given, unit, hint))
+    angular = any(word in str(quantity.units) for word in ('rad', 'deg', 'rev', 'turn', 'arc'))
+    fits = bool(quantity.is_compatible_with(wanted))
+    if not fits or _mixed(unit, angular, 'hertz' in str(quantity.units)):
+        raise ValueError(_other(given, unit, hint, fits))
     return float(quantity.to(wanted).magnitude)

@@ -271,3 +271,50 @@ def test_a_signal_that_is_too_short_is_named(states):
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
         assert f'{states[state]}' in done.stderr
         assert words in done.stderr
+
+
+# --- bags of others -----------------------------------------------------------------------------
+
+
+def in_json(path):
+    """A bag of ROS-like topics whose messages are JSON, as PlotJuggler's users have them."""
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema('need_ack', 'jsonschema', b'{"type": "object"}')
+        channel = writer.register_channel('/msg/rx/need_ack', 'json', schema)
+        for k in range(3):
+            writer.add_message(channel, k * 10**7, b'{"speed": 1.5}', k * 10**7)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize('options', [(), ('--json',)])
+def test_a_bag_without_anything_that_can_be_plotted_is_named(states, tmp_path, options):
+    path = in_json(tmp_path / 'json.mcap')
+    for bag, why in ((path, '/msg/rx/need_ack [need_ack, json]'),
+                     (states['empty'], 'it has no messages')):  # fmt: skip
+        done = command('plot', str(bag), *options)
+        assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+        assert f'{bag} holds nothing that can be plotted: ' in done.stderr
+        assert why in done.stderr
+
+
+@pytest.mark.parametrize('reader', [*READERS, 'recover', 'play'])
+def test_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
+    """SQLite, alone and in its folder; what is refused is not taken for a scene."""
+    file = tmp_path / 'bag' / 'bag_0.db3'
+    file.parent.mkdir()
+    file.write_bytes(b'SQLite format 3\0' + bytes(100))
+    (file.parent / 'metadata.yaml').write_text('rosbag2_bagfile_information: {version: 4}')
+    for source in (file, file.parent):
+        words = ['bag', 'play', str(source)] if reader == 'play' else [reader, str(source)]
+        done = command(*words, *_within(tmp_path, READERS.get(reader, [])))
+        assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+        assert 'is a bag in SQLite (.db3)' in done.stderr or reader == 'experiment'
+
+
+def test_a_bag_without_messages_is_not_played(states):
+    done = command('bag', 'play', str(states['empty']))
+    assert done.returncode == 2
+    assert 'holds nothing that can be played: it has no messages' in done.stderr

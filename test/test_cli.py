@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 
 import numpy as np
@@ -10,6 +11,11 @@ import pytest
 from running import environment, run, run_json
 
 import mechanism_sim as ms
+from mechanism_sim.cli.entry import make_parser
+from mechanism_sim.errors import InputError
+
+REQUIRED = {'layout': ['--for', 'rviz'], 'export': ['--format', 'urdf']}
+"""Options without which a command is not read."""
 
 NOMINAL_AT = {
     # crank angle [deg]: th3, th4, w3, w4, a3, a4, force on the rocker [N], crank torque [N m]
@@ -119,6 +125,35 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
     for word in words:
         assert word in done.stderr
     assert 'Traceback' not in done.stderr
+
+
+def test_no_option_takes_the_last_of_two_values_in_silence():
+    """Every option of every command that takes a value takes one, or collects all of them."""
+    tried = 0
+    for name, sub in make_parser().commands().choices.items():
+        for action in sub._actions:
+            if not action.option_strings or action.nargs == 0:
+                continue
+            values = action.choices or [{int: '1', float: '1.5'}.get(action.type, 'x')]
+            given = [action.option_strings[-1], values[0]]
+            words = [w for a in sub._get_positional_actions() for w in (a.choices or ['x'])[:1]]
+            if isinstance(action, argparse._AppendAction):
+                found, _ = sub.parse_known_args([*words, *REQUIRED.get(name, []), *given, *given])
+                assert len(getattr(found, action.dest)) == 2
+                continue
+            needed = [] if action.required else REQUIRED.get(name, [])
+            with pytest.raises(InputError, match='takes one value, but'):
+                sub.parse_known_args([*words, *needed, *given, *given])
+            sub.parse_known_args([*words, *needed, *given])  # the next command line is another
+            tried += 1
+    assert tried > 100
+
+
+def test_two_ranges_of_find_are_refused():
+    ranges = '--vary', 'drive.speed=10:20', '--vary', 'links.crank.length=10 mm:20 mm'
+    done = run('find', 'slider_crank', *ranges, '--minimise', 'rms(drive_torque)')
+    assert done.returncode == 2
+    assert 'find: --vary takes one value' in done.stderr
 
 
 def test_a_bag_is_never_overwritten_without_being_told(tmp_path):

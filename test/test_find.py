@@ -44,6 +44,23 @@ def test_every_crossing_is_found_to_rounding():
         assert figure == pytest.approx(0.5 * SPEED + 2.0 * 9.81 * abs(value), rel=1e-12)
 
 
+def test_loads_that_act_during_a_part_of_the_turn_are_varied_as_well():
+    """``highest = w + m g |a|`` under a brake of the size w in half of the turn."""
+    brake = {'at': 'bar', 'torque': '-0.5*bar_rate',
+             'during': {'coordinate': 'bar', 'from': '-90 deg', 'to': '90 deg'}}  # fmt: skip
+    goal = read_goal('highest(drive_torque) = 10 N m', None)
+    (found,) = find(rotor(loads={'brake': brake}), ('links.bar.cog', '0 m', '0.4 m'), goal, 3).found
+    assert found.value == pytest.approx((10.0 - 0.5 * SPEED) / (2.0 * 9.81), rel=1e-11)
+
+
+def test_limits_of_the_part_of_the_turn_are_values_as_others():
+    during = {'coordinate': 'bar', 'from': '0 deg', 'to': '90 deg'}
+    model = rotor(loads={'brake': {'at': 'bar', 'torque': -6.0, 'during': during}}, gravity=[0, 0])
+    goal = read_goal('mean(drive_torque) = 3 N m', None)
+    finding = find(model, ('loads.brake.during.to', '10 deg', '355 deg'), goal, 5)
+    assert finding.found[0].value == pytest.approx(math.pi, rel=1e-6)
+
+
 def test_the_least_is_where_it_is_balanced():
     """The root mean square of the moment of a weight opposite to the bar."""
     points = {'bar': {'mass': 2.0, 'inertia': 0.05, 'cog': ARM, 'points': {'w': [-0.1, 0.0]}}}

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from four_bars import RADIAL, RESTITUTION, SPEED
 
 import mechanism_sim as ms
+from mechanism_sim import strict_json
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene import Level, span
+from mechanism_sim.scene import Level, Machine, span
 from mechanism_sim.scene.check import check, render
-from mechanism_sim.scene.files import read_scene
+from mechanism_sim.scene.files import check_scene, read_scene
 from mechanism_sim.scene.motion_notes import mobility_note
+from mechanism_sim.study.parameters import parameters
 
 LOOSE, FILE = 'four_bar_clearance', 'four_bar_clearance.yaml'
 
@@ -180,6 +184,45 @@ def test_malformed_override_texts_are_refused(text):
         ms.load_scene(LOOSE, [text])
 
 
+def test_every_scene_written_out_is_read_again_as_it_was():
+    """As studies, sweeps, bags and nodes do: by values, by JSON, and with a number changed."""
+    for name in ms.scene_names():
+        machine = Machine(*read_scene(name))
+        content = machine.scene.to_document()
+        assert check_scene(name, content) == machine.scene
+        assert check_scene(name, strict_json.loads(strict_json.dumps(content))) == machine.scene
+        limits = {'solver.rtol': ('1e-13', '1e-10')}
+        (found,) = parameters(machine, ['solver.rtol'], '', limits=limits)
+        assert (found.low, found.high) == (1e-13, 1e-10)
+
+
+def test_parts_of_scenes_are_written_out_by_one_method():
+    """`Part.to_document`: what pydantic dumps by itself has the names of fields, not the keys."""
+    folder = Path(ms.__file__).parent
+    dumping = {p.name for p in folder.rglob('*.py') if '.model_dump(' in p.read_text('utf-8')}
+    assert dumping == {'quantities.py'}
+
+
+@pytest.mark.parametrize(
+    ('overrides', 'said'),
+    [
+        (['drive.speed=1 rpm', 'drive.speed=2 rpm'],
+         "drive.speed is set twice, to '1 rpm' and to '2 rpm': keep one"),
+        (['drive.speed=1 rpm', 'drive={}'],
+         "setting 'drive' would undo that of 'drive.speed' before it"),
+        ({'drive.speed': 1.0, 'drive': {}},
+         "setting 'drive' would undo that of 'drive.speed' before it"),
+    ],
+)  # fmt: skip
+def test_an_override_never_undoes_another_in_silence(overrides, said):
+    assert said in refusal(overrides)
+
+
+def test_overrides_that_agree_or_change_parts_of_others_are_taken():
+    twice = ['drive={speed: 1 rad/s}', 'drive.speed=2 rad/s', 'drive.speed=2 rad/s']
+    assert read_scene(LOOSE, twice)[1].drive.speed.value == 2.0
+
+
 def test_overrides_as_texts_and_as_values_are_the_same():
     texts = ms.load_scene(
         LOOSE, ['drive.speed=300 rpm', f'{RESTITUTION}=0.1', 'gravity=[0, -9.8]']
@@ -326,6 +369,55 @@ def test_angles_and_rates_of_the_start_can_be_set_outright():
     seated = ms.load_scene(LOOSE).initial_state()
     assert seated.closed == (True,)
     assert seated.q == pytest.approx([1.030945894142804, 2.124939981241757], abs=1e-12)
+
+
+@pytest.mark.parametrize('scene', ['toggle_press', 'thesis_complete'])
+def test_every_coordinate_that_check_lists_can_be_given_at_the_start(scene):
+    """Those of links between loose joints, too: the seated start again, coordinate by coordinate.
+
+    Deformations of elastic links are left as they are.
+    """
+    machine = ms.load_scene(scene)
+    listed = [c for c in check(machine).coordinates if '.bend' not in c and c != machine.main]
+    assert any(c.endswith('.x') for c in listed)
+    state, free = machine.initial_state(), machine.system.free
+    initial = {
+        kind: {c: values[free.index(c)] for c in listed}
+        for kind, values in (('position', state.q), ('velocity', state.v))
+    }
+    again = ms.load_scene(scene, {'initial': initial})
+    found = again.initial_state()
+    for kind, values in (('position', found.q), ('velocity', found.v)):
+        assert {c: values[free.index(c)] for c in listed} == initial[kind]
+
+
+def test_the_angle_of_a_block_in_a_loose_guide_can_be_given():
+    """Without clearance it is a displacement by that name, and refused with the right key."""
+    given = {'initial.position.slider': '0.1 mrad'}
+    machine = ms.load_scene('slider_with_play', given)
+    assert machine.initial_state().q[machine.system.free.index('slider')] == 1e-4
+    said = refusal_of_start({'initial.position.slider': '0.2 m'}, 'slider_with_play')
+    assert 'what can be given of it is slider, an angle' in said
+
+
+def refusal_of_start(overrides, scene):
+    with pytest.raises(InputError) as caught:
+        ms.load_scene(scene, overrides).initial_state()
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ('scene', 'overrides', 'said'),
+    [
+        ('four_bar_clearance', {'initial.position': {'rocker.x': '1 mm'}},
+         "rocker hangs on a joint without clearance, so that its only coordinate is 'rocker'"),
+        ('toggle_press', {'initial.position': {'lower.x': '1 rad'}}, 'in m'),
+        ('toggle_press', {'guess': {'lower.x': '1 mm'}}, "only 'initial' gives: write 'lower'"),
+        ('toggle_press', {'drive.coordinate': 'lower.x'}, "only 'initial' gives: write 'lower'"),
+    ],
+)  # fmt: skip
+def test_places_of_links_where_they_have_no_meaning_name_the_right_key(scene, overrides, said):
+    assert said in refusal(overrides, scene)
 
 
 def test_reading_keeps_the_name_and_checks_nothing_mechanical():

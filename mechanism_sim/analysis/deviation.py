@@ -109,7 +109,10 @@ def ideal_machine(machine: Machine) -> Machine:
         'initial': scene.initial.model_copy(
             update={'position': {n: x for n, x in given.items() if n in driven}, 'velocity': {}}
         ),
-        'guess': {**given, **scene.guess},
+        'guess': {
+            **{n: x for n, x in given.items() if n not in machine.plan.floating[0]},
+            **scene.guess,
+        },
     }
     clean = {'noise': Noise(), 'adc': Converter(), 'trigger': None}
     update['sensors'] = {

@@ -64,7 +64,7 @@ def _machine(
     play = (FINE if scene == 'ten_links' else CLEARANCE) | (FRICTION if friction else {})
     joints: Sequence[str] = JOINTS
     if scene != 'four_bar_clearance':
-        content = load_scene(scene).scene.model_dump(exclude_unset=True)
+        content = load_scene(scene).scene.to_document(exclude_unset=True)
         joints = [name for name, joint in content['joints'].items() if 'revolute' in joint]
     overrides = {f'joints.{name}.clearance': play for name in joints[:loose]}
     return load_scene(scene, {**overrides, **more})

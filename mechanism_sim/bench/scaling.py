@@ -103,7 +103,7 @@ def _links() -> Iterator[Cost]:
             began = time.process_time()
             machine = chain(dyads, **({} if change is None else change))
             if change is None:
-                content = machine.scene.model_dump(exclude_unset=True, by_alias=True)
+                content = machine.scene.to_document(exclude_unset=True)
                 joint = {**content['joints'][last], 'clearance': CLEARANCE}
                 machine = chain(dyads, joints=content['joints'] | {last: joint})
             machine.prepare()

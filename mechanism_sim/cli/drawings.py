@@ -38,6 +38,7 @@ def add(command: Command) -> None:
     sub.add_argument(
         '--points',
         nargs='+',
+        action='extend',
         default=[],
         metavar='LINK.POINT',
         help='points whose paths are wanted',

@@ -52,7 +52,9 @@ def add(command: Command) -> None:
     option(sub, '--rate', 'R', 'recorded seconds in a second; 0: as fast as possible', 1.0)
     option(sub, '--from', 'S', 'begin so long after the first message', 0.0)
     option(sub, '--delay', 'S', 'wait before the first message', 0.0)
-    sub.add_argument('--topics', nargs='+', default=[], metavar='TOPIC', help='only these')
+    sub.add_argument(
+        '--topics', nargs='+', action='extend', default=[], metavar='TOPIC', help='only these'
+    )
     option(sub, '--clock', 'HZ', 'publish /clock, too, if the bag has none', float)
     _patience(sub)
 
@@ -298,6 +300,8 @@ def _play(node: CommandNode, options: argparse.Namespace, words: list[str]) -> i
     from mechanism_sim.report import progress  # noqa: PLC0415
 
     bag = read_bag(words[0])
+    if not any(topic.count for topic in bag.topics.values()):
+        raise InputError(f'{words[0]} holds nothing that can be played: it has no messages')
     time.sleep(options.delay)
     with progress.bar('play', (bag.end - bag.start) / 1e9, quiet=options.json) as show:
         count = node.play(

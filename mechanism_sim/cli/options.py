@@ -128,6 +128,11 @@ def overrides_of(options: argparse.Namespace) -> list[str]:
     return [*options.overrides, *tolerances]
 
 
+def path_of(override: str) -> str:
+    """The dotted path of an override ``PATH=VALUE``."""
+    return override.partition('=')[0].strip()
+
+
 def read_machine(options: argparse.Namespace) -> Machine:
     """The scene on a command line, as a machine.
 

@@ -13,6 +13,7 @@ from mechanism_sim.cli.options import (
     measure_option,
     option,
     overrides_of,
+    path_of,
     print_json,
     read_machine,
     read_measures,
@@ -129,7 +130,8 @@ def _compare(options: argparse.Namespace) -> int:
     records = []
     for source, more in zip(sources, ([], options.others), strict=True):
         asked = argparse.Namespace(**{**vars(options), 'scene': source})
-        asked.overrides = [*options.overrides, *more]
+        own = {path_of(text) for text in more}
+        asked.overrides = [*(x for x in options.overrides if path_of(x) not in own), *more]
         if is_bag(source) and not both_bags:  # the others are for the scene
             asked.overrides, asked.rtol, asked.atol = more, None, None
         record, start, end = run_of(asked)

@@ -19,6 +19,7 @@ from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.quantity_lookup import Asked
+    from mechanism_sim.recording import Bag
 
 
 def add(command: Command) -> None:
@@ -127,7 +128,7 @@ def _plot(options: argparse.Namespace) -> int:
             below = beside.series(options.what, start, end)
             series = [*(replace(s, ideal=True) for s in below), *series]
     if not options.what:
-        return _list(options, asked)
+        return _list(options, asked, bag)
     if numbers:
         from mechanism_sim.analysis.series import joined  # noqa: PLC0415
 
@@ -159,9 +160,11 @@ def _plot(options: argparse.Namespace) -> int:
     return 0
 
 
-def _list(options: argparse.Namespace, asked: Asked) -> int:
+def _list(options: argparse.Namespace, asked: Asked, bag: Bag | None) -> int:
     """All that can be plotted."""
     names = list(asked.names())
+    if bag and not names:
+        raise InputError(f'{bag.path} holds nothing that can be plotted: {bag.contents()}')
     if options.json:
         print_json([{'name': name, 'unit': unit} for name, unit in names])
         return 0

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from mechanism_sim.recording import Bag
 
 
+_ENDINGS = '.mcap', '.db3'
+"""Of bags; those in SQLite are known in order to be refused as such."""
+
+
 def source_options(sub: argparse.ArgumentParser) -> None:
     """Add the options that choose a run and a part of it."""
     scene_options(sub, 'a bag (.mcap) of a run, or a scene, which is simulated', 'BAG|SCENE')
@@ -36,8 +40,11 @@ def namespace_option(sub: argparse.ArgumentParser) -> None:
 
 
 def is_bag(source: str) -> bool:
-    """Whether a name is that of a bag: a file ending in .mcap, or a folder with one."""
-    return Path(source).suffix == '.mcap' or any(Path(source).glob('*.mcap'))
+    """Whether a name is that of a bag: a file of one of its endings, or a folder with one."""
+    path = Path(source)
+    return path.suffix in _ENDINGS or (
+        path.is_dir() and any(file.suffix in _ENDINGS for file in path.iterdir())
+    )
 
 
 def refuse_overrides(options: argparse.Namespace) -> None:

@@ -27,7 +27,7 @@ def describe(machine: Machine) -> str:
     `parse_description` makes the machine of it again.
     """
     displacements = machine.mechanism.displacements
-    content = {'name': machine.name, 'scene': machine.scene.model_dump(by_alias=True)}
+    content = {'name': machine.name, 'scene': machine.scene.to_document()}
     return strict_json.dumps(content | {'displacements': displacements})
 
 

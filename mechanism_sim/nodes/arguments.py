@@ -19,11 +19,44 @@ class _Formatter(argparse.HelpFormatter):
         return f'{action.help} (default: %(default)s)'
 
 
+class _Once(argparse.Action):
+    """Stores the value of an option that takes one; a second value is refused, not the last taken.
+
+    Options that may be repeated say so by ``action='append'`` or ``'extend'``.
+    """
+
+    _filled: argparse.Namespace | None = None  # by the last command line that was read
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Store a value.
+
+        Raises
+        ------
+        argparse.ArgumentError
+            If there is one already.
+        """
+        if option_string is not None and self._filled is namespace:
+            first = getattr(namespace, self.dest)
+            raise argparse.ArgumentError(
+                self, f"takes one value, but '{first}' and '{values}' are given"
+            )
+        self._filled = namespace
+        setattr(namespace, self.dest, values)
+
+
 class Parser(argparse.ArgumentParser):
     """Answers what it cannot read by one sentence, with the nearest word that exists."""
 
     def __init__(self, **more: Any) -> None:
         super().__init__(**more, allow_abbrev=False, formatter_class=_Formatter)
+        for name in (None, 'store'):
+            self.register('action', name, _Once)
 
     def error(self, message: str) -> NoReturn:
         """Refuse the command line.
@@ -65,6 +98,7 @@ class Parser(argparse.ArgumentParser):
 def _plain(message: str) -> str:
     """A message of argparse without its own terms."""
     for pattern, words in (
+        (r'^argument ([^:]*): (?=takes one value)', r'\1 '),
         (r'^argument ([^:]*): ', r'\1: '),
         (r'invalid float value: (.*)', r'\1 is not a number'),
         (r'invalid int value: (.*)', r'\1 is not a whole number'),

@@ -16,6 +16,10 @@ from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.scan import DamagedBagError, Layout, blocks, messages, sound, survey
 from mechanism_sim.recording.writer import RECORDING, VERSION
 
+_IN_SQLITE = (
+    '{} is a bag in SQLite (.db3), and only MCAP is read: "ros2 bag convert" makes an MCAP of it'
+)
+
 READABLE = frozenset(map(str, range(VERSION + 1)))
 """Versions of bags, 0 for bags without one: read as far as their types are known."""
 
@@ -69,6 +73,16 @@ class Bag:
             self.wall_time = None if taken is None else float(taken)
         self.topics = _topics(layout)
         self._layout = layout
+
+    def contents(self) -> str:
+        """Return which topics hold messages, for sentences that refuse them; at most three."""
+        held = [topic for topic in self.topics.values() if topic.count]
+        if not held:
+            return 'it has no messages'
+        encodings = {c.topic: c.message_encoding for c in self._layout.channels.values()}
+        named = [f'{t.name} [{t.type or "no type"}, {encodings[t.name]}]' for t in held[:3]]
+        more = f' and {len(held) - 3} more' if len(held) > 3 else ''
+        return f'it has {", ".join(named)}{more}'
 
     def messages(
         self, topics: str | Iterable[str] | None = None
@@ -183,9 +197,13 @@ def read_bag(path: Path | str, progress: Callable[[float], None] | None = None) 
 def file_of(path: Path | str) -> Path:
     """Return the file that is meant: `path` itself, or the one in a folder; else InputError."""
     path = Path(path)
+    if path.suffix == '.db3':
+        raise InputError(_IN_SQLITE.format(path))
     if not path.is_dir():
         return path
     found = sorted(path.glob('*.mcap'))
+    if not found and any(path.glob('*.db3')):
+        raise InputError(_IN_SQLITE.format(path))
     if len(found) != 1:
         names = ', '.join(file.name for file in found) or 'none'
         raise InputError(f'{path} is a folder, which has to hold one MCAP file: {names}.')

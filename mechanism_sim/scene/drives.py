@@ -156,7 +156,7 @@ def read_motor(coordinate: str, drive: DrivePart) -> Motor | None:
     if motor.curve:
         return Motor(coordinate, PointsOfTorque(motor.curve.curve), motor.ratio)
     assert motor.induction is not None  # noqa: S101 - one of the two is there
-    by_formula = InductionMotor.of_data_sheet(**motor.induction.model_dump())
+    by_formula = InductionMotor.of_data_sheet(**dict(motor.induction))
     return Motor(coordinate, by_formula, motor.ratio)
 
 

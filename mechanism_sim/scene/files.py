@@ -145,11 +145,14 @@ def overridden(
     Raises
     ------
     InputError
-        If an override cannot be read, or is of a key of what is a plain value.
+        If an override cannot be read, undoes an earlier one, or is of a key of what is a plain
+        value.
     """
     content = copy.deepcopy(dict(data))
     try:
-        for key, value in _pairs(overrides):
+        pairs = _pairs(overrides)
+        _refuse_contradictions(file, pairs)
+        for key, value in pairs:
             documents.check(value, tuple(key.split('.')))
             _override(content, key, copy.deepcopy(value), file)  # a later one may change its parts
     except documents.DocumentError as error:
@@ -189,6 +192,23 @@ def _pairs(overrides: Mapping[str, Any] | Iterable[str]) -> list[tuple[str, Any]
                 f'the value of the override {quoted(text)} is not readable:{error}'
             ) from error
     return pairs
+
+
+def _refuse_contradictions(file: str, pairs: list[tuple[str, Any]]) -> None:
+    """InputError where an override would undo an earlier one; it may change parts of its value."""
+    earlier: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in earlier and earlier[key] != value:
+            raise InputError(
+                f'{file}: {key} is set twice, to {quoted(earlier[key])} and to {quoted(value)}: '
+                'keep one'
+            )
+        if undone := [other for other in earlier if other.startswith(f'{key}.')]:
+            raise InputError(
+                f"{file}: setting '{key}' would undo that of '{undone[0]}' before it: set "
+                f"'{key}' first, or leave one out"
+            )
+        earlier[key] = value
 
 
 def _override(data: dict[str, Any], key: str, value: Any, file: str) -> None:

@@ -82,10 +82,15 @@ def _placed(machine: DynamicModel) -> tuple[Values, Values]:
     given = tuple({c: x for c, x in part.items() if _alike(machine, c)} for part in plan.given)
     for kind, whole, part in zip(('position', 'velocity'), plan.given, given, strict=True):
         if lost := [c for c in whole if c not in part]:
+            link = lost[0]
+            places = [c for c in loose.coordinates if c in (f'{link}.x', f'{link}.y')]
+            own = ', '.join([f'{link}, an angle', *(f'{c}, a displacement' for c in places)])
             raise InputError(
-                f'{machine.name}: initial.{kind}.{lost[0]} cannot be set: with its loose joints '
-                f'the machine is not carried by the guide of {lost[0]}; give other links instead'
+                f'{machine.name}: initial.{kind}.{link} cannot be set: with its loose joints '
+                f'the machine is not carried by the guide of {link}; what can be given of it is '
+                f'{own}'
             )
+    given = given[0] | plan.floating[0], given[1] | plan.floating[1]
     near, _ = converted(plan.ideal, loose, start.q, start.v)
     held = [c for c in loose.coordinates if c in plan.begins or c in plan.prescribed]
     placed = _places(machine, start, near, held, given[0])

@@ -94,7 +94,7 @@ class MachineModel(Rich):
     def placed_outright(self) -> bool:
         """Whether the scene itself says where links start, beside the main drive."""
         given = self.plan.given
-        return bool((given[0].keys() | given[1]) - {self.main})
+        return bool((given[0].keys() | given[1]) - {self.main}) or any(self.plan.floating)
 
     @cached_property
     def held(self) -> dict[str, tuple[float, float]]:
@@ -170,5 +170,5 @@ class MachineModel(Rich):
         silent = {
             'title', 'description', 'duration', 'outputs', 'sensors', 'oscillators', 'measures',
         }  # fmt: skip
-        content = self.scene.model_dump(exclude=silent)
+        content = self.scene.to_document(exclude=silent)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]

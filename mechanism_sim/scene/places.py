@@ -128,6 +128,12 @@ class Places:
 
     def coordinate(self, where: str, name: str) -> str:
         """The name of a coordinate, which is that of a moving link."""
+        link, _, axis = name.partition('.')
+        if link in self.links and axis in ('x', 'y'):
+            raise InputError(
+                f"{self.name}: {where}: '{name}' is the place of a link between loose joints, "
+                f"which only 'initial' gives: write '{link}'"
+            )
         if name not in self.links:
             raise InputError(
                 f"{self.name}: {where}: there is no coordinate '{name}'"
@@ -145,7 +151,52 @@ class Places:
                 f'{where}.{c}', m, c in tree.displacements, units
             )
             for c, m in given.items()
+            if not (where.startswith('initial') and self.floats(c, m, tree))
         }
+
+    def floats(self, name: str, measure: Measure, tree: Mechanism) -> bool:
+        """Whether a quantity is one of a link that hangs on loose joints, and of `tree` is none.
+
+        That is its place, ``LINK.x`` and ``LINK.y``, or the angle of a link that a guide of
+        `tree` carries.
+        """
+        link, _, axis = name.partition('.')
+        if axis:
+            return link in self.links and axis in ('x', 'y') and name not in tree.coordinates
+        return name in tree.displacements and measure.unit.startswith('rad')
+
+    def floating(
+        self, where: str, given: Mapping[str, Measure], tree: Mechanism, loose: Mechanism, unit: str
+    ) -> dict[str, float]:
+        """Quantities of the coordinates that only the machine with its clearances has.
+
+        Parameters
+        ----------
+        tree, loose : the machine without and with its clearances
+        unit : of displacements
+
+        Raises
+        ------
+        InputError
+            If it has no such coordinate, or one in another unit.
+        """
+        found = {}
+        for c, measure in given.items():
+            if not self.floats(c, measure, tree):
+                continue
+            if c not in loose.coordinates or (c in self.links and c in loose.displacements):
+                link = c.partition('.')[0]
+                raise InputError(
+                    f'{self.name}: {where}.{c} cannot be set: {link} hangs on a joint without '
+                    f"clearance, so that its only coordinate is '{link}', "
+                    f'{kind_of(link in loose.displacements)}'
+                )
+            found[c] = (
+                self.measure(f'{where}.{c}', measure, True, ('', unit))
+                if '.' in c
+                else measure.value
+            )
+        return found
 
     def measure(
         self, where: str, measure: Measure, straight: bool, units: tuple[str, str]

@@ -49,6 +49,7 @@ class Plan:
     begins : of the coordinates moved by a torque or a force, and of the elastic ones, value and
         rate at the start
     given : values and rates of coordinates that the scene sets outright
+    floating : the same of coordinates that only the machine with its clearances has
     assumed : of `begins`, the coordinates of whose values and of whose rates nobody said anything
     guess : rough values of coordinates
     points : named points of the links, in their frames [m]
@@ -69,6 +70,7 @@ class Plan:
     laws: dict[str, tuple[Law, ...]]
     begins: dict[str, tuple[float, float]]
     given: tuple[dict[str, float], dict[str, float]] = field(default_factory=lambda: ({}, {}))
+    floating: tuple[dict[str, float], dict[str, float]] = field(default_factory=lambda: ({}, {}))
     assumed: tuple[frozenset[str], frozenset[str]] = (frozenset(), frozenset())
     guess: dict[str, float] = field(default_factory=dict)
     points: dict[str, dict[str, Vector2]] = field(default_factory=dict)
@@ -190,7 +192,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         for c, drive in drives.items()
         if drive.effort is not None
     }
-    return Plan(
+    plan = Plan(
         read_bodies(places, tree, drives, elastic, rotors),
         joints,
         closing,
@@ -203,6 +205,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
             given,
             places.values('initial.velocity', scene.initial.velocity, tree, _PACES),
         ),
+        ({}, {}),
         (silent, frozenset(c for c, drive in drives.items() if drive.speed is None)),
         guess,
         places.points,
@@ -215,3 +218,9 @@ def plan_of(name: str, scene: Scene) -> Plan:
             scene.links[x].mass is not None or x in weighing or x in elastic for x in places.links
         ),
     )
+    initial = ('position', scene.initial.position, 'm'), ('velocity', scene.initial.velocity, 'm/s')
+    if not any(places.floats(c, m, tree) for _, part, _ in initial for c, m in part.items()):
+        return plan
+    floating = [places.floating(f'initial.{kind}', part, tree, plan.loose, unit)
+                for kind, part, unit in initial]  # fmt: skip
+    return replace(plan, floating=(floating[0], floating[1]))

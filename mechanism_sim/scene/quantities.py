@@ -145,6 +145,18 @@ class Part(BaseModel):
         known = {field.alias or name for name, field in cls.model_fields.items()}
         return {k: v for k, v in data.items() if v is not None or k not in known}
 
+    def to_document(self, **which: Any) -> dict[str, Any]:
+        """Keys and values in SI units as a file gives them, so that they can be read again.
+
+        Everything that writes parts of a scene out does it by this method: the keys of a file are
+        not always the names of fields (``from`` is no name in Python).
+
+        Parameters
+        ----------
+        which : `include`, `exclude`, `exclude_unset` of pydantic
+        """
+        return self.model_dump(by_alias=True, **which)
+
 
 @cache
 def meanings(part: type[Part]) -> dict[str, str]:

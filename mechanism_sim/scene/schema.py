@@ -113,7 +113,7 @@ class MotorPart(Part):
                     "has a curve that is not of speeds and torques, 'rad/s' and 'N m'"
                 )
         if (data := self.induction) is not None:
-            InductionMotor.of_data_sheet(**data.model_dump())
+            InductionMotor.of_data_sheet(**dict(data))
         return self
 
 
@@ -283,17 +283,17 @@ class SensorPart(*(kind.keys for kind in SENSORS.values())):  # type: ignore[mis
         hum = chain.Hum(found.amplitude.value, found.frequency) if found else None
         return chain.Instrument(
             sample_rate=self.sample_rate,
-            transducer=chain.Transducer(**self.transducer.model_dump()),
-            amplifier=chain.Amplifier(**self.amplifier.model_dump()),
+            transducer=chain.Transducer(**dict(self.transducer)),
+            amplifier=chain.Amplifier(**dict(self.amplifier)),
             integrator=chain.Integrator(
                 ('acceleration', 'velocity', 'displacement').index(self.quantity),
                 self.integrator.high_pass if self.integrator else None,
             ),
-            anti_alias=chain.AntiAlias(**self.anti_alias.model_dump())
+            anti_alias=chain.AntiAlias(**dict(self.anti_alias))
             if self.anti_alias
             else None,
             impact_pulse=self.impact_pulse or 0.0,
-            trigger=chain.Trigger(**self.trigger.model_dump()) if self.trigger else None,
+            trigger=chain.Trigger(**dict(self.trigger)) if self.trigger else None,
             converter=chain.Converter(limit, adc.bits, adc.jitter),
             noise=chain.Noise(noise.rms.value, noise.seed, hum),
         )

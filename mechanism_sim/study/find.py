@@ -118,7 +118,7 @@ def find(
     """
     path, low, high = vary
     (parameter,) = parameters(machine, [path], '', limits={path: (low, high)})
-    content, count = machine.scene.model_dump(), 0
+    content, count = machine.scene.to_document(), 0
     units: list[str] = []
     text = machine.scene.measures.get(goal.name, goal.name)
     taken = read(text, goal.name)

@@ -63,7 +63,7 @@ class Measurement:
             If there is no such machine, or its run fails.
         """
         given = overrides | {f'sensors.{self.sensor}.noise.seed': seed}
-        content = self.machine.scene.model_dump()
+        content = self.machine.scene.to_document()
         machine = build(self.machine.name, check_scene(self.machine.name, content, given))
         wanted = len(self.samples)
         end = self.start + (wanted + 1) / self.rate

@@ -79,7 +79,7 @@ def parameters(
             raise InputError(f"there are limits of '{name}', which is not to be found")
     if len(set(names)) < len(names):
         raise InputError(f'{", ".join(names)}: every parameter is found once only')
-    content = machine.scene.model_dump()
+    content = machine.scene.to_document()
     found = []
     for name in names:
         path = _path(machine, name, sensor, joint)
@@ -115,6 +115,8 @@ def ranges(texts: Sequence[str], key: str = '--range') -> dict[str, tuple[str, s
         low, colon, high = limits.partition(':')
         if not (name and low and colon and high):
             raise InputError(f"{key} '{text}': write NAME=LOW:HIGH, as 'radial=0.1 mm:0.4 mm'")
+        if name.strip() in found:
+            raise InputError(f"{key}: there are two ranges of '{name.strip()}': keep one")
         found[name.strip()] = low.strip(), high.strip()
     return found
 
@@ -142,7 +144,7 @@ def _path(machine: Machine, name: str, sensor: str, joint: str | None) -> str:
 def _read(machine: Machine, content: Mapping[str, Any], path: str, text: str) -> float:
     """A value in SI units, as the scene understands it."""
     scene = check_scene(machine.name, content, {path: text})
-    return _at(scene.model_dump(), path)
+    return _at(scene.to_document(), path)
 
 
 def _at(content: Mapping[str, Any], path: str) -> float:

@@ -27,6 +27,7 @@ from mechanism_sim.scene.files import (
     find_scene,
     read_yaml,
 )
+from mechanism_sim.scene.quantities import Part
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.statistics import BATCHES
 from mechanism_sim.sweep.figures import RESERVED, Column, of_sensors, own_columns
@@ -317,12 +318,12 @@ def _value(scene: Scene, path: str) -> float | str | bool | None:
         return place
     if isinstance(place, Measure):
         return place.value
-    return json.dumps(place.model_dump() if hasattr(place, 'model_dump') else place)
+    return json.dumps(place.to_document() if isinstance(place, Part) else place)
 
 
 def _measurement_keys(scene: Scene) -> dict[str, Any]:
     """Keys of a scene about its measurements."""
-    return scene.model_dump(include={'sensors', 'oscillators'})
+    return scene.to_document(include={'sensors', 'oscillators'})
 
 
 def _is_path(scene: str) -> bool:
