@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import math
 import os
 import re
@@ -17,6 +15,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim import output
 from mechanism_sim.errors import InputError
+from mechanism_sim.packages import needed, spared
 
 ENDINGS = '.parquet', '.csv', '.xlsx', '.mat', '.npz'
 
@@ -89,7 +88,7 @@ class Table(dict[str, NDArray[Any]]):
         InputError
             If pandas is not installed.
         """
-        frame = _library('pandas').DataFrame(dict(self))
+        frame = needed('pandas').DataFrame(dict(self))
         frame.attrs['units'] = dict(self.units)
         return frame
 
@@ -101,30 +100,16 @@ class Table(dict[str, NDArray[Any]]):
         InputError
             If polars is not installed.
         """
-        return _library('polars').DataFrame(dict(self))
+        return needed('polars').DataFrame(dict(self))
 
 
 def _short(value: Any) -> str:
     return f'{value:.6g}' if isinstance(value, float | np.floating) else str(value)
 
 
-def _library(name: str) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ModuleNotFoundError as error:
-        raise InputError(f"this needs the package '{name}': pip install {name}") from error
-
-
 def default_ending() -> str:
-    """Parquet where its library is installed, else CSV."""
-    return '.parquet' if _installed('pyarrow') else '.csv'
-
-
-def _installed(name: str) -> bool:
-    try:
-        return importlib.util.find_spec(name) is not None
-    except ModuleNotFoundError:
-        return False
+    """Parquet where its library can be used, else CSV."""
+    return '.parquet' if spared('pyarrow', 'tables are written as .csv') else '.csv'
 
 
 def check_file(option: str, file: Path | str, *endings: str, new: bool = False) -> Path:
@@ -136,12 +121,8 @@ def check_file(option: str, file: Path | str, *endings: str, new: bool = False) 
         If it cannot be written, or a library for it is not installed.
     """
     path = output.check_path(option, file, *(endings or ENDINGS), new=new)
-    needed = _NEEDS.get(path.suffix)
-    if needed and not _installed(needed):
-        raise InputError(
-            f"{option} {file}: {path.suffix} needs the package '{needed}': "
-            "pip install 'mechanism_sim[tables]', or write .csv"
-        )
+    if module := _NEEDS.get(path.suffix):
+        needed(module, f'{option} {file}: write .csv, for {path.suffix}')
     return path
 
 

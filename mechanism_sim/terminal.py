@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
@@ -43,6 +44,12 @@ def print_error(error: Exception, code: int) -> int:
 
     console.print(Text.assemble(('mechanism-sim:', 'bold red'), f' {error}'), soft_wrap=True)
     return code
+
+
+def print_notice(text: str) -> None:
+    """Say on standard error, in one line, what is not as it should be and does no harm."""
+    with suppress(OSError, ValueError):  # nobody may be there who reads it
+        print(f'mechanism-sim: {text}', file=sys.stderr, flush=True)
 
 
 def _colours(stream: TextIO) -> Console | None:

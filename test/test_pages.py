@@ -5,14 +5,19 @@
 
 from __future__ import annotations
 
+import csv
 import time
+import tomllib
 from contextlib import ExitStack
+from importlib.metadata import version
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from blocks import ROOT
 from browsing import Firefox, Tab, boxes, firefox, overlapping, violations
 from middleware_network import eventually
+from packaging.requirements import Requirement
 from test_edit_page import Hand, editing
 from test_report import simulated
 from test_view import Acted, messages
@@ -166,6 +171,110 @@ def test_a_page_is_in_order_for_everybody(opened):
     assert all(request.startswith(local) for request in opened.tab.requests)
     name = opened.kind.removesuffix('.html').replace('/', '_')
     opened.tab.shoot(f'page_{name}_{opened.width}_{opened.scheme}')
+
+
+HERE = 'file:', 'data:', 'blob:', 'about:', 'http://127.0.0.1:', 'ws://127.0.0.1:'
+SAVED = 'Save as PNG', 'Save as SVG', 'Save as CSV'
+BUTTONS = {*SAVED, 'Zoom', 'Pan', 'Reset axes'}
+OFTEN = 'report', 'explore', 'edit', 'live'
+"""Kinds whose network is watched in the quick tests too."""
+
+
+@pytest.fixture(params=[
+    pytest.param(kind, marks=[] if kind in OFTEN else [pytest.mark.deep]) for kind in TEXTS
+])  # fmt: skip
+def watched(request, browser, pages, tmp_path):
+    """A page as people have it, with its policy, and all that it asks of any network."""
+    kind, context = request.param, browser.new_context(viewport={'width': 1200, 'height': 800})
+    asked, opened = [], []
+    with ExitStack() as after:
+        after.callback(context.close)
+        tab = Tab(context.new_page(), tmp_path)
+        context.on('request', lambda r: asked.append(r.url))
+        context.on('page', lambda page: opened.append(page.url))
+        tab.page.on('websocket', lambda socket: asked.append(socket.url))
+        if kind == 'live':
+            run = Acted(tab, 'whole_machine', 0.05)
+            after.callback(run.server.close)
+            run.tell()
+        elif kind == 'waiting':
+            told = {'type': 'waiting', 'starting': False}
+            server = Server(contents_of('live', MODULES), 0, lambda: [told], print)
+            after.callback(server.close)
+            tab.page.goto(server.address)
+        elif kind == 'edit':
+            Hand(tab, request.getfixturevalue('editor'))
+        else:
+            tab.page.goto(pages(kind).as_uri())
+            tab.page.wait_for_load_state('networkidle')
+        yield SimpleNamespace(kind=kind, page=tab.page, asked=asked, opened=opened)
+
+
+def test_nothing_leaves_the_machine(watched):
+    """No request, window or link goes elsewhere; charts have these buttons only, which save."""
+    page = watched.page
+    for chart in page.locator('figure.chart').all():
+        chart.scroll_into_view_if_needed()
+        chart.locator('.modebar').wait_for(state='attached')
+        buttons = [b.get_attribute('data-title') for b in chart.locator('.modebar-btn').all()]
+        assert set(buttons) <= BUTTONS
+        assert set(SAVED) <= set(buttons)
+        assert chart.locator('.modebar a[href], .modebar form').count() == 0
+    for button in page.locator('figure.chart .modebar').first.locator('.modebar-btn').all():
+        page.locator('figure.chart').first.hover()
+        if button.get_attribute('data-title') in SAVED:
+            with page.expect_download() as saved:
+                button.click()
+            assert saved.value.url.startswith('blob:')
+        else:
+            button.click()
+    for name in ('iframe, script, img, source, video, audio, embed', 'form'):
+        links = page.locator(name).evaluate_all('all => all.map(x => x.src || x.action || "")')
+        assert [x for x in links if x and not x.startswith(HERE)] == []
+    if not watched.kind.startswith('site/docs'):  # which has links to what it cites
+        links = page.locator('a').evaluate_all('all => all.map(x => x.href)')
+        assert [x for x in links if x and not x.startswith(HERE)] == []
+    assert watched.asked
+    assert [x for x in watched.asked if not x.startswith(HERE)] == []
+    assert watched.opened == []
+
+
+def test_a_chart_is_saved_as_pictures_and_as_its_numbers(browser, pages, tmp_path):
+    """The file has the numbers of the curves, and pictures are on paper, also in the dark."""
+    context = browser.new_context(color_scheme='dark')
+    page = context.new_page()
+    page.goto(pages('report').as_uri())
+    page.wait_for_selector('html[data-ready]', state='attached')
+    chart = page.locator('figure.chart[data-axis=time]').first
+    chart.scroll_into_view_if_needed()
+    chart.hover()
+    files = {}
+    for kind in ('PNG', 'SVG', 'CSV'):
+        with page.expect_download() as saved:
+            chart.locator(f'[data-title="Save as {kind}"]').click()
+        files[kind] = tmp_path / saved.value.suggested_filename
+        saved.value.save_as(files[kind])
+    context.close()
+    assert files['PNG'].read_bytes().startswith(b'\x89PNG')
+    picture = files['SVG'].read_text(encoding='utf-8')
+    assert picture.startswith('<svg')
+    assert 'rgb(255, 255, 255)' in picture
+    assert files['CSV'].name.startswith('four_bar_clearance_')
+    with files['CSV'].open(newline='', encoding='utf-8') as lines:
+        heading, *rows = csv.reader(lines)
+    assert heading[:2] == ['time [s]', 'gap coupler_rocker: gap [mm]']
+    t, gap = np.array([row[:2] for row in rows if row[0]], float).T
+    run = simulated('four_bar_clearance', revolutions=2)
+    exact = 1e3 * run.piece.sample(t)['gap.coupler_rocker']
+    assert np.abs(gap - exact).max() < 1e-4 * np.abs(exact).max()  # times have seven digits
+
+
+def test_an_unknown_version_of_plotly_is_not_taken():
+    """Minor versions have brought buttons that upload: one is taken after it was looked at."""
+    project = tomllib.loads((ROOT / 'pyproject.toml').read_text(encoding='utf-8'))['project']
+    (allowed,) = (r for x in project['dependencies'] if (r := Requirement(x)).name == 'plotly')
+    assert version('plotly') in allowed.specifier
+    assert not any(x in allowed.specifier for x in ('7.2.0', '7.3', '8.0'))
 
 
 @pytest.fixture(scope='module')

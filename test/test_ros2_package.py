@@ -26,8 +26,8 @@ from running import TIMEOUT, environment, ros_found, run_json
 from mechanism_sim import nodes
 from mechanism_sim.analysis import analyze
 from mechanism_sim.cli import NODE_CLASSES, NODE_NAMES
-from mechanism_sim.cli.requirements import EXTRAS, REQUIRED, distribution
 from mechanism_sim.messages import PUBLIC, own_messages, type_hash
+from mechanism_sim.packages import EXTRAS, REQUIRED, distribution
 from mechanism_sim.recording import read_bag
 
 ROOT = Path(__file__).parents[1]

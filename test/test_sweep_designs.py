@@ -7,9 +7,9 @@ torque is ``0.5 w + m g a cos(q)``, and the highest of it ``0.5 w + m g a``.
 from __future__ import annotations
 
 import csv
-import importlib.util
 import json
 import math
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -226,7 +226,7 @@ def test_tables_say_units_in_every_format(tmp_path, ending):
 
 
 def test_a_table_without_its_library_is_refused_before_anything_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr(importlib.util, 'find_spec', lambda _: None)
+    monkeypatch.setitem(sys.modules, 'openpyxl', None)
     with pytest.raises(InputError, match=r'openpyxl.*mechanism_sim\[tables\]'):
         sweep(plan_of(tmp_path, UNIFORM), tmp_path / 't.xlsx')
     assert not list(tmp_path.glob('t.*'))

@@ -24,10 +24,12 @@ from mechanism_sim.cli import (
 )
 from mechanism_sim.cli.options import PRINTED, print_json
 from mechanism_sim.cli.overview import Overview, render_start
-from mechanism_sim.cli.requirements import missing
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.nodes.arguments import Parser, split_ros_args
+from mechanism_sim.packages import refusal
 from mechanism_sim.terminal import echo, print_error
+
+_GONE = errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO
 
 
 def main(args: Sequence[str] | None = None) -> None:
@@ -49,19 +51,17 @@ def main(args: Sequence[str] | None = None) -> None:
         sys.exit(_report_failure(error, 2, given))
     except RunError as error:
         sys.exit(_report_failure(error, 1, given))
-    except ModuleNotFoundError as error:
-        refused = missing(error)
-        if refused is None:
-            raise
-        sys.exit(_report_failure(refused, 2, given))
     except KeyboardInterrupt:
         sys.exit(ending.report_signal())
     except BrokenPipeError:
         # Whoever read our output has had enough; Python must not complain while closing it.
         _mute()
         sys.exit(0)
-    except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO):
+    except Exception as error:
+        refused = refusal(error)
+        if refused is not None:
+            sys.exit(_report_failure(refused, 2, given))
+        if not isinstance(error, OSError) or error.errno not in _GONE:
             raise
         _mute()
         where = f"'{error.filename}'" if error.filename else 'the output'

@@ -13,7 +13,7 @@ from mechanism_sim.cli.options import (
     read_machine,
     scene_options,
 )
-from mechanism_sim.errors import InputError
+from mechanism_sim.packages import needed
 from mechanism_sim.terminal import echo
 
 
@@ -72,14 +72,9 @@ def _check(options: argparse.Namespace) -> int:
 def _equations(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
 
-    try:
-        from mechanism_sim.report import typeset  # noqa: PLC0415
-    except ModuleNotFoundError as missing:
-        if missing.name != 'sympy':
-            raise
-        raise InputError(
-            "equations needs the package 'sympy': pip install 'mechanism_sim[equations]'"
-        ) from missing
+    needed('sympy', 'the command equations')
+    from mechanism_sim.report import typeset  # noqa: PLC0415
+
     machine = read_machine(options)
     with progress.busy('equations', options.json):
         setter = typeset.equations(machine, options.rates)

@@ -6,8 +6,8 @@ import re
 from io import StringIO
 from typing import Any
 
-from mechanism_sim.errors import InputError
 from mechanism_sim.export.outlines import Circle, Curve, Outline
+from mechanism_sim.packages import needed
 
 #: half the length of a line of the mark at the shaft [mm]
 CROSS = 3.0
@@ -24,14 +24,8 @@ def to_dxf(outline: Outline) -> str:
     InputError
         If the package ezdxf is missing.
     """
-    try:
-        import ezdxf  # noqa: PLC0415 - an optional package
-        from ezdxf import units  # noqa: PLC0415
-    except ImportError as error:
-        raise InputError(
-            "drawings as DXF need the package 'ezdxf': pip install 'mechanism_sim[dxf]'"
-        ) from error
-    document = ezdxf.new('R2010', setup=['linetypes'], units=units.MM)
+    ezdxf = needed('ezdxf', 'drawings as DXF')
+    document = ezdxf.new('R2010', setup=['linetypes'], units=ezdxf.units.MM)
     space = document.modelspace()
     for parts, linetype in ((outline.edges, 'CONTINUOUS'), (outline.guides, 'DASHED')):
         for part in parts:

@@ -2,7 +2,9 @@
 
 They are Python of the part that numba compiles. As they are, they cost nothing to load; numba
 takes some tenths of a second, so it is only asked when a run has called for them often. Both ways
-give the same bits: there is nothing in them that a compiler may reorder.
+give the same bits: there is nothing in them that a compiler may reorder. So whatever fails of
+numba, while it is imported, compiles or reads what is kept, a run goes on by the functions as they
+are.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from typing import Any, TypeVar, cast
 
 from heyoka import llvm_state
 
+from mechanism_sim import packages
 from mechanism_sim.numerics.code_cache import FOLDER
 
 F = TypeVar('F', bound=Callable[..., Any])
@@ -32,6 +35,9 @@ LOADING, COMPILING = 0.4, 6.0
 make it, for that is done once on a machine."""
 
 
+_INSTEAD = 'the run goes on without it, with the same results, slower where much touches'
+
+
 class Kernel:
     """A function that can be compiled, and kernels that it calls with it."""
 
@@ -42,7 +48,16 @@ class Kernel:
 
     def __call__(self, *args: Any) -> Any:
         """Call it, compiled or as it is."""
-        return self.run(*args)
+        try:
+            return self.run(*args)
+        except Exception as error:
+            # numba compiles, or reads what is kept, in the first call with arguments of a kind;
+            # machine code, which may have changed its arguments, has no frame of Python
+            trace = error.__traceback__
+            if self.run is self.function or trace is None or trace.tb_next is None:
+                raise
+            _leave_compiled(error)
+        return self.function(*args)
 
     @cached_property
     def compiled(self) -> Any:
@@ -96,14 +111,26 @@ def _is_kept() -> bool:
 
 
 def compile_kernels() -> None:
-    """Let all kernels run as machine code from now on, if numba is there."""
-    try:
-        config = import_module('numba').config
-    except ImportError:
+    """Let all kernels run as machine code from now on, if numba is there and can."""
+    numba = packages.spared('numba', _INSTEAD)
+    if numba is None:
         return
-    before, config.CACHE_DIR = config.CACHE_DIR, str(_folder())
     try:
-        for k in _KERNELS:
-            k.run = k.compiled
-    finally:
-        config.CACHE_DIR = before
+        config = numba.config
+        before, config.CACHE_DIR = config.CACHE_DIR, str(_folder())
+        try:
+            made = [k.compiled for k in _KERNELS]
+        finally:
+            config.CACHE_DIR = before
+    except Exception as error:
+        _leave_compiled(error)
+        return
+    for k, run in zip(_KERNELS, made, strict=True):
+        k.run = run
+
+
+def _leave_compiled(error: Exception) -> None:
+    """Let all kernels run as they are, for this process: numba failed."""
+    packages.without('numba', error, _INSTEAD)
+    for k in _KERNELS:
+        k.run = k.function

@@ -53,10 +53,7 @@ _LAYOUT = {
     'colorway': LINKS, 'paper_bgcolor': _NOTHING, 'plot_bgcolor': _NOTHING,
     'hovermode': 'closest',
     'hoverlabel': {'bgcolor': '#ffffff', 'bordercolor': _LINE, 'font': {'color': INK}},
-    'modebar': {
-        'bgcolor': _NOTHING, 'color': _LINE, 'activecolor': INK,
-        'remove': ['select2d', 'lasso2d', 'autoScale2d', 'toImage', 'zoomIn2d', 'zoomOut2d'],
-    },
+    'modebar': {'bgcolor': _NOTHING, 'color': _LINE, 'activecolor': INK},
     'xaxis': _AXIS, 'yaxis': _AXIS,
     'polar': {
         'bgcolor': _NOTHING,
@@ -74,9 +71,12 @@ Json = dict[str, Any]
 
 
 def figure(chart: Chart) -> Json:
-    """``data`` and ``layout``; traces have the place of their panel and curve as ``meta``."""
+    """``data``, ``layout`` and ``columns``, the headings of what a chart is as a table.
+
+    Traces have the place of their panel and curve as ``meta``.
+    """
     page = _Figure(chart)
-    return {'data': page.data, 'layout': page.layout}
+    return {'data': page.data, 'layout': page.layout, 'columns': page.columns}
 
 
 class _Figure:
@@ -85,6 +85,7 @@ class _Figure:
     def __init__(self, chart: Chart) -> None:
         self.chart = chart
         self.data: list[Json] = []
+        self.columns: list[Json] = []
         self.layout: Json = {'template': TEMPLATE}
         self._scales: dict[str, str] = {}
         rows = chart.rows
@@ -163,6 +164,8 @@ class _Figure:
                 for trace in _traces(panel, curve)
             )
             self.data += [*more, main | {'showlegend': entry}]
+            if len(curve.x) > 1 or curve.label:
+                self._column(panel, curve)
         for mark in panel.marks:
             self._mark(mark, panel, where)
         if len(panel.struck):
@@ -173,6 +176,17 @@ class _Figure:
                 'yref': 'paper', 'xanchor': 'left', 'yanchor': 'bottom', 'showarrow': False,
                 'font': {'size': 12},
             })  # fmt: skip
+
+    def _column(self, panel: Panel, curve: Curve) -> None:
+        """The last trace as columns of a table; no heading stands twice."""
+        ideal = 'ideal machine' if curve.look == 'ideal' else ''
+        words = dict.fromkeys((panel.title, curve.label or curve.of, ideal, panel.y.title))
+        heading = ': '.join(filter(None, words))
+        same = sum(column['heading'] == heading for column in self.columns)
+        self.columns.append({
+            'trace': len(self.data) - 1, 'heading': heading, 'x': panel.x.title,
+            'y': f'{heading} ({same + 1})' if same else heading,
+        })  # fmt: skip
 
     def _legend(self, panel: Panel, n: str, domain: list[float], across: list[float]) -> None:
         """Above its panel, where there are no curves; to the right of a title."""

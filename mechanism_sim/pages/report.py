@@ -19,7 +19,9 @@ from mechanism_sim.pages.charts import NIGHT, Section, figure
 from mechanism_sim.pages.recorded import Recorded
 from mechanism_sim.units import typeset
 
-MODULES = 'svg', 'stage', 'lens', 'player', 'charts', 'curves', 'keys', 'zoom', 'report'
+MODULES = (
+    'svg', 'stage', 'lens', 'player', 'saving', 'charts', 'curves', 'keys', 'zoom', 'report',
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,8 @@ LARGEST_VALUE = 1e30
 KINDS = 'play', 'pause', 'step', 'reset', 'set'
 
 _POLICY = "default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'unsafe-inline'; "
-_POLICY += "connect-src 'self'; img-src data:; frame-ancestors 'none'"
+_POLICY += "connect-src 'self'; img-src data: blob:; frame-ancestors 'none'; "
+_POLICY += "base-uri 'none'; form-action 'none'"
 
 Content = tuple[str, str]
 """Type and text of what is served at a path."""

@@ -12,6 +12,7 @@ from mechanism_sim.cycles.columns import part_of
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.solution import Piece, Solution
+from mechanism_sim.packages import refusal
 from mechanism_sim.report.cycle import where
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.check import check
@@ -91,22 +92,25 @@ def _drawing(machine: Machine) -> str:
         from mechanism_sim.report.shown import draw  # noqa: PLC0415 - it imports pictures
 
         return _image(draw(machine))
-    except ModuleNotFoundError as error:
+    except Exception as error:
+        if isinstance(error, InputError | RunError):  # it cannot be put together, and says so
+            return f'<p>{escape(str(error))}</p>'
         return _without(error)
-    except (InputError, RunError) as error:  # it cannot be put together, and says so
-        return f'<p>{escape(str(error))}</p>'
 
 
 def _plot(run: Piece) -> str:
     try:
         return _image(run.plot()) if len(run.motion) else ''
-    except ModuleNotFoundError as error:
+    except Exception as error:
         return _without(error)
 
 
-def _without(error: ModuleNotFoundError) -> str:
-    """What stands for a picture where the extra for pictures is not installed."""
-    return f"<p>no picture without {error.name}: pip install 'mechanism_sim[plots]'</p>"
+def _without(error: Exception) -> str:
+    """What stands for a picture where the extra for pictures is missing, or cannot be used."""
+    refused = refusal(error)
+    if refused is None:
+        raise error
+    return f'<p>no picture: {escape(str(refused))}</p>'
 
 
 def _image(figure: Any) -> str:

@@ -18,6 +18,7 @@ from PIL import Image
 from mechanism_sim import output
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.export.palette import ACCENT, GROUND, LINKS, rgb
+from mechanism_sim.packages import needed
 from mechanism_sim.report import figures
 from mechanism_sim.report.screen import DENSITY
 
@@ -169,10 +170,8 @@ def _ffmpeg() -> str:
     if found := shutil.which('ffmpeg'):
         return found
     try:
-        import imageio_ffmpeg  # noqa: PLC0415
-
-        return str(imageio_ffmpeg.get_ffmpeg_exe())
-    except (ModuleNotFoundError, RuntimeError) as error:
+        return str(needed('imageio_ffmpeg').get_ffmpeg_exe())
+    except (InputError, RuntimeError) as error:
         raise InputError(
             'MP4 needs the program ffmpeg: install it, or pip install '
             "'mechanism_sim[video]'; .gif and SVG frames need nothing more"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.packages import needed
 from mechanism_sim.sweep.row import RunResult, Task, compute
 
 
@@ -20,12 +21,7 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Generator[RunResult, 
     """
     if not tasks:
         return
-    try:
-        import distributed  # noqa: PLC0415 - an optional package
-    except ImportError as error:
-        raise InputError(
-            "--dask needs the package 'distributed': pip install 'mechanism_sim[cluster]'"
-        ) from error
+    distributed = needed('distributed', 'the option --dask')
     try:
         client = distributed.Client(address)
     except (OSError, ValueError) as error:

@@ -1,4 +1,5 @@
-import { bytes } from 'player';
+import { bytes, unpack } from 'player';
+import { save, table } from 'saving';
 
 /* global Plotly */
 
@@ -19,19 +20,42 @@ export async function loadPlotly() {
 }
 
 const PAPER = 680; // [px] between the margins of a page
-const CONFIG = { responsive: true, displaylogo: false };
+const SCALE = 2; // pixels of a picture to one of the screen
+const DIGITS = { f4: 8, f8: 15 }; // significant, of numbers as they come to the page
+
+/**
+ * All buttons over a chart: these and no others, whatever a version of plotly.js adds to its own;
+ * some versions offer to upload the chart.
+ */
+const buttons = (save) => ({
+  responsive: true,
+  displaylogo: false,
+  showSendToCloud: false,
+  plotlyServerURL: '',
+  modeBarButtons: [
+    ['png', 'svg', 'csv'].map((format) => ({
+      name: format,
+      title: `Save as ${format.toUpperCase()}`,
+      icon: { svg: `<svg xmlns="http://www.w3.org/2000/svg" class="icon format" viewBox="0 0 30 16"><text x="15" y="12.5">${format.toUpperCase()}</text></svg>` },
+      click: () => save(format),
+    })),
+    ['zoom2d', 'pan2d', 'resetScale2d'],
+  ],
+});
 
 /** The charts of a page: each is made when it comes into view, and all before printing. */
 export class Charts {
   /**
-   * @param {Object<string, {data: Object[], layout: Object}>} figures by key
+   * @param {Object<string, {data: Object[], layout: Object, columns: Object}>} figures by key
    * @param {{seek: function(number): void, hover: function(number): void,
    *   light: function(?string[]): void, loop: function(?number[]): void}} acts goes to a time [s],
    *   shows one as long as nothing plays, lights what lines are of, plays an interval over and over
    * @param {Object<string, string>} dark colours on dark ground, by those on paper
+   * @param {string} scene with whose name files begin
    */
-  constructor(figures, acts, dark) {
+  constructor(figures, acts, dark, scene) {
     this.figures = figures;
+    this.scene = scene;
     this.acts = acts;
     this.colours = new RegExp(Object.keys(dark).join('|'), 'gi');
     this.dark = dark;
@@ -92,10 +116,52 @@ export class Charts {
   }
 
   #again(dark) {
-    for (const [key, { plot }] of this.drawn) {
+    for (const [key, { plot, config }] of this.drawn) {
       const { data, layout } = this.#figure(key, dark);
-      Plotly.react(plot, data, { autosize: true, ...layout }, CONFIG);
+      Plotly.react(plot, data, { autosize: true, ...layout }, config);
     }
+  }
+
+  /** Saves a chart, as far as it is zoomed: as a picture on paper, or its numbers. */
+  async #save(key, format) {
+    const name = `${this.scene}_${key}.${format}`;
+    const { plot } = this.drawn.get(key);
+    if (format === 'csv') {
+      save(table(this.#columns(key)), name);
+      return;
+    }
+    const { data, layout } = this.#figure(key, false);
+    const zoomed = Object.fromEntries(Object.entries(plot.layout)
+      .filter(([axis, { range }]) => /^[xy]axis/.test(axis) && range)
+      .map(([axis, { range, autorange }]) => [axis, { ...layout[axis], range, autorange }]));
+    const shown = data.map((trace, i) => ({ ...trace, visible: plot.data[i].visible ?? true }));
+    const { width, height } = plot._fullLayout;
+    const paper = { ...layout, ...zoomed, width, height, paper_bgcolor: '#ffffff' };
+    const address = await Plotly.toImage(
+      { data: shown, layout: paper },
+      { format, width, height, scale: SCALE, imageDataOnly: false },
+    );
+    save(contents(address), name);
+  }
+
+  /** The numbers of the curves; those of one place in a row share a column along x. */
+  #columns(key) {
+    const { data, layout, columns } = this.figures[key];
+    const found = [];
+    let last = null;
+    for (const { trace, x: along, y: across } of columns) {
+      const { x, y, theta, r, xaxis, yaxis, hovertext } = data[trace];
+      const places = x ?? theta;
+      const [first, second] = [[x ?? theta, xaxis], [y ?? r, yaxis]].map(([values, axis]) => (
+        numbers(values, layout[axis && `${axis[0]}axis${axis.slice(1)}`])));
+      if (places.bdata !== last?.bdata || !last?.bdata || found.at(-1).along !== along) {
+        found.push({ along, column: [along, first] });
+      }
+      found.push({ along, column: [across, second] });
+      if (hovertext) found.push({ along, column: ['note', hovertext] });
+      last = places;
+    }
+    return found.map(({ column }) => column);
   }
 
   /** Moves the cursors of charts over time. @param {number} t [s] */
@@ -110,9 +176,10 @@ export class Charts {
     this.watch.unobserve(place);
     const plot = place.querySelector('.plot');
     const { data, layout } = this.#figure(key, this.night.matches);
-    const chart = { plot, axis, cursors: [] };
+    const config = buttons((format) => this.#save(key, format));
+    const chart = { plot, axis, config, cursors: [] };
     this.drawn.set(key, chart);
-    Plotly.newPlot(plot, data, { autosize: true, ...layout }, CONFIG);
+    Plotly.newPlot(plot, data, { autosize: true, ...layout }, config);
     const when = (point) => (axis === 'time' ? point.x : point.customdata?.[0] ?? point.customdata);
     plot.on('plotly_click', ({ points: [point] }) => {
       if (Number.isFinite(when(point))) this.acts.seek(when(point));
@@ -159,3 +226,17 @@ export class Charts {
 
 /** The joints and links that a line is of: parts of its quantity's name, and its own. */
 const about = ({ legendgroup, name }) => [...(legendgroup ?? '').split(/[. ]/), name ?? ''];
+
+/** Values of a packed array, or the names that an axis gives them. */
+function numbers(packed, axis) {
+  if (!packed.dtype) return packed;
+  const names = new Map((axis?.ticktext ?? []).map((name, i) => [axis.tickvals[i], name]));
+  return Array.from(unpack(packed), (x) => (
+    names.get(x) ?? Number(x.toPrecision(DIGITS[packed.dtype] ?? 15))));
+}
+
+/** What an address that begins with data: stands for. */
+function contents(address) {
+  const [, type, coding, data] = address.match(/^data:([^;,]*)(?:;charset=[^;,]*)?(;base64)?,(.*)$/s);
+  return new Blob([coding ? bytes(data) : decodeURIComponent(data)], { type });
+}

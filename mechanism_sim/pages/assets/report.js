@@ -33,7 +33,7 @@ await loadPlotly();
 charts = new Charts(JSON.parse(by('charts').textContent), {
   seek, loop, hover: (t) => { if (!player.playing) player.seek(t); },
   light: (names) => stage.light(names),
-}, data.dark);
+}, data.dark, data.stage.scene);
 charts.cursor(player.time);
 document.documentElement.dataset.ready = '1';
 
