@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from running import run
+from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
@@ -96,7 +96,7 @@ def test_random_rows_have_the_modes_of_their_matrices():
             assert mine == pytest.approx(other, rel=1e-10, abs=1e-10 * np.abs(other).max())
         roots = known.damped_modes.roots
         expected = np.sort(np.abs(roots[roots.imag > 0.0]))
-        assert [TURN * x.frequency for x in one.modes() if abs(x.damping_ratio) < 1] == (
+        assert [TURN * x.frequency for x in one.modes() if x.oscillates] == (
             pytest.approx(expected, rel=1e-10)
         )
 
@@ -219,7 +219,7 @@ def test_half_a_car_bounces_and_pitches():
     assert pytest.approx(np.transpose(columns), rel=1e-10) == K
     assert moments(y, pitch).real == pytest.approx([-700.0 * 9.81, 0.0], abs=1e-8)
     assert [m.frequency for m in one.modes()] == pytest.approx(
-        [f for f, *_ in natural_modes(M, C, K)]
+        [roots.frequency for roots, _ in natural_modes(M, C, K)]
     )
 
 
@@ -231,11 +231,56 @@ def test_modes_of_the_same_frequency_are_told_apart_by_their_coordinates(damping
     C = np.diag([0.1, 0.1, 0.1, damping])
     for M in (np.eye(4), 2.0 * np.eye(4)):
         found = natural_modes(M, C, M @ ring)
-        shapes = [z / z[np.abs(z).argmax()] for *_, z in found]
+        shapes = [z / z[np.abs(z).argmax()] for _, z in found]
         expected = [(1, 1, 1, 0), (1, -0.5, -0.5, 0), (0, 1, -1, 0), (0, 0, 0, 1)]
         for z, e in zip(shapes, np.array(expected), strict=True):
             assert abs(z @ e) ** 2 == pytest.approx((z.conj() @ z).real * (e @ e))
         assert shapes[0] == pytest.approx(expected[0], abs=1e-9)
+
+
+def test_real_roots_have_a_damping_ratio_where_two_share_a_shape():
+    """An overdamped mass beside a gyroscopic pair; a damper that is not in proportion."""
+    C = np.array([[0.1, 3.0, 0.0], [-3.0, 0.1, 0.0], [0.0, 0.0, 5.0]])
+    found = natural_modes(np.eye(3), C, np.diag([1.0, 1.0, 4.0]))
+    assert [roots.oscillates for roots, _ in found] == [True, False, True]
+    overdamped, shape = found[1]  # s^2 + 5 s + 4
+    assert overdamped == pytest.approx([-1.0, -4.0], **EXACT)
+    assert (overdamped.frequency, overdamped.damping_ratio) == pytest.approx(
+        (2.0 / TURN, 5.0 / (2.0 * 2.0)), **EXACT
+    )
+    assert overdamped.time_constants == pytest.approx((1.0, 0.25), **EXACT)
+    assert np.abs(shape[:2]).max() < 1e-12
+    M, C, K = np.eye(2), np.diag([9.0, 0.1]), np.array([[2.0, -1.0], [-1.0, 3.0]])
+    found = natural_modes(M, C, K)
+    expected = np.linalg.eigvals(np.block([[np.zeros((2, 2)), M], [-K, -C]]))
+    alone = [roots for roots, _ in found if not roots.oscillates]
+    assert sorted(x[0].real for x in alone) == pytest.approx(
+        np.sort(expected[expected.imag == 0.0].real)
+    )
+    for roots in alone:
+        assert (len(roots), roots.frequency, roots.damping_ratio) == (1, 0.0, None)
+        assert roots.time_constants == pytest.approx([-1.0 / roots[0].real])
+
+
+def test_a_motion_that_only_grows_has_no_damping_ratio():
+    """A mass on a spring that pushes it away: one root decays, one grows."""
+    found = natural_modes(np.eye(1), np.array([[0.5]]), np.array([[-4.0]]))
+    a, b = np.sort(np.roots([1.0, 0.5, -4.0]))
+    assert [x.damping_ratio for x, _ in found] == [None, None]
+    assert [x.time_constants for x, _ in found] == [
+        pytest.approx((-1.0 / b,)), pytest.approx((-1.0 / a,))
+    ]  # fmt: skip
+
+
+def test_overdamped_modes_are_shown_by_their_time_constants():
+    change = ['--set', 'springs.spring.damping=100 N s/m']
+    (mode,) = run_json('modes', 'mass_on_spring', *change)['modes']
+    s1, s2 = np.sort(np.roots([2.0, 100.0, 500.0]))[::-1]
+    assert mode['damping_ratio'] == pytest.approx(100.0 / (2.0 * np.sqrt(500.0 * 2.0)))
+    assert (mode['oscillates'], mode['damped_frequency']) == (False, 0.0)
+    assert mode['time_constants'] == pytest.approx([-1.0 / s1, -1.0 / s2])
+    text = run('modes', 'mass_on_spring', *change).stdout
+    assert f'time constant [s]       {-1.0 / s1:.6g} and {-1.0 / s2:.6g}' in text
 
 
 def test_free_shafts_have_a_rigid_body_mode():
@@ -479,13 +524,18 @@ def test_a_motor_keeps_a_torsional_shaft_turning():
     slow, fast = -np.linalg.solve(M, K), -np.linalg.solve(M, C)
     roots = np.linalg.eigvals(np.block([[np.zeros((3, 3)), np.eye(3)], [slow, fast]]))
     expected = sorted(abs(r) for r in roots if r.imag >= 0.0 and abs(r) > 1e-6)
-    seen = [TURN * m.frequency for m in found.modes if m.frequency]
+    seen = [m.roots.size for m in found.modes if m.roots.size]
     assert seen == pytest.approx(expected, rel=1e-9)
+    # a shaft without stiffness to the ground, and how its speed settles: neither oscillates
+    rigid, settling, *others = found.modes
+    assert (rigid.frequency, rigid.damping_ratio, rigid.time_constants) == (0.0, None, ())
+    (slow,) = (r.real for r in roots if not r.imag and r.real < -1e-6)
+    assert (settling.frequency, settling.damping_ratio) == (0.0, None)
+    assert settling.time_constants == pytest.approx([-1.0 / slow], rel=1e-9)
+    assert all(m.oscillates and m.damping_ratio < 1.0 for m in others)
     # the same by the motion of a turn, but for whole turns of the shaft
-    roots = [TURN * m.frequency * (-m.damping_ratio + 1j * np.sqrt(1.0 - m.damping_ratio**2))
-             for m in found.modes if m.frequency]  # fmt: skip
-    seen = [TURN * m.frequency * (-m.damping_ratio + 1j * np.sqrt(1.0 - m.damping_ratio**2))
-            for m in repeated(machine).modes]  # fmt: skip
+    roots = [m.roots[0] for m in found.modes if m.roots.size]
+    seen = [m.roots[0] for m in repeated(machine).modes]
     least = [r.real + 1j * abs(np.remainder(r.imag + 25.0, 50.0) - 25.0) for r in roots]
     assert sorted(seen, key=abs) == pytest.approx(sorted(least, key=abs), rel=1e-6)
 
@@ -498,13 +548,13 @@ def test_a_four_bar_that_a_torque_turns_settles_as_liouville_says():
         'drive': {'coordinate': 'crank', 'torque': torque, 'speed': 20.0}})  # fmt: skip
     found = station(machine, turning=True)
     (mode,) = found.modes
-    assert (mode.damping_ratio, found.faded) == (1.0, 0)
+    assert (mode.damping_ratio, mode.oscillates, found.faded) == (None, False, 0)
     period = TURN / found.speed
     t = np.linspace(12.0 - period, 12.0, 500)
     seen = ms.simulate(machine, duration=12.0).sample(t)
     inertia = 2.0 * seen['energy.kinetic'] / seen['velocity.crank'] ** 2
     rate = np.trapezoid(c / inertia, t) / period
-    assert TURN * mode.frequency == pytest.approx(rate, rel=1e-6)
+    assert mode.time_constants == pytest.approx([1.0 / rate], rel=1e-6)
     drive = {'coordinate': 'crank', 'torque': torque, 'speed': 20.0}
     loads = {'push': {'at': 'rocker', 'torque': '0.01*sin(3*t)'}}
     pushed = ms.load_scene('four_bar_nominal', {'drive': drive, 'loads': loads})

@@ -5,6 +5,7 @@ import random
 
 import numpy as np
 import pytest
+from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.cycles.columns import columns_of
@@ -111,6 +112,62 @@ def test_critical_speeds_of_an_overhung_disk(diametral):
     for way, sign in (('forward', 1.0), ('backward', -1.0)):
         speeds = [x.speed for x in found if x.whirl * sign > 0.0]
         assert speeds == pytest.approx(expected[way][expected[way] < 2050.0], **EXACT)
+
+
+@pytest.mark.parametrize('damping', [4e3, 1.2e4, 1e5])
+def test_critical_speeds_are_of_modes_that_oscillate(damping):
+    """Dampers beside stiff supports: by the polynomials of the cylinder and the cone."""
+    span, mass, stiff, diametral, c = 0.6, 3.0, 5e6, 0.02, 100.0
+    one = {'stiffness': stiff, 'damping': damping, 'mass': mass}
+    ends = {'left': {'along': -span / 2, **one}, 'right': {'along': span / 2, **one}}
+    machine = rotor(supports=ends, shaft=SHAFT, external_damping=c, diametral_inertia=diametral)
+    k, kt = 48.0 * EI / span**3, 12.0 * EI / span
+    coupled = 2.0 * kt / span**2
+    cylinder = np.polysub(
+        np.polymul([MASS, c, k], [2.0 * mass, 2.0 * damping, 2.0 * stiff + k]), [k**2]
+    )
+
+    def oscillating(speed):
+        cone = np.polysub(
+            np.polymul([diametral, -1j * POLAR * speed, kt], [mass, damping, stiff + coupled]),
+            [kt * coupled],
+        )
+        # x and y of the cylinder; the cone's roots are those of x + i y, turning either way
+        roots = [*np.repeat(np.roots(cylinder), 2), *np.roots(cone), *np.roots(cone).conj()]
+        return np.sort([abs(s) for s in roots if s.imag > 1e-7 * abs(s)])
+
+    speeds = np.linspace(10.0, 3000.0, 7)
+    found = [x.speed for x in critical_speeds(machine, campbell(machine, speeds))]
+    expected = []
+    for a, b in zip(fine := np.linspace(10.0, 3000.0, 801), fine[1:], strict=False):
+        low, high = oscillating(a), oscillating(b)
+        if len(low) == len(high):
+            crossed = np.flatnonzero((low - a > 0.0) != (high - b > 0.0))
+            expected += [(a + b) / 2.0 for _ in crossed]
+    assert found == pytest.approx(expected, abs=2.0)
+    for w in found:
+        assert np.abs(oscillating(w) - w).min() < 1e-9 * w
+    (station,) = campbell(machine, np.array([500.0]))
+    assert len(station.oscillating) == len(oscillating(500.0)) < 10
+    if damping == 1e5:  # four of the cylinder's motions are decays
+        assert sum(len(m.roots) == 1 for m in station.modes) == 4
+
+
+def test_a_table_over_speed_lists_what_oscillates():
+    one = '{along: -0.3, stiffness: 5e6, damping: 1e5, mass: 3}'
+    supports = f'joints.ground_disk.supports={{left: {one}, right: {one.replace("-", "")}}}'
+    args = ['modes', 'overhung_rotor', '--speeds', '100 rpm:9000 rpm:3', '--set', supports]
+    text = run(*args).stdout
+    found = run_json(*args)
+    listed = [[m['frequency'] for m in s['modes'] if m['oscillates']] for s in found['stations']]
+    rows = text.splitlines()[1:4]
+    for row, frequencies in zip(rows, listed, strict=True):
+        numbers = [float(x) for x in row.split()[1:] if x[0].isdecimal()]
+        assert numbers == pytest.approx(frequencies, rel=1e-5)
+    (still,) = {sum(not m['oscillates'] for m in s['modes']) for s in found['stations']}
+    assert f'{still} more do not oscillate' in text
+    assert len(found['critical_damping_ratios']) == len(found['critical_speeds'])
+    assert text.count('damping ratio') == len(found['critical_speeds']) > 0
 
 
 def test_a_force_on_a_turning_disk_shakes_it_forward_and_backward():

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.cycles.columns import WORK, columns_of_parts, has_extremes, observed, unit_of
-from mechanism_sim.cycles.extremes import Extremes, Swing, find_extremes, find_swings
+from mechanism_sim.cycles.extremes import Extremes, find_extremes
 from mechanism_sim.cycles.forces import Forces
 from mechanism_sim.cycles.points import Paths, Place, choose
+from mechanism_sim.cycles.strokes import Swing, find_swings
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.sampling import table
@@ -211,9 +212,17 @@ class Cycle(plotting.Rich):
         return {name: found[name] for name in names}
 
     def swings(self) -> dict[str, Swing]:
-        """How far each coordinate goes, and how long there and back, by coordinate."""
-        period = self.machine.period if self.repeats else None
-        return find_swings(self.machine.physics.coordinates, self.table(), self.extremes(), period)
+        """How far each coordinate goes, and in which strokes, by coordinate."""
+        names, found = self.machine.physics.coordinates, self.extremes()
+        ends = [found[f'position.{name}'] for name in names]
+        return find_swings(
+            names,
+            [name not in self.machine.physics.displacements for name in names],
+            self.solution.motion.curve,
+            (float(self.t[0]), float(self.t[-1])),
+            [x.greatest.value - x.least.value if not x.constant else 0.0 for x in ends],
+            self.machine.period if self.repeats else None,
+        )
 
     @cached_property
     def _between(self) -> dict[str, Array]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,31 +42,6 @@ class Extremes:
     def constant(self) -> bool:
         """Whether they differ by rounding only."""
         return self.greatest.value - self.least.value <= self.rounding
-
-
-@dataclass(frozen=True)
-class Swing:
-    """How a coordinate moves over a cycle.
-
-    Attributes
-    ----------
-    size : greatest less least value [rad or m]
-    turns : whole turns that it is farther at the end, if the cycle repeats
-    rising, falling : time from the least to the greatest value and back [s], where it comes back
-        after a period
-    """
-
-    size: float
-    turns: int
-    rising: float | None = None
-    falling: float | None = None
-
-    @property
-    def time_ratio(self) -> float | None:
-        """Slower over faster stroke."""
-        if self.rising is None or self.falling is None:
-            return None
-        return max(self.rising, self.falling) / min(self.rising, self.falling)
 
 
 def search(
@@ -124,34 +98,3 @@ def find_extremes(
         name: Extremes(*x)
         for name, x in zip(units, zip(least, greatest, rounding, strict=True), strict=True)
     }
-
-
-def find_swings(
-    coordinates: Sequence[str],
-    table: Mapping[str, Array],
-    extremes: Mapping[str, Extremes],
-    period: float | None,
-) -> dict[str, Swing]:
-    """How far each coordinate goes, and how long it takes both ways.
-
-    Parameters
-    ----------
-    table : columns (N,) by name, SI units
-    period : [s] of the cycle if it repeats
-    """
-    found = {}
-    for name in coordinates:
-        position, ends = table[f'position.{name}'], extremes[f'position.{name}']
-        size = ends.greatest.value - ends.least.value
-        gained = float(position[-1] - position[0])
-        if period is None:
-            found[name] = Swing(size, 0)
-            continue
-        turns = round(gained / (2.0 * math.pi)) if abs(gained) > math.pi else 0
-        comes_back = abs(gained) <= 1e-6 * size and not ends.constant
-        if not comes_back:
-            found[name] = Swing(size, turns)
-            continue
-        rising = (ends.greatest.t - ends.least.t) % period
-        found[name] = Swing(size, 0, rising, period - rising)
-    return found

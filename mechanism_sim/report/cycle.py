@@ -9,10 +9,12 @@ from mechanism_sim import strict_json, text_table
 from mechanism_sim.cycles.columns import part_of, unit_of
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.cycles.extremes import Extreme
+from mechanism_sim.cycles.strokes import Swing
 from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
 from mechanism_sim.units import for_people
 
 _COMPONENTS = ('x', 'y')
+_SWING = ('size', 'turns', 'period', 'rising', 'falling', 'standing', 'time_ratio')
 
 _NOTHING = 1e-8  # of the other end of a range, which is shown with six digits
 
@@ -65,13 +67,27 @@ def _swings(cycle: Cycle) -> Iterator[str]:
     for name, swing in cycle.swings().items():
         shown, scale = for_people(unit_of(machine, f'position.{name}'))
         if swing.turns:
-            yield f'{name} makes {swing.turns} full turn{"s" if abs(swing.turns) > 1 else ""}'
+            line = f'{name} makes {swing.turns} full turn{"s" if abs(swing.turns) > 1 else ""}'
+            back = sum(abs(x.way) for x in swing.strokes if x.way * swing.turns < 0.0)
+            yield line + (f' and goes back {scale * back:.6g} {shown} on the way' if back else '')
             continue
         line = f'{name} goes over {scale * swing.size:.6g} {shown}'
-        if swing.rising is not None and swing.falling is not None:
+        if swing.period is None:
+            yield f'{line} in {cycle.duration:.6g} s'
+            continue
+        if swing.time_ratio is not None:
             line += (
                 f', up in {swing.rising:.6g} s and down in {swing.falling:.6g} s: '
                 f'time ratio {swing.time_ratio:.5g}'
+            )
+        elif swing.strokes:
+            line += f' in {len(swing.strokes)} strokes: ' + ', '.join(
+                f'{"up" if x.way > 0.0 else "down"} {scale * abs(x.way):.6g} in {x.duration:.6g} s'
+                for x in swing.strokes
+            )
+        if swing.dwells and swing.size:
+            line += '; stands ' + ', '.join(
+                f'at {scale * x.position:.6g} {shown} for {x.duration:.6g} s' for x in swing.dwells
             )
         yield line
 
@@ -106,15 +122,19 @@ def to_json(cycle: Cycle) -> dict[str, object]:
             name: {'least': _extreme(ends.least), 'greatest': _extreme(ends.greatest)}
             for name, ends in cycle.extremes().items()
         },
-        'swings': {
-            name: {k: getattr(s, k) for k in ('size', 'turns', 'rising', 'falling', 'time_ratio')}
-            for name, s in cycle.swings().items()
-        },
+        'swings': {name: _swing(swing) for name, swing in cycle.swings().items()},
         'rms': {name: strict_json.plain(cycle.rms(name)) for name in cycle.drive_torques},
         'mean_power': strict_json.plain(cycle.mean_power) if forces else None,
         'efficiency': cycle.efficiency if forces else None,
         'no_limits': no_limits_to_json(cycle.no_limits),
         'unbounded': sorted(cycle.unbounded),
+    }
+
+
+def _swing(swing: Swing) -> dict[str, object]:
+    return {key: getattr(swing, key) for key in _SWING} | {
+        'strokes': [x._asdict() for x in swing.strokes],
+        'dwells': [x._asdict() for x in swing.dwells],
     }
 
 

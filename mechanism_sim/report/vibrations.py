@@ -16,6 +16,9 @@ from mechanism_sim.study.harmonics import Harmonics
 from mechanism_sim.study.modes import CriticalSpeed, Mode, Station
 from mechanism_sim.study.response import FrequencyResponse
 
+_UNDAMPED = 1e-9  # damping ratio up to which there is none but for rounding
+_PEAKLESS = 0.5**0.5  # above it the response to an unbalance has no peak
+
 
 class ModeTable(NamedTuple):
     """The modes at one place, or at several.
@@ -60,6 +63,7 @@ def modes_json(table: ModeTable) -> dict[str, Any]:
     }
     if table.over == 'speed':
         found['critical_speeds'] = [x.speed for x in table.critical]
+        found['critical_damping_ratios'] = [x.damping_ratio for x in table.critical]
         if any(x.whirl is not None for x in table.critical):
             found['critical_whirl'] = [x.whirl for x in table.critical]
     return found
@@ -70,6 +74,8 @@ def _mode(mode: Mode) -> dict[str, Any]:
         'frequency': mode.frequency,
         'damping_ratio': mode.damping_ratio,
         'damped_frequency': mode.damped_frequency,
+        'oscillates': mode.oscillates,
+        'time_constants': list(mode.time_constants),
         'shape': {name: z.real for name, z in mode.shape.items()},
         'shape_imaginary': {name: z.imag for name, z in mode.shape.items()},
         **({} if mode.whirl is None else {'whirl': mode.whirl}),
@@ -89,10 +95,12 @@ def modes_text(table: ModeTable) -> str:
         head = ['mode', *(str(k + 1) for k in range(len(modes)))]
         rows: list[list[str]] = [
             head,
-            ['natural frequency [Hz]', *(f'{m.frequency:.6g}' for m in modes)],
-            ['damping ratio', *(f'{m.damping_ratio:.6g}' for m in modes)],
+            ['natural frequency [Hz]', *map(_frequency, modes)],
+            ['damping ratio', *map(_damping_ratio, modes)],
             ['damped frequency [Hz]', *(f'{m.damped_frequency:.6g}' for m in modes)],
         ]
+        if any(m.time_constants for m in modes):
+            rows.append(['time constant [s]', *map(_time_constants, modes)])
         if any(_way(m.whirl) for m in modes):
             rows.append(['whirl', *(_way(m.whirl).strip() or '-' for m in modes)])
         rows += [[name, *(_amplitude(m.shape.get(name)) for m in modes)] for name in names]
@@ -103,16 +111,45 @@ def modes_text(table: ModeTable) -> str:
             lines.append(f'{faded} more die out within a turn')
         return '\n'.join(lines)
     unit = 'rad/s' if table.over == 'speed' else 'rad'
-    most = max(len(s.modes) for s in table.stations)
+    most = max(len(s.oscillating) for s in table.stations)
     rows = [[f'{table.over} of {table.main} [{unit}]', *(f'{k + 1} [Hz]' for k in range(most))]]
     for s in table.stations:
-        shown = [f'{m.frequency:.6g}{_way(m.whirl)}' for m in s.modes]
+        shown = [f'{m.frequency:.6g}{_way(m.whirl)}' for m in s.oscillating]
         rows.append([f'{table.abscissa(s):.6g}', *shown, *[''] * (most - len(shown))])
     lines = text_table.lines(rows, indent='')
+    still = [len(s.modes) - len(s.oscillating) for s in table.stations]
+    if any(still):
+        few, many = min(still), max(still)
+        count = f'{many}' if few == many else f'{few} to {many}'
+        lines.append(f'{count} more {"does" if many == 1 else "do"} not oscillate')
     if table.critical:
-        speeds = ', '.join(f'{x.speed:.9g}{_way(x.whirl)}' for x in table.critical)
+        speeds = ', '.join(map(_critical, table.critical))
         lines.append(f'critical speeds [rad/s]: {speeds}')
     return '\n'.join(lines)
+
+
+def _frequency(mode: Mode) -> str:
+    """Natural frequency [Hz]; none of a real root alone, 0 of a rigid-body mode."""
+    return '-' if len(mode.roots) == 1 and mode.time_constants else f'{mode.frequency:.6g}'
+
+
+def _damping_ratio(mode: Mode) -> str:
+    return '-' if mode.damping_ratio is None else f'{mode.damping_ratio:.6g}'
+
+
+def _time_constants(mode: Mode) -> str:
+    """Of one or two real roots, and of which a motion grows."""
+    shown = [f'{abs(x):.6g}{" (grows)" if x < 0.0 else ""}' for x in mode.time_constants]
+    return ' and '.join(shown) or '-'
+
+
+def _critical(critical: CriticalSpeed) -> str:
+    """A critical speed, and the damping of its mode if it has any."""
+    ratio = critical.damping_ratio
+    damped = f' (damping ratio {ratio:.4g})' if abs(ratio) > _UNDAMPED else ''
+    if ratio > _PEAKLESS:
+        damped = f' (damping ratio {ratio:.4g}: no resonance)'
+    return f'{critical.speed:.9g}{_way(critical.whirl)}{damped}'
 
 
 def _amplitude(z: complex | None) -> str:
@@ -130,15 +167,15 @@ def modes_chart(table: ModeTable, title: str) -> Chart:
         panels = tuple(map(_shape, table.stations[0].modes))
         return Chart('modes', title, panels)
     x = np.array([table.abscissa(s) for s in table.stations])
-    count = min(len(s.modes) for s in table.stations)
+    count = min(len(s.oscillating) for s in table.stations)
     curves = [
-        Curve(x, np.array([s.modes[k].frequency for s in table.stations]), f'mode {k + 1}',
+        Curve(x, np.array([s.oscillating[k].frequency for s in table.stations]), f'mode {k + 1}',
               colour=k, dash=k // len(LINKS))
         for k in range(count)
     ]  # fmt: skip
     if table.over == 'speed':
         curves.append(Curve(x, np.abs(x) / TWO_PI, 'rotation', colour=GROUND, look='fine'))
-        w = np.array([w for w, _ in table.critical], np.float64)
+        w = np.array([critical.speed for critical in table.critical], np.float64)
         curves.append(
             Curve(w, np.abs(w) / TWO_PI, 'critical speed', '', INK, form='dots',
                   marker='circle-open')
@@ -156,7 +193,11 @@ def _shape(mode: Mode) -> Panel:
     if np.abs(z.imag).max() > 1e-9:
         curves.append(Curve(places, z.imag, 'a quarter period later', '', 1, form='stems',
                             marker='circle-open'))  # fmt: skip
-    head = f'{mode.frequency:.4g} Hz, damping ratio {mode.damping_ratio:.3g}'
+    head = f'{mode.frequency:.4g} Hz'
+    if mode.damping_ratio is not None:
+        head += f', damping ratio {mode.damping_ratio:.3g}'
+    elif mode.time_constants:
+        head = f'time constant {_time_constants(mode)} s'
     x = Axis('coordinate', low=-0.5, high=len(places) - 0.5, names=tuple(mode.shape))
     return Panel(x, Axis('shape'), tuple(curves), head, height=SMALL, marks=(Mark(0.0, '', True),))
 

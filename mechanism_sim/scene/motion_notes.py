@@ -118,7 +118,8 @@ def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
     if (through := swing(rocker_limits(linkage))) < 2.0 * math.pi:
         note = f'the {rocker} swings through {math.degrees(through):.6g} deg'
         ratio = time_ratio(linkage)
-        notes.append(note + ('' if math.isnan(ratio) else f', time ratio {ratio:.6g}'))
+        steady = f', time ratio {ratio:.6g} at constant speed of the {crank}'
+        notes.append(note if math.isnan(ratio) else note + steady)
     return [*notes, _transmission(*transmission_range(linkage))]
 
 
@@ -127,7 +128,7 @@ def slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
     if linkage.turns == 'crank':
         first = f'slider-crank: the {crank} turns fully, stroke {linkage.stroke:.6g} m'
         if linkage.offset:
-            first += f', time ratio {linkage.time_ratio:.6g}'
+            first += f', time ratio {linkage.time_ratio:.6g} at constant speed'
     else:
         low, high = (math.degrees(math.asin(x)) for x in linkage.crank_limits())
         first = (

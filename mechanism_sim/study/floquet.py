@@ -19,7 +19,7 @@ from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.simulate import simulate
-from mechanism_sim.study.modes import Mode, Station, about, derivatives
+from mechanism_sim.study.modes import Mode, Roots, Station, about, derivatives
 
 _TURNS = 400  # after which a machine that has not settled is given up
 _NEAR = 1e-2  # change from turn to turn from which Newton's method takes over
@@ -180,13 +180,9 @@ def repeated(machine: Machine) -> Station:
         amplitudes = shape / shape[np.abs(shape).argmax()] * turns.scale[: len(shape)]
         amplitudes /= turns.scale[np.abs(shape).argmax()]
         found.append(
-            Mode(
-                float(abs(root) / (2.0 * np.pi)),
-                float(-root.real / abs(root)) if root else 0.0,
-                dict(zip(turns.names, amplitudes.tolist(), strict=True)),
-            )
+            Mode(Roots.of(complex(root)), dict(zip(turns.names, amplitudes.tolist(), strict=True)))
         )
-    found.sort(key=lambda mode: mode.frequency)
+    found.sort(key=lambda mode: mode.roots.size)
     pace = math.copysign(2.0 * np.pi / period, speed)
     return Station(turns.place(x), pace, found, int(faded.sum()))
 

@@ -35,39 +35,114 @@ _RIGID = 1e-7
 _EQUAL = 1e-8
 #: least singular value of shapes of equal roots; below it they are parallel, the root defective
 _PARALLEL = 1e-3
+#: imaginary part of a root, against its size, up to which it is real: a double root splits so far
+_REAL = 1e-7
+#: of a speed: what a frequency may be off the rotation's at a crossing, and not at a jump
+_MEETS = 1e-9
+_NONE = 1e300  # [Hz] of a mode that is not there
+_HALVINGS = 12  # of an interval in which modes begin or cease to oscillate
+#: 1 - cos^2 of the angle between two shapes up to which they are one
+_ONE_SHAPE = 1e-12
+
+
+class Roots(tuple[complex, ...]):
+    """The roots s [1/s] of a free motion ``shape e^(s t)``: two that share a shape, or a real one.
+
+    Two are conjugate (an oscillation), or real and of one sign (an overdamped mode). Where damping
+    is not in proportion, each real root has a shape of its own: it belongs to no second one.
+    """
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, root: complex) -> Roots:
+        """A root and its conjugate, a double root if they differ by rounding; alone if real."""
+        if not root.imag:
+            return cls((root,))
+        if abs(root.imag) <= _REAL * abs(root):
+            return cls((complex(root.real), complex(root.real)))
+        return cls((root, root.conjugate()))
+
+    @property
+    def oscillates(self) -> bool:
+        """Whether the motion goes to and fro."""
+        return bool(self[0].imag)
+
+    @property
+    def size(self) -> float:
+        """Geometric mean of the roots' absolute values [1/s]."""
+        return float(np.sqrt(abs(self[0]) * abs(self[-1])))
+
+    @property
+    def frequency(self) -> float:
+        """Natural frequency ``sqrt(s1 s2)/2 pi`` [Hz]; 0 of a root alone, which has none."""
+        return self.size / (2.0 * np.pi) if len(self) == 2 else 0.0
+
+    @property
+    def damping_ratio(self) -> float | None:
+        """``-(s1 + s2)/(2 sqrt(s1 s2))``: above 1 if overdamped; None of a root alone."""
+        return float(-(self[0] + self[1]).real / (2.0 * self.size)) if len(self) == 2 else None
+
+    @property
+    def time_constants(self) -> tuple[float, ...]:
+        """Of a motion that does not oscillate [s]: ``-1/s``, negative if it grows, longest first.
+
+        Empty for an oscillation, and for a rigid-body mode, whose root is zero.
+        """
+        if self.oscillates:
+            return ()
+        return tuple(-1.0 / s.real for s in sorted(self, key=abs) if s)
 
 
 @dataclass(frozen=True)
 class Mode:
-    """A way to vibrate freely.
+    """A free motion in which all coordinates keep their proportions and phases.
 
     Attributes
     ----------
-    frequency : natural frequency |root|/2 pi [Hz]; 0 for a rigid-body mode
-    damping_ratio : -Re(root)/|root|; above 1 if overdamped, negative if it grows
+    roots : of its growth or decay, from which all figures follow
     shape : complex amplitude [rad, m] of each coordinate that is not driven, the largest one 1;
         angles are compared with displacements over the size of the mechanism
     whirl : how round the axes of rotors go, from -1, a circle against their rotation, over 0, to
         and fro, to 1, a circle with it; None if no rotor turns, or no axis moves
     """
 
-    frequency: float
-    damping_ratio: float
+    roots: Roots
     shape: dict[str, complex]
     whirl: float | None = None
 
     @property
+    def oscillates(self) -> bool:
+        """Whether it goes to and fro."""
+        return self.roots.oscillates
+
+    @property
+    def frequency(self) -> float:
+        """Natural frequency [Hz]; 0 for a rigid-body mode and a real root alone."""
+        return self.roots.frequency
+
+    @property
+    def damping_ratio(self) -> float | None:
+        """Above 1 if overdamped, negative if it grows; None without a natural frequency."""
+        return self.roots.damping_ratio
+
+    @property
     def damped_frequency(self) -> float:
         """Frequency of the free vibration [Hz]; 0 where it does not oscillate."""
-        square = (1.0 - self.damping_ratio) * (1.0 + self.damping_ratio)
-        return self.frequency * float(np.sqrt(max(square, 0.0)))
+        return abs(self.roots[0].imag) / (2.0 * np.pi)
+
+    @property
+    def time_constants(self) -> tuple[float, ...]:
+        """In which it falls to 1/e where it does not oscillate [s]; see `Roots.time_constants`."""
+        return self.roots.time_constants
 
 
 class CriticalSpeed(NamedTuple):
-    """A speed of rotation that is a natural frequency."""
+    """A speed of rotation that is the natural frequency of a mode that oscillates."""
 
     speed: float  #: [rad/s]
     whirl: float | None  #: of its mode
+    damping_ratio: float  #: of its mode; where it is large, there is no resonance to be seen
 
 
 class Station(NamedTuple):
@@ -77,6 +152,11 @@ class Station(NamedTuple):
     speed: float  #: of the drive [rad/s, m/s]
     modes: list[Mode]
     faded: int = 0  #: modes besides that die out in less than a turn, too fast to be told
+
+    @property
+    def oscillating(self) -> list[Mode]:
+        """The modes that oscillate, the slowest first."""
+        return [mode for mode in self.modes if mode.oscillates]
 
 
 @dataclass(frozen=True)
@@ -126,9 +206,9 @@ class LinearMachine:
         free = self.derivatives.free
         B, scale = self.B[free], self.derivatives.scale[free]
         found = []
-        for frequency, ratio, z in natural_modes(M, C, K):
+        for roots, z in natural_modes(M, C, K):
             shape = _shape([names[i] for i in free], B @ z, scale)
-            found.append(Mode(frequency, ratio, shape, self._whirl(shape)))
+            found.append(Mode(roots, shape, self._whirl(shape)))
         return found
 
     def _whirl(self, shape: Mapping[str, complex]) -> float | None:
@@ -143,12 +223,12 @@ class LinearMachine:
         return area / size if size else None
 
 
-def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[float, float, ComplexArray]]:
-    """Frequencies [Hz], damping ratios and shapes (f,) of ``M z'' + C z' + K z = 0``.
+def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[Roots, ComplexArray]]:
+    """Roots and shapes (f,) of ``M z'' + C z' + K z = 0``, the slowest first.
 
-    Proportional damping gives one mode for each coordinate, overdamped ones too; any other, or
-    where a rigid-body mode is damped, gives one for each pair of conjugate roots and one for each
-    real root.
+    Proportional damping gives one mode for each coordinate, overdamped ones too. Any other, or
+    where a rigid-body mode is damped, gives one for each pair of conjugate roots and each pair of
+    real roots that share a shape, and one for each other real root.
     """
     scale = 1.0 / np.sqrt(np.diag(M))
     M, C, K = (scale[:, None] * x * scale for x in (M, C, K))
@@ -168,10 +248,9 @@ def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[float, float, Comp
             w = np.where(w <= np.sqrt(ROUNDING) * w.max(initial=0.0), 0.0, w)
             drifts = (w == 0.0) & (a > ROUNDING * np.maximum(w, a).max(initial=0.0))
             if not drifts.any():
-                ratios = [float(x / y) if y else 0.0 for x, y in zip(a, w, strict=True)]
                 shapes = along_axes(a + 1j * w, found.shapes.astype(complex), M)
-                shapes = scale[:, None] * shapes
-                return list(zip((w / (2.0 * np.pi)).tolist(), ratios, shapes.T, strict=True))
+                pairs = map(_pair, w.tolist(), a.tolist())
+                return list(zip(pairs, (scale[:, None] * shapes).T, strict=True))
     roots, vectors = scipy.linalg.eig(state_space.state_matrix(M, C, tidy))
     roots[np.abs(roots) <= _RIGID * np.abs(roots).max()] = 0.0
     kept = roots.imag >= 0.0
@@ -179,15 +258,36 @@ def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[float, float, Comp
     kept[zeros[len(zeros) // 2 + len(zeros) % 2 :]] = False  # two for each rigid-body mode
     order = sorted(np.flatnonzero(kept), key=lambda i: (abs(roots[i]), roots[i].real))
     roots = roots[order]
-    shapes = scale[:, None] * along_axes(roots, vectors[: len(M), order], M)
-    return [
-        (
-            float(abs(roots[i]) / (2.0 * np.pi)),
-            float(-roots[i].real / abs(roots[i])) if roots[i] else 0.0,
-            shapes[:, i],
-        )
-        for i in range(len(roots))
-    ]
+    shapes = along_axes(roots, vectors[: len(M), order], M)
+    modes = _paired([Roots.of(x) for x in roots.tolist()], shapes)
+    return [(found, scale * shape) for found, shape in modes]
+
+
+def _pair(w: float, decay: float) -> Roots:
+    """The roots of ``s^2 + 2 decay s + w^2``, the smaller real one without cancellation."""
+    if w == 0.0:
+        return Roots((0j,))
+    if abs(decay) < w:
+        return Roots.of(complex(-decay, np.sqrt((w - decay) * (w + decay))))
+    large = -decay - np.copysign(np.sqrt(max((decay - w) * (decay + w), 0.0)), decay)
+    return Roots((complex(w * w / large), complex(large)))
+
+
+def _paired(roots: list[Roots], shapes: ComplexArray) -> list[tuple[Roots, ComplexArray]]:
+    """Roots with their shapes (f, m); two real ones of one shape and sign are one mode."""
+    shapes = shapes / np.linalg.norm(shapes, axis=0)
+    real = [i for i, x in enumerate(roots) if len(x) == 1 and x[0]]
+    for n, i in enumerate(real):
+        for j in real[n + 1 :]:
+            like = 1.0 - abs(np.vdot(shapes[:, i], shapes[:, j])) ** 2 <= _ONE_SHAPE
+            if (
+                like
+                and len(roots[i]) == len(roots[j]) == 1
+                and (roots[i][0] * roots[j][0]).real > 0
+            ):
+                roots[i], roots[j] = Roots(roots[i] + roots[j]), Roots()
+    kept = sorted((i for i, x in enumerate(roots) if x), key=lambda i: roots[i].size)
+    return [(roots[i], shapes[:, i]) for i in kept]
 
 
 def along_axes(roots: ComplexArray, shapes: ComplexArray, M: Array) -> ComplexArray:
@@ -385,7 +485,7 @@ def about(machine: Machine, turning: bool = False) -> Station:
     k = one.derivatives.coordinates.index(machine.main)
     driven = machine.main in machine.plan.prescribed
     own = _station(one, 0.0 if driven else float(one.at.v[k]))
-    return own._replace(modes=sorted([*found, *own.modes], key=lambda m: m.frequency))
+    return own._replace(modes=sorted([*found, *own.modes], key=lambda m: m.roots.size))
 
 
 def _frame_modes(machine: Machine, name: str) -> list[Mode]:
@@ -394,8 +494,8 @@ def _frame_modes(machine: Machine, name: str) -> list[Mode]:
     scale = np.array([machine.plan.ideal.size, machine.plan.ideal.size, 1.0])[: frame.freedom]
     names = [f'{name}.{part}' for part in ('x', 'y', 'angle')[: frame.freedom]]
     return [
-        Mode(f, ratio, _shape(names, z, scale))
-        for f, ratio, z in natural_modes(frame.M, frame.C, frame.K)
+        Mode(roots, _shape(names, z, scale))
+        for roots, z in natural_modes(frame.M, frame.C, frame.K)
     ]
 
 
@@ -448,24 +548,52 @@ def campbell(machine: Machine, speeds: Array) -> list[Station]:
 
 
 def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[CriticalSpeed]:
-    """Speeds at which a natural frequency is that of the rotation, between stations."""
+    """Speeds between stations at which the natural frequency of an oscillation is the rotation's.
+
+    Modes are told apart by their order. So an interval in which some begin or cease to oscillate
+    is halved until that happens in a part too short to matter, and what a change of order only
+    seems to cross is left out.
+    """
     known, found = derivatives(machine, held=kept(machine)), []
 
-    def mode(speed: float, k: int) -> Mode:
-        modes = linearised(machine, speed=speed, known=known).modes()
-        return modes[min(k, len(modes) - 1)]
+    def at(speed: float) -> Station:
+        return Station({}, speed, linearised(machine, speed=speed, known=known).modes())
 
-    def above(speed: float, k: int) -> float:
-        return mode(speed, k).frequency - abs(speed) / (2.0 * np.pi)
+    def excess(station: Station, k: int) -> float:
+        modes = station.oscillating
+        frequency = modes[k].frequency if k < len(modes) else _NONE
+        return frequency - abs(station.speed) / (2.0 * np.pi)
+
+    def excess_at(speed: float, k: int) -> float:
+        return excess(at(speed), k)
+
+    def enter(station: Station, k: int) -> None:
+        mode = station.oscillating[k]
+        found.append(CriticalSpeed(station.speed, mode.whirl, float(mode.damping_ratio or 0.0)))
+
+    def search(a: Station, b: Station, halvings: int) -> None:
+        count = len(a.oscillating)
+        if count != len(b.oscillating) and halvings:
+            middle = at(0.5 * (a.speed + b.speed))
+            search(a, middle, halvings - 1)
+            search(middle, b, halvings - 1)
+            return
+        for k in range(min(count, len(b.oscillating))):
+            low, high = excess(a, k), excess(b, k)
+            if not low and a.speed:
+                enter(a, k)
+            elif low * high < 0.0:
+                w = scipy.optimize.brentq(excess_at, a.speed, b.speed, (k,), rtol=1e-14)
+                if abs(excess(there := at(w), k)) <= _MEETS * abs(w):
+                    enter(there, k)
 
     for a, b in pairwise(stations):
-        for k in range(min(len(a.modes), len(b.modes))):
-            ends = [x.modes[k].frequency - abs(x.speed) / (2.0 * np.pi) for x in (a, b)]
-            if ends[0] == 0.0 and a.speed:
-                found.append(CriticalSpeed(a.speed, a.modes[k].whirl))
-            elif ends[0] * ends[1] < 0.0:
-                w = scipy.optimize.brentq(above, a.speed, b.speed, (k,), rtol=1e-14)
-                found.append(CriticalSpeed(w, mode(w, k).whirl))
+        search(a, b, _HALVINGS)
+    if stations:
+        last = stations[-1]
+        for k in range(len(last.oscillating)):
+            if last.speed and not excess(last, k):
+                enter(last, k)
     return sorted(found, key=lambda x: x.speed)
 
 

@@ -1,0 +1,289 @@
+"""Strokes and dwells of coordinates, from where a motion reverses and where it stands still."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
+
+#: of the range of a coordinate: a way back that is shorter is rounding, not a reversal
+_WAY = 1e-9
+#: of the greatest speed: a segment of the motion in which it is lower all along is a standstill
+_SPEED = 1e-9
+#: of the period: shorter standstills are the instant of a reversal
+_BRIEF = 1e-7
+#: of the range, or of the greatest speed: by so much an end may differ from the start of a period
+_REPEATS = 1e-6
+#: at which the speed is looked at in a segment: a Taylor step is a fraction of the time in which
+#: the motion can turn round twice
+_LOOKS = np.linspace(0.0, 1.0, 33)
+_BISECTIONS = 60
+
+
+class Stroke(NamedTuple):
+    """The motion from one reversal to the next; it ends where a standstill before that begins."""
+
+    begin: float  #: [s]
+    end: float  #: [s]; beyond the end of the period if the stroke goes on in the next one
+    start: float  #: position [rad or m] it goes from
+    stop: float  #: position [rad or m] it goes to
+
+    @property
+    def duration(self) -> float:
+        """[s], standstills on the way included."""
+        return self.end - self.begin
+
+    @property
+    def way(self) -> float:
+        """From start to stop [rad or m], with its sign."""
+        return self.stop - self.start
+
+
+class Dwell(NamedTuple):
+    """A standstill."""
+
+    begin: float  #: [s]
+    end: float  #: [s]; beyond the end of the period if it goes on in the next one
+    position: float  #: [rad or m]
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return self.end - self.begin
+
+
+@dataclass(frozen=True)
+class Swing:
+    """How a coordinate moves over a cycle.
+
+    Attributes
+    ----------
+    size : greatest less least value [rad or m]
+    turns : whole turns that an angle is farther after the cycle; 0 if they are not whole
+    gained : by how much it is farther after the cycle [rad or m]
+    period : after which the motion repeats itself [s], but for whole turns; None if it does not,
+        and then nothing is known of strokes
+    strokes, dwells : in a period, in the order of time
+    """
+
+    size: float
+    turns: int
+    gained: float = 0.0
+    period: float | None = None
+    strokes: tuple[Stroke, ...] = ()
+    dwells: tuple[Dwell, ...] = ()
+
+    @property
+    def comes_back(self) -> bool:
+        """Whether it goes to and fro in each period."""
+        return self.period is not None and abs(self.gained) <= _REPEATS * self.size
+
+    @property
+    def rising(self) -> float | None:
+        """Time in which it goes up in a period [s], all strokes together."""
+        return self._time(1.0)
+
+    @property
+    def falling(self) -> float | None:
+        """Time in which it goes down in a period [s], all strokes together."""
+        return self._time(-1.0)
+
+    @property
+    def standing(self) -> float | None:
+        """Time in which it stands still in a period [s], not counting stops within a stroke."""
+        if self.period is None:
+            return None
+        return max(self.period - sum(x.duration for x in self.strokes), 0.0)
+
+    def _time(self, sign: float) -> float | None:
+        if not self.comes_back or not self.strokes:
+            return None
+        return math.fsum(x.duration for x in self.strokes if sign * x.way > 0.0)
+
+    @property
+    def time_ratio(self) -> float | None:
+        """Slower over faster of two strokes, dwells at their ends left out; None of any other."""
+        if not self.comes_back or len(self.strokes) != 2:
+            return None
+        times = [x.duration for x in self.strokes]
+        return max(times) / min(times)
+
+
+class _Run(NamedTuple):
+    """A part of a motion that goes one way, 1 or -1, or stands, 0."""
+
+    way: int
+    begin: float
+    end: float
+    start: float
+    stop: float
+
+
+def find_swings(
+    coordinates: Sequence[str],
+    angles: Sequence[bool],
+    curve: PiecewisePolynomial,
+    span: tuple[float, float],
+    sizes: Sequence[float],
+    period: float | None,
+) -> dict[str, Swing]:
+    """How far coordinates (n,) go, and in which strokes where their motion repeats itself.
+
+    Parameters
+    ----------
+    angles : (n,) which of them are angles
+    curve : their motion
+    span : begin and end of the cycle [s]
+    sizes : (n,) greatest less least values [rad or m]
+    period : of the drive [s], a whole part of the cycle, if that repeats
+    """
+    ends = np.array(span)
+    positions, rates = curve(ends), curve(ends, 1)
+    speeds = np.abs(curve(np.linspace(*span, 513), 1)).max(axis=0)
+    found = {}
+    for i, (name, size) in enumerate(zip(coordinates, sizes, strict=True)):
+        gained = float(positions[1, i] - positions[0, i])
+        turns = round(gained / TWO_PI) if angles[i] else 0
+        off = abs(gained - TWO_PI * turns)
+        faster = abs(rates[1, i] - rates[0, i])
+        if period is None or off > _REPEATS * size or faster > _REPEATS * speeds[i]:
+            found[name] = Swing(size, 0, gained)
+            continue
+        own = _period(curve, i, span, _REPEATS * size, period)
+        runs = _runs(curve, i, (span[0], span[0] + own), size, float(speeds[i]))
+        strokes, dwells = _strokes(runs, own, float(curve(np.array([span[0] + own]))[0, i]))
+        found[name] = Swing(size, turns, gained, own, strokes, dwells)
+    return found
+
+
+def _period(
+    curve: PiecewisePolynomial, i: int, span: tuple[float, float], near: float, period: float
+) -> float:
+    """The first whole number of the drive's periods after which a coordinate does the same [s]."""
+    begin, end = span
+    count = round((end - begin) / period)
+    t = np.linspace(begin, end, 64 * count + 1)
+    x = curve(t)[:, i]
+    for n in (n for n in range(1, count) if count % n == 0):
+        later = x[64 * n :] - x[: -64 * n]
+        if np.abs(later - TWO_PI * np.round(later / TWO_PI)).max() <= near:
+            return n * period
+    return end - begin
+
+
+def _runs(
+    curve: PiecewisePolynomial, i: int, span: tuple[float, float], size: float, speed: float
+) -> list[_Run]:
+    """The parts of a coordinate's motion that go one way or stand, in the order of time."""
+    begin, end = curve.spans(*span)
+    t = begin[:, None] + (end - begin)[:, None] * _LOOKS
+    k, into = curve.within(t)
+    x = curve.at(k, into)[:, i].reshape(t.shape)
+    v = curve.at(k, into, 1)[:, i].reshape(t.shape)
+    stands = np.abs(v).max(axis=1) <= _SPEED * speed
+    # whether the motion turns round between two looks; an instant of rest belongs to what follows
+    ways = np.where(v < 0.0, -1, np.where(v > 0.0, 1, 0))
+    for n in range(len(_LOOKS) - 2, -1, -1):
+        ways[:, n] = np.where(ways[:, n] == 0, ways[:, n + 1], ways[:, n])
+    for n in range(1, len(_LOOKS)):
+        ways[:, n] = np.where(ways[:, n] == 0, ways[:, n - 1], ways[:, n])
+    found: list[_Run] = []
+    row, column = np.nonzero((ways[:, 1:] != ways[:, :-1]) & ~stands[:, None])
+    turning = _zeros(curve, i, k[row], into[row, column], into[row, column + 1])
+    for j in range(len(t)):
+        if stands[j]:
+            found.append(_Run(0, t[j, 0], t[j, -1], x[j, 0], x[j, -1]))
+            continue
+        inside = np.flatnonzero(row == j)
+        at, places = turning[0][inside], turning[1][inside]
+        at = at - into[j, 0] + t[j, 0]
+        times, values = [t[j, 0], *at, t[j, -1]], [x[j, 0], *places, x[j, -1]]
+        starts = [ways[j, 0], *ways[j, column[inside] + 1]]
+        parts = [
+            _Run(int(way), *times[n : n + 2], *values[n : n + 2]) for n, way in enumerate(starts)
+        ]
+        # where a law ends smoothly, the sign of the rate is rounding: that belongs to its segment
+        found += _merged(parts, _WAY * size, 0.0)
+    return _merged(found, _WAY * size, _BRIEF * (span[1] - span[0]))
+
+
+def _zeros(
+    curve: PiecewisePolynomial, i: int, k: NDArray[np.intp], low: Array, high: Array
+) -> tuple[Array, Array]:
+    """When a coordinate's rate changes its sign within segments (K,), and where it is then."""
+    if not len(k):
+        return np.zeros(0), np.zeros(0)
+    negative = curve.at(k, low, 1)[:, i] < 0.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        same = (curve.at(k, middle, 1)[:, i] < 0.0) == negative
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return low, curve.at(k, low)[:, i]
+
+
+def _merged(runs: list[_Run], way: float, brief: float) -> list[_Run]:
+    """Runs put together that go the same way; what is rounding goes to a motion beside it."""
+
+    def joined(runs: list[_Run]) -> list[_Run]:
+        out = runs[:1]
+        for run in runs[1:]:
+            if run.way == out[-1].way:
+                out[-1] = out[-1]._replace(end=run.end, stop=run.stop)
+            else:
+                out.append(run)
+        return out
+
+    runs = joined(runs)
+    while len(runs) > 1:
+        small = [
+            n for n, run in enumerate(runs)
+            if (run.end - run.begin <= brief if not run.way else abs(run.stop - run.start) <= way)
+        ]  # fmt: skip
+        if not small:
+            break
+        n = min(small, key=lambda n: runs[n].end - runs[n].begin)
+        beside = [runs[k].way for k in (n - 1, n + 1) if 0 <= k < len(runs)]
+        runs[n] = runs[n]._replace(way=next((way for way in beside if way), 0))
+        runs = joined(runs)
+    return runs
+
+
+def _strokes(
+    runs: list[_Run], period: float, last: float
+) -> tuple[tuple[Stroke, ...], tuple[Dwell, ...]]:
+    """Strokes and dwells of a motion that repeats itself.
+
+    Parameters
+    ----------
+    last : position at the end of the period; what differs from that at the start are whole turns
+    """
+    if not any(run.way for run in runs):
+        return (), tuple(Dwell(run.begin, run.end, run.start) for run in runs)
+    gained = last - runs[0].start
+    if len(runs) > 1 and runs[0].way == runs[-1].way:
+        # what goes on beyond the end of the period is one run
+        first, *middle, tail = runs
+        after = first._replace(end=first.end + period, stop=first.stop + gained)
+        runs = [*middle, tail._replace(end=after.end, stop=after.stop)]
+    dwells = tuple(Dwell(run.begin, run.end, run.start) for run in runs if not run.way)
+    moving = [run for run in runs if run.way]
+    # a stop on the way does not end a stroke: only a reversal does
+    whole: list[_Run] = []
+    for run in moving:
+        if whole and whole[-1].way == run.way:
+            whole[-1] = whole[-1]._replace(end=run.end, stop=run.stop)
+        else:
+            whole.append(run)
+    if len(whole) > 1 and whole[0].way == whole[-1].way:
+        first, *middle, tail = whole
+        whole = [*middle, tail._replace(end=first.end + period, stop=first.stop + gained)]
+    if len(whole) < 2:
+        return (), dwells
+    return tuple(Stroke(*run[1:]) for run in whole), dwells
