@@ -43,7 +43,6 @@ NEGLIGIBLE = 1e-12
 """Error that does not matter, of the largest magnitude so far times the length of the interval:
 what is smaller all the while is rounding of larger terms, which no halving removes."""
 
-_COUNT = 8
 _HALVINGS = 48  # an interval of 2^-48 of a segment is a point, where a function jumps
 _STALLED = 5  # times that halving did not help on either side: it is noise
 _LESS, _NEITHER = 0.3, 0.05  # of the tail of the whole in the mean half, and in each: no help
@@ -62,6 +61,7 @@ class Integrals(NamedTuple):
     value: Array  #: (C, m); not a number where a function is not finite on a whole part
     error: Array  #: (C, m) what they may be off: estimated, infinite where nothing is known
     largest: Array  #: (C,) magnitudes of the functions so far
+    size: Array  #: (C, m) integrals of the magnitudes
 
 
 class Parts(NamedTuple):
@@ -98,11 +98,11 @@ class Rule(NamedTuple):
     tail: Array  #: (K, r) from values to what tells its error
 
 
-def _smooth() -> Rule:
-    """Gauss's rule; coefficients in Legendre polynomials from the degree 2 on."""
-    nodes, weights = gauss_nodes(_COUNT)
-    degrees = np.arange(2, _COUNT)
-    at_nodes = np.polynomial.legendre.legvander(2.0 * nodes - 1.0, _COUNT - 1)[:, degrees]
+def _smooth(count: int) -> Rule:
+    """Gauss's rule; its last six coefficients in Legendre polynomials."""
+    nodes, weights = gauss_nodes(count)
+    degrees = np.arange(count - 6, count)
+    at_nodes = np.polynomial.legendre.legvander(2.0 * nodes - 1.0, count - 1)[:, degrees]
     tail = (2 * degrees + 1) * weights[:, None] * at_nodes
     return Rule(Nodes(tuple(nodes.tolist())), weights, tail)
 
@@ -114,8 +114,11 @@ def _powers() -> Rule:
     return Rule(Nodes(tuple(nodes.tolist())), weights, (weights - half)[:, None])
 
 
-SMOOTH = _smooth()
+SMOOTH = _smooth(8)
 """For functions with a series about every point of an interval, its ends included."""
+
+SECOND = _smooth(9)
+"""The same with none of its nodes: what one of the two misses the other one may see."""
 
 POWERS = _powers()
 """For functions that behave as any power of the distance from an end."""
@@ -126,15 +129,22 @@ def integrate(
     parts: Parts,
     powers: NDArray[np.bool_] | None = None,
     largest: Array | None = None,
+    in_order: bool = True,
+    alike: bool = False,
+    smooth: Rule = SMOOTH,
     relative: float = RELATIVE,
 ) -> Integrals:
-    """Integrals of functions over intervals that are in the order of time.
+    """Integrals of functions over intervals.
 
     Parameters
     ----------
     values : the functions; they may differ by rounding at `Nodes` of segments that are whole
     powers : (m,) where functions may behave as powers at the ends
     largest : (C,) magnitudes of the functions before the first of these intervals
+    in_order : whether the intervals follow each other, so that what was before tells what is
+        rounding
+    alike : whether the functions are of one kind, so that the largest of them tells it for all
+    smooth : `SMOOTH` or `SECOND`
     relative : error that is aimed at, of the integral of the magnitude
 
     Examples
@@ -144,17 +154,19 @@ def integrate(
         found = integrate(values, parts_of(curve), largest=found.largest)
     """
     flags = np.zeros(len(parts.segment), bool) if powers is None else np.asarray(powers)
-    found: list[tuple[Array, Array]] = []
+    found: list[tuple[Array, ...]] = []
     for first in range(0, len(parts.segment), _BLOCK):
         block = slice(first, first + _BLOCK)
-        value, error, largest = _integrate_block(
-            values, parts.of(block), flags[block], largest, relative
+        *own, largest = _integrate_block(
+            values, parts.of(block), flags[block], largest, in_order, alike, smooth, relative
         )
-        found.append((value, error))
+        found.append(tuple(own))
     if largest is None or not found:
         largest = np.zeros(0) if largest is None else largest
-        return Integrals(*np.zeros((2, len(largest), 0)), largest)
-    return Integrals(*(np.concatenate(x, axis=1) for x in zip(*found, strict=True)), largest)
+        none = np.zeros((len(largest), 0))
+        return Integrals(none, none, largest, none)
+    value, error, size = (np.concatenate(x, axis=1) for x in zip(*found, strict=True))
+    return Integrals(value, error, largest, size)
 
 
 def _integrate_block(
@@ -162,16 +174,21 @@ def _integrate_block(
     parts: Parts,
     powers: NDArray[np.bool_],
     largest: Array | None,
+    in_order: bool,
+    alike: bool,
+    smooth: Rule,
     relative: float,
-) -> tuple[Array, Array, Array]:
-    """Values and errors (C, m) of some of the intervals, and the magnitudes (C,) with these."""
+) -> tuple[Array, Array, Array, Array]:
+    """Values, errors, sizes (C, m) on some of the intervals; magnitudes (C,) with these."""
     width = parts.end - parts.begin
-    whole = _apply(values, parts, powers, parts.whole)
+    whole = _apply(values, parts, powers, smooth)
     before = np.zeros(len(whole.value)) if largest is None else largest
-    running = np.maximum.accumulate(np.column_stack([before, whole.top]), axis=1)[:, 1:]
+    running = np.column_stack([before, whole.top])
+    running = (np.maximum.accumulate(running, axis=1) if in_order else running)[:, 1:]
+    scale = np.broadcast_to(running.max(axis=0), running.shape) if alike else running
 
     def allowed(x: _Applied, interval: NDArray[np.intp], share: Array, width: Array) -> Array:
-        own = relative * x.size + NEGLIGIBLE * running[:, interval] * width
+        own = relative * x.size + NEGLIGIBLE * scale[:, interval] * width
         return np.asarray(own + _SHARE * relative * share[:, interval])
 
     every, size = np.arange(len(width)), whole.size
@@ -189,7 +206,7 @@ def _integrate_block(
         interval = np.tile(interval[chosen], 2)
         np.add.at(count, (slice(None), interval), wanted)
         halves = Parts(parts.segment[interval], begin, begin + width, np.zeros(len(begin), bool))
-        now = _apply(values, halves, powers[interval], halves.whole)
+        now = _apply(values, halves, powers[interval], smooth)
         total = np.zeros_like(size)
         np.add.at(total, (slice(None), interval), np.where(wanted, now.size, 0.0))
         size = np.fmax(size, total)
@@ -211,7 +228,7 @@ def _integrate_block(
             np.add.at(sums, (rows, interval[columns]), x[rows, columns])
         wanted, parent = wanted & ~settled, now
     error += (_ROUNDING + _BELIEVED * relative * refined) * size
-    return value, np.where(np.isfinite(value), error, np.inf), running[:, -1]
+    return value, np.where(np.isfinite(value), error, np.inf), size, running[:, -1]
 
 
 class _Applied(NamedTuple):
@@ -228,14 +245,12 @@ class _Applied(NamedTuple):
         return _Applied(*(x[:, chosen] for x in self))
 
 
-def _apply(
-    values: Values, parts: Parts, powers: NDArray[np.bool_], whole: NDArray[np.bool_]
-) -> _Applied:
+def _apply(values: Values, parts: Parts, powers: NDArray[np.bool_], smooth: Rule) -> _Applied:
     """Apply to each interval the rule that is for it."""
     found: list[tuple[NDArray[np.intp], _Applied]] = []
-    for rule, of_rule in ((SMOOTH, ~powers), (POWERS, powers)):
+    for rule, of_rule in ((smooth, ~powers), (POWERS, powers)):
         for at_nodes in (True, False):
-            which = np.flatnonzero(of_rule & (whole == at_nodes))
+            which = np.flatnonzero(of_rule & (parts.whole == at_nodes))
             for first in range(0, len(which), _BLOCK):
                 some = which[first : first + _BLOCK]
                 own = parts.of(some)
@@ -259,7 +274,7 @@ def _applied(x: Array, width: Array, rule: Rule) -> _Applied:
     top = magnitude.max(axis=2)
     size = width * _weighted(magnitude, rule.weights[:, None])[0]
     left = np.abs(_weighted(x, rule.tail))
-    if rule is SMOOTH:
+    if rule is not POWERS:
         tail = width * np.maximum(left[-1], left[-2])
         error = tail * _fall(left)
     else:  # the rule is as much better than at half of its nodes as that is than nothing
@@ -278,7 +293,8 @@ def _applied(x: Array, width: Array, rule: Rule) -> _Applied:
 def _fall(left: Array) -> Array:
     """How far the error of Gauss's rule (C, K) is below the coefficients of highest degree.
 
-    Let E_2, E_4, E_6 be the larger ones of degrees 2 and 3, 4 and 5, 6 and 7, in `left` (6, C, K).
+    Let E_2, E_4, E_6 be the larger ones of degrees 2 and 3, 4 and 5, 6 and 7 (of the rule of 8
+    nodes), in `left` (6, C, K).
     Where they fall as any power of the degree, those from 16 on, of which the error consists, are
     about ``E_6 (E_6 / E_2)``. Where the logarithms fall as straight or steeper lines,
     geometrically, they are less by at least ``(E_6 / E_2)^1.4``; half of that is believed.
