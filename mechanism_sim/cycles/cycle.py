@@ -20,10 +20,13 @@ from mechanism_sim.cycles.extremes import Extremes, find_extremes
 from mechanism_sim.cycles.forces import Forces
 from mechanism_sim.cycles.points import Paths, Place, choose
 from mechanism_sim.cycles.strokes import Swing, find_swings
+from mechanism_sim.cycles.time_integrals import Estimate, TimeIntegrals
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid import plotting
+from mechanism_sim.hybrid.physics import each_instant
 from mechanism_sim.hybrid.sampling import table
 from mechanism_sim.hybrid.solution import Solution
+from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.scene import Level, Machine, simulate, span
@@ -40,8 +43,6 @@ _MOMENT = 1e-6
 _BESIDE = np.arange(-3.5, 4.0)
 _BETWEEN = np.array([-5.0, 49.0, -245.0, 1225.0, 1225.0, -245.0, 49.0, -5.0]) / 2048.0
 _BEYOND = np.array([8.0, -28.0, 56.0, -70.0, 56.0, -28.0, 8.0, -1.0])
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,22 +225,39 @@ class Cycle(plotting.Rich):
             self.machine.period if self.repeats else None,
         )
 
-    @cached_property
-    def _between(self) -> dict[str, Array]:
-        """The columns at five Gauss points between any two samples."""
-        half, middle = 0.5 * np.diff(self.t), 0.5 * (self.t[1:] + self.t[:-1])
-        return self.at((middle[:, None] + half[:, None] * _NODES).ravel())
-
     def mean(self, name: str) -> float:
-        """Mean of a column over time."""
-        return self._mean(self._between[name])
+        """Mean of a column over time, by quadrature over every step of the motion."""
+        return self._average('value', name).value
 
     def rms(self, name: str) -> float:
-        """Root of the mean square of a column over time."""
-        return math.sqrt(self._mean(self._between[name] ** 2))
+        """Root of the mean square of a column over time, likewise."""
+        return self._average('square', name).value
 
-    def _mean(self, x: Array) -> float:
-        return float((x.reshape(-1, len(_NODES)) @ _WEIGHTS).mean() / 2.0)
+    def _average(self, form: str, name: str) -> Estimate:
+        """Mean or root mean square of a column; those that begin alike are taken together."""
+        kind = name.partition('.')[0]
+        if (form, kind) not in self._averages:
+            names = [n for n in self.table() if n.partition('.')[0] == kind]
+            curve, taken = self.solution.motion.curve, TimeIntegrals(len(names))
+
+            def values(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
+                each, since = each_instant(curve, k, dt)
+                columns = self.at(
+                    curve.start[each] + (curve.start_low[each] + since), kind == 'energy'
+                )
+                x = np.array([columns.get(n, np.zeros(len(each))) for n in names])
+                return x * x if form == 'square' else x
+
+            taken.add(values, self.solution.motion, float(self.t[0]), float(self.t[-1]))
+            found = [
+                taken.root(i) if form == 'square' else taken.mean(i) for i in range(len(names))
+            ]
+            self._averages[form, kind] = dict(zip(names, found, strict=True))
+        return self._averages[form, kind][name]
+
+    @cached_property
+    def _averages(self) -> dict[tuple[str, str], dict[str, Estimate]]:
+        return {}
 
     @property
     def efficiency(self) -> float | None:

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.measure_series import EXACT
 from mechanism_sim.cycles.measure_text import EXTREMES, Figure, Value, as_row
 from mechanism_sim.cycles.quantities import Quantities
+from mechanism_sim.cycles.time_integrals import EXACT, Estimate, TimeIntegrals
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import rules
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.numerics.extremes import GLANCES, ExtremeSearch
+from mechanism_sim.numerics.monotone import Monotone, joined, monotone
 from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.quadrature import parts_of
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 
-_BISECTIONS = 50
-_LOOKS = np.linspace(0.0, 1.0, 13)
+_FORMS = {'mean': 'value', 'integral': 'value', 'rms': 'square', 'work': 'power'}
+"""Of what figures are integrals over time: an argument, its square, or the power it is part of."""
 
 
 def speed_of(machine: Machine, f: Figure) -> str:
@@ -42,15 +42,6 @@ def unit_of_figure(quantities: Quantities, f: Figure) -> str:
     return f.evaluate(lambda name: Value(np.ones(1), quantities.units[name])).unit
 
 
-@dataclass
-class _Mean:
-    """Integrals over what was entered so far."""
-
-    of_x: float = 0.0
-    of_square: float = 0.0
-    time: float = 0.0
-
-
 class Tally:
     """Figures of what is known at every instant of one window."""
 
@@ -67,26 +58,27 @@ class Tally:
             for a in self._arguments
             if any(f.argument == a and f.function in EXTREMES for f in figures)
         ]
-        self._integrals = wanted & {'mean', 'rms', 'integral', 'work', 'percentile'}
         self._conditions = [
             a
             for a in self._arguments
             if any(f.argument == a and f.function == 'share' for f in figures)
         ]
-        self._kept = [
-            a
-            for a in self._arguments
-            if any(f.argument == a and f.function == 'percentile' for f in figures)
-        ]
         self._ends = bool(wanted & {'change', 'initial', 'final'})
         self._works = {f.argument: speed_of(machine, f) for f in figures if f.function == 'work'}
         self._search = ExtremeSearch([(a, self._units[a]) for a in self._extreme])
         self._unbounded: dict[str, bool] = {}
-        self._means = {a: _Mean() for a in self._arguments}
-        self._true, self._span, self._looks = dict.fromkeys(self._conditions, 0.0), 0.0, 0
-        self._work = dict.fromkeys(self._works, 0.0)
-        self._samples: list[tuple[Array, Array]] = []
-        self._count = 0
+        self._rows = list(
+            dict.fromkeys(
+                (_FORMS[f.function], f.argument) for f in figures if f.function in _FORMS
+            )
+        )
+        self._integrals = TimeIntegrals(len(self._rows))
+        self._true, self._span = dict.fromkeys(self._conditions, 0.0), 0.0
+        self._struck = dict.fromkeys(self._works, 0.0)  # [J] work in impacts
+        self._parts: dict[str, list[Monotone]] = {
+            f.argument: [] for f in figures if f.function == 'percentile'
+        }
+        self._largest: dict[str, float] = {}  # magnitudes so far of what is cut into parts
         self._first: Array | None = None
         self._last: Array | None = None
 
@@ -125,14 +117,20 @@ class Tally:
                     at = self._values(piece, self._extreme, *curve.find(np.array([limit.t])))[0]
                     lost = ~np.isfinite(at[:, 0])
                     self._unbounded |= dict.fromkeys(np.array(self._extreme)[lost].tolist(), True)
-        if self._integrals:
-            self._integrate(piece, k, start, end)
+        self._integrals.add(lambda k, dt: self._integrands(piece, k, dt), motion, since, until)
+        every = parts_of(curve, since, until)
+        for a, kept in self._parts.items():
+            part, self._largest[a] = monotone(
+                lambda k, dt, a=a: self._values(piece, [a], k, dt)[0],  # type: ignore[misc]
+                every, self._largest.get(a, 0.0),
+            )  # fmt: skip
+            kept.append(part)
         if self._conditions:
-            self._time_true(piece, start, end)
-        for impact in piece.impacts if self._work else ():
+            self._time_true(piece, since, until)
+        for impact in piece.impacts if self._struck else ():
             if since <= impact.t < until and len(self._machine.physics.driven) == 1:
-                for a in self._work:
-                    self._work[a] += impact.drive_work
+                for a in self._struck:
+                    self._struck[a] += impact.drive_work
         if self._ends:
             for t, first in ((start[:1], True), (end[-1:], False)):
                 row = self._values(piece, self._arguments, *curve.find(t))[0][:, 0]
@@ -141,57 +139,63 @@ class Tally:
                 elif self._first is None:
                     self._first = row
 
-    def _time_true(self, piece: Piece, start: Array, end: Array) -> None:
-        """Enter for how long conditions hold; where one changes between two looks is located."""
-        curve, width = piece.motion.curve, (end - start)[:, None]
-        t = start[:, None] + width * _LOOKS
+    def _integrands(self, piece: Piece, k: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """What is integrated, in rows."""
+        arguments = list(dict.fromkeys(a for _, a in self._rows))
+        x, seen = self._values(piece, arguments, k, dt)
+        rows = []
+        for form, name in self._rows:
+            row = x[arguments.index(name)]
+            with np.errstate(invalid='ignore', over='ignore'):
+                speed = seen[self._works[name]] if form == 'power' else 1.0
+                rows.append(row * (row if form == 'square' else speed))
+        return np.array(rows)
 
-        def holds(condition: str, t: Array) -> Array:
-            seen = self._values(piece, [condition], *curve.within(t))[0]
-            return np.asarray(seen.reshape(t.shape) != 0.0)
-
-        self._span += float(width.sum())
-        self._looks += t.size
-        for name in self._true:
-            now = holds(name, t)
-            times = np.diff(t, axis=1)
-            both = np.logical_and(now[:, :-1], now[:, 1:])
-            self._true[name] += float(times[both].sum())
-            row, column = np.nonzero(now[:, :-1] != now[:, 1:])
-            if not len(row):
-                continue
-            low, high, first = t[row, column], t[row, column + 1], now[row, column]
-            for _ in range(_BISECTIONS):
-                middle = 0.5 * (low + high)
-                same = holds(name, middle[:, None])[:, 0] == first
-                low, high = np.where(same, middle, low), np.where(same, high, middle)
-            before, after = low - t[row, column], t[row, column + 1] - low
-            self._true[name] += float(np.where(first, before, after).sum())
-
-    def _integrate(self, piece: Piece, k: NDArray[np.intp], start: Array, end: Array) -> None:
+    def _time_true(self, piece: Piece, since: float, until: float) -> None:
+        """Enter for how long conditions hold; they change where what they compare is equal."""
         curve = piece.motion.curve
-        for rule, which in rules(piece.motion, k):
-            a, width = start[which], (end - start)[which]
-            t = a[:, None] + width[:, None] * np.array(rule.places.fractions)
-            into = (t - curve.start[k[which], None]) - curve.start_low[k[which], None]
-            x, seen = self._values(piece, self._arguments, k[which], into)
-            weights = (width[:, None] * rule.weights).ravel()
-            self._count += len(weights)
-            for row, name in zip(x, self._arguments, strict=True):
-                mean = self._means[name]
-                mean.of_x += float(row @ weights)
-                mean.of_square += float((row * row) @ weights)
-                mean.time += float(weights.sum())
-                if speed := self._works.get(name):
-                    self._work[name] += float((row * seen[speed]) @ weights)
-            if self._kept:
-                rows = [self._arguments.index(name) for name in self._kept]
-                self._samples.append((x[rows], weights))
+        every = parts_of(curve, since, until)
+        self._span += float((every.end - every.begin).sum())
+        for name in self._true:
+            figure, places = self._by_argument[name], [every.begin, every.end]
+            owners = [every.segment, every.segment]
+            for i in range(figure.comparisons):
+                key = f'{name} {i}'
+                part, self._largest[key] = monotone(
+                    self._difference(piece, figure, i), every, self._largest.get(key, 0.0)
+                )
+                of = np.flatnonzero(np.sign(part.first) * np.sign(part.last) < 0.0)
+                share = 0.5 * (part.crossings(0.0, of) + 1.0)
+                places.append(part.begin[of] + part.width[of] * share)
+                owners.append(part.segment[of])
+            segment, place = np.concatenate(owners), np.concatenate(places)
+            order = np.lexsort((place, segment))
+            segment, place = segment[order], place[order]
+            same = np.flatnonzero(segment[1:] == segment[:-1])
+            if not len(same):
+                continue
+            width = place[same + 1] - place[same]
+            middle = 0.5 * (place[same + 1] + place[same])
+            holds = self._values(piece, [name], segment[same], middle[:, None])[0][0] != 0.0
+            self._true[name] += float(width[holds].sum())
+
+    def _difference(
+        self, piece: Piece, figure: Figure, i: int
+    ) -> Callable[[NDArray[np.intp], Array | Nodes], Array]:
+        """The left less the right side of a comparison in a condition, as a function."""
+
+        def values(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
+            seen = self._quantities.at(piece.motion, piece.balance, k, dt)
+            count, units = len(next(iter(seen.values()))), self._quantities.units
+            with np.errstate(invalid='ignore', divide='ignore', over='ignore'):
+                x = figure.difference(i, lambda n: Value(seen[n], units[n]))
+                return as_row(x, count)[None]
+
+        return values
 
     def result(self, f: Figure) -> tuple[Value, str]:
         """The value of a figure of this window, and its resolution."""
         name, unit, kind = f.argument, self._units[f.argument], f.function
-        mean = self._means[name]
         note = EXACT
         if kind in EXTREMES:
             i = self._extreme.index(name)
@@ -211,28 +215,36 @@ class Tally:
             return Value(
                 {'change': last - first, 'initial': first, 'final': last}[kind], unit
             ), note
-        if kind == 'work':
-            return Value(self._work[name], 'J'), note
         if kind == 'share':
-            x = self._true[name] / self._span if self._span else math.nan
-            if not name.startswith('closed.'):  # which is constant in a step
-                note = f'changes seen at {self._looks} instants, located to rounding'
-            return Value(x), note
-        if not mean.time:
-            return Value(math.nan, product(unit, 's') if kind == 'integral' else unit), note
-        if any(word in name for word in ('<', '>', 'abs(', 'sign(', 'min(', 'max(', ' if ')):
-            note = f'of {self._count} instants'
-        if kind == 'integral':
-            return Value(mean.of_x, product(unit, 's')), note
-        if kind == 'mean':
-            return Value(mean.of_x / mean.time, unit), note
-        if kind == 'rms':
-            return Value(math.sqrt(max(mean.of_square / mean.time, 0.0)), unit), note
-        i = self._kept.index(name)
-        seen = np.concatenate([rows[i] for rows, _ in self._samples])
-        weights = np.concatenate([w for _, w in self._samples])
-        order = np.argsort(seen, kind='stable')
-        seen, weights = seen[order], weights[order]
-        below = np.cumsum(weights) - 0.5 * weights
-        value = np.interp((f.percent or 0.0) / 100.0 * weights.sum(), below, seen)
-        return Value(float(value), unit), f'of {len(seen)} instants'
+            return Value(self._true[name] / self._span if self._span else math.nan), note
+        if kind == 'percentile':
+            return self._percentile(f)
+        return self._integrated(f)
+
+    def _integrated(self, f: Figure) -> tuple[Value, str]:
+        """A figure that is an integral over time, or follows from one."""
+        name, unit, kind = f.argument, self._units[f.argument], f.function
+        found = self._integrals
+        i = self._rows.index((_FORMS[kind], name))
+        if kind == 'work':
+            unit, e = 'J', found.integral(i)
+            e = e._replace(value=e.value + self._struck[name])
+        elif kind == 'integral':
+            unit, e = product(unit, 's'), found.integral(i)
+        else:
+            e = found.root(i) if kind == 'rms' else found.mean(i)
+        if not found.time:
+            return Value(0.0 if kind == 'work' else math.nan, unit), EXACT
+        return Value(e.value, unit), e.note(unit)
+
+    def _percentile(self, f: Figure) -> tuple[Value, str]:
+        """The level that is not exceeded for a share of the time."""
+        unit, kept = self._units[f.argument], self._parts[f.argument]
+        part = joined(kept) if kept else None
+        if part is None or not len(part.low):
+            return Value(math.nan, unit), EXACT
+        x = part.quantile((f.percent or 0.0) / 100.0)
+        size = float(np.abs(part.first).max())
+        if part.lost:
+            return Value(x, unit), f'of the time but {part.lost:.3g} s, when it is not finite'
+        return Value(x, unit), Estimate(x, part.error, size).note(unit)

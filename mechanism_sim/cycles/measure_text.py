@@ -17,6 +17,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import reduce
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -118,6 +119,23 @@ class Figure:
             If units do not fit.
         """
         return evaluate(ast.parse(self.argument, mode='eval').body, value_of, self.argument)
+
+    @property
+    def _compared(self) -> list[tuple[ast.expr, ast.expr]]:
+        """Both sides of every comparison in the expression."""
+        nodes = ast.walk(ast.parse(self.argument, mode='eval'))
+        found = [(n.left, *n.comparators) for n in nodes if isinstance(n, ast.Compare)]
+        return [pair for sides in found for pair in pairwise(sides)]
+
+    @property
+    def comparisons(self) -> int:
+        """How many comparisons there are in the expression."""
+        return len(self._compared)
+
+    def difference(self, i: int, value_of: Callable[[str], Value]) -> Any:
+        """The left less the right side of a comparison, whose sign it depends on."""
+        a, b = (evaluate(side, value_of, self.argument) for side in self._compared[i])
+        return a.x - b.x
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,10 @@
 """Measures of a run, taken from its motion piece by piece.
 
 Extremes are those of the motion (`mechanism_sim.numerics.extremes`), integrals and means are
-quadratures over every step of the integrator. What has neither, percentiles and shares of time, is
-counted at the nodes of those quadratures, and says of how many instants it is.
+adaptive quadratures over every step of the integrator (`mechanism_sim.numerics.quadrature`),
+percentiles and shares of time add up times between crossings of a level
+(`mechanism_sim.numerics.monotone`). What may be off by more than 1e-9 of its size says by how
+much.
 """
 
 from __future__ import annotations
@@ -15,10 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.measure_series import EXACT, Series, Turns
+from mechanism_sim.cycles.measure_series import Series, Turns
 from mechanism_sim.cycles.measure_tally import Tally, speed_of, unit_of_figure
 from mechanism_sim.cycles.measure_text import Bound, Figure, Measure, Value, as_float, read_all
 from mechanism_sim.cycles.quantities import Quantities
+from mechanism_sim.cycles.time_integrals import EXACT
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.scene import Machine, stream
@@ -32,7 +35,7 @@ class Measured(NamedTuple):
     ----------
     value : in `unit`; not a number where there is nothing to take it from
     text : the measure as it is written
-    resolution : `EXACT`, or of how many instants or samples
+    resolution : `EXACT`, what the value may be off, or of how many samples it is
     """
 
     name: str

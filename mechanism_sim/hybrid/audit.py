@@ -5,8 +5,10 @@ Both are read from the finished polynomials, independently of the event loop tha
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,31 +19,15 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode, StopReason
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.system import Array
-from mechanism_sim.numerics.polynomials import Nodes, double_exponential_nodes, gauss_nodes
-
-
-class Rule(NamedTuple):
-    """A quadrature over a segment."""
-
-    places: Nodes
-    weights: Array  #: (K,) of the duration
-
-    def of(self, values: Array, duration: Array) -> Array:
-        """Integrals (m,) over segments that last so long (m,), of values (m K,)."""
-        found: Array = duration * (values.reshape(-1, len(self.weights)) @ self.weights)
-        return found
-
-
-def _rule(nodes: Array, weights: Array) -> Rule:
-    return Rule(Nodes(tuple(nodes.tolist())), weights)
-
-
-SMOOTH = _rule(*gauss_nodes(8))
-"""Exact to rounding where a step is a third of the radius of convergence."""
-
-RECOVERY = _rule(*double_exponential_nodes(20))
-"""What a contact without force loses while it recovers is a power of its depth: it has no series
-at the end, and no step is the shorter for it."""
+from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.quadrature import (
+    SECOND,
+    SMOOTH,
+    Parts,
+    integrate,
+    parts_of,
+)
+from mechanism_sim.planar.inverse_dynamics import Account
 
 _DENSE = np.linspace(0.0, 1.0, 17)
 _DENSE_PLACES = Nodes(tuple(_DENSE.tolist()))
@@ -52,29 +38,63 @@ _ROUNDING = 1e-14  # [m] deeper than what is measured already: not worth a close
 PULL = 1e-3
 """Pull in a contact relative to its largest force that a step's error may leave."""
 
-_MISSING = 0.01  # of the largest term of the energy balance: more is no error of integration
+_MISSING = 0.01  # of what was exchanged: more is no error of integration
+_EPSILON = float(np.finfo(float).eps)
+_EVALUATED = 64  # roundings of an energy where it is evaluated
+
+
+PROMISED = 1e-9
+"""Of what was exchanged: what works may be off without a word about it."""
 
 
 @dataclass(frozen=True)
 class Energy:
-    """Energy balance of a run [J]; `residual` is what does not add up."""
+    """Energy balance of a run [J]; `residual` is what does not add up.
+
+    Attributes
+    ----------
+    error : what `drive_work` and `dissipated` may be off together, by an estimate
+    exchanged : what a residual is measured by: magnitudes of the works of drives, loads and
+        friction, and of all changes of kinetic and potential energy. No height or angle at which
+        an energy is called zero is part of it
+    rounding : what the sizes of the energies themselves round away
+    """
 
     initial: float
     final: float
     drive_work: float
     dissipated: float
+    error: float = 0.0
+    exchanged: float = 0.0
+    rounding: float = 0.0
 
     @property
     def residual(self) -> float:
         """``final - initial - drive_work + dissipated``."""
         return self.final - self.initial - self.drive_work + self.dissipated
 
+    @property
+    def share(self) -> float:
+        """The residual beyond rounding, of what was exchanged."""
+        left = max(abs(self.residual) - self.rounding, 0.0)
+        return left / self.exchanged if self.exchanged else math.inf if left else 0.0
+
+    @property
+    def doubt(self) -> str:
+        """A sentence if works may be off by more than `PROMISED`, else empty."""
+        if self.error <= PROMISED * self.exchanged + self.rounding:
+            return ''
+        return (
+            f'works may be off by {self.error:.2g} J: loads or forces vary faster than the steps'
+        )
+
 
 class Work(NamedTuple):
     """What happened to energy in m segments, impacts left out [J]."""
 
     drive: Array  #: (m,) done by the drives
-    friction: Array  #: (m,) lost by sliding
+    friction: Array  #: (m,) lost in joints, contacts, dampers, or taken by loads
+    error: Array  #: (m,) what both may be off together, by an estimate
 
 
 class Audit:
@@ -94,6 +114,10 @@ class Audit:
         self.min_normal_force = float('inf')
         self._physics = physics
         self._largest_force = 0.0
+        self._powers: Array | None = None  # the largest so far [W]
+        self._exchanged = self._swing = self._error = 0.0  # [J] by powers, by energies
+        self._size = [0.0, 0.0]  # [J] largest kinetic and potential energy
+        self._segments = 0
         self._initial: float | None = None
         self._end: tuple[Motion, float] | None = None  # and what impacts make there [J]
         self.drive_work = 0.0
@@ -106,26 +130,47 @@ class Audit:
             return None
         motion, made = self._end
         final = self._total(motion, len(motion) - 1, float(motion.curve.duration[-1])) + made
-        return Energy(self._initial, final, self.drive_work, self.dissipated)
+        # every segment rounds the state that the next one begins with
+        size = sum(self._size) + self._physics.lifting_energy
+        rounding = _EPSILON * size * (_EVALUATED + self._segments)
+        return Energy(
+            self._initial,
+            final,
+            self.drive_work,
+            self.dissipated,
+            self._error,
+            self._exchanged + self._swing,
+            rounding,
+        )
 
     def add(self, motion: Motion, impacts: Sequence[Impact]) -> Work:
         """Enter a batch of m segments and the impacts at their ends; returns their shares."""
-        work = Work(np.zeros(len(motion)), np.zeros(len(motion)))
-        for first in range(0, len(motion), _BLOCK):
-            self._enter(motion, np.arange(first, min(first + _BLOCK, len(motion))), work)
+        look = partial(self._look, motion)
+        if self._physics.has_forces:
+            every = parts_of(motion.curve)
+            work, self._powers = work_in(self._physics, motion, every, self._powers, look=look)
+        else:
+            work = Work(*np.zeros((3, len(motion))))
+            for first in range(0, len(motion), _BLOCK):
+                k = np.arange(first, min(first + _BLOCK, len(motion)))
+                look(self._physics.account(motion, k, SMOOTH.places), k, SMOOTH.places)
         if len(motion) and self._physics.has_forces:
             self._balance(motion, impacts)
         if len(motion) and self._physics.clearances:
             self._check_open(motion)
         self.drive_work += float(work.drive.sum()) + sum(i.drive_work for i in impacts)
         self.dissipated += float(work.friction.sum()) + sum(i.sudden_loss for i in impacts)
+        self._exchanged += float(np.abs(work.drive).sum() + np.abs(work.friction).sum())
+        self._exchanged += sum(abs(i.drive_work) + abs(i.sudden_loss) for i in impacts)
+        self._error += float(work.error.sum())
+        self._segments += len(motion)
         return work
 
     def judge(self, tolerance: float) -> None:
         """Fail if an open gap was violated by more than `tolerance` [m], or a closed one pulled.
 
-        Or if a hundredth of the energy is missing in the balance: then steps were too long for
-        what happened in them.
+        Or if a hundredth of the energy that was exchanged is missing in the balance: then steps
+        were too long for what happened in them.
 
         Raises
         ------
@@ -142,31 +187,27 @@ class Audit:
                 'smaller rtol, and report this scene'
             )
         balance = self.energy
-        if balance and abs(balance.residual) > _MISSING * max(
-            1e-9,
-            *map(abs, (balance.initial, balance.final, balance.drive_work, balance.dissipated)),
-        ):
+        if balance and balance.share > _MISSING:
             raise RunError(
                 f'{StopReason.ENERGY_UNBALANCED.value}: {balance.residual:.3g} J missing; try a '
                 'smaller rtol, smoother formulas of loads, less friction, or springs with a free '
                 'length or damping whose ends do not meet'
             )
 
-    def _enter(self, motion: Motion, segments: NDArray[np.intp], work: Work) -> None:
-        """Enter some of the segments, and their shares in `work`."""
-        for rule, which in rules(motion, segments):
-            own = segments[which]
-            account = self._physics.account(motion, own, rule.places)
-            self.max_closure_error = max(self.max_closure_error, account.closure_error)
-            if not self._physics.has_forces:
-                continue
-            for share, power in zip(
-                work, (account.drive_power, account.friction_power), strict=True
-            ):
-                share[own] = rule.of(power, motion.curve.duration[own])
-            force = account.normal_force[motion.closed_at(own, rule.places)]
-            self.min_normal_force = min(self.min_normal_force, float(force.min(initial=np.inf)))
-            self._largest_force = max(self._largest_force, float(force.max(initial=0.0)))
+    def _look(
+        self, motion: Motion, account: Account, segments: NDArray[np.intp], places: Nodes
+    ) -> None:
+        """Enter what must be zero, what must press, and how energies vary at some nodes."""
+        self.max_closure_error = max(self.max_closure_error, account.closure_error)
+        if not self._physics.has_forces:
+            return
+        force = account.normal_force[motion.closed_at(segments, places)]
+        self.min_normal_force = min(self.min_normal_force, float(force.min(initial=np.inf)))
+        self._largest_force = max(self._largest_force, float(force.max(initial=0.0)))
+        for k, energy in enumerate((account.kinetic_energy, account.potential_energy)):
+            known = np.nan_to_num(energy.reshape(len(segments), -1))
+            self._swing += float(np.abs(np.diff(known)).sum())
+            self._size[k] = max(self._size[k], float(np.abs(known).max(initial=0.0)))
 
     def _balance(self, motion: Motion, impacts: Sequence[Impact]) -> None:
         if self._initial is None:
@@ -203,12 +244,47 @@ class Audit:
         self.max_penetration = max(self.max_penetration, -low)
 
 
-def rules(motion: Motion, segments: NDArray[np.intp]) -> Iterator[tuple[Rule, NDArray[np.intp]]]:
-    """Quadratures, and which of the segments each is for."""
-    recovers = (motion.modes[segments] == Mode.RECOVERING).any(axis=1)
-    for rule, which in ((SMOOTH, ~recovers), (RECOVERY, recovers)):
-        if which.any():
-            yield rule, np.flatnonzero(which)
+def recovers(motion: Motion, segments: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """In which segments a contact without force recovers: losses are powers of its depth there."""
+    return np.asarray((motion.modes[segments] == Mode.RECOVERING).any(axis=1))
+
+
+def work_in(
+    physics: Physics,
+    motion: Motion,
+    parts: Parts,
+    largest: Array | None = None,
+    in_order: bool = True,
+    look: Callable[[Account, NDArray[np.intp], Nodes], None] | None = None,
+) -> tuple[Work, Array]:
+    """Works (m,) in parts of a motion, and the largest powers (3,) so far [W].
+
+    What loads take is integrated with nodes of its own: the balance would hide a load that is seen
+    or missed by the same nodes as the drive that balances it.
+
+    Parameters
+    ----------
+    largest, in_order : as for `mechanism_sim.numerics.quadrature.integrate`
+    look : is handed every account at the nodes of whole segments
+    """
+
+    def powers(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        found = physics.account(motion, k, dt)
+        if look and isinstance(dt, Nodes):
+            look(found, k, dt)
+        return np.stack([found.drive_power, found.friction_power])
+
+    flags, known = recovers(motion, parts.segment), np.zeros(3) if largest is None else largest
+    own = integrate(powers, parts, flags, known[:2], in_order, alike=True)
+    (drive, friction), error, largest = own.value, own.error.sum(axis=0), own.largest
+    if physics.takes_power:
+        load = integrate(
+            lambda k, dt: physics.load_power(motion, k, dt)[None],
+            parts, flags, known[2:], in_order, smooth=SECOND,
+        )  # fmt: skip
+        friction, error = friction + load.value[0], error + load.error[0]
+        largest = np.append(largest, load.largest)
+    return Work(drive, friction, error), np.append(largest, known[len(largest) :])
 
 
 def _vertices(samples: Array) -> Array:

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebroots, chebval
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.audit import RECOVERY
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_coefficients, chebyshev_nodes
+from mechanism_sim.numerics.quadrature import integrate, parts_of
 
 _COUNT = 16  # nodes in a segment, whose terms fall by a factor of ten and more
 _NODES = Nodes(tuple(chebyshev_nodes(_COUNT).tolist()))
@@ -131,9 +131,11 @@ class Touches:
         p, q, lost = motion.curve.duration[segments] * (series @ _WEIGHTS)
         recovers = np.flatnonzero(motion.modes[segments, gap] == Mode.RECOVERING)
         if len(recovers):
-            own = segments[recovers]
-            seen = self._physics.touch(motion, own, RECOVERY.places)
-            lost[recovers] = RECOVERY.of(seen.loss[gap], motion.curve.duration[own])
+            parts, powers = parts_of(motion.curve).of(segments[recovers]), recovers >= 0
+            lost[recovers] = integrate(
+                lambda k, dt: self._physics.touch(motion, k, dt).loss[[gap]],
+                parts, powers, in_order=False,
+            ).value[0]  # fmt: skip
         return np.array([p, q, lost, _peaks(series[0])])
 
 

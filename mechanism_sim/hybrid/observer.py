@@ -116,7 +116,7 @@ class Observer:
             for k, c in enumerate(self.system.prescribed)
         ]
         friction = [neg(mul(solved.T[i], d.tangent[i].rate)) for i in d.frictional]
-        friction += [element.power_lost(eq.frames) for element in self.system.elements]
+        taken = add(*(element.power_lost(eq.frames) for element in self.system.elements))
         friction += [*(rub.power_lost for rub in d.rubs), eq.strain_loss]
         kinetic, potential = energies(eq)
         potential = add(
@@ -140,7 +140,9 @@ class Observer:
             'closure': [jet.value for jet in d.relation],
             'normal_force': forces_N,
             'friction_force': list(solved.T),
-            'friction_power': [add(*friction)],
+            'friction_power': [add(*friction, taken)],
+            'joint_loss': [add(*friction)],
+            'load_power': [taken],
             'drive_torque': [*torques, *d.drive_torques],
             'reaction': [x for w in reactions.values() for x in (w.x, w.y)],
             'moment': [w.moment for w in reactions.values()],
@@ -240,7 +242,9 @@ class Observer:
 
     @cached_property
     def _account(self) -> SwitchedFunction:
-        return self._compiled(['gap', 'closure', 'normal_force', 'friction_power', 'drive_torque'])
+        return self._compiled(
+            ['gap', 'closure', 'normal_force', 'joint_loss', 'drive_torque', 'energy']
+        )
 
     def observe(self, at: Instants) -> Observation:
         """Accelerations, forces and energies."""
@@ -272,7 +276,7 @@ class Observer:
     def account(self, at: Instants) -> Account:
         """Terms of the energy balance at the instants of `observe`; far cheaper."""
         inputs = self._inputs(at)
-        gap, closure, N, friction, drive_torque = self._account(
+        gap, closure, N, friction, drive_torque, energy = self._account(
             inputs, self._with_parts(inputs, at.rows)
         )
         closed = np.where(at.modes > Mode.FREE_FLIGHT, gap, 0.0)
@@ -280,7 +284,23 @@ class Observer:
         farthest = self.distances(np.array(ends).T)  # in any measure the ends are the ends
         left = max(np.abs(x).max(initial=0.0) for x in (farthest, closure))
         power = (drive_torque * at.v[self.system.driven_index]).sum(axis=0)
-        return Account(N, friction[0], power, float(left))
+        return Account(N, friction[0], power, *energy, float(left))
+
+    @cached_property
+    def takes_power(self) -> bool:
+        """Whether springs, dampers, films or loads take any power."""
+        frames = self.system.equations.frames
+        return any(x.power_lost(frames) is not None for x in self.system.elements)
+
+    @cached_property
+    def _load_power(self) -> SwitchedFunction:
+        return self._compiled(['load_power'])
+
+    def load_power(self, at: Instants) -> Array:
+        """What they take (N,) [W]."""
+        inputs = self._inputs(at)
+        found: Array = self._load_power(inputs, self._with_parts(inputs, at.rows))[0][0]
+        return found
 
     def parts(self, at: Instants) -> Array:
         """What acts (h, N) of the h switches that may hold, at the instants of `observe`."""

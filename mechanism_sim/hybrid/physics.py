@@ -55,6 +55,10 @@ class Physics(Protocol):
     def has_forces(self) -> bool:
         """Whether forces and energies are known, or only motion."""
 
+    @property
+    def lifting_energy(self) -> float:
+        """Size [J] of the terms that a potential energy consists of, see `Mechanism`."""
+
     def columns(self, seen: Observation) -> dict[str, Array]:
         """Columns (N,) of elastic links, see `Mechanism.strained`, and of joints in `tilting`.
 
@@ -83,6 +87,16 @@ class Physics(Protocol):
         open where loops close.
         """
 
+    @property
+    def takes_power(self) -> bool:
+        """Whether springs, dampers, films or loads take any power."""
+
+    def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Power (N,) [W] that springs, dampers, films and loads take, if they do.
+
+        It follows from positions and rates alone, and is no part of `account`.
+        """
+
     def switch_parts(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> dict[str, Array]:
@@ -105,6 +119,7 @@ class DynamicPhysics:
         self.joints = tuple(joint.name for joint in system.mechanism.joints)
         self.driven = (*system.prescribed, *system.powered)
         self.displacements = system.mechanism.displacements
+        self.lifting_energy = system.mechanism.lifting_energy
         self.clearances = tuple(gap.name for gap in system.gaps)
         self._ends = [(k, gap) for k, gap in enumerate(system.gaps) if isinstance(gap, EndGap)]
         self.tilting = tuple(dict.fromkeys(gap.joint for _, gap in self._ends))
@@ -169,6 +184,15 @@ class DynamicPhysics:
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """Terms of the energy balance."""
         return self.observer.account(self._state(motion, segments, dt))
+
+    @property
+    def takes_power(self) -> bool:
+        """Whether springs, dampers, films or loads take any power."""
+        return self.observer.takes_power
+
+    def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Power (N,) [W] that springs, dampers, films and loads take."""
+        return self.observer.load_power(self._state(motion, segments, dt))
 
     def touch(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> TouchTerms:
         """Compliant contacts then."""

@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.audit import Work, rules
+from mechanism_sim.hybrid.audit import Work, work_in
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.system import Array
+from mechanism_sim.numerics.quadrature import Parts
 from mechanism_sim.planar.inverse_dynamics import Observation
 
 
@@ -63,13 +64,8 @@ def sample(physics: Physics, motion: Motion, balance: EnergyTerms, t: Array) -> 
 
 def _work_since_start(physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array) -> Work:
     """The same from the start of segment k to `dt` later (N,), by quadrature."""
-    work = Work(np.zeros(len(k)), np.zeros(len(k)))
-    for rule, which in rules(motion, k):
-        dt_all = dt[which, None] * rule.places.fractions
-        account = physics.account(motion, k[which], dt_all)
-        for share, power in zip(work, (account.drive_power, account.friction_power), strict=True):
-            share[which] = rule.of(power, dt[which])
-    return work
+    parts = Parts(k, np.zeros(len(k)), dt, np.zeros(len(k), bool))
+    return work_in(physics, motion, parts, in_order=False)[0]
 
 
 def table(physics: Physics, s: Samples) -> dict[str, Array]:

@@ -355,6 +355,7 @@ class NominalPhysics:
         self.joints = tuple(joint.name for joint in mechanism.joints)
         self.driven = tuple(self.coordinates[i] for i in ideal.driven)
         self.displacements = mechanism.displacements
+        self.lifting_energy = mechanism.lifting_energy
         self.has_forces = forces is not None
         self.unknowns = forces.unknowns.units if forces else {}
         self._ideal = ideal
@@ -612,4 +613,22 @@ class NominalPhysics:
         limited = len(self.driven) > 1 or bool(self.unknowns)  # one drive's torque follows without
         seen = self._observe(motion, segments, dt, limited)
         left = self._ideal.left_open(motion.curve.local(segments, dt).T)
-        return Account(seen.normal_force, seen.friction_power, seen.drive_power, left)
+        lost = seen.friction_power
+        if self._forces is not None and self.takes_power:
+            more = self._forces.loses_more
+            lost = lost - self.load_power(motion, segments, dt) if more else np.zeros_like(lost)
+        energies = seen.kinetic_energy, seen.potential_energy
+        return Account(seen.normal_force, lost, seen.drive_power, *energies, left)
+
+    @property
+    def takes_power(self) -> bool:
+        """Whether springs, dampers or loads take any power."""
+        return self._forces is not None and self._forces.takes_power
+
+    def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Power (N,) [W] that springs, dampers and loads take."""
+        assert self._forces is not None  # noqa: S101 - nobody asks otherwise
+        curve = motion.curve
+        q, v, _, _ = self._motion(curve, segments, dt)
+        acting = rows(self._forces.edges, self.coordinates, curve, segments, dt)
+        return self._forces.load_power(q, v, self._outside(curve, segments, dt), acting)

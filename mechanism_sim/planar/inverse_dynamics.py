@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.evaluation import COLUMNS
-from mechanism_sim.numerics.symbolic import add, dense, dot, neg
+from mechanism_sim.numerics.symbolic import Term, add, dense, dot, neg
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.joint_friction import JointFriction, rubs, solve_friction, with_friction
 from mechanism_sim.planar.loads import generalised
@@ -64,8 +64,10 @@ class Account(NamedTuple):
     """Terms of the energy balance, at N instants: m joints with clearance."""
 
     normal_force: Array  #: (m, N) [N]
-    friction_power: Array  #: (N,) [W] lost by sliding
+    friction_power: Array  #: (N,) [W] lost in joints and contacts, see `Physics.load_power`
     drive_power: Array  #: (N,) [W]
+    kinetic_energy: Array  #: (N,) [J]
+    potential_energy: Array  #: (N,) [J]
     closure_error: float  #: [m] largest distance that should be zero
 
 
@@ -127,6 +129,31 @@ class InverseDynamics:
         """Where a closure changes, or a load begins or ceases to act; None if nothing does."""
         frames = self.equations.frames
         return Edges(frames) if frames.switches else None
+
+    @cached_property
+    def _taken(self) -> Term:
+        return add(*(x.power_lost(self.equations.frames) for x in self.elements))
+
+    @property
+    def takes_power(self) -> bool:
+        """Whether springs, dampers or loads take any power."""
+        return self._taken is not None
+
+    @property
+    def loses_more(self) -> bool:
+        """Whether friction in joints, or loads whose sizes follow, take power beside these."""
+        return bool(self._rubs or self.unknowns.sizes)
+
+    @cached_property
+    def _load_power(self) -> SwitchedFunction:
+        frames = self.equations.frames
+        motion = [*frames.q.values(), *frames.v.values(), *frames.outside.values()]
+        return SwitchedFunction(frames, [[self._taken]], motion)
+
+    def load_power(self, q: Array, v: Array, outside: Array, rows: Array | None = None) -> Array:
+        """What springs, dampers and loads take (N,) [W]."""
+        found: Array = self._load_power(np.concatenate([q, v, outside]), rows)[0][0]
+        return found
 
     @cached_property
     def _functions(self) -> tuple[SwitchedFunction, SwitchedFunction]:

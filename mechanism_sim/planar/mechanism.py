@@ -296,6 +296,11 @@ class Mechanism:
         return self.longest or 1.0
 
     @cached_property
+    def lifting_energy(self) -> float:
+        """Weight of all links times the size [J]: wherever heights count from, they round so."""
+        return sum(b.mass for b in self.bodies) * math.hypot(*self.gravity) * self.size
+
+    @cached_property
     def longest(self) -> float:
         """Longest distance between two points of one link, or extent of a higher pair [m].
 

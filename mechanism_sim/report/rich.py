@@ -68,7 +68,7 @@ def _facts(run: Piece) -> list[tuple[str, ...]]:
             e = run.energy
             rows.append(('drive work', f'{e.drive_work:.6g} J'))
             rows.append(('dissipated', f'{e.dissipated:.6g} J'))
-            rows.append(('energy residual', f'{e.residual:.2g} J'))
+            rows.append(('energy residual', f'{e.residual:.2g} J of {e.exchanged:.3g} J'))
         rows.append(('largest penetration', f'{run.max_penetration:.2g} m'))
         rows.append(('time of the processor', f'{run.stats.cpu_time:.3g} s'))
     return rows

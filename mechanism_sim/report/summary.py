@@ -32,7 +32,7 @@ _IMPACT_KEYS = (
 )
 _STATS_KEYS = 'wall_time', 'cpu_time', 'compile_time', 'steps', 'switches'
 _TOTALS_KEYS = 'losses_of_contact', 'normal_impulse', 'largest_impulse'
-_ENERGY_KEYS = 'initial', 'final', 'drive_work', 'dissipated', 'residual'
+_ENERGY_KEYS = 'initial', 'final', 'drive_work', 'dissipated', 'residual', 'error', 'exchanged'
 
 
 def to_json(
@@ -167,8 +167,11 @@ def render(run: Stream) -> str:
         e = run.energy
         lines.append(
             f'  energy {e.initial:.6g} J to {e.final:.6g} J, drive work {e.drive_work:.6g} J, '
-            f'dissipated {e.dissipated:.6g} J, residual {e.residual:.2g} J'
+            f'dissipated {e.dissipated:.6g} J, residual {e.residual:.2g} J of {e.exchanged:.3g} J '
+            'exchanged'
         )
+        if e.doubt:
+            lines.append(f'  warning: {e.doubt}')
     lines.append(
         f'  largest penetration {run.max_penetration:.2g} m, closure error '
         f'{run.max_closure_error:.2g} m'

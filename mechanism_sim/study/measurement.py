@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.scene import Machine
+from mechanism_sim.scene import Machine, stream
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.sensing.features import features
 
 STRETCHES = 6
 """Parts of a signal that are looked at apart, where the speed changes."""
-_BATCH = 2048  # steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +66,11 @@ class Measurement:
         machine = build(self.machine.name, check_scene(self.machine.name, content, given))
         wanted = len(self.samples)
         end = self.start + (wanted + 1) / self.rate
-        channel, run = machine.channel(self.sensor), machine.start()
-        blocks = []
-        while run.time < end:
-            run.advance(end, final=True, most=_BATCH)
-            channel.take(run.drain()[0])
-            blocks += channel.blocks(final=run.time >= end)
+        channel, blocks = machine.channel(self.sensor), []
+        for piece in stream(machine, duration=end):
+            channel.take(piece.motion)
+            blocks += channel.blocks(final=False)
+        blocks += channel.blocks(final=True)
         first = self.start - 0.5 / self.rate
         parts = []
         for block in blocks:

@@ -14,12 +14,9 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.measure_text import Measure
 from mechanism_sim.cycles.measures import Measurement, per_turn
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
-from mechanism_sim.hybrid.sampling import EnergyTerms
+from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Piece
-from mechanism_sim.scene import Machine
+from mechanism_sim.scene import Machine, stream
 
 NAMES = ('impacts', 'impulse', 'losses of contact', 'share of flight', 'dissipated')
 UNITS = ('', 'N s', '', '', 'J')
@@ -59,35 +56,31 @@ class Tally:
     Attributes
     ----------
     table : (n, 5) impacts, sum of normal impulses [N s], losses of contact, time in flight [s],
-        energy dissipated by impacts and friction [J]; flight is the mean over the loose joints,
-        and a step counts where it begins
+        energy dissipated by impacts, friction and dampers or taken by loads [J]; flight is the
+        mean over the loose joints, and a step counts where it begins
     """
 
     def __init__(self, edges: Array) -> None:
         self.edges = edges
         self.table = np.zeros((len(edges) - 1, len(NAMES)))
 
-    def add(
-        self,
-        motion: Motion,
-        impacts: Sequence[Impact],
-        changes: Sequence[ModeChange],
-        friction: Array | None = None,
-    ) -> None:
-        """Enter a batch of m steps; `friction` (m,) is the work lost by sliding in each [J]."""
+    def add(self, piece: Piece) -> None:
+        """Enter the piece that follows."""
+        motion, impacts = piece.motion, piece.impacts
         for i, k in zip(impacts, self._intervals([i.t for i in impacts]), strict=True):
             self.table[k, :2] += 1.0, i.normal_impulse
-            self.table[k, 4] += i.energy_loss
+            self.table[k, 4] += i.sudden_loss  # that of a touch is part of what its steps lose
         lost = [
-            c.t for c in changes if c.mode == Mode.FREE_FLIGHT and c.previous > Mode.FREE_FLIGHT
+            c.t
+            for c in piece.modes
+            if c.mode == Mode.FREE_FLIGHT and c.previous > Mode.FREE_FLIGHT
         ]
         np.add.at(self.table[:, 2], self._intervals(lost), 1.0)
         k = self._intervals(motion.curve.start)
         if motion.modes.shape[1]:
             flying = (~motion.closed).mean(axis=1) * motion.curve.duration
             np.add.at(self.table[:, 3], k, flying)
-        if friction is not None:
-            np.add.at(self.table[:, 4], k, friction)
+        np.add.at(self.table[:, 4], k, piece.balance.work.friction)
 
     def _intervals(self, t: Array | Sequence[float]) -> NDArray[np.intp]:
         k = np.searchsorted(self.edges, np.asarray(t, dtype=float), side='right') - 1
@@ -137,6 +130,8 @@ def statistics(
     ------
     InputError
         If the crank has no constant speed, there is no clearance, or too few revolutions.
+    RunError
+        If the run fails.
     """
     if machine.torque_driven or not machine.clearances or not np.isfinite(machine.period):
         raise InputError(
@@ -148,22 +143,13 @@ def statistics(
         raise InputError(
             f'statistics need at least {BATCHES} revolutions more than the {skip} skipped'
         )
-    run, T = machine.start(), machine.period
+    T = machine.period
     taken = Measurement(machine, per_turn(measures, skip)) if measures else None
-    audit, physics = Audit(machine.physics), machine.physics
     tally = Tally(np.arange(revolutions + 1.0) * T)
-    impacts = 0
-    for n in range(revolutions):
-        run.advance((n + 1) * T)
-        motion, struck, changes = run.drain()
-        tally.add(motion, struck, changes)
+    for piece in stream(machine, duration=revolutions * T, progress=progress):
+        tally.add(piece)
         if taken:
-            before = audit.drive_work, audit.dissipated
-            terms = EnergyTerms(audit.add(motion, struck), struck, *before)
-            taken.add(Piece(physics, motion, terms, struck, changes))
-        impacts += len(struck)
-        if progress:
-            progress(run.time, impacts)
+            taken.add(piece)
     kept = tally.table[skip:]
     kept[:, 3] /= T
     one = np.ones(len(kept))

@@ -14,14 +14,12 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.measures import Measurement
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.peaks import LoadPeaks
-from mechanism_sim.hybrid.sampling import EnergyTerms
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.simulate import stream
 from mechanism_sim.study.statistics import Tally, ratio
 from mechanism_sim.sweep.bags import RunBag
 from mechanism_sim.sweep.figures import FIGURES
@@ -32,7 +30,6 @@ if TYPE_CHECKING:
     from mechanism_sim.sweep.shards import Channels, Shard, ShardWriter
 
 Value = float | int | str | None
-_BATCH = 2048
 DONE = 'done'
 
 
@@ -82,12 +79,12 @@ def _measure(machine: Machine, task: Task) -> dict[str, Value]:
     extent = task.extent
     edges, skip = extent.edges(machine)
     physics, peaks = machine.physics, LoadPeaks(machine.physics, edges[skip])
-    audit, tally, digest = Audit(physics), Tally(edges), MotionDigest()
+    tally, digest = Tally(edges), MotionDigest()
     crank = np.full(len(edges), math.nan)
     largest = 0.0
     struck: dict[str, list[float]] = {joint: [] for joint in physics.clearances}
     taken = Measurement(machine, task.measures, edges[skip]) if task.measures else None
-    run = machine.start()
+    run = stream(machine, duration=edges[-1])
     with ExitStack() as files:
         bag = files.enter_context(RunBag(task.bag, machine, edges[-1])) if task.bag else None
         channels: Channels = {}
@@ -95,21 +92,16 @@ def _measure(machine: Machine, task: Task) -> dict[str, Value]:
         cut = [
             files.enter_context(write(s, task.name, edges[skip], channels)) for write, s in writers
         ]
-        while run.time < edges[-1]:
-            run.advance(edges[-1], final=True, most=_BATCH)
-            motion, impacts, changes = run.drain()
+        for piece in run:
+            motion, impacts = piece.motion, piece.impacts
             if bag:
-                bag.add(motion, impacts, changes)
+                bag.add(motion, impacts, piece.modes)
             for shard in cut:
                 shard.add(motion)
-            before = audit.drive_work, audit.dissipated
-            work = audit.add(motion, impacts)
             if taken:
-                terms = EnergyTerms(work, impacts, *before)
-                taken.add(Piece(physics, motion, terms, impacts, changes))
-            audit.judge(machine.allowed_penetration)
+                taken.add(piece)
             peaks.add(motion)
-            tally.add(motion, impacts, changes, work.friction)
+            tally.add(piece)
             _follow(crank, edges, motion, physics.coordinates.index(machine.main))
             digest.add(motion, impacts)
             for i in impacts:
@@ -124,9 +116,9 @@ def _measure(machine: Machine, task: Task) -> dict[str, Value]:
     kept, width = tally.table[skip:].T, np.diff(edges)[skip:]
     pairs = [*zip(kept, (turned, turned, turned, width, turned), strict=True), (kept[1], kept[0])]
     figures = [x for pair in pairs for x in ratio(*pair)]
-    residual = audit.energy.residual if audit.energy else math.nan
+    residual = run.energy.residual if run.energy else math.nan
     force = max((peak.value for peak in peaks.forces.values()), default=math.nan)
-    figures += [turned.sum(), largest, force, audit.max_penetration, residual]
+    figures += [turned.sum(), largest, force, run.max_penetration, residual]
     row: dict[str, Value] = {
         column.name: float(x) if math.isfinite(x) else None
         for column, x in zip(FIGURES, figures, strict=True)
@@ -137,7 +129,7 @@ def _measure(machine: Machine, task: Task) -> dict[str, Value]:
     own |= {f'largest_impulse.{joint}': max(x, default=0.0) for joint, x in struck.items()}
     own |= {m.name: m.value for m in (taken.found() if taken else ())}
     row |= {name: float(x) if math.isfinite(x) else None for name, x in own.items()}
-    return row | {'steps': run.steps, 'digest': digest.hexdigest(), 'status': DONE}
+    return row | {'steps': run.stats.steps, 'digest': digest.hexdigest(), 'status': DONE}
 
 
 def _writers(task: Task) -> list[tuple[type[ShardWriter], Shard]]:

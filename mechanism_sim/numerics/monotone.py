@@ -1,0 +1,189 @@
+"""Functions of time as polynomials on parts on each of which they rise or fall.
+
+Intervals are halved until the interpolant at Gauss nodes has last coefficients that do not matter,
+and cut where it is extreme. Then the time that a function is below a level is a sum over parts,
+and the level below which it is for some share of the time a root of that.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from mechanism_sim.numerics.polynomials import gauss_nodes
+from mechanism_sim.numerics.quadrature import Parts, Values
+
+Array = NDArray[np.float64]
+
+RELATIVE = 1e-10
+"""Error of the interpolants that is aimed at, of the largest magnitude so far."""
+
+_COUNT = 12
+_PLACES = gauss_nodes(_COUNT)[0]
+_TO_SERIES = (
+    (2.0 * np.arange(_COUNT) + 1.0)
+    * gauss_nodes(_COUNT)[1][:, None]
+    * legendre.legvander(2.0 * _PLACES - 1.0, _COUNT - 1)
+)
+_GRID = -np.cos(np.linspace(0.0, np.pi, 4 * _COUNT + 1))  # in [-1, 1], both ends among them
+_ON_GRID = legendre.legvander(_GRID, _COUNT - 1).T.copy()
+_HALVINGS, _STALLED = 48, 4  # depth, and halvings that did not help
+_LESS = 0.3  # of the tail in both halves: it did not help
+_SAFETY = 4.0
+_NEWTON, _BISECTIONS = 6, 52
+
+
+class Monotone(NamedTuple):
+    """P parts in the order of time; those of a segment in order."""
+
+    segment: NDArray[np.intp]  #: (P,)
+    begin: Array  #: (P,) [s] after the start of the segment, of the interval of the polynomial
+    width: Array  #: (P,) [s] of that interval
+    low: Array  #: (P,) place in [-1, 1] where the part begins
+    high: Array  #: (P,) where it ends
+    first: Array  #: (P,) value there
+    last: Array  #: (P,) value here
+    series: Array  #: (P, n) coefficients in Legendre polynomials
+    error: float = 0.0  #: what the polynomials may be off
+    lost: float = 0.0  #: [s] in which the function is not finite
+
+    @property
+    def duration(self) -> Array:
+        """(P,) [s]."""
+        return np.asarray(0.5 * self.width * (self.high - self.low))
+
+    def crossings(self, level: float, of: NDArray[np.intp]) -> Array:
+        """Where in some of the parts, which reach the level on both sides, it is: [-1, 1]."""
+        a, b = self.low[of], self.high[of]
+        rises, series = self.last[of] > self.first[of], self.series[of]
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (a + b)
+            above = _at(series, middle) > level
+            a, b = np.where(above == rises, a, middle), np.where(above == rises, middle, b)
+        return np.asarray(0.5 * (a + b))
+
+    def time_below(self, level: float) -> float:
+        """For how long the function is not above a level [s]."""
+        least, most = np.minimum(self.first, self.last), np.maximum(self.first, self.last)
+        across = np.flatnonzero((least <= level) & (level < most))
+        share = (self.crossings(level, across) - self.low[across]) / (
+            self.high[across] - self.low[across]
+        )
+        share = np.where(self.last[across] > self.first[across], share, 1.0 - share)
+        below = float(self.duration[most <= level].sum())
+        return below + float((self.duration[across] * share).sum())
+
+    def quantile(self, share: float) -> float:
+        """The level that the function does not exceed for a share of the time."""
+        least = float(np.minimum(self.first, self.last).min())
+        most = float(np.maximum(self.first, self.last).max())
+        wanted = share * float(self.duration.sum())
+        if least == most or self.time_below(least) >= wanted:
+            return least
+        slack = np.spacing(wanted)
+        if self.time_below(np.nextafter(most, least)) < wanted - 8.0 * slack:
+            return most
+        return float(
+            brentq(lambda y: self.time_below(y) - wanted, least, most, xtol=1e-15 * (most - least))
+        )
+
+
+def joined(parts: list[Monotone]) -> Monotone:
+    """One from several, in the order of time."""
+    arrays = (np.concatenate(x) for x in zip(*(p[:8] for p in parts), strict=True))
+    return Monotone(*arrays, max(p.error for p in parts), sum(p.lost for p in parts))
+
+
+def monotone(values: Values, parts: Parts, largest: float = 0.0) -> tuple[Monotone, float]:
+    """One function on intervals in the order of time, and its largest magnitude so far.
+
+    Parameters
+    ----------
+    values : (1, K n) as for `mechanism_sim.numerics.quadrature.integrate`
+    largest : magnitude before the first of the intervals
+    """
+    interval = np.arange(len(parts.segment))
+    begin, width = parts.begin, parts.end - parts.begin
+    before, stalled = np.full(len(begin), np.inf), np.zeros(len(begin), np.int8)
+    scale = np.zeros(len(begin))
+    found, error, lost = [], 0.0, 0.0
+    for depth in range(_HALVINGS):
+        series, top, finite = _series(values, parts.segment[interval], begin, width)
+        if not depth:
+            scale = np.maximum.accumulate(np.append(largest, top))[1:]
+            largest = float(scale[-1]) if len(scale) else largest
+        tail = _SAFETY * np.abs(series[:, -3:]).max(axis=1)
+        left, right = np.split(tail, 2) if depth else (tail, tail)
+        stuck = np.tile(np.minimum(left, right), 2 if depth else 1) > _LESS * before
+        stalled = (stalled + stuck).astype(np.int8)
+        known = finite == _COUNT
+        done = known & (
+            (tail <= RELATIVE * np.maximum(scale[interval], top)) | (stalled >= _STALLED)
+        )
+        error = max(error, float(tail[done].max(initial=0.0)))
+        lost += float(width[finite == 0].sum())
+        kept = np.flatnonzero(done)
+        found.append((parts.segment[interval[kept]], begin[kept], width[kept], series[kept]))
+        again = np.flatnonzero(~done & (finite > 0))
+        if not len(again):
+            break  # else what is left after the last halving is the instant of a jump
+        half = 0.5 * width[again]
+        begin, width = np.append(begin[again], begin[again] + half), np.tile(half, 2)
+        interval, stalled = np.tile(interval[again], 2), np.tile(stalled[again], 2)
+        before = np.tile(np.where(known[again], tail[again], np.inf), 2)
+    rows = [np.concatenate(x) for x in zip(*found, strict=True)]
+    order = np.lexsort((rows[1], rows[0]))
+    return _cut(*(x[order] for x in rows))._replace(error=error, lost=lost), largest
+
+
+def _series(
+    values: Values, segment: NDArray[np.intp], begin: Array, width: Array
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Coefficients (K, n), largest magnitude (K,), and how many values are finite (K,)."""
+    dt = begin[:, None] + width[:, None] * _PLACES
+    with np.errstate(invalid='ignore', over='ignore'):
+        x = np.asarray(values(segment, dt), float).reshape(dt.shape)
+    finite = np.isfinite(x)
+    x = np.where(finite, x, 0.0)
+    middle = x[:, _COUNT // 2]  # without it there is less to round, and nothing of a constant
+    series = (x - middle[:, None]) @ _TO_SERIES
+    series[:, 0] += middle
+    return series, np.abs(x).max(axis=1, initial=0.0), finite.sum(axis=1)
+
+
+def _cut(segment: NDArray[np.intp], begin: Array, width: Array, series: Array) -> Monotone:
+    """Cut polynomials where they are extreme, found on a grid and then by Newton's method."""
+    dense = series @ _ON_GRID
+    slope = np.diff(dense, axis=1)
+    turns = np.sign(slope[:, 1:]) * np.sign(slope[:, :-1]) < 0.0
+    which, k = np.nonzero(turns)
+    own = series[which]
+    rate = legendre.legder(own, axis=1)
+    bend = legendre.legder(rate, axis=1)
+    place = _GRID[k + 1]
+    for _ in range(_NEWTON):
+        second = _at(bend, place)
+        step = np.divide(_at(rate, place), second, out=np.zeros_like(place), where=second != 0.0)
+        place = np.clip(place - step, _GRID[k], _GRID[k + 2])
+    every = np.arange(len(series))
+    owner = np.concatenate([every, which])
+    low = np.append(np.full(len(series), -1.0), place)
+    order = np.lexsort((low, owner))
+    owner, low = owner[order], low[order]
+    ends = np.append(owner[1:] != owner[:-1], True) if len(owner) else np.zeros(0, bool)
+    high = np.where(ends, 1.0, np.append(low[1:], 1.0))
+    some = low < high
+    owner, low, high = owner[some], low[some], high[some]
+    own = series[owner]
+    return Monotone(
+        segment[owner], begin[owner], width[owner], low, high, _at(own, low), _at(own, high), own
+    )
+
+
+def _at(series: Array, place: Array) -> Array:
+    """Polynomials (P, n) each at its place (P,)."""
+    return np.asarray((series * legendre.legvander(place, series.shape[1] - 1)).sum(axis=1))

@@ -1,0 +1,324 @@
+"""Integrals over many intervals of many functions at once, with an error that is estimated.
+
+An interval is integrated by the Gauss-Legendre rule of 8 nodes, exact to the degree 15. The same
+8 values give the interpolant of degree 7 in Legendre polynomials, whose last coefficients show
+without any further evaluation how well the function is resolved: those of degree k fall as
+``rho^-k``, the error of the rule of n nodes as ``rho^-2n`` (Trefethen, Approximation Theory and
+Approximation Practice, ch. 8 and 19). Where they are too large the interval is halved, and again;
+the halves also show how far off the whole was. On an interval at whose ends a function behaves as
+a power the double exponential rule takes the place of Gauss's, compared with itself at half of its
+nodes.
+
+What lies between the 8 nodes of an interval and does not reach any of them remains unseen: the
+intervals must be short where the functions vary, as the steps of an integrator are.
+
+Whether an interval is halved depends on that interval, on the one function, and on what came
+*before* in time, never on which other intervals or functions are handed over together: results do
+not depend on how a motion is cut into batches, nor on what else is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.numerics.polynomials import (
+    Nodes,
+    PiecewisePolynomial,
+    double_exponential_nodes,
+    gauss_nodes,
+)
+
+Array = NDArray[np.float64]
+Values = Callable[[NDArray[np.intp], Array | Nodes], Array]
+"""Functions (C, K n) in K segments at times (K, n) [s] after their starts, or at n `Nodes`."""
+
+RELATIVE = 1e-10
+"""Error that is aimed at, of the integral of the magnitude over the same interval."""
+
+NEGLIGIBLE = 1e-12
+"""Error that does not matter, of the largest magnitude so far times the length of the interval:
+what is smaller all the while is rounding of larger terms, which no halving removes."""
+
+_HALVINGS = 48  # an interval of 2^-48 of a segment is a point, where a function jumps
+_STALLED = 5  # times that halving did not help on either side: it is noise
+_LESS, _NEITHER = 0.3, 0.05  # of the tail of the whole in the mean half, and in each: no help
+_SHARE = 1.0 / 64.0  # of what an interval may be off may be at one jump or corner in it
+_MOST = 2048  # parts of one interval; then the error is what it is, and is said
+_BLOCK = 512  # segments at once, so that they stay in a processor's cache
+_ROUNDING = 8.0 * np.finfo(float).eps  # of the integral of the magnitude
+_BELIEVED = 0.5  # of the error aimed at: where parts were needed, no estimate below is believed
+_SAFETY = 4.0
+_TINY = float(np.finfo(float).tiny)
+
+
+class Integrals(NamedTuple):
+    """Integrals of C functions over m intervals."""
+
+    value: Array  #: (C, m); not a number where a function is not finite on a whole part
+    error: Array  #: (C, m) what they may be off: estimated, infinite where nothing is known
+    largest: Array  #: (C,) magnitudes of the functions so far
+    size: Array  #: (C, m) integrals of the magnitudes
+
+
+class Parts(NamedTuple):
+    """m intervals, each within one segment of a motion."""
+
+    segment: NDArray[np.intp]  #: (m,)
+    begin: Array  #: (m,) [s] after the start of the segment
+    end: Array  #: (m,) [s] likewise
+    whole: NDArray[np.bool_]  #: (m,) whether it is all of the segment
+
+    def of(self, chosen: NDArray[np.intp] | slice) -> Parts:
+        """Some of them."""
+        return Parts(*(row[chosen] for row in self))
+
+
+def parts_of(curve: PiecewisePolynomial, since: float = -np.inf, until: float = np.inf) -> Parts:
+    """What each segment holds of the time from `since` to `until` [s].
+
+    Times count from the starts of segments: after a long run a step may be no longer than what
+    the time itself rounds away.
+    """
+    begin = np.maximum((since - curve.start) - curve.start_low, 0.0)
+    end = np.minimum((until - curve.start) - curve.start_low, curve.duration)
+    k = np.flatnonzero(begin < end)
+    whole = (begin[k] == 0.0) & (end[k] == curve.duration[k])
+    return Parts(k, begin[k], end[k], whole)
+
+
+class Rule(NamedTuple):
+    """A quadrature over an interval, with what tells its error from the same values."""
+
+    places: Nodes
+    weights: Array  #: (K,) of the length
+    tail: Array  #: (K, r) from values to what tells its error
+
+
+def _smooth(count: int) -> Rule:
+    """Gauss's rule; its last six coefficients in Legendre polynomials."""
+    nodes, weights = gauss_nodes(count)
+    degrees = np.arange(count - 6, count)
+    at_nodes = np.polynomial.legendre.legvander(2.0 * nodes - 1.0, count - 1)[:, degrees]
+    tail = (2 * degrees + 1) * weights[:, None] * at_nodes
+    return Rule(Nodes(tuple(nodes.tolist())), weights, tail)
+
+
+def _powers() -> Rule:
+    """The double exponential rule; what it differs from itself at every second node."""
+    nodes, weights = double_exponential_nodes(20)
+    half = np.where(np.arange(len(nodes)) % 2, 0.0, 2.0) * weights
+    return Rule(Nodes(tuple(nodes.tolist())), weights, (weights - half)[:, None])
+
+
+SMOOTH = _smooth(8)
+"""For functions with a series about every point of an interval, its ends included."""
+
+SECOND = _smooth(9)
+"""The same with none of its nodes: what one of the two misses the other one may see."""
+
+POWERS = _powers()
+"""For functions that behave as any power of the distance from an end."""
+
+
+def integrate(
+    values: Values,
+    parts: Parts,
+    powers: NDArray[np.bool_] | None = None,
+    largest: Array | None = None,
+    in_order: bool = True,
+    alike: bool = False,
+    smooth: Rule = SMOOTH,
+    relative: float = RELATIVE,
+) -> Integrals:
+    """Integrals of functions over intervals.
+
+    Parameters
+    ----------
+    values : the functions; they may differ by rounding at `Nodes` of segments that are whole
+    powers : (m,) where functions may behave as powers at the ends
+    largest : (C,) magnitudes of the functions before the first of these intervals
+    in_order : whether the intervals follow each other, so that what was before tells what is
+        rounding
+    alike : whether the functions are of one kind, so that the largest of them tells it for all
+    smooth : `SMOOTH` or `SECOND`
+    relative : error that is aimed at, of the integral of the magnitude
+
+    Examples
+    --------
+    A motion that comes in pieces::
+
+        found = integrate(values, parts_of(curve), largest=found.largest)
+    """
+    flags = np.zeros(len(parts.segment), bool) if powers is None else np.asarray(powers)
+    found: list[tuple[Array, ...]] = []
+    for first in range(0, len(parts.segment), _BLOCK):
+        block = slice(first, first + _BLOCK)
+        *own, largest = _integrate_block(
+            values, parts.of(block), flags[block], largest, in_order, alike, smooth, relative
+        )
+        found.append(tuple(own))
+    if largest is None or not found:
+        largest = np.zeros(0) if largest is None else largest
+        none = np.zeros((len(largest), 0))
+        return Integrals(none, none, largest, none)
+    value, error, size = (np.concatenate(x, axis=1) for x in zip(*found, strict=True))
+    return Integrals(value, error, largest, size)
+
+
+def _integrate_block(
+    values: Values,
+    parts: Parts,
+    powers: NDArray[np.bool_],
+    largest: Array | None,
+    in_order: bool,
+    alike: bool,
+    smooth: Rule,
+    relative: float,
+) -> tuple[Array, Array, Array, Array]:
+    """Values, errors, sizes (C, m) on some of the intervals; magnitudes (C,) with these."""
+    width = parts.end - parts.begin
+    whole = _apply(values, parts, powers, smooth)
+    before = np.zeros(len(whole.value)) if largest is None else largest
+    running = np.column_stack([before, whole.top])
+    running = (np.maximum.accumulate(running, axis=1) if in_order else running)[:, 1:]
+    scale = np.broadcast_to(running.max(axis=0), running.shape) if alike else running
+
+    def allowed(x: _Applied, interval: NDArray[np.intp], share: Array, width: Array) -> Array:
+        own = relative * x.size + NEGLIGIBLE * scale[:, interval] * width
+        return np.asarray(own + _SHARE * relative * share[:, interval])
+
+    every, size = np.arange(len(width)), whole.size
+    wanted = ~(whole.error <= allowed(whole, every, size, width))
+    value, error, refined = *(np.where(wanted, 0.0, x) for x in (whole.value, whole.error)), wanted
+    count, stalled = np.ones(wanted.shape, np.intp), np.zeros(wanted.shape, np.int8)
+    begin, interval, parent = parts.begin, every, whole
+    for depth in range(_HALVINGS):
+        chosen = np.flatnonzero(wanted.any(axis=0))
+        if not len(chosen):
+            break
+        parent, stalled = parent.of(chosen), np.tile(stalled[:, chosen], 2)
+        wanted, width = np.tile(wanted[:, chosen], 2), np.tile(0.5 * width[chosen], 2)
+        begin = np.append(begin[chosen], begin[chosen] + width[: len(chosen)])
+        interval = np.tile(interval[chosen], 2)
+        np.add.at(count, (slice(None), interval), wanted)
+        halves = Parts(parts.segment[interval], begin, begin + width, np.zeros(len(begin), bool))
+        now = _apply(values, halves, powers[interval], smooth)
+        total = np.zeros_like(size)
+        np.add.at(total, (slice(None), interval), np.where(wanted, now.size, 0.0))
+        size = np.fmax(size, total)
+        # what the halves say the whole was off by is more than what they are off by themselves
+        first = interval[: len(chosen)]
+        joint = parent._replace(size=_sum_of_halves(now.size))
+        limit = allowed(joint, first, size, 2.0 * width[: len(chosen)])
+        agrees = np.tile(np.abs(_sum_of_halves(now.value) - parent.value) <= limit, 2)
+        off = np.where(agrees, np.fmin(now.error, np.tile(0.5 * limit, 2)), now.error)
+        left, right = np.split(now.tail, 2, axis=1)
+        stuck = np.minimum(left, right) > _NEITHER * parent.tail
+        stuck &= left + right > 2.0 * _LESS * parent.tail
+        stalled = np.where(np.tile(stuck, 2), stalled + 1, stalled).astype(np.int8)
+        settled = agrees | (now.error <= allowed(now, interval, size, width))
+        settled |= (stalled >= _STALLED) | np.isnan(now.error)
+        settled |= (count[:, interval] >= _MOST) | (depth == _HALVINGS - 1)
+        rows, columns = np.nonzero(wanted & settled)
+        for sums, x in ((value, now.value), (error, off)):
+            np.add.at(sums, (rows, interval[columns]), x[rows, columns])
+        wanted, parent = wanted & ~settled, now
+    error += (_ROUNDING + _BELIEVED * relative * refined) * size
+    return value, np.where(np.isfinite(value), error, np.inf), size, running[:, -1]
+
+
+class _Applied(NamedTuple):
+    """A rule applied to C functions on K intervals, each array (C, K)."""
+
+    value: Array
+    size: Array  #: integral of the magnitude
+    error: Array  #: estimated; infinite where a value is not finite, not a number where none is
+    top: Array  #: largest finite magnitude at a node
+    tail: Array  #: what is not resolved, as large as the function where nothing is
+
+    def of(self, chosen: NDArray[np.intp]) -> _Applied:
+        """Some of the intervals."""
+        return _Applied(*(x[:, chosen] for x in self))
+
+
+def _apply(values: Values, parts: Parts, powers: NDArray[np.bool_], smooth: Rule) -> _Applied:
+    """Apply to each interval the rule that is for it."""
+    found: list[tuple[NDArray[np.intp], _Applied]] = []
+    for rule, of_rule in ((smooth, ~powers), (POWERS, powers)):
+        for at_nodes in (True, False):
+            which = np.flatnonzero(of_rule & (parts.whole == at_nodes))
+            for first in range(0, len(which), _BLOCK):
+                some = which[first : first + _BLOCK]
+                own = parts.of(some)
+                width = (own.end - own.begin)[:, None]
+                dt = own.begin[:, None] + width * np.array(rule.places.fractions)
+                with np.errstate(invalid='ignore', over='ignore'):
+                    x = np.asarray(values(own.segment, rule.places if at_nodes else dt), float)
+                    x = x.reshape(-1, len(some), len(rule.weights))
+                    found.append((some, _applied(x, width[:, 0], rule)))
+    if len(found) == 1:
+        return found[0][1]
+    order = np.concatenate([some for some, _ in found]).argsort()
+    rows = zip(*(x for _, x in found), strict=True)
+    return _Applied(*(np.concatenate(row, axis=1)[:, order] for row in rows))
+
+
+def _applied(x: Array, width: Array, rule: Rule) -> _Applied:
+    """A rule applied to values (C, K, n) at its nodes on intervals of some width (K,)."""
+    known = np.isfinite(x)
+    magnitude = np.where(known, np.abs(x), 0.0)
+    top = magnitude.max(axis=2)
+    size = width * _weighted(magnitude, rule.weights[:, None])[0]
+    left = np.abs(_weighted(x, rule.tail))
+    if rule is not POWERS:
+        tail = width * np.maximum(left[-1], left[-2])
+        error = tail * _fall(left)
+    else:  # the rule is as much better than at half of its nodes as that is than nothing
+        tail = width * left[-1]
+        error = tail * np.minimum(tail / np.maximum(size, _TINY), 1.0)
+    error = np.where(known.all(axis=2), _SAFETY * error, np.inf)
+    return _Applied(
+        width * _weighted(x, rule.weights[:, None])[0],
+        size,
+        np.where(known.any(axis=2), error, np.nan),
+        top,
+        tail,
+    )
+
+
+def _fall(left: Array) -> Array:
+    """How far the error of Gauss's rule (C, K) is below the coefficients of highest degree.
+
+    Let E_2, E_4, E_6 be the larger ones of degrees 2 and 3, 4 and 5, 6 and 7 (of the rule of 8
+    nodes), in `left` (6, C, K).
+    Where they fall as any power of the degree, those from 16 on, of which the error consists, are
+    about ``E_6 (E_6 / E_2)``. Where the logarithms fall as straight or steeper lines,
+    geometrically, they are less by at least ``(E_6 / E_2)^1.4``; half of that is believed.
+    """
+    last = np.maximum(left[4], left[5])
+    middle = np.maximum(np.maximum(left[2], left[3]), last) + _TINY
+    first = np.maximum(np.maximum(left[0], left[1]), middle)
+    later, earlier = np.log((last + _TINY) / middle), np.log(middle / first)
+    steep = np.clip((later - 0.65 * earlier) / np.minimum(0.2 * earlier, -_TINY), 0.0, 1.0)
+    return np.asarray(np.minimum(last / first, 1.0) ** (1.0 + 0.7 * steep))
+
+
+def _weighted(x: Array, weights: Array) -> Array:
+    """Sums (r, C, K) of values (C, K, n) by weights (n, r).
+
+    One term after the other: a matrix product would round by how many intervals there are.
+    """
+    found = np.zeros((weights.shape[1], *x.shape[:2]))
+    for j, row in enumerate(weights):
+        found += row[:, None, None] * x[:, :, j]
+    return found
+
+
+def _sum_of_halves(x: Array) -> Array:
+    """Of all first halves, then all second ones (C, 2 K), the sums (C, K)."""
+    first, second = np.split(x, 2, axis=1)
+    return np.asarray(first + second)
