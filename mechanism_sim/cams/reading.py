@@ -64,7 +64,7 @@ def read_cam(joint: CamPair, view: View) -> CamReading:
     force = np.copysign(np.hypot(fx, fy), fx * (c * x - s * y) + fy * (s * x + c * y))
     gap, mode = _contact(joint, view)
     return CamReading(
-        angle, cam.velocity, lift, *follower, gap, force, touch.pressure_angle,
+        cam.total, cam.velocity, lift, *follower[:3], gap, force, touch.pressure_angle,
         torque, *_touching(joint, view, touch, cam.velocity), mode,
     )  # fmt: skip
 
@@ -109,11 +109,11 @@ def _course(joint: CamPair, view: View) -> Course:
     if joint.distance.slides:
         x, y = joint.world((0.0, -1.0))
         p, v, a = (x * px + y * py for px, py in view.path(joint.first, joint.on_first))
-        return Course(p - (x * joint.centre[0] + y * joint.centre[1]), v, a)
+        place = p - (x * joint.centre[0] + y * joint.centre[1])
+        return Course(place, v, a, np.zeros_like(place))
     turn, sense = view.turning(joint.first, joint.on_first), joint.sense
-    return Course(
-        sense * turn.position + joint.phase, sense * turn.velocity, sense * turn.acceleration
-    )
+    place, *rest = (sense * x for x in turn)
+    return Course(place + joint.phase, *rest)
 
 
 def _cam(joint: CamPair, view: View) -> tuple[Course, Array]:
@@ -132,10 +132,12 @@ def _follower(joint: CamPair, view: View, lift: Array) -> Course:
         turn = view.chord(joint.second, joint.pivot, joint.on_second)
         place = joint.swing * (turn.position + joint.arm_angle - joint.direction - math.pi)
         off = np.remainder(place - lowest - lift + math.pi, 2.0 * math.pi) - math.pi
-        return Course(lift + off, joint.swing * turn.velocity, joint.swing * turn.acceleration)
+        rates = joint.swing * turn.velocity, joint.swing * turn.acceleration
+        return Course(lift + off, *rates, np.zeros_like(lift))
     c, s = math.cos(joint.direction), math.sin(joint.direction)
     p, v, a = (c * x + s * y for x, y in view.path(joint.second, joint.on_second))
-    return Course(p - (c * joint.centre[0] + s * joint.centre[1]) - lowest, v, a)
+    place = p - (c * joint.centre[0] + s * joint.centre[1]) - lowest
+    return Course(place, v, a, np.zeros_like(place))
 
 
 def _contact(joint: CamPair, view: View) -> tuple[Array, NDArray[np.uint8]]:

@@ -45,7 +45,7 @@ def columns_of_parts(machine: Machine, samples: Samples) -> dict[str, Array]:
 
     Deflection and stress at points, contact, forces of teeth, forces of bearings.
     """
-    found = _deformed(machine, samples.observed.position)
+    found = _deformed(machine, samples.observed.local)
     for joint in machine.mechanism.joints:
         if isinstance(joint, HigherPair):
             view = JointView(

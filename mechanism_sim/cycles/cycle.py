@@ -160,7 +160,7 @@ class Cycle(plotting.Rich):
         if self.static:  # of the motion as it is
             columns = {n: x for n, x in columns.items() if n not in _OF_MOTION}
         if self.points:
-            paths = self._paths(o.position, o.velocity, o.acceleration)
+            paths = self._paths(o.local, o.velocity, o.acceleration)
             for name, track in zip(self.points, paths, strict=True):
                 columns |= path_columns(name, track)
         if self.machine.physics.has_forces:

@@ -57,11 +57,11 @@ class Forces:
                 found[f'reaction.{joint.name}.moment'] = o.reaction_moment[i]
         for i, friction in self._rubs.items():
             found[f'friction_loss.{friction.name}'] = friction.loss(
-                o.reaction[i], o.reaction_moment[i], o.position, o.velocity
+                o.reaction[i], o.reaction_moment[i], o.local, o.velocity
             )
         if self._local:
             found |= self._along_and_across(o)
-        paths = self._paths(o.position, o.velocity, o.acceleration)
+        paths = self._paths(o.local, o.velocity, o.acceleration)
         cogs, held = paths[: len(self._masses)], paths[len(self._masses) :, 0]
         if self._masses.any():
             centre = np.tensordot(self._masses, cogs, 1) / self._masses.sum()
@@ -71,7 +71,7 @@ class Forces:
 
     def _along_and_across(self, o: Observation) -> dict[str, Array]:
         """Force on each moving link in every joint, in the link's frame."""
-        along = Poses(self._mechanism, o.position).along
+        along = Poses(self._mechanism, o.local).along
         found = {}
         for joint, force in zip(self._mechanism.joints, o.reaction, strict=True):
             for link, sign in ((joint.first, -1.0), (joint.second, 1.0)):
@@ -133,7 +133,7 @@ class _OnGround:
                 ),
             ),
         ]
-        self._outside = tuple(frames.outside)
+        self._coordinates, self._outside = mechanism.coordinates, tuple(frames.outside)
         known = [
             *frames.q.values(), *frames.v.values(), *frames.outside.values(), *unknowns.sizes
         ]  # fmt: skip
@@ -141,9 +141,11 @@ class _OnGround:
 
     def __call__(self, t: Array, o: Observation) -> Array:
         """Force x, y [N] and moment [N m], (3, N)."""
-        # positions are given with their whole turns: none are left out
-        outside = [t if name == 'time' else np.zeros_like(t) for name in self._outside]
+        turns = dict(zip(self._coordinates, o.turns, strict=True))
+        outside = [
+            t if name == 'time' else turns[name.removesuffix('.turns')] for name in self._outside
+        ]
         (found,) = self._function(
-            np.concatenate([o.position, o.velocity, *(x[None] for x in outside), *o.load[:, None]])
+            np.concatenate([o.local, o.velocity, *(x[None] for x in outside), *o.load[:, None]])
         )
         return found

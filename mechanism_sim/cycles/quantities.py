@@ -170,7 +170,7 @@ class Quantities:
         if self._parts:
             columns |= columns_of_parts(self._machine, s)
         for point, paths in self._paths.items():
-            (track,) = paths(seen.position, seen.velocity, seen.acceleration)
+            (track,) = paths(seen.local, seen.velocity, seen.acceleration)
             columns |= {
                 f'{kind}.{point}.{axis}': row
                 for kind, pair in zip(_KINDS, track, strict=True)

@@ -135,7 +135,7 @@ def _bearings(
 def _supports(machine: Machine, link: str, rotor: Rotor, observed: Observation) -> BearingLoads:
     index = machine.mechanism.coordinates.index
     own = [index(f'{link}.{name}') for name in rotor.names]
-    q, v, spin = observed.position[own], observed.velocity[own], observed.velocity[index(link)]
+    q, v, spin = observed.local[own], observed.velocity[own], observed.velocity[index(link)]
     names = tuple(name for name, _ in rotor.supports)
     force = np.array([rotor.support_force(name, q, v, spin) for name in names])
     return BearingLoads(names, force, np.zeros((len(names), q.shape[1])))

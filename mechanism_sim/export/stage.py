@@ -232,7 +232,7 @@ class Stage:
             for j in bearings
             for view in [views[j.name]]
         ]
-        poses = self.skeleton.poses(o.position)
+        poses = self.skeleton.poses(o.local)
         poses[:, :, 2] = np.mod(poses[:, :, 2] + np.pi, 2.0 * np.pi) - np.pi
         known, count = dict(zip(physics.clearances, modes, strict=True)), len(t)
         touching = np.zeros((count, len(bearings)), np.uint8)
@@ -367,10 +367,10 @@ def stage_of(machine: Machine, observed: Observation, sway: Array | None = None)
     ----------
     sway : (N, F, 3) of its frames on springs, see `Swaying`; without, they are drawn at rest
     """
-    skeleton = skeleton_of(machine, observed.position)
+    skeleton = skeleton_of(machine, observed.local)
     if sway is not None:
         skeleton.magnify(sway)
-    low, high = bounds(skeleton, skeleton.poses(observed.position))
+    low, high = bounds(skeleton, skeleton.poses(observed.local))
     if skeleton.mounts:  # the bars of the scale stand below the feet of the springs
         low = low - np.array([0.0, 4.0 * skeleton.symbol])
     stage = Stage(machine, skeleton, low, high, 0.0)

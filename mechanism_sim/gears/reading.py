@@ -97,7 +97,8 @@ def _reading(
     second = view.course(joint.second, joint.on_second)
     total = np.sqrt(force.tangential**2 + force.radial**2 + force.axial**2)
     return GearReading(
-        *first[:2], *second[:2], error, total, *force, *efforts, passing, mode
+        first.total, first.velocity, second.total, second.velocity,
+        error, total, *force, *efforts, passing, mode,
     )  # fmt: skip
 
 

@@ -126,7 +126,7 @@ class DynamicPhysics:
 
     def columns(self, seen: Observation) -> dict[str, Array]:
         """As `Physics.columns`."""
-        found, q = self.system.mechanism.strained(seen.position), seen.position
+        found, q = self.system.mechanism.strained(seen.position), seen.local
         for joint in self.tilting:
             ends = [(k, gap) for k, gap in self._ends if gap.joint == joint]
             N, T = seen.normal_force, seen.friction_force
@@ -143,7 +143,7 @@ class DynamicPhysics:
     ) -> Observation:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
         seen = self._observe(motion, segments, dt)
-        return seen._replace(position=motion.curve.at(segments, dt).T)
+        return seen.with_turns(motion.curve.turns_at(segments, dt).T)
 
     def loads(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Sizes of the forces in all joints, then torques of all drives."""

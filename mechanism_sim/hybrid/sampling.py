@@ -53,7 +53,7 @@ def sample(physics: Physics, motion: Motion, balance: EnergyTerms, t: Array) -> 
     observed = physics.observe(motion, k, dt)
     work, lost = np.full(len(t), balance.drive_work), np.full(len(t), balance.dissipated)
     if physics.has_forces:
-        since = _work_since_start(physics, motion, k, dt)
+        since = work_since_start(physics, motion, k, dt)
         work += np.concatenate([[0.0], np.cumsum(balance.work.drive)])[k] + since.drive
         lost += np.concatenate([[0.0], np.cumsum(balance.work.friction)])[k] + since.friction
         passed = np.searchsorted(curve.begun_by([i.t for i in balance.impacts]), k, side='right')
@@ -62,8 +62,8 @@ def sample(physics: Physics, motion: Motion, balance: EnergyTerms, t: Array) -> 
     return Samples(t, motion.modes[k].T, observed, work, lost)
 
 
-def _work_since_start(physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array) -> Work:
-    """The same from the start of segment k to `dt` later (N,), by quadrature."""
+def work_since_start(physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array) -> Work:
+    """Work and losses (N,) from the start of segments k to `dt` (N,) later, by quadrature."""
     parts = Parts(k, np.zeros(len(k)), dt, np.zeros(len(k), bool))
     return work_in(physics, motion, parts, in_order=False)[0]
 

@@ -197,8 +197,8 @@ class LinkageMotion:
             found = branch.follow(self.kinematics, last[:, None], slope[:, None], drive, reach)
             place, rates, _ = (x[:, 0] for x in found.at(shift[None]))
             place[self.driven] = driven
-            open_by = self.kinematics.left_open(place).max()
-            if found.found[0] and open_by <= branch.OPEN * self.kinematics.rounding:
+            open_by = self.kinematics.open_beyond_rounding(place, branch.OPEN)
+            if found.found[0] and not open_by.any():
                 return place, rates[:, -1]
         ends = self.kinematics.independence(q[:, -1:])[0] > branch.SINGULAR
         known = slope is not None and ends and self._continues(last, q, slope * shift[0])

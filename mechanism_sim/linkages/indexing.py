@@ -374,7 +374,9 @@ def _reading(
 ) -> GenevaReading:
     driver, driven = view.turning(joint.first), view.course(joint.second)
     (fx, fy), torque = view.force, view.moment_on_first(centre)
-    return GenevaReading(engaged, *driver, *driven, fx, fy, effort, torque)
+    return GenevaReading(
+        engaged, driver.total, *driver[1:3], driven.total, *driven[1:3], fx, fy, effort, torque
+    )
 
 
 def driven_charts(*, slides: bool) -> tuple[Charted, ...]:

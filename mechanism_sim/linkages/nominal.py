@@ -40,6 +40,7 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.unknowns import NO_WORK
 
+_EPS = float(np.finfo(float).eps)
 _NODES = chebyshev_nodes(15)
 _ENDED = np.array([*_NODES, 1.0])
 _PIECES_PER_TURN = 16
@@ -74,7 +75,6 @@ class NominalRun:
     Attributes
     ----------
     steps, events : pieces made, and none
-    time : [s] up to which the motion is known
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class NominalRun:
     ) -> None:
         self.steps = 0
         self.events = 0
-        self.time = start
+        self._time = Fraction(start)
         self._ideal = ideal
         self._edges = edges
         self._laws = list(laws)
@@ -97,12 +97,17 @@ class NominalRun:
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
         )
         self._coming: deque[DriveLaw] = deque()
-        self._pieces: list[tuple[float, float, NDArray[np.int64], Array]] = []
+        self._pieces: list[tuple[Fraction, float, NDArray[np.int64], Array]] = []
         self._turns = np.zeros(len(first), dtype=np.int64)
         self._last = np.array(first, dtype=float)
         self._slope = slope
         self._share = 0.5  # of the greatest length of a piece
         self._short = 0  # pieces in a row
+
+    @property
+    def time(self) -> float:
+        """Time [s] up to which the motion is known: rounded, for after days it has few digits."""
+        return float(self._time)
 
     def change_law(self, law: Law) -> None:
         """Let a law replace the present one from ``law.valid_from`` on.
@@ -114,7 +119,7 @@ class NominalRun:
         """
         if not isinstance(law, DriveLaw):
             raise ValueError('a torque needs equations of motion, not closed forms')
-        if law.valid_from < self.time:
+        if law.valid_from < self._time:
             raise ValueError(
                 f'a law valid from {law.valid_from:.9g} s comes too late: the motion is known '
                 f'up to {self.time:.9g} s'
@@ -123,20 +128,19 @@ class NominalRun:
 
     def advance(self, until: float, final: bool = False, most: int | None = None) -> None:
         """Add every piece that ends not later than `until` [s]; with `final` up to `until`."""
-        added = 0
-        while most is None or added < most:
-            added += 1
-            end = self.time + self._share * self._width()
+        first = self.steps
+        while most is None or self.steps - first < most:
+            end = self._usual_end()
             if self._coming and self._coming[0].valid_from <= min(end, until):
-                self._add(self._coming[0].valid_from)
-                if self.time == self._coming[0].valid_from:
+                self._add(Fraction(self._coming[0].valid_from))
+                if self._time == self._coming[0].valid_from:
                     law = self._coming.popleft()
                     names = [known.coordinate for known in self._laws]
                     self._laws[names.index(law.coordinate)] = law
                 continue
             if end > until:
-                if final and self.time < until:
-                    self._add(until)
+                if final and self._time < until:
+                    self._add(Fraction(until))
                     continue
                 return
             self._add(end)
@@ -146,31 +150,35 @@ class NominalRun:
 
         None if it has come so far. To be called after `drain`.
         """
-        if until <= self.time:
+        if until <= self._time:
             return None
-        kept = (
-            self.time, self.steps, self._turns.copy(), self._last.copy(), self._share, self._slope
-        )  # fmt: skip
-        while self.time < until:
-            end = self.time + self._share * self._width()
-            self._add(min([end, *(law.valid_from for law in self._coming)]))
+        here, steps = self.snapshot(), self.steps
+        while self._time < until:
+            changes = (Fraction(law.valid_from) for law in self._coming)
+            self._add(min([self._usual_end(), *changes]))
+        start, *_ = self._pieces[-1]
         motion, *_ = self.drain()
-        self.time, self.steps, self._turns, self._last, self._share, self._slope = kept
-        motion.curve.duration[-1] = until - motion.curve.start[-1]
+        self.restore(here)
+        self.steps = steps
+        motion.curve.duration[-1] = float(until - start)
         return motion
+
+    def _usual_end(self) -> Fraction:
+        """Where the next piece ends unless something shortens it [s]."""
+        return self._time + Fraction(self._share * self._width())
 
     def _width(self) -> float:
         """Time [s] in which the fastest drive goes through one usual piece, or a short while."""
         widths = [_LONGEST]
         for law, i in zip(self._laws, self._ideal.driven, strict=True):
-            _, local = law.about(Fraction(self.time))
+            _, local = law.about(self._time)
             way = 2.0 * np.pi * self._scale[i] / _PIECES_PER_TURN
             widths += [(way / abs(c)) ** (1.0 / k) for k, c in enumerate(local) if k and c]
         return float(min(widths))
 
-    def _add(self, end: float) -> None:
+    def _add(self, end: Fraction) -> None:
         """A piece up to `end`, or less if that would not be exact."""
-        h = end - self.time
+        h = whole = float(end - self._time)
         if h <= 0.0:
             return
         while True:
@@ -184,7 +192,9 @@ class NominalRun:
                     raise
             else:
                 terms = np.abs(chebyshev_coefficients(values)).T / self._scale
-                tail = terms[-2:].max()
+                # a displacement without bounds rounds by its size, a rack's after many turns
+                size = _EPS * np.abs(values).max(axis=1) / self._scale
+                tail = (terms[-2:] - _ROUNDED * size).max()
                 if shortest or tail <= _TAIL:
                     break
                 # beside a nearly singular position rounding is larger: no halving helps
@@ -200,15 +210,15 @@ class NominalRun:
             )
         coefficients = fit_powers(values, h)
         for law, i in zip(self._laws, self._ideal.driven, strict=True):
-            _, local = law.about(Fraction(self.time))
+            _, local = law.about(self._time)
             coefficients[i] = 0.0
             coefficients[i, : len(local)] = local
-        self._pieces.append((self.time, h, self._turns.copy(), coefficients))
+        self._pieces.append((self._time, h, self._turns.copy(), coefficients))
         # terms decay geometrically: those in the middle foretell the last ones of twice the length
         if 2.0 ** len(_NODES) * float(terms[6:9].max()) ** 2 <= 0.1 * _TAIL:
             self._share = min(1.0, 2.0 * self._share)
         self.steps += 1
-        self.time = end if h == end - self.time else self.time + h
+        self._time = end if h == whole else self._time + Fraction(h)
         self._last = coefficients @ h ** np.arange(len(_NODES))
         self._slope = slope
         whole = np.where(self._turning, np.trunc(self._last / TWO_PI), 0.0)
@@ -225,7 +235,7 @@ class NominalRun:
         def states(times: Array) -> Array:
             return self._states(edges, times, follow)
 
-        times, rounding = h * _ENDED, 1e-15 * max(self.time + h, 1.0)
+        times, rounding = h * _ENDED, _EPS * h
         every = states(times)
         edges.check(every[: len(self._last)])
         for ahead in (0.0, _AHEAD * h):  # what begins at an edge has the rows behind it
@@ -245,7 +255,7 @@ class NominalRun:
                 ends.append(
                     float(scipy.optimize.brentq(guard, a, b, xtol=rounding)) if inside else a
                 )
-            if min(ends) > max(ahead, rounding):
+            if min(ends) > _AHEAD * h:
                 return min(ends)
         return h
 
@@ -254,7 +264,7 @@ class NominalRun:
         q = self._followed(times)[0] if follow else self._driven(times)
         v = np.zeros_like(q)
         if edges.rated:
-            driven = [law.about(Fraction(self.time))[1] for law in self._laws]
+            driven = [law.about(self._time)[1] for law in self._laws]
             v_p, a_p = (
                 np.array([polynomial.polyval(times, polynomial.polyder(c, m)) for c in driven])
                 for m in (1, 2)
@@ -279,7 +289,7 @@ class NominalRun:
         q = self._driven(times)
         now = np.zeros((3, len(self._laws)))
         for row, law in enumerate(self._laws):
-            _, local = law.about(Fraction(self.time))
+            _, local = law.about(self._time)
             now[: len(local), row] = local[:3]
         now[2] *= 2.0
         driven = q[self._ideal.driven]
@@ -289,7 +299,7 @@ class NominalRun:
         """The same, zero for those that follow."""
         q = np.zeros((len(self._last), len(times)))
         for law, i in zip(self._laws, self._ideal.driven, strict=True):
-            self._turns[i], local = law.about(Fraction(self.time))
+            self._turns[i], local = law.about(self._time)
             self._last[i] = local[0]
             rows = np.repeat(np.array([local]), len(times), axis=0)
             q[i] = shift_powers(rows, times)[:, 0]
@@ -307,23 +317,24 @@ class NominalRun:
         raise KeyError(joint)
 
     def snapshot(self) -> Snapshot:
-        """What it takes to go on."""
+        """What it takes to go on: `since` counts short pieces, `stabilisation` is their share."""
         turns = dict(zip(self._ideal.coordinates, self._turns.tolist(), strict=True))
         slope = () if self._slope is None else self._slope.tolist()
         return Snapshot(
-            '', Fraction(0), self.time, turns, (*self._last.tolist(), *slope), (), 0, (), (), (),
-            (), self._share, math.inf, 0.0, tuple(self._laws), tuple(self._coming), -math.inf, 0,
-            0,
+            '', self._time, 0.0, turns, (*self._last.tolist(), *slope), (), self._short, (),
+            (), (), (), self._share, math.inf, 0.0, tuple(self._laws), tuple(self._coming),
+            -math.inf, 0, 0,
         )  # fmt: skip
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go on from a snapshot."""
-        self.time = snapshot.tau
+        self._time = snapshot.base + Fraction(snapshot.tau)
         self._laws = [law for law in snapshot.laws if isinstance(law, DriveLaw)]
         self._coming = deque(law for law in snapshot.coming if isinstance(law, DriveLaw))
         n = len(self._last)
         self._last, slope = np.array(snapshot.state[:n]), np.array(snapshot.state[n:])
         self._slope, self._share = slope if slope.size else None, snapshot.stabilisation
+        self._short = snapshot.since
         self._turns = np.array([snapshot.turns[c] for c in self._ideal.coordinates])
         self._pieces.clear()
 
@@ -331,9 +342,11 @@ class NominalRun:
         """Motion since the last call; there are no events."""
         pieces, self._pieces = self._pieces, []
         count, n = len(pieces), len(self._last)
+        start = np.array([float(p[0]) for p in pieces])
+        low = [float(p[0] - Fraction(t)) for p, t in zip(pieces, start.tolist(), strict=True)]
         curve = PiecewisePolynomial(
-            np.array([p[0] for p in pieces]),
-            np.zeros(count),
+            start,
+            np.array(low),
             np.array([p[1] for p in pieces]),
             np.array([p[2] for p in pieces], dtype=np.int64).reshape(count, n),
             np.array([p[3] for p in pieces]).reshape(count, n, len(_NODES)),
@@ -369,7 +382,8 @@ class NominalPhysics:
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
-        return self._observe(motion, segments, dt)
+        seen = self._observe(motion, segments, dt)
+        return seen.with_turns(motion.curve.turns_at(segments, dt).T)
 
     def loads(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Sizes of the forces in all joints, then torques of all drives."""
@@ -382,7 +396,10 @@ class NominalPhysics:
         dt: Array | Nodes,
         limited: bool = True,
     ) -> Observation:
-        """The same; the limits of forces in joints, which take time, on request."""
+        """The same without whole turns; limits of forces in joints, which take time, on request.
+
+        Angles that have turned often have lost digits which closures and forces need.
+        """
         curve = motion.curve
         q, v, a, passage = self._motion(curve, segments, dt)
         if self._forces is not None:
@@ -412,9 +429,9 @@ class NominalPhysics:
     def _motion(
         self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> tuple[Array, Array, Array, Passage | None]:
-        """Coordinates, rates and accelerations, exact beside the fitted ones."""
+        """Coordinates without whole turns, rates and accelerations, exact beside the fitted."""
         driven = self._ideal.driven
-        fitted, *along = (curve.at(segments, dt, d).T for d in range(3))
+        fitted, *along = (curve.local(segments, dt, d).T for d in range(3))
         v, a = along
         closed_by = rows(self._ideal.edges, self.coordinates, curve, segments, dt)
         return self._ideal.motion(fitted, v[driven], a[driven], (v, a), closed_by)
@@ -424,11 +441,7 @@ class NominalPhysics:
     ) -> Array:
         """What loads ask for beside the motion."""
         assert self._forces is not None  # noqa: S101 - nobody asks otherwise
-        known = outside(self._forces.outside, self.coordinates, curve, segments, dt)
-        for row, name in zip(known, self._forces.outside, strict=True):
-            if name != 'time':
-                row[:] = 0.0  # the angles have all their turns
-        return known
+        return outside(self._forces.outside, self.coordinates, curve, segments, dt)
 
     def _check_formulas(
         self,
@@ -492,7 +505,6 @@ class NominalPhysics:
             driven[:, 0, still] = now[:, 0, still]
             driven[0, 0, still] += away[still]
             times[still] = dt[still, None]
-        driven[0] += TWO_PI * curve.turns[segments][:, indices].T[:, :, None]
         q, v, a = passage.states(beside, driven)
         acting = rows(self._forces.edges, self.coordinates, curve, segments, times)
         return self._forces(q, v, a, self._outside(curve, segments, times), acting)
@@ -572,7 +584,7 @@ class NominalPhysics:
         """What is said of instants at which unknown loads do no work, or from which on."""
         if not dt.size:
             return []
-        seen, t = self._observe(motion, segments, dt), motion.curve.start[segments] + dt
+        seen, t = self.observe(motion, segments, dt), motion.curve.start[segments] + dt
         return [
             NoLimit(
                 float(t[i]),

@@ -76,7 +76,7 @@ class Entities:
         """Pose, velocity and acceleration of a link's frame in that of the world."""
         mechanism, state = self._node.machine.mechanism, self._state_class()
         t, seen = self._integration.observe_latest()
-        q, v, a = seen.position, seen.velocity, seen.acceleration
+        q, v, a = seen.local, seen.velocity, seen.acceleration
         state.header.stamp, state.header.frame_id = stamp(t), self._node.frame(WORLD)
         index, (frame, _) = mechanism.coordinates.index, mechanism.frame(link)
         pose, half = state.pose, 0.5 * float(mechanism.angle_all(link, q)[0])

@@ -11,11 +11,11 @@ import numpy as np
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.export.urdf import to_urdf
-from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.audit import Audit, Work
 from mechanism_sim.hybrid.dense_output import Motion as MotionBatch
 from mechanism_sim.hybrid.events import Impact as ImpactEvent
 from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
-from mechanism_sim.hybrid.sampling import EnergyTerms, sample
+from mechanism_sim.hybrid.sampling import EnergyTerms, sample, work_since_start
 from mechanism_sim.messages import (
     BearingLoads,
     DriveLaw,
@@ -39,6 +39,7 @@ from mechanism_sim.nodes.restitutions import Restitutions
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.nodes.topics import WRENCH, loaded_shafts, wrench_joints
+from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.scene.machine import Run
 
@@ -247,6 +248,10 @@ class Integration:
         seen = [m for m in (motion, ahead) if m is not None and len(m)]
         if seen:
             self._latest = seen[-1]
+            if ahead is not None and len(ahead) and self._physics.has_forces:
+                each = np.arange(len(ahead))
+                coming = work_since_start(self._physics, ahead, each, ahead.curve.duration)
+                work = Work(*np.concatenate([work, coming], axis=1))
             self._publish_samples(MotionBatch.joined(seen), EnergyTerms(work, impacts, *before))
         if len(motion):
             self._also(motion)
@@ -281,4 +286,7 @@ class Integration:
             node.send_all(self._loads, self._write_loads(t, seen, motion.modes[k].T))
         t = due['transforms']
         if t.size:
-            node.send_all(self._transforms, self._write_transforms(t, curve(t)))
+            k, dt = curve.find(t)
+            # quaternions repeat after two turns: these keep their signs
+            angles = curve.local(k, dt) + TWO_PI * (curve.turns_at(k, dt) % 2)
+            node.send_all(self._transforms, self._write_transforms(t, angles))

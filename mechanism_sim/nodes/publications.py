@@ -187,7 +187,7 @@ def _wrench(
     layout, second = Layout(message), mechanism.joint(joint).second
 
     def write(t: Array, o: Observation) -> list[bytes]:
-        angle = mechanism.angle_all(second, o.position)
+        angle = mechanism.angle_all(second, o.local)
         c, s = np.cos(angle), np.sin(angle)
         x, y = o.reaction[i]
         columns = {

@@ -126,10 +126,13 @@ class PiecewisePolynomial:
         """
         out = self.local(segment, dt, derivative)
         if derivative == 0 and self.turns[segment].any():
-            out += TWO_PI * np.repeat(
-                self.turns[segment], len(out) // max(len(segment), 1), axis=0
-            )
+            out += TWO_PI * self.turns_at(segment, dt)
         return out
+
+    def turns_at(self, segment: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.int64]:
+        """The whole turns that `local` leaves out, of each instant that `at` is asked for."""
+        each = len(dt) if isinstance(dt, Nodes) else math.prod(dt.shape[1:])
+        return np.repeat(self.turns[segment], each, axis=0)
 
     def local(self, segment: NDArray[np.intp], dt: Array | Nodes, derivative: int = 0) -> Array:
         """The same without the whole turns, which cost an angle its last digits."""

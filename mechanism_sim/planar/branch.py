@@ -207,7 +207,7 @@ def _fitted(
     solved[:, :3, kinematics.held] = np.array(held).transpose(2, 0, 1)
     solved[:, 0] += q.T
     centre = np.einsum('m,tmc->ct', chebyshev.chebvander(0.0, _DEGREE)[0], solved)
-    good &= kinematics.left_open(centre) <= OPEN * kinematics.rounding
+    good &= kinematics.open_beyond_rounding(centre, OPEN) == 0.0
     return solved.transpose(0, 2, 1), good
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.evaluation import COLUMNS
+from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.numerics.symbolic import Term, add, dense, dot, neg
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.joint_friction import JointFriction, rubs, solve_friction, with_friction
@@ -44,6 +45,27 @@ class Observation(NamedTuple):
     kinetic_energy: Array  #: (N,) [J]
     potential_energy: Array  #: (N,) [J]
     load: Array = np.zeros((0, 1))  #: (u, N) [N, N m] sizes of loads that follow from the motion
+    without_turns: Array = np.zeros((0, 1))  #: (n, N) position less whole turns, if it has any
+
+    @property
+    def local(self) -> Array:
+        """The position (n, N) without whole turns: from that places and forces are computed.
+
+        An angle loses digits with every turn that it contains.
+        """
+        return self.without_turns if len(self.without_turns) else self.position
+
+    @property
+    def turns(self) -> Array:
+        """Whole turns (n, N) that `local` leaves out."""
+        turns: Array = np.round((self.position - self.local) / TWO_PI)
+        return turns
+
+    def with_turns(self, turns: NDArray[np.int64]) -> Observation:
+        """The same where whole turns (n, N) had been taken off the position."""
+        if not turns.any():
+            return self
+        return self._replace(position=self.position + TWO_PI * turns, without_turns=self.position)
 
 
 class NoLimit(NamedTuple):

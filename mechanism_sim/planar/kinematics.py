@@ -46,7 +46,6 @@ class Kinematics:
         self._relations = tuple(relations)
         slides = [c in mechanism.displacements for c in self.coordinates]
         self.scale = np.where(slides, mechanism.size, 1.0)  # [m], [rad]
-        self.rounding = _ROUNDING * mechanism.reach  # [m] that may be left open
 
     def holding(self, held: Sequence[str]) -> Kinematics:
         """The same closures with other coordinates held; what is compiled serves both."""
@@ -136,8 +135,28 @@ class Kinematics:
             least, since = np.where(halved, size, least), np.where(halved, k, since)
             if ((reach <= 1e-9) | (k - since >= _PATIENCE)).all():
                 break
-        left = np.abs(self.closure(q)[0] - goal).max(axis=1, initial=0.0)
-        return q, np.where(left <= self.rounding, 0.0, left)
+        return q, self.open_beyond_rounding(q, targets=targets)
+
+    def open_beyond_rounding(
+        self, q: Array, times: float = 1.0, targets: Array | None = None
+    ) -> Array:
+        """How far the closures are open (N,) [m] at (n, N); zero for those open by rounding only.
+
+        A closure rounds by the lengths that it adds up, which are within the reach of the
+        mechanism, and by the coordinates themselves: a gear that has turned by the angle a leaves
+        its pitch radius times the rounding of a, a rack that of its displacement.
+
+        Parameters
+        ----------
+        times : the rounding of its terms is allowed
+        targets : as in `positions`
+        """
+        off, J = self.closure(q)
+        off = np.abs(off if targets is None else off - targets)
+        terms = self.mechanism.reach + np.einsum('krn,nk->kr', np.abs(J), np.abs(q))
+        return np.asarray(
+            np.where(off <= times * _ROUNDING * terms, 0.0, off).max(axis=1, initial=0.0)
+        )
 
     def left_open(self, q: Array) -> Array:
         """Largest distance (N,) of a closure from zero [m] at coordinates (n, N)."""

@@ -25,9 +25,15 @@ Kind = Literal[
 class Course(NamedTuple):
     """An angle or a displacement at N instants, with its rates."""
 
-    position: Array  #: (N,) [rad] or [m]
+    position: Array  #: (N,) [rad] without `turned`, or [m]
     velocity: Array  #: (N,) [rad/s] or [m/s]
     acceleration: Array  #: (N,) [rad/s^2] or [m/s^2]
+    turned: Array  #: (N,) [rad] of whole turns, with which an angle would lose digits
+
+    @property
+    def total(self) -> Array:
+        """The position (N,) with all its turns [rad] or [m]."""
+        return self.position + self.turned
 
 
 class ToothLoad(NamedTuple):

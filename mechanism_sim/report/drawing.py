@@ -100,4 +100,4 @@ def rule(axes: Any, skeleton: Skeleton, at: Sequence[float] | Array, width: floa
 
 
 def _coordinates(cycle: Cycle, t: Array) -> Array:
-    return cycle.solution.samples(t).observed.position
+    return cycle.solution.samples(t).observed.local

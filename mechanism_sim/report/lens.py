@@ -70,7 +70,8 @@ class Lens:
     def _separation(self, record: Record, t: Array) -> Array:
         """From the bushing's centre to the pin's (2, N), in radii of the bushing."""
         j, mechanism = self._joint, record.machine.mechanism
-        q = record.piece.motion.curve(t).T
+        curve = record.piece.motion.curve
+        q = curve.local(*curve.find(t)).T
         bushing = mechanism.locate_all(j.second, q, j.on_second)
         return self.metre * (mechanism.locate_all(j.first, q, j.on_first) - bushing)
 

@@ -86,7 +86,7 @@ class Screen:
         self._stage = stage_of(machine, samples.observed, sway(many))
         self._sway = self._stage.drawn(sway(t))
         skeleton = self._skeleton = self._stage.skeleton
-        low, high = bounds(skeleton, skeleton.poses(samples.observed.position))
+        low, high = bounds(skeleton, skeleton.poses(samples.observed.local))
         lens = _lens_joint(record, self._stage, shown.lens)
         layout = _layout((high - low) / (high[1] - low[1]), size, bool(lens))
         self.size = layout.size
@@ -143,7 +143,8 @@ class Screen:
                 yield i
 
     def _coordinates(self, t: Array) -> Array:
-        return self._record.piece.motion.curve(t).T
+        curve = self._record.piece.motion.curve
+        return curve.local(*curve.find(t)).T
 
     def _path(self, axes: Any, place: Any, style: Any, name: str) -> Array:
         """The whole path of a point, and a dot that runs on it."""

@@ -75,7 +75,8 @@ class JointView:
         slowed = 2.0 * rate * (z * v).sum(axis=0)
         angle = np.arctan2(z[1], z[0]) - math.atan2(b[1] - a[1], b[0] - a[0])
         off = np.remainder(angle - turn.position + math.pi, 2.0 * math.pi) - math.pi
-        return Course(turn.position + off, rate, (z[0] * w[1] - z[1] * w[0] - slowed) / square)
+        second = (z[0] * w[1] - z[1] * w[0] - slowed) / square
+        return Course(turn.position + off, rate, second, turn.turned)
 
     def place(self, link: str, at: Vector2) -> Array:
         """World coordinates (2, N) [m] of a point of a link."""
@@ -90,8 +91,8 @@ class JointView:
         """The same (3, 2, N) of a sum over arms."""
         found = np.zeros((3, 2, self.observed.position.shape[1]))
         for (frame, slide), (x, y) in point.items():
-            angle, w, alpha = self._coordinate(frame)
-            s, rate, second = product(slide, self._coordinate)
+            angle, w, alpha, _ = self._coordinate(frame)
+            s, rate, second = product(slide, lambda name: self._coordinate(name)[:3])
             cosine, sine = np.cos(angle), np.sin(angle)
             d = np.array([cosine * x - sine * y, sine * x + cosine * y])
             across = np.array([-d[1], d[0]])
@@ -144,9 +145,10 @@ class JointView:
     def _coordinate(self, name: str) -> Course:
         o = self.observed
         if name == GROUND:
-            return Course(*np.zeros((3, o.position.shape[1])))
+            return Course(*np.zeros((4, o.position.shape[1])))
         i = self.physics.coordinates.index(name)
-        return Course(o.position[i], o.velocity[i], o.acceleration[i])
+        place = o.local[i]
+        return Course(place, o.velocity[i], o.acceleration[i], o.position[i] - place)
 
     def _of_forces(self, rows: Array, shape: Sequence[int]) -> Array:
         if not self.physics.has_forces:

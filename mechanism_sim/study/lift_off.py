@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import heyoka as hy
-import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.physics import outside
 from mechanism_sim.linkages.nominal import NominalPhysics
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.numerics.symbolic import dense
@@ -121,10 +121,13 @@ class _Cycle:
 
         def force(times: Array) -> Array:
             o = self.at(times)
-            turns = np.zeros((len(self._forces.outside), len(times)))
+            curve = self._motion.curve
+            turns = outside(
+                self._forces.outside, self.mechanism.coordinates, curve, *curve.find(times)
+            )
             v, a = factor * o.velocity, factor**2 * o.acceleration
-            seen = self._forces(o.position, v, a, turns)
-            (n,) = direction(o.position)
+            seen = self._forces(o.local, v, a, turns)
+            (n,) = direction(o.local)
             pressed: Array = (seen.reaction[index] * n).sum(axis=0) / (n * n).sum(axis=0)
             return pressed
 

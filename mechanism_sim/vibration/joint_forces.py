@@ -42,7 +42,7 @@ class JointForces:
         """Force x, y [N] and moment [N m] (3, N)."""
         seen = self._physics.observe(motion, segments, dt)
         wrenches = np.concatenate([seen.reaction, seen.reaction_moment[:, None]], axis=1)
-        return self._on_ground(seen.position, wrenches)
+        return self._on_ground(seen.local, wrenches)
 
     def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Array:
         """Their integrals (3, N) [N s, N m s] where the rates make a `step` (n, N)."""
