@@ -18,6 +18,7 @@ from mechanism_sim.planar.steep_loads import SteepLoads
 
 _ROUNDING = 1e-9  # of an acceleration: what is smaller is no defect
 _FALLEN = 1e-10  # of a guard: more below zero, and below its own series, it has fallen unseen
+_NEAR = 1e-12  # of a guard, times the share of a step: less changes no event
 _FELT = 1e-4  # of the limit: a change of a rate that nothing needs to find
 
 
@@ -67,13 +68,17 @@ class StepCheck:
             pars,
         )
 
-        def faulty(places: Array, _: Array) -> Array:
-            return self._faulty(every, tau, h, places)
+        def defect(places: Array, _: Array) -> Array:
+            return self._defect(every, tau, h, places)
 
-        return reach_of(steep.enclosure, course, self._scales, faulty)
+        guards = np.full(steep.enclosure.guards, _NEAR * h)
+        return reach_of(steep.enclosure, course, np.append(self._scales, guards), defect)
 
-    def _faulty(self, series: Array, tau: float, h: float, places: Array) -> Array:
-        """Whether at places (N,) of a step the equations say something else than its series."""
+    def _defect(self, series: Array, tau: float, h: float, places: Array) -> Array:
+        """How far at places (N,) of a step the equations are off its series, of what is allowed.
+
+        Without limit where a guard has fallen unseen.
+        """
         system, ta, power = self._system, self._ta, self._power
         count, f = len(places), self._rates.start
         powers = places ** power[:, None]
@@ -83,12 +88,13 @@ class StepCheck:
         given[-1] = tau + h * places
         slopes = (series[:, 1:] * power[1:]) @ powers[:-1]
         wanted = h * system.accelerations(given)
-        defect = np.abs(slopes[self._rates] - wanted)
-        found = ~(defect <= self._limit + _ROUNDING * np.abs(wanted)).all(axis=0)
+        allowed = self._limit + _ROUNDING * np.abs(wanted)
+        found = (np.abs(slopes[self._rates] - wanted) / allowed).max(axis=0)
         if self._guards:
             guards = system.watch(given)[: self._guards]
             foretold = slopes[self._watch] / (h * WATCH_SCALE)
-            found |= (guards < np.minimum(foretold, 0.0) - _FALLEN).any(axis=0)
+            fell = (guards < np.minimum(foretold, 0.0) - _FALLEN).any(axis=0)
+            found[fell] = np.inf
         return np.asarray(found)
 
     def _moving(self, series: Array, time: float, tau: float, h: float) -> Array:

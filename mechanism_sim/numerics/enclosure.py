@@ -211,8 +211,10 @@ class _Program:
             ):
                 over = self._add('power', self._read(b), exponent=-1.0)
                 return self._product(self._read(a), over)
-            case ast.Call(func=ast.Name(id=name), args=[x]) if name in _UNARY:
-                return self._add(name, self._read(x))
+            case ast.Call(func=ast.Name(id=name), args=[x]):
+                name = name.removeprefix('combined_')  # of sine and cosine of the same
+                if name in _UNARY:
+                    return self._add(name, self._read(x))
         raise NotImplementedError(f'no enclosure of {ast.unparse(node)}')
 
     def _product(self, a: int, b: int) -> int:
@@ -304,15 +306,14 @@ class Enclosure:
     ) -> None:
         program = _program((*loads, *guards), (*moving, *fixed))
         radii = {str(x): hy.make_vars(f'radius{k}') for k, x in enumerate(moving)}
-        scales = [hy.make_vars(f'scale{k}') for k in range(len(loads))]
+        scales = [hy.make_vars(f'scale{k}') for k in range(len(loads) + len(guards))]
         balls = _forward(program, radii)
         seeds: dict[int, list[Any]] = {}
         for root, scale in zip(program.roots, scales, strict=False):
             seeds.setdefault(root, []).append(1.0 / scale)
-        for root in program.roots[len(loads) :]:
+        for root, scale in zip(program.roots[len(loads) :], scales[len(loads) :], strict=True):
             near = hy.lte(balls[root].least, hy.expression(0.0))
-            crossing = hy.select(near, hy.expression(_LIMITLESS), hy.expression(0.0))
-            seeds.setdefault(root, []).append(crossing)
+            seeds.setdefault(root, []).append(hy.select(near, 1.0 / scale, hy.expression(0.0)))
         felt = _backward(program, balls, seeds)
         chosen = [
             k
@@ -339,7 +340,7 @@ class Enclosure:
         ----------
         middle, radius : (v, N) of what moves
         fixed : (w,)
-        scales : of the loads; a change times the length of its part that is smaller is none
+        scales : of loads, then guards; a change times the length of its part that is smaller is none
         parameters : values of ``par[]``
         """
         count = middle.shape[1]
@@ -364,6 +365,7 @@ def _program(
 _FIRST = 8  # parts, in which most motions are known at once
 _DEEPEST = 48  # halvings: less than rounding of the place itself
 _MOST = 4096  # parts that may be unknown at the same time
+_SOUND = 0.01  # of a fault: less is far from one
 _ENDS = np.linspace(0.0, 1.0, _FIRST + 1)
 _OF_RANGE, _OF_SIZE = 0.05, 0.01
 """How far a function may go beyond its samples in a part: of what it varies by, and of its size.
@@ -413,7 +415,7 @@ class Course(NamedTuple):
 class Reach(NamedTuple):
     """How far from its beginning a piece of motion, whose length is 1, is known."""
 
-    sound: float  #: the last place before the first one with a fault; 0 if there is none
+    sound: float  #: the last place before the first fault that is far from one; 0 if none is
     fault: float | None  #: that one, or where samples begin not to tell all; None if there is none
 
 
@@ -421,7 +423,7 @@ def reach_of(
     enclosure: Enclosure,
     course: Course,
     scales: Array,
-    faulty: Callable[[Array, Array], NDArray[np.bool_]],
+    defect: Callable[[Array, Array], Array],
 ) -> Reach:
     """How far the samples of a piece of motion tell all of its formulas and show no fault.
 
@@ -430,15 +432,15 @@ def reach_of(
 
     Parameters
     ----------
-    scales : of the loads; a change times the length [s] of its part that is smaller is none
-    faulty : whether something is wrong at places (N,) from 0 to 1, at which loads and guards have
-        values (loads + guards, N)
+    scales : of loads, then guards; a change times the length [s] of its part that is smaller is none
+    defect : (N,) how wrong something is at places (N,) from 0 to 1, at which loads and guards have
+        values (loads + guards, N); more than 1 is a fault
     """
     order = course.series.shape[1] - 1
     begin, width, shift = _ENDS[:-1], 1.0 / _FIRST, _first_shift(order)
     ends = np.zeros((enclosure.count, 2, _FIRST))  # values where parts begin and end
     lowest, highest = np.inf, -np.inf
-    looked: list[Array] = []  # at which places
+    sound: list[Array] = []  # places
     fault = np.inf
     for depth in range(_DEEPEST):
         middles = begin + 0.5 * width
@@ -452,9 +454,10 @@ def reach_of(
         highest = np.maximum(highest, values.max(axis=1, initial=-np.inf))
         # the start itself is as it is
         seen = places > 0.0
-        wrong = faulty(places[seen], roots[:, seen])
-        fault = min(fault, places[seen][wrong].min(initial=np.inf))
-        looked.append(places)
+        places = places[seen]
+        found = defect(places, roots[:, seen])
+        fault = min(fault, places[~(found <= 1.0)].min(initial=np.inf))
+        sound.append(places[found <= _SOUND])
         allowed = _OF_RANGE * (highest - lowest)
         allowed += _OF_SIZE * np.maximum(np.abs(lowest), np.abs(highest))
         with np.errstate(all='ignore'):  # what is not finite is not known
@@ -476,7 +479,7 @@ def reach_of(
         fault = min(fault, float(begin[0]))
     if np.isinf(fault):
         return Reach(1.0, None)
-    every = np.concatenate(looked)
+    every = np.concatenate(sound)
     return Reach(float(every[every < fault].max(initial=0.0)), float(fault))
 
 

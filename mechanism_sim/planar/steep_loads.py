@@ -51,7 +51,7 @@ class SteepLoads:
         known = [(x, s) for x, s in zip(loads, scales, strict=True) if x is not None]
         own = {e.name.replace('.', ':', 1) for e in elements if e.name in frames.formulas}
         guards = [
-            s.inside if isinstance(s, Switch) else s.guard
+            s.guard
             for name, s in frames.switches.items()
             if _is_of_formula(name, own)
         ]
