@@ -92,6 +92,7 @@ class Dynamics:
     rub_response, rub_closing, rub_drive_response : as of rows, by unit impulses of that friction
     rub_compliance : of all rows, then of these slips, likewise
     torques : of every powered coordinate the three coefficients of its law
+    characteristics : torques of motors [N m, N]
     drive_torques : of every powered coordinate that of its law and of its motor [N m, N]
     """
 
@@ -130,6 +131,7 @@ class Dynamics:
         self._alpha = p.reserve('stabilisation')
         self.torques = [p.reserve(f'drives:{c}.torque.{k}') for c in powered for k in range(3)]
         own = {m.coordinate: m.torque(eq.frames) for m in motors}
+        self.characteristics = [*own.values()]
         self.drive_torques: Vector = []
         for n, c in enumerate(powered):
             k0, k1, k2 = self.torques[3 * n : 3 * n + 3]

@@ -99,10 +99,10 @@ class EventLoop:
         known = [fastest] if fastest else driven or turning
         fastest = max((1.0, *map(abs, known)))
         self._ta = system.integrator(rtol, STEP_SCALE * fastest, compact)
-        steep = system.equations.frames.formulas
         limit = _DEFECT * rtol * STEP_SCALE * fastest
         self._quickest = _QUICKEST * fastest
-        self._check = StepCheck(system, self._ta, limit) if steep else None
+        steep = system.steep
+        self._check = StepCheck(system, steep, self._ta, limit) if steep else None
         quick = (system.lone or not system.guards) and not system.timed
         self._quick = quick and self._check is None
         f, width = len(system.free), self._ta.order + 1
@@ -368,11 +368,18 @@ class EventLoop:
         self._contacts.change_restitution(joint, restitution)
 
     def _checked(self, tau: float, h: float, check: StepCheck) -> float:
-        """Length of a step, taken anew until no formula turned steep within it unseen."""
-        while h > _SHORTEST * self._max_step and not check.holds(tau, h):
+        """Length of a step, taken anew until no formula turned steep within it unseen.
+
+        A step that ends shortly before a fault is on the same series, of less range: it is looked
+        at again, for what that may hide.
+        """
+        while h > _SHORTEST * self._max_step:
+            sound, fault = check.reach(self._base.high, tau, h)
+            if fault is None:
+                break
             self._system.fired(self._pars)
             self._back_to(tau)
-            h = self._step(_SHORTER * h, True)[1]
+            h = self._step(h * (sound or _SHORTER * fault), True)[1]
         return h
 
     def _look_again(self, tau: float, h: float, guard: int | None) -> tuple[float, int | None]:

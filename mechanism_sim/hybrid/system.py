@@ -27,6 +27,7 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import Motor
 from mechanism_sim.planar.protocols import ForceElement, Gap, JointForce, Relation
 from mechanism_sim.planar.reactions import tree_reactions
+from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import SWITCH_MARGIN, Switch, by_level
 
@@ -209,6 +210,14 @@ class System:
         self.torque_index = [
             [p.names[f'drives:{c}.torque.{k}'] for k in range(3)] for c in self.powered
         ]
+
+    @cached_property
+    def steep(self) -> SteepLoads | None:
+        """Loads that no series foretells, if there are any."""
+        formulas, torques = self.equations.frames.formulas, self.dynamics.characteristics
+        if not (formulas or torques):
+            return None
+        return SteepLoads(self.mechanism, self.equations.frames, self.elements, torques)
 
     def fired(self, parameters: Array | memoryview[float]) -> int | None:
         """The guard that ended the last step, by these runtime parameters; told once."""

@@ -1,0 +1,517 @@
+"""Enclosures of formulas over parts of a motion: what cannot hide between samples.
+
+A sample tells what a formula is at one place. An enclosure tells what it is at most and at least
+in a whole part of a motion (R. E. Moore, "Interval Analysis", 1966). Where both agree, nothing is
+hidden between the samples; where they do not, the part is halved. So a pulse of any width is
+found, in as many halvings as its width asks for.
+
+A formula is smooth but for its switches, which have guards of their own. What makes it steep at
+one place and flat at another are its functions: exp, tanh, powers, quotients. They are what is
+enclosed, each by itself, so that no pulse drowns in a larger load beside it. Sums and products of
+functions that are known in all parts hide nothing.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import binom
+
+from mechanism_sim.numerics import compiled
+
+Array = NDArray[np.float64]
+
+_LIMITLESS = 1e300  # of what a function may be in a part that holds its pole
+
+
+class Ball(NamedTuple):
+    """All numbers that are not farther from a middle than a radius; exact without one."""
+
+    middle: Any
+    radius: Any = None
+
+    @property
+    def size(self) -> Any:
+        """The largest absolute value in it."""
+        return _abs(self.middle) if self.radius is None else _abs(self.middle) + self.radius
+
+    @property
+    def least(self) -> Any:
+        """The smallest absolute value in it."""
+        size = _abs(self.middle)
+        return size if self.radius is None else hy.relu(size - self.radius)
+
+    @property
+    def ends(self) -> tuple[Any, Any]:
+        """The least and the largest number in it."""
+        if self.radius is None:
+            return self.middle, self.middle
+        return self.middle - self.radius, self.middle + self.radius
+
+
+def _abs(x: Any) -> Any:
+    return hy.select(hy.lt(x, hy.expression(0.0)), -x, x)
+
+
+def _between(low: Any, high: Any) -> Ball:
+    return Ball(0.5 * (low + high), _abs(0.5 * (high - low)))
+
+
+def _rising(f: Callable[[Any], Any]) -> Callable[[Ball], Ball]:
+    """Of a function that rises, or falls, all the way."""
+
+    def enclosed(x: Ball) -> Ball:
+        return Ball(f(x.middle)) if x.radius is None else _between(*map(f, x.ends))
+
+    return enclosed
+
+
+def _wave(f: Callable[[Any], Any], slope: Callable[[Any], Any]) -> Callable[[Ball], Ball]:
+    """Of sine and cosine: ``|f(m + d) - f(m)| <= |f'(m)| |d| + d^2/2``, and not more than 2."""
+
+    def enclosed(x: Ball) -> Ball:
+        if x.radius is None:
+            return Ball(f(x.middle))
+        r = x.radius
+        change = _abs(slope(x.middle)) * r + 0.5 * r * r
+        most = hy.expression(2.0)
+        return Ball(f(x.middle), hy.select(hy.lt(change, most), change, most))
+
+    return enclosed
+
+
+def _tangent(x: Ball) -> Ball:
+    """Of the tangent: without limit where a pole may be in between."""
+    if x.radius is None:
+        return Ball(hy.tan(x.middle))
+    low, high = x.ends
+    straight = hy.logical_and([
+        hy.gt(hy.cos(low) * hy.cos(high), hy.expression(0.0)),
+        hy.lt(x.radius, hy.expression(1.5)),
+    ])  # fmt: skip
+    found = _between(hy.tan(low), hy.tan(high))
+    return Ball(found.middle, hy.select(straight, found.radius, hy.expression(_LIMITLESS)))
+
+
+def _above_zero(f: Callable[[Any], Any]) -> Callable[[Ball], Ball]:
+    """Of a rising function of what is not negative, but for overestimation."""
+
+    def enclosed(x: Ball) -> Ball:
+        if x.radius is None:
+            return Ball(f(x.middle))
+        low, high = x.ends
+        return _between(f(hy.relu(low)), f(high))
+
+    return enclosed
+
+
+def _power(x: Ball, n: float) -> Ball:
+    def f(y: Any) -> Any:
+        return y**n
+
+    if x.radius is None:
+        return Ball(f(x.middle))
+    if n < 0.0:
+        low, high = x.ends
+        found = _between(f(low), f(high))
+        sure = hy.gt(x.least, hy.expression(0.0))
+        limitless = hy.expression(_LIMITLESS)
+        if n % 2.0 == 0.0:
+            found = _between(f(x.size), f(x.least))
+        return Ball(
+            hy.select(sure, found.middle, hy.expression(0.0)),
+            hy.select(sure, found.radius, limitless),
+        )
+    if n % 2.0 == 0.0:
+        return _between(f(x.least), f(x.size))
+    return _rising(f)(x) if n % 2.0 == 1.0 else _above_zero(f)(x)
+
+
+def _hull_slope(x: Ball) -> Any:
+    y = hy.tanh(x.least)
+    return 1.0 - y * y
+
+
+_UNARY: dict[str, tuple[Callable[[Ball], Ball], Callable[[Ball], Any]]] = {
+    'sin': (_wave(hy.sin, hy.cos), lambda x: hy.expression(1.0)),
+    'cos': (_wave(hy.cos, hy.sin), lambda x: hy.expression(1.0)),
+    'tan': (_tangent, lambda x: 1.0 + _tangent(x).size ** 2),
+    'exp': (_rising(hy.exp), lambda x: hy.exp(x.ends[1])),
+    'log': (_above_zero(hy.log), lambda x: 1.0 / x.least),
+    'sqrt': (_above_zero(hy.sqrt), lambda x: 0.5 / hy.sqrt(x.least)),
+    'tanh': (_rising(hy.tanh), _hull_slope),
+    'atan': (_rising(hy.atan), lambda x: 1.0 / (1.0 + x.least * x.least)),
+}
+"""By name: the enclosure, and the largest slope in it."""
+
+
+class _Operation(NamedTuple):
+    kind: str
+    args: tuple[int, ...]
+    exponent: float = 0.0
+
+
+class _Program:
+    """Expressions as elementary operations, each on the results of those before it."""
+
+    def __init__(
+        self, expressions: Sequence[hy.expression], variables: Sequence[hy.expression]
+    ) -> None:
+        self.leaves: dict[int, hy.expression] = {}
+        self.operations: list[_Operation] = []
+        self._known = {str(x): self._leaf(x) for x in variables}
+        named = len(variables)
+        self._known |= {f'u_{k}': self._known[str(x)] for k, x in enumerate(variables)}
+        parts = hy.cfunc(list(expressions), vars=list(variables), opt_level=0).dc
+        for k, part in enumerate(parts[named : len(parts) - len(expressions)], named):
+            self._known[f'u_{k}'] = self._read(ast.parse(str(part), mode='eval').body)
+        ends = parts[len(parts) - len(expressions) :]
+        self.roots = [self._read(ast.parse(str(x), mode='eval').body) for x in ends]
+
+    def _leaf(self, x: hy.expression) -> int:
+        self.leaves[len(self.operations)] = x
+        return self._add('leaf')
+
+    def _add(self, kind: str, *args: int, exponent: float = 0.0) -> int:
+        self.operations.append(_Operation(kind, args, exponent))
+        return len(self.operations) - 1
+
+    def _read(self, node: ast.expr) -> int:
+        match node:
+            case ast.Constant(value=int() | float() as value):
+                return self._leaf(hy.expression(float(value)))
+            case ast.Name(id='pi'):
+                return self._leaf(hy.pi)
+            case ast.Name(id=name):
+                if name not in self._known and name[0] == 'p' and name[1:].isdigit():
+                    self._known[name] = self._leaf(hy.par[int(name[1:])])
+                return self._known[name]
+            case ast.UnaryOp(op=ast.USub(), operand=x):
+                return self._add('negative', self._read(x))
+            case ast.BinOp(left=a, op=ast.Pow(), right=b):
+                return self._add('power', self._read(a), exponent=float(ast.literal_eval(b)))
+            case ast.BinOp(left=a, op=ast.Add(), right=b):
+                return self._add('sum', self._read(a), self._read(b))
+            case ast.BinOp(left=a, op=ast.Mult(), right=b):
+                return self._product(self._read(a), self._read(b))
+            case (
+                ast.BinOp(left=a, op=ast.Sub(), right=b)
+                | ast.Call(func=ast.Name(id='sub'), args=[a, b])
+            ):
+                return self._add('sum', self._read(a), self._add('negative', self._read(b)))
+            case (
+                ast.BinOp(left=a, op=ast.Div(), right=b)
+                | ast.Call(func=ast.Name(id='div'), args=[a, b])
+            ):
+                over = self._add('power', self._read(b), exponent=-1.0)
+                return self._product(self._read(a), over)
+            case ast.Call(func=ast.Name(id=name), args=[x]):
+                name = name.removeprefix('combined_')  # of sine and cosine of the same
+                if name in _UNARY:
+                    return self._add(name, self._read(x))
+        raise NotImplementedError(f'no enclosure of {ast.unparse(node)}')
+
+    def _product(self, a: int, b: int) -> int:
+        return self._add('power', a, exponent=2.0) if a == b else self._add('product', a, b)
+
+
+def _forward(program: _Program, moving: dict[str, Any]) -> list[Ball]:
+    """The enclosure of each operation; `moving` are the radii of variables by name."""
+    found: list[Ball] = []
+    for k, (kind, args, exponent) in enumerate(program.operations):
+        if kind == 'leaf':
+            leaf = program.leaves[k]
+            found.append(Ball(leaf, moving.get(str(leaf))))
+            continue
+        a, *rest = (found[i] for i in args)
+        if kind == 'negative':
+            ball = Ball(-a.middle, a.radius)
+        elif kind == 'power':
+            ball = _power(a, exponent)
+        elif kind == 'sum':
+            radii = [x.radius for x in (a, *rest) if x.radius is not None]
+            ball = Ball(a.middle + rest[0].middle, hy.sum(radii) if radii else None)
+        elif kind == 'product':
+            b = rest[0]
+            radii = []
+            if b.radius is not None:
+                radii.append(a.size * b.radius)
+            if a.radius is not None:
+                radii.append(_abs(b.middle) * a.radius)
+            ball = Ball(a.middle * b.middle, hy.sum(radii) if radii else None)
+        else:
+            ball = _UNARY[kind][0](a)
+        found.append(ball)
+    return found
+
+
+def _backward(
+    program: _Program, balls: list[Ball], seeds: dict[int, list[Any]]
+) -> list[list[Any]]:
+    """By how much at most each operation changes what is sown, times the seeds."""
+    felt: list[list[Any]] = [[] for _ in program.operations]
+    for root, known in seeds.items():
+        felt[root] += known
+    for k in range(len(program.operations) - 1, -1, -1):
+        kind, args, n = program.operations[k]
+        if not felt[k] or kind == 'leaf':
+            continue
+        own = hy.sum(felt[k])
+        a = balls[args[0]]
+        if kind in ('sum', 'negative'):
+            slopes = [None] * len(args)
+        elif kind == 'product':
+            slopes = [balls[args[1]].size, a.size]
+        elif kind == 'power':
+            slopes = [abs(n) * (a.size if n >= 1.0 else a.least) ** (n - 1.0)]
+        else:
+            slopes = [_UNARY[kind][1](a)]
+        for i, slope in zip(args, slopes, strict=True):
+            if balls[i].radius is not None:
+                felt[i].append(own if slope is None else own * slope)
+    return felt
+
+
+class Parts(NamedTuple):
+    """What K functions are in N parts of a motion, or at N places."""
+
+    middle: Array  #: (K, N)
+    radius: Array  #: (K, N)
+    weight: Array  #: (K, N) largest change of any load, in its own scale, by a unit of each
+
+
+class Enclosure:
+    """Enclosures of the functions that steep formulas are made of, compiled.
+
+    Parameters
+    ----------
+    loads : formulas whose changes matter beyond a scale of each
+    guards : formulas that matter where they may be zero
+    moving : v symbols that have a radius in a part
+    fixed : w symbols that have none
+    """
+
+    def __init__(
+        self,
+        loads: Sequence[hy.expression],
+        guards: Sequence[hy.expression],
+        moving: Sequence[hy.expression],
+        fixed: Sequence[hy.expression],
+    ) -> None:
+        program = _program((*loads, *guards), (*moving, *fixed))
+        radii = {str(x): hy.make_vars(f'radius{k}') for k, x in enumerate(moving)}
+        scales = [hy.make_vars(f'scale{k}') for k in range(len(loads) + len(guards))]
+        balls = _forward(program, radii)
+        seeds: dict[int, list[Any]] = {}
+        for root, scale in zip(program.roots, scales, strict=False):
+            seeds.setdefault(root, []).append(1.0 / scale)
+        for root, scale in zip(program.roots[len(loads) :], scales[len(loads) :], strict=True):
+            near = hy.lte(balls[root].least, hy.expression(0.0))
+            seeds.setdefault(root, []).append(hy.select(near, 1.0 / scale, hy.expression(0.0)))
+        felt = _backward(program, balls, seeds)
+        chosen = [
+            k
+            for k, x in enumerate(program.operations)
+            if (x.kind in _UNARY or x.kind == 'power') and balls[k].radius is not None and felt[k]
+        ]
+        self.count, self.loads, self.guards = len(chosen), len(loads), len(guards)
+        outputs = [balls[k].middle for k in chosen]
+        outputs += [balls[k].radius for k in chosen]
+        outputs += [hy.sum(felt[k]) for k in chosen]
+        outputs += [balls[k].middle for k in program.roots]
+        self._inputs = [*moving, *radii.values(), *fixed, *scales]
+        self._function = compiled.function(
+            [hy.expression(0.0) + x for x in outputs], self._inputs
+        )
+        self._moving, self._scales = len(moving), len(scales)
+
+    def __call__(
+        self, middle: Array, radius: Array, fixed: Array, scales: Array, parameters: Array
+    ) -> tuple[Parts, Array]:
+        """Enclosures in N parts, and values (loads + guards, N) in their middles.
+
+        Parameters
+        ----------
+        middle, radius : (v, N) of what moves
+        fixed : (w,)
+        scales : of loads, then guards; a change times the length of its part that is smaller is none
+        parameters : values of ``par[]``
+        """
+        count = middle.shape[1]
+        v, given = self._moving, np.empty((len(self._inputs), count))
+        given[:v], given[v : 2 * v] = middle, radius
+        given[2 * v :] = np.concatenate([fixed, scales])[:, None]
+        needed = parameters[: self._function.nparams, None]
+        found = self._function(given, pars=np.repeat(needed, count, axis=1))
+        k = self.count
+        return Parts(found[:k], found[k : 2 * k], found[2 * k : 3 * k]), found[3 * k :]
+
+
+@lru_cache(maxsize=64)
+def _program(
+    expressions: tuple[hy.expression, ...], variables: tuple[hy.expression, ...]
+) -> _Program:
+    return _Program(expressions, variables)
+
+
+# --- parts of a motion ---------------------------------------------------------------------------
+
+_FIRST = 8  # parts, in which most motions are known at once
+_DEEPEST = 48  # halvings: less than rounding of the place itself
+_MOST = 4096  # parts that may be unknown at the same time
+_SOUND = 0.01  # of a fault: less is far from one
+_ENDS = np.linspace(0.0, 1.0, _FIRST + 1)
+_OF_RANGE, _OF_SIZE = 0.05, 0.01
+"""How far a function may go beyond its samples in a part: of what it varies by, and of its size.
+The former for what is between two samples of a curve, the latter for overestimation."""
+
+
+@lru_cache(maxsize=16)
+def _binomials(order: int) -> Array:
+    """``[k, j] = j over k``."""
+    index = np.arange(order + 1)
+    return np.asarray(binom(index, index[:, None]))
+
+
+def _shift(order: int, middle: Array) -> Array:
+    """What makes powers of x those of the distance from middles (N,): (order + 1, order + 1, N)."""
+    power = np.arange(order + 1)
+    raised = np.maximum(power - power[:, None], 0)
+    return _binomials(order)[:, :, None] * middle ** raised[:, :, None]
+
+
+@lru_cache(maxsize=16)
+def _first_shift(order: int) -> Array:
+    """`_shift` to the middles of the first parts."""
+    return _shift(order, _ENDS[:-1] + 0.5 / _FIRST)
+
+
+def _on_parts(series: Array, shift: Array, radius: float) -> tuple[Array, Array]:
+    """Polynomials (v, n) on parts: their values in the middles (v, N), and radii around them.
+
+    In powers of the distance from the middle little is overestimated.
+    """
+    n, count = len(shift), shift.shape[2]
+    local = (series @ shift.transpose(1, 0, 2).reshape(n, -1)).reshape(-1, n, count)
+    reach = (np.abs(local[:, 1:]) * radius ** np.arange(1, n)[:, None]).sum(axis=1)
+    return local[:, 0], reach
+
+
+class Course(NamedTuple):
+    """How the variables of formulas run through a piece of motion, whose length is 1."""
+
+    series: Array  #: (v, n) coefficients of rising powers, of what moves
+    length: float  #: [s]
+    fixed: Array  #: (w,)
+    parameters: Array  #: values of ``par[]``
+
+
+class Reach(NamedTuple):
+    """How far from its beginning a piece of motion, whose length is 1, is known."""
+
+    sound: float  #: the last place before the first fault that is far from one; 0 if none is
+    fault: float | None  #: that one, or where samples begin not to tell all; None if there is none
+
+
+def reach_of(
+    enclosure: Enclosure,
+    course: Course,
+    scales: Array,
+    defect: Callable[[Array, Array], Array],
+) -> Reach:
+    """How far the samples of a piece of motion tell all of its formulas and show no fault.
+
+    Parts in which a function may go beyond its samples are halved, and sampled again. Behind the
+    first fault nothing is looked at any more.
+
+    Parameters
+    ----------
+    scales : of loads, then guards; a change times the length [s] of its part that is smaller is none
+    defect : (N,) how wrong something is at places (N,) from 0 to 1, at which loads and guards have
+        values (loads + guards, N); more than 1 is a fault
+    """
+    order = course.series.shape[1] - 1
+    begin, width, shift = _ENDS[:-1], 1.0 / _FIRST, _first_shift(order)
+    ends = np.zeros((enclosure.count, 2, _FIRST))  # values where parts begin and end
+    lowest, highest = np.inf, -np.inf
+    sound: list[Array] = []  # places
+    fault = np.inf
+    for depth in range(_DEEPEST):
+        middles = begin + 0.5 * width
+        places = np.concatenate([middles, _ENDS]) if depth == 0 else middles
+        parts, values, roots = _enclosed(enclosure, course, scales, shift, width, places)
+        count = len(begin)
+        if depth == 0:
+            ends[:, 0], ends[:, 1] = values[:, count:-1], values[:, count + 1 :]
+        own = np.stack([ends[:, 0], values[:, :count], ends[:, 1]])
+        lowest = np.minimum(lowest, values.min(axis=1, initial=np.inf))
+        highest = np.maximum(highest, values.max(axis=1, initial=-np.inf))
+        # the start itself is as it is
+        seen = places > 0.0
+        places = places[seen]
+        found = defect(places, roots[:, seen])
+        fault = min(fault, places[~(found <= 1.0)].min(initial=np.inf))
+        sound.append(places[found <= _SOUND])
+        allowed = _OF_RANGE * (highest - lowest)
+        allowed += _OF_SIZE * np.maximum(np.abs(lowest), np.abs(highest))
+        with np.errstate(all='ignore'):  # what is not finite is not known
+            beyond = np.maximum(
+                parts.middle + parts.radius - own.max(axis=0),
+                own.min(axis=0) - (parts.middle - parts.radius),
+            )
+            small = beyond * parts.weight * (width * course.length) <= 1.0
+        unknown = ~((beyond <= allowed[:, None]) | small).all(axis=0) & (begin < fault)
+        if not unknown.any():
+            break
+        if unknown.sum() > _MOST:
+            unknown = unknown & (np.cumsum(unknown) <= _MOST)
+            fault = min(fault, begin[np.flatnonzero(unknown)[-1]])
+        width *= 0.5
+        begin, ends = _halved(begin[unknown], width, own[:, :, unknown])
+        shift = _shift(order, begin + 0.5 * width)
+    else:
+        fault = min(fault, float(begin[0]))
+    if np.isinf(fault):
+        return Reach(1.0, None)
+    every = np.concatenate(sound)
+    return Reach(float(every[every < fault].max(initial=0.0)), float(fault))
+
+
+def _halved(begin: Array, width: float, own: Array) -> tuple[Array, Array]:
+    """Parts of half the width in the order of places, and values (K, 2, N) at their ends.
+
+    Parameters
+    ----------
+    own : (3, K, N) values where parts begin, in their middles and at their ends
+    """
+    both = np.stack([begin, begin + width], axis=1).ravel()
+    ends = np.stack([own[:2], own[1:]], axis=-1)  # (2, K, N, halves)
+    return both, ends.transpose(1, 0, 2, 3).reshape(own.shape[1], 2, -1)
+
+
+def _enclosed(
+    enclosure: Enclosure,
+    course: Course,
+    scales: Array,
+    shift: Array,
+    width: float,
+    places: Array,
+) -> tuple[Parts, Array, Array]:
+    """Enclosures in parts; values (K, N) of functions, and those of loads and guards, at places."""
+    middle, radius = _on_parts(course.series, shift, 0.5 * width)
+    at = course.series @ places ** np.arange(len(shift))[:, None]
+    count = middle.shape[1]
+    parts, roots = enclosure(
+        np.concatenate([middle, at], axis=1),
+        np.concatenate([radius, np.zeros_like(at)], axis=1),
+        course.fixed,
+        scales,
+        course.parameters,
+    )
+    return Parts(*(x[:, :count] for x in parts)), parts.middle[:, count:], roots[:, count:]
