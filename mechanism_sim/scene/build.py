@@ -23,15 +23,15 @@ from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.singular_start import neighbours
 
 
-def build(name: str, scene: Scene) -> Machine:
-    """The machine of a scene.
+def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
+    """The machine of a scene; `questions` are doubts about what its file says.
 
     Raises
     ------
     InputError
         If the geometry is impossible, or forces are wanted without masses.
     """
-    machine = Machine(name, scene)
+    machine = Machine(name, scene, questions)
     _check_freedom(machine)
     _check_joints(machine)
     check_oscillators(machine)

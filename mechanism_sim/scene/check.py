@@ -18,6 +18,7 @@ from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.nominal_model import Level
 from mechanism_sim.scene.oscillators import oscillator_notes
 from mechanism_sim.scene.tilt_keys import tilt_notes
+from mechanism_sim.scene.unused import unused
 from mechanism_sim.units import Measure
 
 _WHY = {
@@ -135,6 +136,7 @@ def check(machine: Machine) -> Report:
             + (', '.join(machine.without_forces) + ' takes forces without limit'
                if machine.without_forces else 'nobody asks for them')
         )  # fmt: skip
+    left_out += unused(machine)
     if gaps:
         if not any(c.friction for c in machine.clearances.values()):
             left_out.append('friction and pin radius: none given')
