@@ -144,7 +144,7 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
          '--measure does not apply to a comparison'),
         ('view --realtime-factor 2', '--realtime-factor is for a run of its own'),
         ('topic list --count 3', '--count does not apply to topic list: it is of echo and pub'),
-        ('topic echo /a --rate 3', '--rate is of pub'),
+        ('topic echo /a --rate 3', '--rate does not apply to topic echo: it is of pub'),
         ('topic pub /a std_msgs/msg/String --once --count 2', '--count and --once exclude'),
         ('service call /x --types', '--types does not apply to service call'),
         ('action list -f', '--feedback does not apply to action list'),

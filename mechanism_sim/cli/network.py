@@ -28,6 +28,7 @@ _OF_VERBS = {
     'full': ('echo',),
     'duration': ('echo', 'hz'),
     'window': ('hz',),
+    'rate': ('pub', 'play'),
     'feedback': ('send_goal',),
 }
 """Verbs to which options apply that are not of all verbs of their command."""
@@ -90,10 +91,11 @@ def _run(options: argparse.Namespace, verbs: dict[str, tuple[int, int, str, Any]
     least, most, form, act = verbs[name]
     if not least <= len(words) <= most:
         raise InputError(f'write {options.command} {name} {form}'.rstrip())
-    for option, owners in _OF_VERBS.items():
-        if option in vars(options) and name not in owners:
-            reason = f'does not apply to {options.command} {name}: it is of {" and ".join(owners)}'
-            refuse_options(options, [option], reason)
+    for given, owners in _OF_VERBS.items():
+        if given in vars(options) and name not in owners:
+            own = ' and '.join(owner for owner in owners if owner in verbs)
+            reason = f'does not apply to {options.command} {name}: it is of {own}'
+            refuse_options(options, [given], reason)
     if not options.timeout > 0.0:
         raise InputError('--timeout must be positive')
     from mechanism_sim.nodes.command_node import command_node  # noqa: PLC0415
@@ -107,8 +109,6 @@ def _topic(options: argparse.Namespace) -> int:
         raise InputError('--count must be at least 1')
     if not options.rate > 0.0:
         raise InputError('--rate must be positive')
-    if options.words[0] != 'pub':
-        refuse_options(options, ['rate'], 'is of pub: messages a second')
     if options.once:
         refuse_options(options, ['count'], 'and --once exclude each other: keep one')
     return _run(

@@ -279,8 +279,8 @@ def cycle(
     Raises
     ------
     InputError
-        If forces are wanted of a machine that has none, static forces of a machine that is not ideal and driven, it is unknown how
-        long the cycle is, or there is no such point.
+        If forces are wanted of a machine that has none, static forces of one that is not ideal
+        and driven, it is unknown how long the cycle is, or there is no such point.
     RunError
         If the run fails.
     """

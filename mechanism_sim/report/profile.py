@@ -77,8 +77,8 @@ def profile(
         return _Mesh(machine, joint).profile(gear, own)
     if isinstance(joint, CamPair | BevelPair) and friction is not None:
         raise InputError(
-            f'{machine.name}: no figure of {name} depends on friction, only those of gears in mesh '
-            'and of worms do'
+            f'{machine.name}: no figure of {name} depends on friction, only those of gears in '
+            'mesh and of worms do'
         )
     if gear and isinstance(joint, BevelPair | WormDrive):
         raise InputError(f'{machine.name}: {name} has no outline in the plane, of no gear either')

@@ -127,9 +127,6 @@ def check(machine: Machine) -> Report:
     left_out = []
     if level is not Level.KINEMATIC and not any(scene.gravity):
         left_out.append('gravity: it is zero')
-    axial = [c for c in machine.mechanism.deformations if c.endswith('.axial')]
-    if scene.axial_gravity and not axial:
-        left_out.append("axial_gravity: no joint of a link with 'tilt' has 'axial' play")
     if level is Level.KINEMATIC:
         left_out.append(
             'masses, gravity and forces: '

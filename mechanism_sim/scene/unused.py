@@ -6,12 +6,16 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.nominal_model import Level
+
+_NO_FORCES = 'masses are missing, or forces have no limit, and so none are computed'
 
 
 def unused(machine: Machine) -> list[str]:
     """A sentence for every key that is given and has no effect at the level that runs."""
-    return [*_solver(machine), *_start(machine), *_unnamed(machine)]
+    return [*_solver(machine), *_start(machine), *_forces(machine), *_unnamed(machine)]
 
 
 def _solver(machine: Machine) -> Iterator[str]:
@@ -33,6 +37,27 @@ def _start(machine: Machine) -> Iterator[str]:
         yield f"start = '{scene.start}' has no effect: no joint has a clearance"
     if scene.initial.elastic != 'straight' and not machine.mechanism.deformations:
         yield f"initial.elastic = '{scene.initial.elastic}' has no effect: no link is elastic"
+
+
+def _forces(machine: Machine) -> Iterator[str]:
+    scene, outputs = machine.scene, machine.scene.outputs
+    if machine.dynamic and not outputs.forces:
+        yield 'outputs.forces = false has no effect: the motion follows from forces'
+    axial = any(c.endswith('.axial') for c in machine.mechanism.deformations)
+    if scene.axial_gravity and not axial:
+        yield "axial_gravity: no joint of a link with 'tilt' has 'axial' play"
+    if machine.level is not Level.KINEMATIC:
+        return
+    if outputs.wrenches:
+        why = _NO_FORCES if outputs.forces else 'outputs.forces is false'
+        yield f'outputs.wrenches has no effect: {why}'
+    if outputs.forces:  # else it is plain that nobody asks for them
+        for section in LOADS:
+            for name in getattr(scene, section):
+                yield f'{section}.{name} has no effect: {_NO_FORCES}'
+        for name, joint in scene.joints.items():
+            if joint.friction and (joint.friction.coefficient or joint.friction.efficiency):
+                yield f'joints.{name}.friction has no effect: {_NO_FORCES}'
 
 
 def _unnamed(machine: Machine) -> Iterator[str]:
