@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -170,6 +171,11 @@ def _list(options: argparse.Namespace, asked: Asked, bag: Bag | None) -> int:
     names = list(asked.names())
     if bag and not names:
         raise InputError(f'{bag.path} holds nothing that can be plotted: {bag.contents()}')
+    if bag and (left_out := bag.unreadable()):
+        print(
+            f'mechanism-sim: topics that cannot be read are left out: {", ".join(left_out)}',
+            file=sys.stderr,
+        )
     if options.json:
         print_json([{'name': name, 'unit': unit} for name, unit in names])
         return 0
