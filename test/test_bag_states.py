@@ -276,8 +276,13 @@ def test_a_signal_that_is_too_short_is_named(states):
 # --- bags of others -----------------------------------------------------------------------------
 
 
-def in_json(path):
-    """A bag of ROS-like topics whose messages are JSON, as PlotJuggler's users have them."""
+def in_json(path, also=()):
+    """A bag of ROS-like topics whose messages are JSON, as PlotJuggler's users have them.
+
+    Parameters
+    ----------
+    also : topics of ``std_msgs/msg/Float64`` beside it
+    """
     with path.open('wb') as stream:
         writer = Writer(stream)
         writer.start()
@@ -285,6 +290,10 @@ def in_json(path):
         channel = writer.register_channel('/msg/rx/need_ack', 'json', schema)
         for k in range(3):
             writer.add_message(channel, k * 10**7, b'{"speed": 1.5}', k * 10**7)
+        for topic in also:
+            schema = writer.register_schema('std_msgs/msg/Float64', 'ros2msg', b'float64 data')
+            channel = writer.register_channel(topic, 'cdr', schema)
+            writer.add_message(channel, 0, b'\0\1\0\0' + bytes(8), 0)
         writer.finish()
     return path
 
@@ -298,6 +307,12 @@ def test_a_bag_without_anything_that_can_be_plotted_is_named(states, tmp_path, o
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
         assert f'{bag} holds nothing that can be plotted: ' in done.stderr
         assert why in done.stderr
+
+
+def test_topics_that_cannot_be_read_are_said_beside_those_that_can(tmp_path):
+    done = command('plot', str(in_json(tmp_path / 'both.mcap', ['/speed'])))
+    assert (done.returncode, done.stdout.split()) == (0, ['/speed.data'])
+    assert 'topics that cannot be read are left out: /msg/rx/need_ack' in done.stderr
 
 
 @pytest.mark.parametrize('reader', [*READERS, 'recover', 'play'])

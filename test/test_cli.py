@@ -127,6 +127,58 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
     assert 'Traceback' not in done.stderr
 
 
+@pytest.mark.parametrize(
+    ('line', 'said'),
+    [
+        ('run slider_crank --overwrite', '--overwrite goes with --record'),
+        ('equations slider_crank --json --latex', '--latex and --json exclude each other'),
+        ('bench grid --repeats 2', '--repeats does not apply to grid: it is for problems'),
+        ('bench hard --only x', '--only does not apply to hard: it is for grid'),
+        ('bench four_bar_nominal --markdown x', '--markdown does not apply to four_bar_nominal'),
+        ('bench --sample 3', '--sample needs names'),
+        ('analyze x.mcap --band 1:2', '--band goes with --envelope'),
+        ('analyze x.mcap --pin-radius 1', '--pin-radius goes with --wear'),
+        ('analyze x.mcap --skip 3', '--skip goes with a detail'),
+        ('sound x.mcap --duration 0', 'the length does not apply to a bag'),
+        ('report slider_crank --set-other drive.speed=3 --measure rms(drive_torque)',
+         '--measure does not apply to a comparison'),
+        ('view --realtime-factor 2', '--realtime-factor is for a run of its own'),
+        ('topic list --count 3', '--count does not apply to topic list: it is of echo and pub'),
+        ('topic echo /a --rate 3', '--rate does not apply to topic echo: it is of pub'),
+        ('topic pub /a std_msgs/msg/String --once --count 2', '--count and --once exclude'),
+        ('service call /x --types', '--types does not apply to service call'),
+        ('action list -f', '--feedback does not apply to action list'),
+        ('plot slider_crank --ideal', '--ideal goes with the name of a quantity'),
+        ('plot slider_crank velocity.crank --against angle -o x.csv',
+         '--against is about a picture'),
+        ('profile valve_train contact --friction 0.1', 'no figure of contact depends on friction'),
+        ('profile worm_drive pair --gear x', 'no outline in the plane'),
+        ('draw slider_crank --magnify 3', '--magnify does not apply: slider_crank has no elastic'),
+        ('cycle four_bar_crossed --local', 'its level has no forces'),
+    ],
+)  # fmt: skip
+def test_an_option_that_does_not_apply_is_refused(line, said):
+    done = run(*line.split())
+    assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+    assert said in done.stderr
+
+
+def test_keys_without_effect_and_odd_units_are_said_beside_the_result():
+    """Not by `check`, whose report has them."""
+    odd = '--rtol', '1e-9', '--set', 'start=centred', '--set', 'gravity=[0, -9814 m/s^2]'
+    done = run('solve', 'slider_crank', *odd, '--json')
+    assert done.returncode == 0
+    assert json.loads(done.stdout)['scene'] == 'slider_crank'
+    solver, start = 'solver.rtol has no effect', "start = 'centred' has no effect"
+    for said in (solver, start, 'on Earth it is 9.81 m/s^2: is the unit right?'):
+        assert 'mechanism-sim: slider_crank: ' in done.stderr
+        assert said in done.stderr
+    report = run('check', 'slider_crank', *odd)
+    assert report.stderr == ''
+    assert solver in report.stdout
+    assert start in report.stdout
+
+
 def test_no_option_takes_the_last_of_two_values_in_silence():
     """Every option of every command that takes a value takes one, or collects all of them."""
     tried = 0

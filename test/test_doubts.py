@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from running import one_of
 
@@ -9,8 +11,10 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check, render
-from mechanism_sim.scene.doubts import doubts
+from mechanism_sim.scene.doubts import doubts, length_questions
+from mechanism_sim.scene.files import find_scene, read_yaml
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.unused import unused
 
 FOUR_BAR = 'four_bar_clearance'
 
@@ -33,6 +37,67 @@ def test_no_scene_of_the_package_is_questioned(name):
 def test_what_is_a_thousand_times_off_is_questioned(override, said):
     machine = ms.load_scene(FOUR_BAR, override)
     assert any(said in doubt and doubt.endswith('is the unit right?') for doubt in doubts(machine))
+
+
+@pytest.mark.parametrize('name', one_of(12, ms.scene_names()))
+def test_no_scene_of_the_package_has_keys_without_effect(name):
+    assert unused(ms.load_scene(name)) == []
+
+
+@pytest.mark.parametrize(
+    ('scene', 'override', 'said'),
+    [
+        ('slider_crank', {'solver.rtol': 1e-9}, 'solver.rtol has no effect: the motion follows'),
+        ('slider_crank', {'solver.atol': '1 um'}, 'solver.atol has no effect: the motion follows'),
+        ('pendulum', {'solver.atol': '1 um'}, 'solver.atol has no effect: no joint has'),
+        ('slider_crank', {'start': 'centred'}, "start = 'centred' has no effect"),
+        ('slider_crank', {'initial.elastic': 'smooth'}, "initial.elastic = 'smooth' has no"),
+        ('pendulum', {'outputs.forces': False}, 'outputs.forces = false has no effect'),
+        ('four_bar_crossed', {'loads.push': {'at': 'coupler.end', 'force': ['1 N', '0 N']}},
+         'loads.push has no effect: masses are missing'),
+        ('slider_crank', {'tables.press': {'points': [[0, 0], [1, 2]]}},
+         'tables.press has no effect: nothing names it'),
+    ],
+)  # fmt: skip
+def test_keys_without_effect_are_named(scene, override, said):
+    machine = ms.load_scene(scene, override)
+    (found,) = unused(machine)
+    assert found.startswith(said)
+    assert found in check(machine).left_out
+
+
+def test_a_length_in_another_unit_than_the_others_is_questioned(tmp_path):
+    """A crank of 64 m beside mm, where texts still have their units; the same in mm is none."""
+    links = {'crank': {'length': '64 m', 'mass': '1 kg', 'inertia': '1000 kg m^2'},
+             'rod': {'length': '387 mm', 'mass': '1 kg', 'inertia': '0.01 kg m^2',
+                     'points': {'middle': ['190 mm', '0 mm']}}}  # fmt: skip
+    scene = {
+        'title': 'double pendulum', 'mechanism': 'linkage', 'links': links,
+        'joints': {'a': {'revolute': ['ground', 'crank']},
+                   'b': {'revolute': ['crank.end', 'rod']}},
+    }  # fmt: skip
+    path = tmp_path / 'swing.yaml'
+    path.write_text(json.dumps(scene))
+    said = 'links.crank.length = 64 m: the lengths in other units are about 288 mm: is the unit'
+    machine = ms.load_scene(str(path))
+    assert [doubt for doubt in doubts(machine) if 'other units' in doubt] == [f'{said} right?']
+    for length in ('64 mm', '6.4 cm', '64000 mm', '0.064', '64'):
+        assert not ms.load_scene(str(path), {'links.crank.length': length}).questions
+
+
+def test_every_thousandfold_length_of_the_package_is_questioned():
+    """The first length in mm of each scene that has another to compare it with."""
+    count = 0
+    for name in ms.scene_names():
+        content = read_yaml(find_scene(name), 'scene')
+        parts = [link for link in content['links'].values() if isinstance(link, dict)]
+        lengths = [part for part in parts if str(part.get('length')).endswith(' mm')]
+        assert not [*length_questions(content)]
+        if len(lengths) > 1:
+            lengths[0]['length'] = lengths[0]['length'].replace(' mm', ' m')
+            assert len([*length_questions(content)]) == 1, name
+            count += 1
+    assert count > 20
 
 
 def test_questions_come_first():

@@ -346,6 +346,18 @@ def test_a_partner_that_never_comes_is_named():
     assert 'Traceback' not in done.stderr
 
 
+@pytest.mark.usefixtures('backend')
+@pytest.mark.parametrize(
+    'given', ['recorder --file x.mcap --hold', 'linkage --force-scale 2', 'display --lead 3']
+)
+def test_an_option_of_another_node_is_refused(given):
+    name, *options = given.split()
+    done = run('node', name, '--scene', SCENE, *options)
+    assert done.returncode == 2
+    wrong = next(o for o in options if o in ('--hold', '--force-scale', '--lead'))
+    assert f'{wrong} does not apply to the node {name}' in done.stderr
+
+
 PROGRESS = """
 from mechanism_sim.messages import Progress
 from mechanism_sim.middleware import Node, init, ok, shutdown, spin_once

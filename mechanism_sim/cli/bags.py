@@ -15,6 +15,7 @@ from mechanism_sim.cli.options import (
     option,
     print_result,
     quantity,
+    refuse_options,
     scene_options,
 )
 from mechanism_sim.cli.source import (
@@ -112,12 +113,18 @@ def _analyze(options: argparse.Namespace) -> int:
 
     if options.skip < 0:
         raise InputError('--skip must be at least 0')
+    for name, owner in (('band', 'envelope'), ('pin-radius', 'wear')):
+        if not getattr(options, owner) and not options.plots:
+            refuse_options(options, [name], f'goes with --{owner}: it is about that')
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     wanted = Wanted(
         options.spectrum, options.orders, options.envelope, options.average, options.impacts_on,
         options.wear, options.deviation, _band(options.band), options.skip,
         quantity('--pin-radius', options.pin_radius, 'm')[0] if options.pin_radius else None,
     )  # fmt: skip
+    if not (wanted or plots or options.against):
+        what = 'a detail such as --average, or with --plots: the summary is of the whole run'
+        refuse_options(options, ['skip'], f'goes with {what}')
     details: Details | None = None
     if wanted or plots or options.against:
         details = _details(options, wanted)
@@ -148,7 +155,7 @@ def _sound(options: argparse.Namespace) -> int:
         '--output', options.output or f'{Path(options.scene).stem}.wav', '.wav'
     )
     if is_bag(options.scene):
-        if options.duration or options.revolutions:
+        if options.duration is not None or options.revolutions is not None:
             raise InputError('the length does not apply to a bag: it is played as it was recorded')
         record = read_run(options)
     else:
@@ -166,7 +173,7 @@ def _identify(options: argparse.Namespace) -> int:
     from mechanism_sim.report import identification as report  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.study.identification import ROUNDS, Identification  # noqa: PLC0415
-    from mechanism_sim.study.parameters import parameters, ranges  # noqa: PLC0415
+    from mechanism_sim.study.parameters import OF_JOINT, parameters, ranges  # noqa: PLC0415
 
     counts = options.rounds.split(',') if options.rounds else ROUNDS
     if not all(str(n).strip().isdecimal() and int(n) >= 16 for n in counts):
@@ -180,6 +187,8 @@ def _identify(options: argparse.Namespace) -> int:
             options.bags, options.scenes, options.overrides, options.sensor, options.skip
         )
     first = signals[0]
+    if not set(OF_JOINT) & {name.strip() for name in options.fit.split(',')}:
+        refuse_options(options, ['joint'], f'goes with --fit of {", ".join(OF_JOINT)}')
     wanted = parameters(
         first.machine, options.fit.split(','), first.sensor, options.joint, ranges(options.ranges)
     )

@@ -17,6 +17,7 @@ from mechanism_sim.cli.options import (
     quantity,
     read_machine,
     read_measures,
+    refuse_options,
     scene_options,
 )
 from mechanism_sim.errors import InputError
@@ -86,7 +87,9 @@ def add(command: Command) -> None:
     option(sub, '-o --output', 'FILE', 'draw the outlines to a .svg or .dxf file')
     option(sub, '--table', 'FILE', f'write a cam over its turn: {TABLES}')
     option(sub, '--gear', 'NAME', 'only the outline of this gear')
-    option(sub, '--friction', 'MU', 'coefficient of friction between teeth', 0.05)
+    option(
+        sub, '--friction', 'MU', 'coefficient of friction between teeth; 0.05 if not given', float
+    )
     sub = command('export', _export, 'a machine for viewers and for other simulators')
     scene_options(sub)
     sub.add_argument(
@@ -143,6 +146,8 @@ def _draw(options: argparse.Namespace) -> int:
     from mechanism_sim.report import drawing, figures, progress  # noqa: PLC0415
 
     machine = read_machine(options)
+    if not machine.mechanism.deformations:
+        refuse_options(options, ['magnify'], f'does not apply: {machine.name} has no elastic link')
     file = figures.check_picture('--output', options.output or f'{machine.name}.svg')
     if options.positions < 1:
         raise InputError('--positions must be at least 1')

@@ -11,6 +11,7 @@ from mechanism_sim.cli.options import (
     print_json,
     print_result,
     read_machine,
+    refuse_options,
     scene_options,
 )
 from mechanism_sim.packages import needed
@@ -60,7 +61,7 @@ def _scenes(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     from mechanism_sim.scene.check import Report, check, render  # noqa: PLC0415
 
-    machine = read_machine(options)
+    machine = read_machine(options, remarks=False)
     if machine.scene.measures:
         from mechanism_sim.cycles.measures import check_measures  # noqa: PLC0415
 
@@ -75,6 +76,8 @@ def _equations(options: argparse.Namespace) -> int:
     needed('sympy', 'the command equations')
     from mechanism_sim.report import typeset  # noqa: PLC0415
 
+    if options.json:
+        refuse_options(options, ['latex', 'markdown'], 'and --json exclude each other: keep one')
     machine = read_machine(options)
     with progress.busy('equations', options.json):
         setter = typeset.equations(machine, options.rates)

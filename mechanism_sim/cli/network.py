@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from mechanism_sim.cli.options import Command, flag, option, print_json
+from mechanism_sim.cli.options import Command, flag, option, print_json, refuse_options
 from mechanism_sim.errors import InputError, nearest
 
 if TYPE_CHECKING:
@@ -18,6 +18,20 @@ if TYPE_CHECKING:
 
 _SUCCEEDED = 4  # action_msgs/msg/GoalStatus
 _LONGEST = 128  # elements of an array that are shown
+
+
+_OF_VERBS = {
+    'types': ('list',),
+    'once': ('echo', 'pub'),
+    'count': ('echo', 'pub'),
+    'field': ('echo',),
+    'full': ('echo',),
+    'duration': ('echo', 'hz'),
+    'window': ('hz',),
+    'rate': ('pub', 'play'),
+    'feedback': ('send_goal',),
+}
+"""Verbs to which options apply that are not of all verbs of their command."""
 
 
 def add(command: Command) -> None:
@@ -77,6 +91,11 @@ def _run(options: argparse.Namespace, verbs: dict[str, tuple[int, int, str, Any]
     least, most, form, act = verbs[name]
     if not least <= len(words) <= most:
         raise InputError(f'write {options.command} {name} {form}'.rstrip())
+    for given, owners in _OF_VERBS.items():
+        if given in vars(options) and name not in owners:
+            own = ' and '.join(owner for owner in owners if owner in verbs)
+            reason = f'does not apply to {options.command} {name}: it is of {own}'
+            refuse_options(options, [given], reason)
     if not options.timeout > 0.0:
         raise InputError('--timeout must be positive')
     from mechanism_sim.nodes.command_node import command_node  # noqa: PLC0415
@@ -90,6 +109,8 @@ def _topic(options: argparse.Namespace) -> int:
         raise InputError('--count must be at least 1')
     if not options.rate > 0.0:
         raise InputError('--rate must be positive')
+    if options.once:
+        refuse_options(options, ['count'], 'and --once exclude each other: keep one')
     return _run(
         options,
         {

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from mechanism_sim import strict_json
@@ -128,13 +129,34 @@ def overrides_of(options: argparse.Namespace) -> list[str]:
     return [*options.overrides, *tolerances]
 
 
+def refuse_options(options: argparse.Namespace, names: Iterable[str], reason: str) -> None:
+    """Refuse options that are given although they do not apply.
+
+    Parameters
+    ----------
+    names : of options, as `pin-radius`
+    reason : the end of the sentence, as "goes with --wear"
+
+    Raises
+    ------
+    InputError
+        If one of them has another value than without it.
+    """
+    for name in names:
+        if options.parser.is_given(options, name):
+            raise InputError(f'--{name} {reason}')
+
+
 def path_of(override: str) -> str:
     """The dotted path of an override ``PATH=VALUE``."""
     return override.partition('=')[0].strip()
 
 
-def read_machine(options: argparse.Namespace) -> Machine:
+def read_machine(options: argparse.Namespace, remarks: bool = True) -> Machine:
     """The scene on a command line, as a machine.
+
+    What looks as if its unit were wrong, and keys without effect, are said on standard error, but
+    not if `remarks` is false.
 
     Raises
     ------
@@ -147,7 +169,14 @@ def read_machine(options: argparse.Namespace) -> Machine:
         from mechanism_sim.scene import load_scene  # noqa: PLC0415
         from mechanism_sim.scene.gate import admit  # noqa: PLC0415
 
-        return admit(load_scene(options.scene, overrides_of(options)))
+        machine = admit(load_scene(options.scene, overrides_of(options)))
+    if remarks:
+        from mechanism_sim.scene.doubts import doubts  # noqa: PLC0415
+        from mechanism_sim.scene.unused import unused  # noqa: PLC0415
+
+        for remark in (*doubts(machine), *unused(machine)):
+            print(f'mechanism-sim: {machine.name}: {remark}', file=sys.stderr)
+    return machine
 
 
 def ros_args(options: argparse.Namespace) -> list[str]:

@@ -17,6 +17,7 @@ from mechanism_sim.cli.options import (
     print_json,
     read_machine,
     read_measures,
+    refuse_options,
     ros_args,
     scene_options,
 )
@@ -115,6 +116,7 @@ def _report(options: argparse.Namespace) -> int:
 
 def _compare(options: argparse.Namespace) -> int:
     """The page of two runs; for people the table of their differences too."""
+    refuse_options(options, ['measure'], 'does not apply to a comparison of two runs')
     from mechanism_sim.analysis import comparison  # noqa: PLC0415
     from mechanism_sim.pages import report  # noqa: PLC0415
     from mechanism_sim.pages.charts import sections  # noqa: PLC0415
@@ -161,10 +163,9 @@ def _view(options: argparse.Namespace) -> int:
     given = {'port': options.port, 'open': options.open or None}
     parameters = [Parameter(name, value=x) for name, x in given.items() if x is not None]
     run = _run_arguments(options) if options.scene else []
-    if not run and (
-        overrides_of(options) or options.duration or options.revolutions or options.paused
-    ):
-        raise InputError('--set, --duration and --paused are for a run of its own: give a SCENE')
+    if not run:
+        own = 'set', 'rtol', 'atol', 'duration', 'revolutions', 'realtime-factor', 'paused'
+        refuse_options(options, own, 'is for a run of its own: give a SCENE')
     opened = (lambda address: print_json({'address': address})) if options.json else None
     return view(parameters, run, ros_args(options), opened)
 

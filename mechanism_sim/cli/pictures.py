@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mechanism_sim.cli.options import Command, flag, option, print_json
+from mechanism_sim.cli.options import Command, flag, option, print_json, refuse_options
 from mechanism_sim.cli.source import (
     is_bag,
     refuse_overrides,
@@ -104,11 +105,16 @@ def _plot(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
     from mechanism_sim.tables import ENDINGS  # noqa: PLC0415
 
+    if not options.what:
+        reason = 'goes with the name of a quantity; without one all that can be plotted is listed'
+        refuse_options(options, ['output', 'against', 'ideal'], reason)
     files = options.output or [f'{Path(options.scene).stem}_plot.svg']
     numbers = [file for file in files if Path(file).suffix in ENDINGS]
     for file in numbers:
         tables.check_output(file)
     pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]
+    if not pictures:
+        refuse_options(options, ['against'], 'is about a picture: give one to --output, too')
     in_bag, record = is_bag(options.scene), None
     start, end = options.start, options.end
     if not in_bag or options.duration is not None or options.revolutions is not None:
@@ -165,6 +171,11 @@ def _list(options: argparse.Namespace, asked: Asked, bag: Bag | None) -> int:
     names = list(asked.names())
     if bag and not names:
         raise InputError(f'{bag.path} holds nothing that can be plotted: {bag.contents()}')
+    if bag and (left_out := bag.unreadable()):
+        print(
+            f'mechanism-sim: topics that cannot be read are left out: {", ".join(left_out)}',
+            file=sys.stderr,
+        )
     if options.json:
         print_json([{'name': name, 'unit': unit} for name, unit in names])
         return 0

@@ -21,6 +21,7 @@ from mechanism_sim.cli.options import (
     print_json,
     read_machine,
     read_measures,
+    refuse_options,
     ros_args,
     scene_options,
 )
@@ -123,6 +124,8 @@ def _run(options: argparse.Namespace) -> int:
     end = run_length(machine, options.revolutions, options.duration)
     if not 0.0 <= options.realtime_factor < math.inf:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')
+    if not options.record:
+        refuse_options(options, ['overwrite'], 'goes with --record: it is about that bag')
     if options.record and Path(options.record).exists() and not options.overwrite:
         raise InputError(
             f"the bag '{options.record}' exists already; choose another name or give --overwrite"

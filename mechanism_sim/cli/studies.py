@@ -20,6 +20,7 @@ from mechanism_sim.cli.options import (
     print_result,
     read_machine,
     read_measures,
+    refuse_options,
     scene_options,
     turns_of,
 )
@@ -90,6 +91,15 @@ def add(command: Command) -> None:
     option(sub, '--sample', 'N', 'of the grid: so many cases, drawn', int)
     option(sub, '--seed', 'K', 'of the grid: another one', int)
     option(sub, '--workers', 'N', 'of the grid: processes; one for each core', int)
+
+
+_BENCH_OPTIONS = {
+    'output': ('problems', 'grid'),
+    **dict.fromkeys(('repeats', 'methods', 'tolerances'), ('problems',)),
+    'markdown': ('hard',),
+    **dict.fromkeys(('only', 'sample', 'seed', 'workers'), ('grid',)),
+}
+"""To which kinds of names the options of `bench` apply."""
 
 
 def _periodic(options: argparse.Namespace) -> int:
@@ -219,8 +229,16 @@ def _bench(options: argparse.Namespace) -> int:
     from mechanism_sim.report import bench, progress  # noqa: PLC0415
 
     if not options.names:
+        refuse_options(options, _BENCH_OPTIONS, 'needs names of what is measured')
         return print_result(options, choose.listing(), dict, bench.listing)
     problems, cases, tables = choose.choose(options.names)
+    kind = 'grid' if choose.GRID in options.names else 'hard' if cases else 'problems'
+    for name, kinds in _BENCH_OPTIONS.items():
+        if kind not in kinds:
+            reason = (
+                f'does not apply to {" ".join(options.names)}: it is for {" and ".join(kinds)}'
+            )
+            refuse_options(options, [name], reason)
     if choose.GRID in options.names:
         return _bench_grid(options)
     if cases:

@@ -306,8 +306,8 @@ def cycle(
     Raises
     ------
     InputError
-        If static forces are wanted of a machine that is not ideal and driven, it is unknown how
-        long the cycle is, or there is no such point.
+        If forces are wanted of a machine that has none, static forces of one that is not ideal
+        and driven, it is unknown how long the cycle is, or there is no such point.
     RunError
         If the run fails.
     """
@@ -315,6 +315,10 @@ def cycle(
         raise InputError('a cycle needs at least 2 samples and 1 period')
     if duration is not None and periods != 1:
         raise InputError('a cycle has a number of periods or a duration, not both')
+    if local and not machine.physics.has_forces:
+        raise InputError(
+            f'{machine.name}: forces along and across links are not known: its level has no forces'
+        )
     if static and machine.level is not Level.INVERSE_DYNAMICS:
         raise InputError(
             f'{machine.name}: static forces need masses, prescribed drives and no clearance; this '

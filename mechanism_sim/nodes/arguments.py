@@ -81,6 +81,11 @@ class Parser(argparse.ArgumentParser):
             "; values with blanks need quotes, for example --set 'drive.speed=300 rpm'"
         )
 
+    def is_given(self, options: argparse.Namespace, name: str) -> bool:
+        """Whether an option has another value than it has without being given."""
+        action = self._option_string_actions[f'--{name}']
+        return bool(getattr(options, action.dest) != action.default)
+
     def _context(self) -> str:
         """The command, where there are several."""
         _, _, command = self.prog.partition(' ')

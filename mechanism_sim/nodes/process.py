@@ -150,7 +150,19 @@ def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None =
         remove_ros_args(ros_args)
     except (InputError, RuntimeError) as error:
         sys.exit(print_error(error, 2))
-    code = run_nodes(lambda: [node(parameters_of(options))], ros_args=ros_args)
+
+    def make() -> list[Any]:
+        parameters = parameters_of(options)
+        made = node(parameters)
+        strange = [p.name for p in parameters if not made.has_parameter(p.name)]
+        if strange:
+            name = made.get_name()
+            made.destroy_node()
+            option = 'set' if strange[0] == 'overrides' else strange[0].replace('_', '-')
+            raise InputError(f'--{option} does not apply to the node {name}')
+        return [made]
+
+    code = run_nodes(make, ros_args=ros_args)
     sys.exit(ending.report_signal() if code == ending.INTERRUPTED else code)
 
 

@@ -84,6 +84,17 @@ class Bag:
         more = f' and {len(held) - 3} more' if len(held) > 3 else ''
         return f'it has {", ".join(named)}{more}'
 
+    def unreadable(self) -> list[str]:
+        """Return the topics with messages whose type or encoding cannot be read here."""
+        found = []
+        for channel in self._layout.channels.values():
+            try:
+                self._checked_type(channel.id)
+            except InputError:
+                if self._layout.counts[channel.id]:
+                    found.append(channel.topic)
+        return sorted(set(found))
+
     def messages(
         self, topics: str | Iterable[str] | None = None
     ) -> Iterator[tuple[str, Any, int]]:

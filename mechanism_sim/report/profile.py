@@ -45,8 +45,12 @@ RACK_TEETH = 10
 WRITERS = {'.svg': to_svg, '.dxf': to_dxf}
 
 
+FRICTION = 0.05
+"""Coefficient between teeth, if none is given."""
+
+
 def profile(
-    machine: Machine, name: str, gear: str | None = None, friction: float = 0.05
+    machine: Machine, name: str, gear: str | None = None, friction: float | None = None
 ) -> tuple[Sheet, Outline | None]:
     """Figures and outline of the cam, or of the gears, of a joint; bevel and worm pairs have none.
 
@@ -55,18 +59,29 @@ def profile(
     Parameters
     ----------
     gear : of a mesh: the outline of this one only
-    friction : coefficient for the efficiency of teeth
+    friction : coefficient for the efficiency of teeth, `FRICTION` if not given
 
     Raises
     ------
     InputError
-        If there is no such joint or gear, the joint has neither, or friction is negative.
+        If there is no such joint or gear, the joint has neither, friction is negative, or one of
+        them is given for a joint whose figures do not depend on it.
     """
     joints = {j.name: j for j in machine.plan.ideal.joints}
     fitting = [n for n, j in joints.items() if isinstance(j, CamPair | GearMesh | SpatialPair)]
     joint = joints.get(name)
+    own = FRICTION if friction is None else friction
     if isinstance(joint, GearMesh):
-        return _Mesh(machine, joint).profile(gear, friction)
+        if friction is not None and any(w.part.rack for w in _Mesh(machine, joint).wheels):
+            raise InputError(f'{machine.name}: no figure of {name}, with a rack, has friction')
+        return _Mesh(machine, joint).profile(gear, own)
+    if isinstance(joint, CamPair | BevelPair) and friction is not None:
+        raise InputError(
+            f'{machine.name}: no figure of {name} depends on friction, only those of gears in '
+            'mesh and of worms do'
+        )
+    if gear and isinstance(joint, BevelPair | WormDrive):
+        raise InputError(f'{machine.name}: {name} has no outline in the plane, of no gear either')
     if isinstance(joint, CamPair):
         if gear:
             raise InputError(f'{machine.name}: the joint {name} has a cam, no gears')
@@ -77,7 +92,7 @@ def profile(
         ), None
     if isinstance(joint, WormDrive):
         title = f'{machine.name}: worm of {joint.first} and wheel of {joint.second}'
-        return worm_sheet(title, joint.worm, friction), None
+        return worm_sheet(title, joint.worm, own), None
     wrong = 'has neither cam nor teeth' if joint else 'does not exist'
     raise InputError(
         f"{machine.name}: the joint '{name}' {wrong}{nearest(name, fitting)}; joints with a cam "

@@ -13,7 +13,7 @@ from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.kinematics import Array, Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
 from mechanism_sim.planar.unknowns import NO_WORK
-from mechanism_sim.scene.contact_keys import Clearance, Play
+from mechanism_sim.scene.contact_keys import Clearance, Contact, Play
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.instruments import check_sensors
 from mechanism_sim.scene.machine import Machine
@@ -23,15 +23,15 @@ from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.singular_start import neighbours
 
 
-def build(name: str, scene: Scene) -> Machine:
-    """The machine of a scene.
+def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
+    """The machine of a scene; `questions` are doubts about what its file says.
 
     Raises
     ------
     InputError
         If the geometry is impossible, or forces are wanted without masses.
     """
-    machine = Machine(name, scene)
+    machine = Machine(name, scene, questions)
     _check_freedom(machine)
     _check_joints(machine)
     check_oscillators(machine)
@@ -230,6 +230,12 @@ def _key_of_play(machine: Machine, joint: str) -> str:
     return next((k for k in keys if getattr(given, k)), 'clearance')
 
 
+_OF_FILMS = (
+    'viscosity', 'width', 'radius', 'cavitation', 'roughness', 'supply_pressure',
+    'cavitation_pressure',
+)  # fmt: skip
+
+
 def _check_contact(where: str, clearance: Play) -> None:
     """What each law of contact needs, and no more."""
     contact = clearance.contact
@@ -241,8 +247,8 @@ def _check_contact(where: str, clearance: Play) -> None:
             raise InputError(
                 f"{where}.contact: '{key}' is missing: the law {contact.law} needs it"
             )
-    for key in ('roughness', 'supply_pressure', 'cavitation_pressure'):
-        if getattr(contact, key) and not film:
+    for key in _OF_FILMS:
+        if getattr(contact, key) != Contact.model_fields[key].default and not film:
             raise InputError(f'{where}.contact.{key} is for the law film: there is no oil')
     supply, lowest = contact.supply_pressure, contact.cavitation_pressure
     if supply < lowest:
@@ -266,6 +272,8 @@ def _check_contact(where: str, clearance: Play) -> None:
             f"{where}.{key} has no meaning with a film alone: give 'contact.roughness', at which "
             'its walls touch'
         )
+    if not contact.stiffness and contact.exponent != Contact.model_fields['exponent'].default:
+        raise InputError(f"{where}.contact.exponent has no meaning without a 'stiffness' of walls")
     if film and clearance.pin_radius:
         raise InputError(f'{where}.pin_radius: with a film it is contact.radius; leave it out')
 

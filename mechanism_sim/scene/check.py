@@ -18,6 +18,7 @@ from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.nominal_model import Level
 from mechanism_sim.scene.oscillators import oscillator_notes
 from mechanism_sim.scene.tilt_keys import tilt_notes
+from mechanism_sim.scene.unused import unused
 from mechanism_sim.units import Measure
 
 _WHY = {
@@ -126,15 +127,13 @@ def check(machine: Machine) -> Report:
     left_out = []
     if level is not Level.KINEMATIC and not any(scene.gravity):
         left_out.append('gravity: it is zero')
-    axial = [c for c in machine.mechanism.deformations if c.endswith('.axial')]
-    if scene.axial_gravity and not axial:
-        left_out.append("axial_gravity: no joint of a link with 'tilt' has 'axial' play")
     if level is Level.KINEMATIC:
         left_out.append(
             'masses, gravity and forces: '
             + (', '.join(machine.without_forces) + ' takes forces without limit'
                if machine.without_forces else 'nobody asks for them')
         )  # fmt: skip
+    left_out += unused(machine)
     if gaps:
         if not any(c.friction for c in machine.clearances.values()):
             left_out.append('friction and pin radius: none given')

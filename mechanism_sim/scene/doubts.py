@@ -8,15 +8,23 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from typing import Any
 
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.units import to_si
 
 _GYRATION = 30.0
 """Radius of gyration over the size of a link, and of size over radius: a bar has 0.29."""
 _ODD = 300.0
 """Of masses and sizes over their medians, either way."""
+_OTHER_UNIT = 100.0
+"""Of a length over the median of those that are written in other units, either way.
+
+A wrong unit is a factor of 1000, on lengths that may be several times shorter than others.
+"""
 _LEAST_PLAY, _MOST_PLAY = 1e-7, 0.1
 """Radial clearance [m], and over the size of the machine."""
 _GRAVITY = 1.0, 30.0
@@ -27,7 +35,48 @@ _FASTEST = 3e4
 
 def doubts(machine: Machine) -> list[str]:
     """A question for every value that is about a thousand times off."""
-    return [*_inertias(machine), *_masses(machine), *_plays(machine), *_others(machine)]
+    return [
+        *machine.questions,
+        *_inertias(machine),
+        *_masses(machine),
+        *_plays(machine),
+        *_others(machine),
+    ]
+
+
+def length_questions(content: Mapping[str, Any]) -> Iterator[str]:
+    """Questions about lengths in a unit in which few are written, as a crank of 64 m beside mm.
+
+    Parameters
+    ----------
+    content : keys and values of a scene as its file gives them, where units still stand
+    """
+    written = [found for found in _lengths(content.get('links'), 'links') if found[3]]
+    for where, text, unit, value in written:
+        others = [abs(x) for _, _, u, x in written if u != unit]
+        if not others or 2 * len(others) < len(written):
+            continue
+        middle = statistics.median(others)
+        even = 2 * len(others) == len(written)  # which is wrong? the larger ones are named
+        if not (-1.0 if even else 1.0 / _OTHER_UNIT) < abs(value) / middle < _OTHER_UNIT:
+            yield (
+                f'{where} = {text}: the lengths in other units are about {_length(middle)}: is '
+                'the unit right?'
+            )
+
+
+def _lengths(part: Any, where: str) -> Iterator[tuple[str, str, str, float]]:
+    """Of lengths and points in a part of a scene: path, text, its unit, and value [m]."""
+    if isinstance(part, Mapping):
+        for key, value in part.items():
+            if where.count('.') != 1 or key in ('length', 'points'):
+                yield from _lengths(value, f'{where}.{key}')
+    elif isinstance(part, list | tuple):
+        for value in part:
+            yield from _lengths(value, where)
+    elif isinstance(part, str) and (unit := part.lstrip('+-0123456789.eE ').strip()):
+        with suppress(ValueError):
+            yield where, part, unit, to_si(part, 'm')
 
 
 def _sizes(machine: Machine) -> dict[str, float]:
@@ -44,7 +93,7 @@ def _inertias(machine: Machine) -> Iterator[str]:
     sizes = _sizes(machine)
     for name, link in machine.links.items():
         size = sizes.get(name, 0.0)
-        if not (link.mass and link.inertia and size):
+        if not (link.mass and link.inertia and size) or name in machine.plan.ideal.displacements:
             continue
         radius = math.sqrt(link.inertia / link.mass)
         if not size / _GYRATION < radius < _GYRATION * size:

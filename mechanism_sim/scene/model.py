@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -30,10 +30,12 @@ class MachineModel(Rich):
     ----------
     name : of the scene
     scene : its content, in SI units
+    questions : about what its file says and its content in SI units does not, as units
     """
 
     name: str
     scene: Scene
+    questions: tuple[str, ...] = field(default=(), compare=False)
 
     def __repr__(self) -> str:
         return f'<{type(self).__name__} {self.name}: {self.scene.title}>'

@@ -21,7 +21,8 @@ from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.numerics.compiled import spent
 from mechanism_sim.planar.inverse_dynamics import NoLimit, Observation
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import read_scene
+from mechanism_sim.scene.doubts import length_questions
+from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml
 from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.machine import Machine
 
@@ -44,7 +45,9 @@ def load_scene(name: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> 
     InputError
         One sentence that says what is wrong, where, and what is allowed.
     """
-    return build(*read_scene(name, overrides))
+    path = find_scene(name)
+    content = overridden(path.name, read_yaml(path, 'scene'), overrides)
+    return build(path.stem, check_scene(path.name, content), tuple(length_questions(content)))
 
 
 def span(machine: Machine, revolutions: float | None, duration: float | None) -> float:
