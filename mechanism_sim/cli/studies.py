@@ -21,6 +21,7 @@ from mechanism_sim.cli.options import (
     read_machine,
     read_measures,
     scene_options,
+    tables_option,
     turns_of,
 )
 from mechanism_sim.errors import InputError
@@ -67,6 +68,7 @@ def add(command: Command) -> None:
         'NAME.csv without pyarrow',
     )
     measure_option(sub)
+    tables_option(sub)
     option(sub, '--workers', 'N', 'processes; one for each core if not given', int)
     option(sub, '--dask', 'ADDRESS', 'run on the cluster of this Dask scheduler')
     option(sub, '--bags', 'DIR', 'folder in which to record every run, too')
