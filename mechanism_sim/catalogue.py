@@ -8,6 +8,9 @@ from __future__ import annotations
 import sysconfig
 from pathlib import Path
 
+TABLE_FOLDERS = 'MECHANISM_SIM_TABLES'
+"""Environment variable: folders, apart by `os.pathsep`, below which tables may lie."""
+
 
 def config_folder() -> Path:
     """Where the scenes of the package are: beside the sources, or where pip or colcon put them."""

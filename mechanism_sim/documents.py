@@ -7,7 +7,10 @@ nowhere else. What JSON can say comes through, and nothing else that YAML knows:
 
 from __future__ import annotations
 
+import errno
 import math
+import os
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -45,8 +48,7 @@ def read(path: Path, kind: str) -> Any:
         If it cannot be read, or is not what `parse` reads.
     """
     try:
-        with path.open('rb') as file:
-            data = file.read(LARGEST + 1)
+        data = bytes_of(path, LARGEST)
     except OSError as error:
         raise InputError(f"the {kind} file '{path}' cannot be read: {error.strerror}") from error
     try:
@@ -59,6 +61,24 @@ def read(path: Path, kind: str) -> Any:
         raise InputError(f'{path.name}: {_too_large()}') from error
     except DocumentError as error:
         raise InputError(f'{path.name}:{error}') from error
+
+
+def bytes_of(path: Path, largest: int) -> bytes:
+    """What a file holds, or one byte more than the `largest` number of bytes.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read, or is no regular file: devices have no end, and pipes may have no
+        beginning.
+    """
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), 'rb') as file:
+        mode = os.fstat(file.fileno()).st_mode
+        if stat.S_ISDIR(mode):
+            raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if not stat.S_ISREG(mode):
+            raise OSError(errno.EINVAL, 'it is no regular file')
+        return file.read(largest + 1)
 
 
 def parse(text: str) -> Any:

@@ -22,6 +22,8 @@ ENDINGS = '.parquet', '.csv', '.xlsx', '.mat', '.npz'
 _NEEDS = {'.parquet': 'pyarrow', '.xlsx': 'openpyxl'}
 _WIDEST, _MOST_ROWS = 40, 1_048_575  # of a sheet, without its heading
 _NAME_OF_MATLAB = 63  # characters
+_FORMULA = '=', '+', '-', '@', '\t', '\r'  # what a spreadsheet computes begins so
+_QUANTITY = re.compile(r'[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?( [\w/^*%°· ]+)?$', re.IGNORECASE)
 _SHOWN_COLUMNS, _SHOWN_ROWS = 12, 5  # in a notebook; rows at either end
 
 
@@ -187,12 +189,22 @@ def _csv(path: Path, columns: Sequence[Column], _: dict[str, str]) -> None:
 
     with path.open('w', encoding='utf-8', newline='') as file:
         writer = csv.writer(file)
-        writer.writerow([c.heading for c in columns])
-        writer.writerows(zip(*(map(_cell, c.values) for c in columns), strict=True))
+        writer.writerow([text_cell(c.heading) for c in columns])
+        writer.writerows(zip(*(map(text_cell, c.values) for c in columns), strict=True))
 
 
-def _cell(value: Any) -> Any:
-    """A value as a cell of a text or of a sheet; empty where there is no number."""
+def text_cell(value: Any) -> Any:
+    """A value as a cell of a text; empty where there is no number.
+
+    Spreadsheets take a text that begins like a formula as one: an apostrophe says that it is none.
+    """
+    value = _plain(value)
+    formula = isinstance(value, str) and value.startswith(_FORMULA) and not _QUANTITY.match(value)
+    return f"'{value}" if formula else value
+
+
+def _plain(value: Any) -> Any:
+    """A value as Python has it, a text as it is; empty where there is no number."""
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else ''
     if isinstance(value, np.generic):
@@ -214,16 +226,16 @@ def _xlsx(path: Path, columns: Sequence[Column], about: dict[str, str]) -> None:
     book = Workbook()
     sheet = book.active
     sheet.title = 'table'
-    sheet.append([c.heading for c in columns])
-    for row in zip(*(map(_cell, c.values) for c in columns), strict=True):
-        sheet.append([None if cell == '' else cell for cell in row])
+    _append(sheet, [c.heading for c in columns])
+    for row in zip(*(map(_plain, c.values) for c in columns), strict=True):
+        _append(sheet, [None if cell == '' else cell for cell in row])
     sheet.freeze_panes = 'B2'
     named = book.create_sheet('columns')
-    named.append(['column', 'unit', 'meaning'])
+    _append(named, ['column', 'unit', 'meaning'])
     for c in columns:
-        named.append([c.name, c.unit, c.meaning])
+        _append(named, [c.name, c.unit, c.meaning])
     for key, text in about.items():
-        named.append([key, '', text])
+        _append(named, [key, '', text])
     for each in (sheet, named):
         for cell in each[1]:
             cell.font, cell.alignment = Font(bold=True), Alignment(wrap_text=True, vertical='top')
@@ -232,6 +244,17 @@ def _xlsx(path: Path, columns: Sequence[Column], about: dict[str, str]) -> None:
             width = longest if each is named else min(longest, 14 + len(str(cells[0].value)) // 3)
             each.column_dimensions[cells[0].column_letter].width = min(width + 2, _WIDEST)
     book.save(path)
+
+
+def _append(sheet: Any, row: list[Any]) -> None:
+    """A row of a sheet, in which no text is a formula."""
+    for cell, value in enumerate(row):
+        if isinstance(value, str):  # characters that no sheet can hold
+            row[cell] = re.sub(r'[\x00-\x08\x0b\x0c\x0e-\x1f]', '\ufffd', value)
+    sheet.append(row)
+    if any(isinstance(value, str) and value.startswith(('=', '#')) for value in row):
+        for cell in sheet[sheet.max_row]:
+            cell.data_type = 's' if isinstance(cell.value, str) else cell.data_type
 
 
 def _mat(path: Path, columns: Sequence[Column], _: dict[str, str]) -> None:
@@ -245,7 +268,7 @@ def _mat(path: Path, columns: Sequence[Column], _: dict[str, str]) -> None:
         data[name] = (
             np.array([np.nan if v is None else v for v in c.values], float)[:, None]
             if numbers
-            else np.array([str(_cell(v)) for v in c.values], object)[:, None]
+            else np.array([str(_plain(v)) for v in c.values], object)[:, None]
         )
     data['units'] = dict(zip(names, [c.unit for c in columns], strict=True))
     data['names'] = dict(zip(names, [c.name for c in columns], strict=True))

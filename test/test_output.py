@@ -1,17 +1,21 @@
 """Full disks, folders that nobody may write to, and readers that have had enough."""
 
 import contextlib
+import csv
 import os
 import resource
+import stat
 import subprocess
 import sys
 
+import numpy as np
+import openpyxl
 import pytest
 from running import run as command
 
-from mechanism_sim import output
+from mechanism_sim import output, tables
 from mechanism_sim.cli import main
-from mechanism_sim.errors import RunError
+from mechanism_sim.errors import InputError, RunError
 
 SHORT = ('--duration', '0.03')
 
@@ -137,3 +141,118 @@ def test_a_reader_that_has_had_enough_is_no_failure():
             stdout=gone, stderr=subprocess.PIPE, text=True, check=False,
         )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, '')
+
+
+# --- saving in place of what is there -------------------------------------------------------
+
+
+def test_what_is_saved_keeps_mode_owner_and_links(tmp_path):
+    """A file with a mode, one with two names and one behind a link stay what they are."""
+    file, name, link = tmp_path / 'a.yaml', tmp_path / 'b.yaml', tmp_path / 'c.yaml'
+    file.write_text('before, and longer than what comes')
+    file.chmod(0o640)
+    output.write_text(file, 'after')
+    assert (file.read_text(), stat.S_IMODE(file.stat().st_mode)) == ('after', 0o640)
+    name.hardlink_to(file)
+    link.symlink_to(file)
+    output.write_text(link, 'again')
+    assert link.is_symlink()
+    assert [x.read_text() for x in (file, name, link)] == ['again'] * 3
+    assert file.samefile(name)
+    output.write_text(name, 'much longer than it was')
+    assert file.read_text() == 'much longer than it was'
+    assert sorted(x.name for x in tmp_path.iterdir()) == ['a.yaml', 'b.yaml', 'c.yaml']
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='only root can give files away')
+def test_what_is_saved_keeps_the_owner(tmp_path):
+    file = tmp_path / 'a.yaml'
+    file.write_text('before')
+    os.chown(file, 12345, 54321)
+    output.write_text(file, 'after')
+    found = file.stat()
+    assert (found.st_uid, found.st_gid, file.read_text()) == (12345, 54321, 'after')
+
+
+def test_no_planted_file_is_followed(tmp_path, monkeypatch):
+    """Whoever guesses the name of the temporary file gets no other file overwritten by it."""
+    victim = tmp_path / 'victim'
+    victim.write_text('precious')
+    monkeypatch.setattr(output.secrets, 'token_hex', lambda _: 'guessed')
+    for plant in ('symlink_to', 'hardlink_to'):
+        planted = tmp_path / '.a.guessed.part.yaml'
+        getattr(planted, plant)(victim)
+        with pytest.raises(InputError, match='File exists'):
+            output.write_text(tmp_path / 'a.yaml', 'after')
+        assert victim.read_text() == 'precious'
+        planted.unlink()
+    assert not (tmp_path / 'a.yaml').exists()
+
+
+def test_a_pipe_that_nobody_reads_is_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / 'pipe.yaml')
+    with pytest.raises(InputError, match='it is no file'):
+        output.write_text(tmp_path / 'pipe.yaml', 'after', devices=False)
+
+
+@pytest.mark.parametrize('kind', ['new', 'there', 'two names'])
+def test_a_full_disk_costs_nothing_of_what_was_there(kind, tmp_path):
+    file = tmp_path / 'a.yaml'
+    if kind != 'new':
+        file.write_text('before')
+    if kind == 'two names':
+        (tmp_path / 'b').hardlink_to(file)
+    with full_disk(4096), pytest.raises(RunError, match='cannot be written'):
+        output.write_text(file, 'x' * 10_000)
+    assert [x.read_text() for x in tmp_path.iterdir()] == {
+        'new': [], 'there': ['before'], 'two names': ['before'] * 2
+    }[kind]  # fmt: skip
+
+
+@pytest.mark.parametrize('length', [252, 255, 256, 4096])
+def test_a_long_name_is_written_or_a_sentence(length, tmp_path):
+    file = tmp_path / ('a' * (length - 5) + '.yaml')
+    if length <= 255:
+        output.write_text(file, 'after')
+        assert file.read_text() == 'after'
+    else:
+        with pytest.raises(InputError, match='File name too long'):
+            output.write_text(file, 'after')
+    assert len(list(tmp_path.iterdir())) == (length <= 255)
+
+
+def test_a_circle_of_links_is_a_sentence(tmp_path):
+    (tmp_path / 'a.yaml').symlink_to(tmp_path / 'b.yaml')
+    (tmp_path / 'b.yaml').symlink_to(tmp_path / 'a.yaml')
+    with pytest.raises(InputError, match='symbolic links'):
+        output.write_text(tmp_path / 'a.yaml', 'after')
+
+
+# --- cells that a spreadsheet would compute -------------------------------------------------
+
+FORMULAS = ['=1+1', '+1+cmd|x', '-2+3', '@SUM(A1)', '\t=1', '\r=1']
+
+
+def test_no_text_of_a_table_is_a_formula(tmp_path):
+    """Names, units and values that begin like formulas are texts; numbers stay numbers."""
+    texts = [*FORMULAS, '-10 deg', '-1e-3', 'plain']
+    columns = [
+        tables.Column('=HYPERLINK("x")', texts, meaning='=2+2'),
+        tables.Column('value', np.linspace(-1.0, 1.0, len(texts)), '@N'),
+    ]
+    tables.write(tmp_path / 't.csv', columns, {'=key': '=about'})
+    with (tmp_path / 't.csv').open(newline='') as file:
+        heading, *rows = csv.reader(file)
+    assert heading == ['\'=HYPERLINK("x")', 'value [@N]']
+    assert [row[0] for row in rows] == [f"'{x}" for x in FORMULAS] + texts[len(FORMULAS) :]
+    assert float(rows[0][1]) == -1.0
+    tables.write(tmp_path / 't.xlsx', columns, {'=key': '=about'})
+    book = openpyxl.load_workbook(tmp_path / 't.xlsx')
+    cells = [
+        cell for sheet in book for row in sheet.rows for cell in row if cell.value is not None
+    ]
+    assert {cell.data_type for cell in cells} == {'s', 'n'}
+    assert [cell.value for cell in book['table']['A']][1:] == [
+        x.replace('\r', '\n') for x in texts
+    ]
+    assert book['table']['B2'].value == -1.0

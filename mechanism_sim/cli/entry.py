@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from mechanism_sim import ending
+from mechanism_sim.catalogue import TABLE_FOLDERS
 from mechanism_sim.cli import (
     bags,
     drawings,
@@ -43,6 +44,9 @@ def main(args: Sequence[str] | None = None) -> None:
         complete(parser, parser.commands().choices)
     try:
         options = _read(parser, given)
+        if folders := getattr(options, 'tables_from', None):  # for the processes it starts, too
+            allowed = [os.environ.get(TABLE_FOLDERS, ''), *map(os.path.abspath, folders)]
+            os.environ[TABLE_FOLDERS] = os.pathsep.join(filter(None, allowed))
         with ending.working():
             code = options.run(options)
             sys.stdout.flush()

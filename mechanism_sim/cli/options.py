@@ -64,8 +64,17 @@ def scene_options(
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
         help="change a value of the scene, for example 'drive.speed=300 rpm'; several times",
     )  # fmt: skip
+    tables_option(sub)
     option(sub, '--rtol', 'R', 'relative tolerance of a step, for solver.rtol')
     option(sub, '--atol', 'A', 'absolute tolerance [m], for solver.atol')
+
+
+def tables_option(sub: argparse.ArgumentParser) -> None:
+    """Add the option for the files that scenes may name."""
+    sub.add_argument(
+        '--tables-from', action='append', default=[], metavar='DIR',
+        help='a folder below which tables of a scene may lie, besides its own; several times',
+    )  # fmt: skip
 
 
 def length_options(sub: argparse.ArgumentParser, usual: str = '') -> None:

@@ -20,6 +20,7 @@ from mechanism_sim.cli.options import (
     refuse_options,
     ros_args,
     scene_options,
+    tables_option,
 )
 from mechanism_sim.cli.source import is_bag, run_of, source_options
 from mechanism_sim.errors import InputError
@@ -66,6 +67,7 @@ def add(command: Command) -> None:
         'scene', metavar='SCENE', nargs='?',
         help='a scene of the package, of which a copy is edited, or a file; without: a new one',
     )  # fmt: skip
+    tables_option(sub)
     option(sub, '--port', 'N', 'of the page on this machine, 8080 if not given; 0: any', int)
     flag(sub, '--open', 'open a browser')
 

@@ -22,6 +22,7 @@ from mechanism_sim.cli.options import (
     read_measures,
     refuse_options,
     scene_options,
+    tables_option,
     turns_of,
 )
 from mechanism_sim.errors import InputError
@@ -68,6 +69,7 @@ def add(command: Command) -> None:
         'NAME.csv without pyarrow',
     )
     measure_option(sub)
+    tables_option(sub)
     option(sub, '--workers', 'N', 'processes; one for each core if not given', int)
     option(sub, '--dask', 'ADDRESS', 'run on the cluster of this Dask scheduler')
     option(sub, '--bags', 'DIR', 'folder in which to record every run, too')

@@ -2,36 +2,161 @@
 
 heyoka verifies the whole of its cache whenever a process opens it, at 0.35 s of CPU time a GB, and
 lets the folder that all its programs share grow to 20 GB.
+
+Code is only read from where nobody else can write; what is damaged is made anew, and where nothing
+can be kept, nothing is.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
+import stat
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
+from pathlib import Path
+from typing import TypeVar
 
 from heyoka import llvm_state
+
+from mechanism_sim.terminal import print_notice
+
+T = TypeVar('T')
 
 FOLDER = 'mechanism_sim'
 
 LIMIT = 128 * 2**20
 """[B] Some dozens of scenes; verified in 40 ms. What was used last is kept."""
 
+_ROOM = 32 * 2**20  # [B] that a disk must have, or nothing new is kept
+_ROOT = 0
+
+
+@cache
+def folder() -> Path | None:
+    """Where compiled code is kept: of heyoka and numba; None where none can be kept safely.
+
+    ``HEYOKA_CACHE_DIR``, or `FOLDER` beside heyoka's own. A folder of ours that others may write
+    to is emptied and closed to them: what is in it may be theirs.
+    """
+    chosen = os.environ.get('HEYOKA_CACHE_DIR')
+    try:
+        found = Path(chosen) if chosen else llvm_state.get_diskcache_path().parent / FOLDER
+        if not found.is_absolute():  # there is no home
+            return None
+        found.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = found.resolve()
+        if not chosen and found.name == FOLDER and _is_open_to_others(found):
+            _remove_code(found)
+            found.chmod(0o700)
+        if belongs_to_nobody_else(found):
+            return found
+    except (OSError, RuntimeError):
+        return None
+    print_notice(
+        f"compiled code is not kept: others own '{found}' or a folder above it, or may write to "
+        'it; keep it in one of your own, by XDG_CACHE_HOME'
+    )
+    return None
+
+
+def belongs_to_nobody_else(path: Path) -> bool:
+    """Whether only this user and the system can change what a folder holds, or put another there.
+
+    Above it, folders in which all may write must be sticky, as /tmp is: there nobody can rename
+    what is not his.
+    """
+    with suppress(OSError):
+        known = [path.stat(), *(above.stat() for above in path.parents)]
+        own = os.geteuid()
+        return known[0].st_uid == own and all(
+            found.st_uid in (own, _ROOT)
+            and (not _is_shared(found) or (i > 0 and bool(found.st_mode & stat.S_ISVTX)))
+            for i, found in enumerate(known)
+        )
+    return False
+
+
+def _is_open_to_others(path: Path) -> bool:
+    found = path.stat()
+    return found.st_uid == os.geteuid() and _is_shared(found)
+
+
+def _is_shared(found: os.stat_result) -> bool:
+    """Whether others may write; a group of which nobody else is a member is no other."""
+    if found.st_mode & stat.S_IWOTH:
+        return True
+    return bool(found.st_mode & stat.S_IWGRP) and not _is_private(found.st_gid)
+
+
+@cache
+def _is_private(group: int) -> bool:
+    """Whether a group is that of this user alone, as most systems make one for each."""
+    import grp  # noqa: PLC0415
+    import pwd  # noqa: PLC0415
+
+    try:
+        name = pwd.getpwuid(os.geteuid()).pw_name
+        found = grp.getgrgid(group)
+    except KeyError:
+        return False
+    return found.gr_name == name and set(found.gr_mem) <= {name}
+
+
+def has_room(path: Path) -> bool:
+    """Whether something new can be kept in a folder."""
+    with suppress(OSError):
+        return os.access(path, os.W_OK) and shutil.disk_usage(path).free > _ROOM
+    return False
+
 
 @cache
 def bound_cache() -> None:
-    """Take `FOLDER`, beside that of heyoka, and bound its size to `LIMIT`.
+    """Let heyoka keep its code in `folder`, and bound the size to `LIMIT`.
 
     Once in a process, before the first compilation. Whoever sets ``HEYOKA_CACHE_DIR`` has chosen
-    folder and size already. Without a folder to write in, nothing is kept.
+    the size already. A cache that cannot be read is begun anew.
     """
-    if os.environ.get('HEYOKA_CACHE_DIR'):
-        return
-    folder = llvm_state.get_diskcache_path().parent / FOLDER
-    try:
-        if not folder.is_absolute():
-            raise RuntimeError('there is no home')
-        llvm_state.set_diskcache_path(folder)
-        if llvm_state.get_diskcache_limit() != LIMIT:
-            llvm_state.set_diskcache_limit(LIMIT)
-    except RuntimeError:
+    found = folder()
+    if found is None:
         llvm_state.set_diskcache_enabled(False)
+        return
+    for again in (False, True):
+        try:
+            llvm_state.set_diskcache_path(found)
+            # which opens it, and verifies it
+            before = llvm_state.get_diskcache_limit()
+            if before != LIMIT and not os.environ.get('HEYOKA_CACHE_DIR'):
+                llvm_state.set_diskcache_limit(LIMIT)
+        except Exception:
+            if not again and has_room(found):
+                _remove_data_base(found)
+                continue
+            llvm_state.set_diskcache_enabled(False)
+        return
+
+
+def compiled(make: Callable[[], T]) -> T:
+    """What heyoka compiles; without its cache, if that fails."""
+    bound_cache()
+    try:
+        return make()
+    except (RuntimeError, UnicodeDecodeError):
+        if not llvm_state.get_diskcache_enabled():
+            raise
+        llvm_state.set_diskcache_enabled(False)
+        return make()
+
+
+def _remove_data_base(path: Path) -> None:
+    for file in path.glob('cache.db*'):
+        with suppress(OSError):
+            file.unlink()
+
+
+def _remove_code(path: Path) -> None:
+    """Forget what a folder holds of code."""
+    _remove_data_base(path)
+    for kernels in path.glob('kernels-*'):
+        shutil.rmtree(kernels, ignore_errors=True)

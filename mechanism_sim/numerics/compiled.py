@@ -20,7 +20,7 @@ from hashlib import sha256
 
 import heyoka as hy
 
-from mechanism_sim.numerics.code_cache import bound_cache
+from mechanism_sim.numerics.code_cache import compiled
 
 # a root that its search gives up on is looked for again by the event loop
 hy.set_logger_level_error()
@@ -78,10 +78,10 @@ class _Terms:
 
 @lru_cache(maxsize=128)
 def _function(terms: _Terms, variables: tuple[hy.expression, ...]) -> hy.cfunc_dbl:
-    bound_cache()
+    outputs, inputs = list(terms.expressions), list(variables)
     optimisation = 0 if terms.large else 3
     with _counted():
-        return hy.cfunc(list(terms.expressions), vars=list(variables), opt_level=optimisation)
+        return compiled(lambda: hy.cfunc(outputs, vars=inputs, opt_level=optimisation))
 
 
 def function(
@@ -106,13 +106,13 @@ def _integrator(
 
         return fell
 
-    bound_cache()
     count = len(states)
     events = [
         hy.t_event(g, direction=hy.event_direction.negative, cooldown=0.0, callback=marking(index))
         for index, g in enumerate(terms.expressions[count:])
     ]
-    with _counted():
+
+    def make() -> hy.taylor_adaptive_dbl:
         return hy.taylor_adaptive(
             list(zip(states, terms.expressions[:count], strict=True)),
             [0.0] * count,
@@ -122,6 +122,9 @@ def _integrator(
             compact_mode=compact,
             opt_level=1 if compact else 3,  # the third level takes half as long again for nothing
         )
+
+    with _counted():
+        return compiled(make)
 
 
 def integrator(

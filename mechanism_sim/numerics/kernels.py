@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
+import pickle
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, cached_property, update_wrapper
@@ -20,10 +20,8 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
-from heyoka import llvm_state
-
 from mechanism_sim import packages
-from mechanism_sim.numerics.code_cache import FOLDER
+from mechanism_sim.numerics import code_cache
 
 F = TypeVar('F', bound=Callable[..., Any])
 
@@ -69,7 +67,55 @@ class Kernel:
                 known[name] = known[name].compiled
         copy = FunctionType(f.__code__, known, f.__name__, f.__defaults__)
         copy.__qualname__, copy.__module__ = f.__qualname__, f.__module__
-        return import_module('numba').njit(cache=_is_kept(), error_model='numpy')(copy)
+        made = import_module('numba').njit(cache=_is_kept(), error_model='numpy')(copy)
+        return _sealed(made) if _is_kept() else made
+
+
+def _sealed(made: Any) -> Any:
+    """Let what numba keeps of a function carry its digest, and be made anew where that is wrong.
+
+    What numba reads is machine code: damaged, it ends the process, or computes something else.
+    """
+    base = import_module('numba.core.caching').IndexDataCacheFile
+
+    class Sealed(base):  # type: ignore[misc]
+        """Files whose first bytes are the digest of all others."""
+
+        def _load_index(self) -> Any:
+            try:
+                version, stamp, overloads = pickle.loads(_opened(self._index_path))  # noqa: S301
+            except Exception:  # there is none, or it is damaged, or of an earlier version of ours
+                return {}
+            return overloads if (version, stamp) == (self._version, self._source_stamp) else {}
+
+        def _save_index(self, overloads: Any) -> None:
+            data = self._version, self._source_stamp, overloads
+            self._keep(self._index_path, self._dump(data))
+
+        def _load_data(self, name: str) -> Any:
+            return pickle.loads(_opened(self._data_path(name)))  # noqa: S301 - nobody else's
+
+        def _save_data(self, name: str, data: Any) -> None:
+            self._keep(self._data_path(name), self._dump(data))
+
+        def _keep(self, path: str, data: bytes) -> None:
+            with suppress(OSError), self._open_for_write(path) as file:  # a disk may be full
+                file.write(hashlib.sha256(data).digest() + data)
+
+    kept = made._cache._cache_file
+    made._cache._cache_file = Sealed(
+        kept._cache_path, kept._index_name.removesuffix('.nbi'), kept._source_stamp
+    )
+    return made
+
+
+def _opened(path: str) -> bytes:
+    """What a file holds behind the digest of it."""
+    sealed = Path(path).read_bytes()
+    size = hashlib.sha256().digest_size
+    if hashlib.sha256(sealed[size:]).digest() != sealed[:size]:
+        raise OSError(f'{path} is damaged')
+    return sealed[size:]
 
 
 def kernel(function: F) -> F:
@@ -88,26 +134,30 @@ def charge(seconds: float) -> None:
 
 @cache
 def _price() -> float:
-    return LOADING if any(_folder().glob('*/*.nbi')) else COMPILING
+    folder = _folder()
+    return LOADING if folder and any(folder.glob('*/*.nbi')) else COMPILING
 
 
 @cache
-def _folder() -> Path:
+def _folder() -> Path | None:
     """Where the code is kept: named by all sources, for numba does not see callees change."""
+    parent = code_cache.folder()
+    if parent is None:
+        return None
     files = sorted({k.function.__code__.co_filename for k in _KERNELS})
     source = hashlib.sha256(b''.join(Path(file).read_bytes() for file in files)).hexdigest()
-    parent = os.environ.get('HEYOKA_CACHE_DIR') or llvm_state.get_diskcache_path().parent / FOLDER
-    return Path(parent) / f'kernels-{source[:16]}'
+    return parent / f'kernels-{source[:16]}'
 
 
 @cache
 def _is_kept() -> bool:
     """Whether the code can be kept on disk."""
-    if not _folder().is_absolute():  # there is no home
+    folder = _folder()
+    if folder is None:
         return False
     with suppress(OSError):
-        _folder().mkdir(parents=True, exist_ok=True)
-    return os.access(_folder(), os.W_OK)
+        folder.mkdir(mode=0o700, exist_ok=True)
+    return code_cache.has_room(folder) and code_cache.belongs_to_nobody_else(folder)
 
 
 def compile_kernels() -> None:
@@ -117,7 +167,7 @@ def compile_kernels() -> None:
         return
     try:
         config = numba.config
-        before, config.CACHE_DIR = config.CACHE_DIR, str(_folder())
+        before, config.CACHE_DIR = config.CACHE_DIR, str(_folder() or '')
         try:
             made = [k.compiled for k in _KERNELS]
         finally:

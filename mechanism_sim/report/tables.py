@@ -13,7 +13,7 @@ import numpy as np
 from mechanism_sim import output, tables
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.columns import unit_of
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.solution import Piece
 
 if TYPE_CHECKING:
@@ -131,23 +131,25 @@ class _Table:
 
     def __init__(self, file: Path, units: Mapping[str, str]) -> None:
         self._file = file
-        self._part = file.with_name(f'.{file.stem}.part{file.suffix}')
+        self._place = output.beside(file)
+        part = self._place.__enter__()
         with output.errors_as_sentences(file):
-            self._part.touch()
-            self._sink = _SINKS.get(file.suffix, _Whole)(self._part, units)
+            self._sink = _SINKS.get(file.suffix, _Whole)(part, units)
 
     def write(self, columns: dict[str, Array]) -> None:
         with output.errors_as_sentences(self._file):
             self._sink.write(columns)
 
     def close(self, complete: bool) -> None:
+        failed: BaseException | None = None if complete else RunError('it is not complete')
         try:
             with output.errors_as_sentences(self._file):
                 self._sink.close()
-                if complete:
-                    self._part.replace(self._file)
+        except BaseException as error:
+            failed = error
+            raise
         finally:
-            self._part.unlink(missing_ok=True)
+            self._place.__exit__(type(failed) if failed else None, failed, None)
 
 
 class _Whole:
@@ -175,7 +177,7 @@ class _Csv:
 
     def write(self, columns: dict[str, Array]) -> None:
         heads = [tables.Column(n, x, self._units.get(n, '')).heading for n, x in columns.items()]
-        names = ','.join(heads) if self._file.tell() == 0 else ''
+        names = ','.join(map(tables.text_cell, heads)) if self._file.tell() == 0 else ''
         rows = np.column_stack(list(columns.values()))
         np.savetxt(self._file, rows, '%.17g', ',', header=names, comments='')
 

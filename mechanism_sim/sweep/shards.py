@@ -125,7 +125,8 @@ class ShardWriter:
         self._curves: list[PiecewisePolynomial] = []  # of motion in which windows may begin
         self._part = shard.file.with_name(f'.{shard.file.name}.part')
         with file_errors(shard.file):
-            self._stream = self._part.open('wb')
+            self._part.unlink(missing_ok=True)  # of a run that was ended
+            self._stream = self._part.open('xb')
             self._parquet = pq.ParquetWriter(
                 self._stream,
                 shard.schema,

@@ -172,15 +172,24 @@ class Document:
         inside = not file.is_absolute() and '..' not in file.parts
         if file.stem.startswith('.') or not (inside or file == self.file):
             raise InputError(f"'{name}' is no name for a scene: write for example my_machine")
-        there = file.read_bytes().decode(errors='replace') if file.is_file() else None
+        with output.errors_as_sentences(file):
+            there = text_there(file)
         own = self.file is not None and file == self.file
         if there is not None and there not in ((self._saved, self.text) if own else (self.text,)):
             reason = 'was changed by another program' if own and self._saved else 'exists already'
             raise InputError(f"'{file}' {reason}: save under another name")
-        output.write_text(file, self.text)
+        output.write_text(file, self.text, devices=False)
         self.file, self.name, self._folder = file, file.stem, file.parent
         self._saved = self._clean = self.text
         return file
+
+
+def text_there(file: Path) -> str | None:
+    """What a file holds, as far as a document may; None if there is none that can be read so."""
+    try:
+        return documents.bytes_of(file, documents.LARGEST).decode(errors='replace')
+    except FileNotFoundError:
+        return None
 
 
 def _apply(content: Any, edit: Edit) -> None:

@@ -1,0 +1,138 @@
+"""Tables that a scene reads from files beside it: what is read, and what is refused at once."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+
+import pytest
+import yaml
+from running import TIMEOUT, command
+
+from mechanism_sim import documents
+from mechanism_sim.catalogue import TABLE_FOLDERS
+from mechanism_sim.cli import main
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene import load_scene
+from mechanism_sim.scene.table_keys import LARGEST, MOST
+
+SCENE = {
+    'title': 'An arm',
+    'mechanism': 'linkage',
+    'links': {'ground': {}, 'arm': {'length': '1 m', 'mass': '1 kg', 'inertia': '1 kg m^2'}},
+    'joints': {'pivot': {'revolute': ['ground', 'arm']}},
+    'drive': {'coordinate': 'arm', 'speed': '60 rpm'},
+    'tables': {'load': {'file': 'load.csv'}},
+}
+GOOD = 'angle [deg],force [N]\n0,1\n360,2\n'
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Writes a scene that names a file, and gives its path."""
+    folder = tmp_path / 'scene'
+    folder.mkdir()
+
+    def write(name='load.csv', text=GOOD, **more):
+        if text is not None:
+            (folder / 'load.csv').write_bytes(text if isinstance(text, bytes) else text.encode())
+        content = {**SCENE, 'tables': {'load': {'file': name, **more}}}
+        (folder / 's.yaml').write_text(yaml.safe_dump(content))
+        return folder / 's.yaml'
+
+    return write
+
+
+def refusal(scene):
+    with pytest.raises(InputError) as error:
+        load_scene(str(scene))
+    assert '\n' not in str(error.value)
+    return str(error.value)
+
+
+def test_a_table_below_the_folder_of_the_scene_is_read(scene):
+    file = scene()
+    (file.parent / 'deeper').mkdir()
+    (file.parent / 'deeper' / 'load.csv').write_text(GOOD)
+    for name in ('load.csv', 'deeper/load.csv', 'deeper/../load.csv'):
+        curve = load_scene(str(scene(name))).scene.tables['load'].curve
+        assert curve is not None
+    for name in (str(file.parent / 'load.csv'),):
+        assert load_scene(str(scene(name))).scene.tables
+
+
+@pytest.mark.parametrize('name', ['/dev/zero', '/dev/stdin', '/proc/self/environ', '/etc/passwd',
+                                  '../load.csv', 'link.csv', '/dev/fd/0'])  # fmt: skip
+def test_a_table_elsewhere_is_refused(name, scene, tmp_path):
+    file = scene(name)
+    (tmp_path / 'load.csv').write_text(GOOD)
+    (file.parent / 'link.csv').symlink_to(tmp_path / 'load.csv')
+    assert 'lies outside the folder of the scene' in refusal(file)
+
+
+def test_a_folder_of_tables_can_be_allowed(scene, tmp_path, monkeypatch, capsys):
+    """By an option, which reaches the processes of a command, or by the environment."""
+    monkeypatch.setenv(TABLE_FOLDERS, '')
+    (tmp_path / 'data').mkdir()
+    (tmp_path / 'data' / 'x.csv').write_text(GOOD)
+    file = scene('../data/x.csv')
+    with pytest.raises(SystemExit) as ended:
+        main(['check', str(file)])
+    assert ended.value.code == 2
+    assert '--tables-from' in capsys.readouterr().err
+    with pytest.raises(SystemExit) as ended:
+        main(['check', str(file), '--tables-from', str(tmp_path / 'data')])
+    assert ended.value.code == 0
+    monkeypatch.setenv(TABLE_FOLDERS, f'/nowhere{os.pathsep}{tmp_path / "data"}')
+    assert load_scene(str(file)).scene.tables
+    monkeypatch.setenv(TABLE_FOLDERS, '/')
+    assert 'no regular file' in refusal(scene('/dev/zero'))
+
+
+def test_what_has_no_end_or_no_beginning_is_refused_at_once(scene):
+    """In a process of its own: it would hang, or grow until nothing is left."""
+    file = scene(text=None)
+    os.mkfifo(file.parent / 'load.csv')
+    assert 'no regular file' in refusal(file)
+    os.mkfifo(file.parent / 'pipe.yaml')
+    with pytest.raises(OSError, match='no regular file'):
+        documents.bytes_of(file.parent / 'pipe.yaml', 10)
+    done = subprocess.run(
+        command('check', str(scene('/dev/zero', text=None)), '--tables-from', '/dev'),
+        capture_output=True, text=True, timeout=TIMEOUT, check=False,
+    )  # fmt: skip
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert 'no regular file' in done.stderr
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        (b'x' * (LARGEST + 1), f'is larger than {LARGEST} bytes'),
+        (b'a,b\n' + b'1,2\n' * (MOST + 1), f'allowed are {MOST}; take every 2th'),
+        (b'', 'is empty'),
+        (b'\xff\xfe\x00', 'not comma-separated text'),
+        (b'a,b\n1,\x00\n', "'load.csv'"),
+        (b'a,b\n1\n', 'line 2: expected a finite number'),
+        (b'a,b\nx,1\n', 'line 2: expected a finite number'),
+        (b'a,b\nnan,1\n1,2\n', 'line 2: expected a finite'),
+        (b'a,b\n1e999,1\n1,2\n', 'line 2: expected a finite'),
+        (b'"' * 200_000, "'load.csv'"),
+        (b'a\n1\n', 'columns must be a list of two names'),
+        (b'a [N],a [m]\n1,2\n2,3\n', "several columns 'a'"),
+        (b'a [blub],b\n1,2\n2,3\n', 'blub'),
+    ],
+    ids=range(13),
+)
+def test_a_bad_table_is_a_sentence(text, said, scene):
+    assert said in refusal(scene(text=text))
+
+
+@pytest.mark.parametrize('columns', ['a', ['a'], ['a', 1], ['a', ['b']], {'a': 'b'}, [None, 'a']])
+def test_columns_that_are_none_are_a_sentence(columns, scene):
+    assert "'load.csv'" in refusal(scene(text='a [deg],b\n1,2\n2,3\n', columns=columns))
+
+
+def test_a_table_as_we_write_it_is_read_again(scene):
+    """A heading that a spreadsheet would compute is marked, and read without its mark."""
+    assert load_scene(str(scene(text="'=a [deg],b [N]\n0,1\n360,2\n", columns=['=a', 'b'])))
