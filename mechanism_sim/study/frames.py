@@ -146,7 +146,7 @@ def harmonics_of(
             2.0 * np.pi / period,
             (frame.M, frame.C, frame.K),
             np.eye(frame.freedom),
-            np.linalg.solve(frame.K, one.mean),
+            np.asarray(np.linalg.solve(frame.K, one.mean)),
             u,
             np.abs(steps[sudden]).sum(axis=0),
         )

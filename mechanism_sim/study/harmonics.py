@@ -207,7 +207,7 @@ def _harmonics(
     z[excited] = np.linalg.solve(Z[excited], F[excited][:, :, None])[:, :, 0]
     mean = np.linalg.lstsq(K, np.where(np.abs(found.mean) > rounding, found.mean, 0.0))[0]
     quiet = found._replace(rest=np.where(found.rest > rounding, found.rest, 0.0))
-    amplitudes = np.asarray(z @ one.B.T)
+    amplitudes = np.asarray(z @ one.B.T, complex)
     return SteadyVibration(quiet, 2.0 * np.pi / length, matrices, one.B, one.B @ mean, amplitudes)
 
 
