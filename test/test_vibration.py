@@ -81,19 +81,18 @@ def test_fourier_series_of_a_square_wave():
     np.testing.assert_allclose(series.amplitudes, expected, atol=1e-13)
 
 
-def test_fourier_series_through_samples():
+def test_fourier_series_of_itself():
     wave = FourierSeries(2 * np.pi / 3.0, 0.4, np.array([1.0 - 2.0j, 0.0, 0.5j]))
-    again = FourierSeries.of_samples(wave(3.0 * np.arange(8) / 8), 3.0)
+    again = FourierSeries.of_function(wave, 3.0, 3)
     assert again.mean == pytest.approx(0.4)
     assert again.frequency == wave.frequency
-    np.testing.assert_allclose(again.amplitudes, wave.amplitudes, atol=1e-15)
-    for wrong in (
-        lambda: FourierSeries.of_samples([], 1.0),
-        lambda: FourierSeries.of_samples([1.0], 0.0),
-        lambda: FourierSeries.of_function(np.cos, 1.0, 3, [2.0]),
-    ):
+    np.testing.assert_allclose(again.amplitudes, wave.amplitudes, atol=1e-14)
+    assert again.rest < 1e-13
+    less = FourierSeries.of_function(wave, 3.0, 2)
+    assert less.rest == pytest.approx(np.sqrt(0.125), rel=1e-12)
+    for wrong in ({'period': 0.0}, {'breaks': [2.0]}):
         with pytest.raises(InputError):
-            wrong()
+            FourierSeries.of_function(np.cos, **{'period': 1.0, 'harmonics': 3, **wrong})
 
 
 def test_steady_response_to_a_square_wave():

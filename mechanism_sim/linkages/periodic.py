@@ -74,7 +74,7 @@ def constant_speed(speed: float) -> Clock:
 
 def resolve(function: Callable[[Array], Array], what: str) -> Fourier:
     """The Fourier series of a periodic function (N,) -> (k, N), with all terms above rounding."""
-    n = 64
+    n = 512  # a pulse of a force as narrow as that is met
     check = TURN * np.array([0.0123, 0.2718, 0.5772, 0.9159])  # at no fraction of the turn
     while n <= _MOST_SAMPLES:
         values = np.asarray(function(TURN * np.arange(n, dtype=np.float64) / n), dtype=np.float64)

@@ -179,6 +179,35 @@ class Linearisation:
             F, closure, J.reshape(-1, n), M.reshape(n, n), C.reshape(n, n), K.reshape(n, n), -b
         )
 
+    @cached_property
+    def _motion_function(self) -> SwitchedFunction:
+        eq, F = self.equations, self._residual
+        rows = [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
+        return SwitchedFunction(eq.frames, [F, rows], self._variables())
+
+    def _motion_inputs(self, at: Point, q: Array, v: Array, a: Array, t: Array) -> Array:
+        fixed = np.concatenate([at.forces * 0.0, [0.0], at.outside])
+        inputs = np.concatenate([q, v, a, np.repeat(fixed[:, None], q.shape[1], axis=1)])
+        if 'time' in self.outside:
+            inputs[len(inputs) - len(self.outside) + self.outside.index('time')] = t
+        return inputs
+
+    def along(self, at: Point, q: Array, v: Array, a: Array, t: Array) -> tuple[Array, Array]:
+        """Residuals (n, N) without forces of closures, and J (N, c, n), along a motion.
+
+        Parameters
+        ----------
+        at : what else is known, as at this point
+        q, v, a : (n, N) coordinates, rates and accelerations
+        t : (N,) [s]
+        """
+        F, rows = self._motion_function(self._motion_inputs(at, q, v, a, t))
+        return F, rows.reshape(-1, len(q), q.shape[1]).transpose(2, 0, 1)
+
+    def switches_along(self, at: Point, q: Array, v: Array, a: Array, t: Array) -> Array:
+        """Values (k, N) of what switches forces on and off, as `along`."""
+        return self._motion_function.rows(self._motion_inputs(at, q, v, a, t))
+
     def point(self, q: Array, v: Array) -> Point:
         """A point at time zero, without forces of the closures."""
         count = sum(map(len, self._forces))

@@ -59,6 +59,10 @@ class SwitchedFunction:
         every[self._rows] = found[0]
         return np.split(every, self._ends[:-1])
 
+    def rows(self, inputs: Array) -> Array:
+        """The values (k, N) of the switches at values (v, N) of the variables."""
+        return self._switches(inputs)[1]
+
 
 class _Switches:
     """The switches that are determined by given variables, at their values.

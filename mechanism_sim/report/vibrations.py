@@ -12,11 +12,13 @@ from mechanism_sim.export.palette import GROUND, INK, LINKS
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, Curve, Mark, Panel, whole
 from mechanism_sim.report.charts.lines import colours
+from mechanism_sim.strict_json import plain
 from mechanism_sim.study.harmonics import Harmonics
 from mechanism_sim.study.modes import CriticalSpeed, Mode, Station
 from mechanism_sim.study.response import FrequencyResponse
 
 _UNDAMPED = 1e-9  # damping ratio up to which there is none but for rounding
+_SHOWN = 1e-6  # of the largest amplitude: an error that six digits show
 _PEAKLESS = 0.5**0.5  # above it the response to an unbalance has no peak
 
 
@@ -261,6 +263,8 @@ def harmonics_json(found: Harmonics) -> dict[str, Any]:
         'mean': {name: s.mean for name, s in found.series.items()},
         'amplitude': {name: np.abs(s.amplitudes) for name, s in found.series.items()},
         'phase': {name: np.angle(s.amplitudes) for name, s in found.series.items()},
+        'error': {name: s.error for name, s in found.series.items()},
+        'remainder': {name: plain(s.rest) for name, s in found.series.items()},
         'units': found.units,
     }
 
@@ -278,7 +282,21 @@ def harmonics_text(found: Harmonics) -> str:
             z = s.amplitudes[k]
             row += [f'{abs(z):.6g}', f'{np.degrees(np.angle(z)):.4g}']
         rows.append(row)
-    return '\n'.join(text_table.lines(rows, indent=''))
+    count = len(first.amplitudes)
+    rest = [x for s in found.series.values() for x in (_rest(s.rest), 'rms')]
+    rows.append([f'above {count}', '', *rest])
+    lines = text_table.lines(rows, indent='')
+    lines += [
+        f'{name}: amplitudes may be off by {s.error:.2g} {found.units[name]}'
+        for name, s in found.series.items()
+        if s.error > _SHOWN * np.abs(s.amplitudes).max(initial=0.0)
+    ]
+    return '\n'.join(lines)
+
+
+def _rest(rest: float) -> str:
+    """Root mean square of the harmonics that are not shown, at most."""
+    return '0' if rest == 0.0 else f'<= {rest:.3g}' if np.isfinite(rest) else 'no bound'
 
 
 def harmonics_chart(found: Harmonics, title: str) -> Chart:

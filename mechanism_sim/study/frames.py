@@ -14,14 +14,21 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.numerics.fourier import spectrum
+from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.oscillators import forces_on, read_frame
 from mechanism_sim.scene.simulate import simulate
-from mechanism_sim.vibration.excitation import FourierSeries
 from mechanism_sim.vibration.frame import Frame
+from mechanism_sim.vibration.periodic_forces import SteadyVibration, known_harmonics
 from mechanism_sim.vibration.shaking import Shaking
 
 ComplexArray = NDArray[np.complex128]
+
+_LONGER = 1.95  # periods that are run, to compare the forces in them
+_LOOKS = np.array([0.0, 0.1373, 0.2914, 0.4435, 0.6181, 0.7772, 0.9103])  # of a period
+_PLAIN, _LOADED = 32, 512
+"""Parts of a period, without and with loads, in each of which forces are looked at 16 times."""
 
 PARTS = 'x', 'y', 'angle'
 _PLAYS = 'clearance', 'lift_off', 'groove', 'backlash'
@@ -85,7 +92,7 @@ def receptance(machine: Machine, name: str, w: Array) -> ComplexArray:
 
 def harmonics_of(
     machine: Machine, names: Sequence[str], count: int, period: float
-) -> dict[str, list[FourierSeries]]:
+) -> dict[str, SteadyVibration]:
     """Positions [m, rad] of frames in the steady motion of their machine over a period [s].
 
     Places count from where the mounts carry the frame alone.
@@ -101,35 +108,56 @@ def harmonics_of(
             f'{machine.name}: the vibration of the frame {names[0]} is known where drives '
             'prescribe the whole motion; with free coordinates look at oscillator_state of a run'
         )
-    samples = max(512, 16 * count)
-    motion = simulate(ideal, duration=1.01 * period).motion
-    t = period * np.arange(samples + 1) / samples
+    motion = simulate(ideal, duration=_LONGER * period).motion
     found = {}
     for name in names:
         frame = read_frame(machine, name)
         shaking = Shaking(frame, forces_on(ideal, name))
-        forces = shaking.read(motion, *motion.curve.find(t))
-        size = np.abs(forces).max()
-        if np.abs(forces[:, -1] - forces[:, 0]).max() > 1e-9 * size:
+
+        def forces(t: Array, shaking: Shaking = shaking) -> Array:
+            return shaking.read(motion, *motion.curve.find(t))
+
+        looks = period * _LOOKS
+        size = float(np.abs(seen := forces(looks)).max())
+        if np.abs(forces(period + looks) - seen).max() > 1e-9 * size:
             raise InputError(
                 f'{machine.name}: after {period:.6g} s the forces on the frame {name} are not '
                 'what they were: give the --period after which they repeat'
             )
-        series = [FourierSeries.of_samples(f, period) for f in forces[:, :-1]]
-        w = series[0].frequencies[:count]
-        amplitudes = np.array([s.amplitudes[:count] for s in series]).T
-        amplitudes[np.abs(amplitudes) <= 1e-13 * size] = 0.0
-        shaken = amplitudes.any(axis=1)
-        u = np.zeros_like(amplitudes)
+        more = known_harmonics(count)
+        edges = _edges(motion.curve, period, bool(ideal.scene.loads), more)
+        one = spectrum(forces, edges, more, np.full(frame.freedom, 1e-12 * size))
+        steps = shaking.steps(motion)
+        sudden = steps.any(axis=1) & (motion.curve.start < period * (1.0 - 1e-12))
+        w = 2.0 * np.pi / period * np.arange(1.0, more + 1.0)
+        turned = np.exp(-1j * np.outer(motion.curve.start[sudden], w))
+        one = one._replace(
+            mean=one.mean + steps[sudden].sum(axis=0) / period,
+            amplitudes=one.amplitudes + 2.0 / period * (steps[sudden].T @ turned),
+        ).without(1e-13 * size)
+        F = one.amplitudes[:, :count].T
+        shaken = F.any(axis=1)
+        u = np.zeros_like(F)
         if shaken.any():
-            at = receptance(machine, name, w[shaken])
-            u[shaken] = np.einsum('kij,kj->ki', at, amplitudes[shaken])
-        mean = np.linalg.solve(frame.K, [s.mean for s in series])
-        found[name] = [
-            FourierSeries(2.0 * np.pi / period, float(x), z)
-            for x, z in zip(mean, u.T, strict=True)
-        ]
+            at = receptance(machine, name, w[:count][shaken])
+            u[shaken] = np.einsum('kij,kj->ki', at, F[shaken])
+        found[name] = SteadyVibration(
+            one,
+            2.0 * np.pi / period,
+            (frame.M, frame.C, frame.K),
+            np.eye(frame.freedom),
+            np.asarray(np.linalg.solve(frame.K, one.mean)),
+            u,
+            np.abs(steps[sudden]).sum(axis=0),
+        )
     return found
+
+
+def _edges(curve: PiecewisePolynomial, period: float, loaded: bool, count: int) -> Array:
+    """Ends of the pieces of a motion in its period [s], and between these if they are few."""
+    ends = np.append(curve.start[curve.start < period], period)
+    parts = max(_LOADED if loaded else _PLAIN, 2 * count)
+    return np.union1d(ends, period * np.arange(parts + 1) / parts)
 
 
 def without_play(machine: Machine) -> Machine:

@@ -8,11 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.fourier import spectrum
 from mechanism_sim.scene import Machine
 from mechanism_sim.study import frames
 from mechanism_sim.study.modes import (
@@ -25,7 +27,6 @@ from mechanism_sim.study.modes import (
 )
 from mechanism_sim.study.response import (
     DERIVATIVES,
-    ComplexArray,
     FrequencyResponse,
     Source,
     frame_units,
@@ -33,6 +34,15 @@ from mechanism_sim.study.response import (
     unit_of,
 )
 from mechanism_sim.vibration.excitation import FourierSeries
+from mechanism_sim.vibration.periodic_forces import SteadyVibration, known_harmonics
+
+_TURNS = 1000  # of the first drive, in which others are looked for that make whole ones
+_EXACT = 1e-12  # of a ratio of speeds: what it may be off a fraction
+_STEPS = 128  # in a turn of the fastest drive, in which loops are followed
+_PLAIN, _LOADED = 32, 512
+"""Parts of a turn, or of a period with loads, in each of which forces are looked at 16 times."""
+_BISECTIONS = 50  # in which an edge is located to rounding
+_LOOKS = np.array([0.0, 0.1373, 0.2914, 0.4435, 0.6181, 0.7772, 0.9103])  # of a period
 
 
 @dataclass(frozen=True)
@@ -92,13 +102,11 @@ def harmonics(
         return Harmonics(length, found, units)
     one = linearised(machine)
     units |= _own_units(one, own)
-    constant, z = _harmonics(one, machine.plan.prescribed, rates, length, count)
-    w = 2.0 * np.pi / length * np.arange(1.0, count + 1.0)
+    steady = _harmonics(one, machine.plan.prescribed, rates, length, count)
     for name in (x for x in units if x not in found):
         kind, _, rest = name.partition('.')
-        k, order = one.derivatives.coordinates.index(rest), DERIVATIVES[kind]
-        mean = float(constant[k]) if order == 0 else 0.0
-        found[name] = FourierSeries(2.0 * np.pi / length, mean, (1j * w) ** order * z[:, k])
+        k = one.derivatives.coordinates.index(rest)
+        found[name] = steady.series(k, DERIVATIVES[kind])
     return Harmonics(length, found, units)
 
 
@@ -112,10 +120,7 @@ def _frame_harmonics(
     names = list(dict.fromkeys(name for name, _ in places.values()))
     series, found = frames.harmonics_of(machine, names, count, period), {}
     for quantity, (name, k) in places.items():
-        order, one = DERIVATIVES[quantity.partition('.')[0]], series[name][k]
-        mean = one.mean if order == 0 else 0.0
-        rates = (1j * one.frequencies) ** order * one.amplitudes
-        found[quantity] = FourierSeries(one.frequency, mean, rates)
+        found[quantity] = series[name].series(k, DERIVATIVES[quantity.partition('.')[0]])
     return found, units
 
 
@@ -143,8 +148,8 @@ def unbalance_response(
     z = np.array([
         _harmonics(
             one, driven, np.array([x if c == main else 0.0 for c in driven]), 2.0 * np.pi / abs(x),
-            1,
-        )[1][0]
+            1, 1,
+        ).amplitudes[0]
         for x in speeds
     ])  # fmt: skip
     found = {}
@@ -168,42 +173,42 @@ def _own_units(one: LinearMachine, quantities: Sequence[str]) -> dict[str, str]:
 
 
 def _harmonics(
-    one: LinearMachine, drives: Sequence[str], rates: Array, length: float, count: int
-) -> tuple[Array, ComplexArray]:
-    """Means (n,) and amplitudes (count, n) of all coordinates over a period [s].
+    one: LinearMachine,
+    drives: Sequence[str],
+    rates: Array,
+    length: float,
+    count: int,
+    more: int | None = None,
+) -> SteadyVibration:
+    """The vibration of all coordinates (n,) with a period [s].
 
     Parameters
     ----------
     rates : of the driven coordinates, in the order of `drives`
+    more : harmonics of the forces, to tell what is left out; as many as that takes if not given
     """
-    machine = one.machine
     driven = [one.derivatives.coordinates.index(c) for c in drives]
-    samples = max(64, 8 * count)
-    t = length * np.arange(samples + 1) / samples
-    *forces, last = _excitation(one, driven, rates, t)
-    scale = np.abs(forces).max() + np.abs(one.linear.K @ np.diag(one.at.q)).max(initial=0.0)
-    if np.abs(last - forces[0]).max() > 1e-9 * scale:
-        raise InputError(
-            f'{machine.name}: after {length:.6g} s the forces on the free coordinates are not '
-            'what they were: the period is another, or a spring couples links to the drive that '
-            'turn with it; take --torque or --base with --frequencies'
-        )
-    w = 2.0 * np.pi / length * np.arange(1.0, count + 1.0)
+    excitation = _Excitation(one, driven, rates, length)
+    excitation.check_period()
     # what is rounding of the forces that balance at rest would look like a response
-    rounding = 1e-13 * scale
-    spectrum = [FourierSeries.of_samples(f, length) for f in np.transpose(forces)]
-    F = np.array([s.amplitudes[:count] for s in spectrum]).T
-    M, C, K = _at_speed(one, driven, rates).matrices
+    rounding = 1e-13 * excitation.scale
+    more = more or known_harmonics(count)
+    found = spectrum(excitation, excitation.edges(more), more, np.full(len(one.B.T), rounding))
+    found = found.without(rounding)
+    F = found.amplitudes[:, :count].T
+    matrices = _at_speed(one, driven, rates).matrices
+    M, C, K = matrices
+    w = 2.0 * np.pi / length * np.arange(1.0, count + 1.0)
     each = w[:, None, None]
     Z = np.asarray(K + 1j * each * C - each**2 * M, complex)
-    F[np.abs(F) <= rounding] = 0.0
     excited = F.any(axis=1)
     refuse_resonance(one, Z[excited], w[excited])
     z = np.zeros((count, len(K)), complex)
     z[excited] = np.linalg.solve(Z[excited], F[excited][:, :, None])[:, :, 0]
-    still = np.array([s.mean for s in spectrum])
-    mean = np.linalg.lstsq(K, np.where(np.abs(still) > rounding, still, 0.0))[0]
-    return one.B @ mean, np.asarray(z @ one.B.T)
+    mean = np.linalg.lstsq(K, np.where(np.abs(found.mean) > rounding, found.mean, 0.0))[0]
+    quiet = found._replace(rest=np.where(found.rest > rounding, found.rest, 0.0))
+    amplitudes = np.asarray(z @ one.B.T, complex)
+    return SteadyVibration(quiet, 2.0 * np.pi / length, matrices, one.B, one.B @ mean, amplitudes)
 
 
 def _at_speed(one: LinearMachine, driven: list[int], rates: Array) -> LinearMachine:
@@ -220,54 +225,158 @@ def _at_speed(one: LinearMachine, driven: list[int], rates: Array) -> LinearMach
 
 
 def _period(machine: Machine, rates: Array, period: float | None) -> float:
+    """The period of the excitation [s]: as given, or a turn of the first drive that turns.
+
+    Raises
+    ------
+    InputError
+        If there is none, or another drive does not make whole turns in it.
+    """
     if period is not None:
         if not (period > 0.0 and math.isfinite(period)):
             raise InputError(f'--period {period:g} s: must be positive and finite')
         return period
     straight = machine.plan.ideal.displacements
-    turning = [
-        abs(float(rate))
+    turning = {
+        c: abs(float(rate))
         for c, rate in zip(machine.plan.prescribed, rates, strict=True)
         if rate and c not in straight
-    ]
+    }
     if not turning:
         raise InputError(
             f'{machine.name}: no drive turns at a speed: give the period of the excitation by '
             "--period, as '0.1 s'"
         )
-    return 2.0 * math.pi / turning[0]
+    first, *others = turning
+    found = 2.0 * math.pi / turning[first]
+    turns = {c: turning[c] / turning[first] for c in others}
+    parts = {c: Fraction(x).limit_denominator(_TURNS) for c, x in turns.items()}
+    uneven = [c for c in others if parts[c].denominator > 1]
+    if not uneven:
+        return found
+    c = uneven[0]
+    common = math.lcm(*(x.denominator for x in parts.values()))
+    exact = all(abs(turns[x] - parts[x]) <= _EXACT * turns[x] for x in others)
+    raise InputError(
+        f'{machine.name}: in a turn of {first}, {found:.9g} s, {c} makes {turns[c]:.9g} turns, so '
+        'that this is no period of both: '
+        + (
+            f"give --period '{common * found!r} s', in which all drives make whole turns"
+            if exact
+            else f'their speeds have no common period of up to {_TURNS} turns of {first}'
+        )
+    )
 
 
-def _excitation(one: LinearMachine, driven: list[int], rates: Array, t: Array) -> Array:
-    """Forces (N, f) on the independent coordinates at times (N,) [s], beyond those at rest."""
-    held = [*driven, *one.independent]
-    names = one.derivatives.coordinates
-    kinematics = one.machine.kinematics([names[i] for i in held])
-    q, found = one.at.q.copy(), []
-    for k, time in enumerate(t):
-        # steps small enough for loops to stay on their branch
-        before = t[k - 1] if k else 0.0
-        for part in np.linspace(before, time, 9 if len(one.linear.J) else 2)[1:]:
-            q[driven] = one.at.q[driven] + rates * part
-            moved, left = kinematics.positions(q[:, None])
+class _Excitation:
+    """Forces (f, N) on the independent coordinates at times (N,) [s], beyond those at rest.
+
+    They are what the equations leave open while the drives turn at their `rates`, the independent
+    coordinates stay at the equilibrium, and the others follow them.
+
+    Parameters
+    ----------
+    driven : indices of the coordinates that turn at `rates`
+    length : of the period [s]
+    """
+
+    def __init__(self, one: LinearMachine, driven: list[int], rates: Array, length: float) -> None:
+        self._one, self._driven, self._rates, self._length = one, driven, rates, length
+        names, held = one.derivatives.coordinates, [*driven, *one.independent]
+        self._kinematics = one.machine.kinematics([names[i] for i in held])
+        self._held = np.concatenate([rates, np.zeros(len(one.independent))])
+        self._others = [i for i in one.derivatives.free if i not in one.independent]
+        pace = np.abs(rates).max(initial=0.0)
+        self._turns = max(1.0, float(pace) * length / (2.0 * np.pi))
+        self._mesh = self._followed() if self._others else None
+        self.scale = float(
+            np.abs(self(length * _LOOKS)).max()
+            + np.abs(one.linear.K @ np.diag(one.at.q)).max(initial=0.0)
+        )
+
+    def _followed(self) -> Array:
+        """Coordinates (n, m + 1) over the period, in steps that keep loops on their branch."""
+        count = math.ceil(_STEPS * self._turns)
+        found, q = [], self._one.at.q.copy()
+        for time in self._length * np.arange(count + 1) / count:
+            q = q.copy()
+            q[self._driven] = self._one.at.q[self._driven] + self._rates * time
+            moved, left = self._kinematics.positions(q[:, None])
             if left.any():
                 raise InputError(
-                    f'{one.machine.name}: the loops do not close over the turn of the drive with '
-                    'the free coordinates at their equilibrium'
+                    f'{self._one.machine.name}: the loops do not close over the turn of the drive '
+                    'with the free coordinates at their equilibrium'
                 )
             q = moved[:, 0]
-        speeds = np.concatenate([rates, np.zeros(len(one.independent))])[:, None]
-        v = kinematics.rates(q[:, None], speeds)
-        a = kinematics.accelerations(q[:, None], v, np.zeros_like(speeds))[:, 0]
-        outside = one.at.outside.copy()
-        if 'time' in one.derivatives.outside:
-            outside[one.derivatives.outside.index('time')] = time
-        at = one.at._replace(q=q, v=v[:, 0], forces=np.zeros_like(one.at.forces), outside=outside)
-        linear = one.derivatives(at, a)
-        B = np.zeros_like(one.B)
-        B[one.independent] = np.eye(len(one.independent))
-        others = [i for i in one.derivatives.free if i not in one.independent]
-        if others:
-            B[others] = -np.linalg.lstsq(linear.J[:, others], linear.J[:, one.independent])[0]
-        found.append(-B.T @ linear.F)
-    return np.array(found)
+            found.append(q)
+        return np.array(found).T
+
+    def _motion(self, t: Array) -> tuple[Array, Array, Array]:
+        """Coordinates, rates and accelerations (n, N) at times, a period later as at its start."""
+        q = np.repeat(self._one.at.q[:, None], len(t), axis=1)
+        if self._mesh is not None:
+            period, into = np.divmod(t, self._length)
+            count = self._mesh.shape[1] - 1
+            place = into * (count / self._length)
+            k = np.minimum(place.astype(int), count - 1)
+            q = self._mesh[:, k] + (self._mesh[:, k + 1] - self._mesh[:, k]) * (place - k)
+            q += (self._mesh[:, -1:] - self._mesh[:, :1]) * period
+        q[self._driven] = self._one.at.q[self._driven, None] + np.outer(self._rates, t)
+        if self._mesh is not None:
+            q, _ = self._kinematics.positions(q)
+        speeds = np.repeat(self._held[:, None], len(t), axis=1)
+        v = self._kinematics.rates(q, speeds)
+        return q, v, self._kinematics.accelerations(q, v, np.zeros_like(speeds))
+
+    def __call__(self, t: Array) -> Array:
+        one, (q, v, a) = self._one, self._motion(t)
+        F, J = one.derivatives.along(one.at, q, v, a, t)
+        found = -F[one.independent]
+        if self._others:
+            follow = np.linalg.pinv(J[:, :, self._others]) @ J[:, :, one.independent]
+            found = found + np.einsum('kij,ik->jk', follow, F[self._others])
+        return np.asarray(found)
+
+    def check_period(self) -> None:
+        """Refuse a period after which the forces are not what they were, at several instants.
+
+        Raises
+        ------
+        InputError
+        """
+        machine, t = self._one.machine, self._length * _LOOKS
+        if np.abs(self(t + self._length) - self(t)).max() > 1e-9 * self.scale:
+            raise InputError(
+                f'{machine.name}: after {self._length:.6g} s the forces on the free coordinates '
+                'are not what they were: the period is another, or a spring couples links to the '
+                'drive that turn with it; take --torque or --base with --frequencies'
+            )
+
+    def edges(self, count: int) -> Array:
+        """Instants between which the forces are smooth: where a part of them begins or ends.
+
+        These are located to rounding. What has none, as a steep formula, is met by nodes a
+        hundredth of a percent of the period apart where there are loads.
+        """
+        loaded = bool(self._one.machine.scene.loads)
+        parts = max(_LOADED if loaded else _PLAIN, math.ceil(_PLAIN * self._turns), 2 * count)
+        edges = self._length * np.arange(parts + 1) / parts
+        if not self._switches(edges[:1]).size:
+            return edges
+        found, low, high = [edges], edges[:-1], edges[1:]
+        below, above = self._switches(low), self._switches(high)
+        for _ in range(_BISECTIONS):
+            apart = (below != above).any(axis=0)
+            low, high, below, above = low[apart], high[apart], below[:, apart], above[:, apart]
+            if not len(low):
+                return np.unique(np.concatenate(found))
+            middle = 0.5 * (low + high)
+            at = self._switches(middle)
+            low, high = np.append(low, middle), np.append(middle, high)
+            below, above = np.append(below, at, axis=1), np.append(at, above, axis=1)
+        apart = (below != above).any(axis=0)
+        return np.unique(np.concatenate([*found, high[apart]]))
+
+    def _switches(self, t: Array) -> Array:
+        """Values (k, N) of what switches parts of the forces on and off."""
+        return self._one.derivatives.switches_along(self._one.at, *self._motion(t), t)

@@ -10,7 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.fourier import spectrum
 from mechanism_sim.vibration.single import Oscillator, Response
+
+_PARTS = 128  # of a period, in each of which a function is looked at 16 times
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -50,7 +53,7 @@ def base_excited(
 
 @dataclass(frozen=True, eq=False)
 class FourierSeries:
-    """A periodic function, mean + sum_j Re(amplitudes[j - 1] e^(i j w t)).
+    """A periodic function, mean + sum_j Re(amplitudes[j - 1] e^(i j w t)) and a rest.
 
     In the terms of [V] eq. 6.120 the mean is a_0/2 and an amplitude a_j - i b_j.
     """
@@ -58,24 +61,8 @@ class FourierSeries:
     frequency: float  #: w of the first harmonic [rad/s]
     mean: float
     amplitudes: ComplexArray  #: (harmonics,)
-
-    @classmethod
-    def of_samples(cls, samples: ArrayLike, period: float) -> Self:
-        """Through N equidistant samples of one period, whose last is a step before its end.
-
-        Harmonics up to (N - 1)/2: what a function contains beyond them is folded back.
-
-        Raises
-        ------
-        InputError
-            If there are no samples in one row, or no period.
-        """
-        y = np.asarray(samples, np.float64)
-        if y.ndim != 1 or not len(y) or not period > 0.0:
-            raise InputError('a Fourier series needs the samples of one period, and its length')
-        spectrum = np.fft.rfft(y) / len(y)
-        kept = (len(y) - 1) // 2
-        return cls(2.0 * np.pi / period, float(spectrum[0].real), 2.0 * spectrum[1 : kept + 1])
+    error: float = 0.0  #: what the mean and each amplitude may be off
+    rest: float = 0.0  #: root mean square of all higher harmonics together, at most
 
     @classmethod
     def of_function(
@@ -85,11 +72,12 @@ class FourierSeries:
         harmonics: int,
         breaks: Sequence[float] = (),
     ) -> Self:
-        """By quadrature of [V] eqs. 6.121, 6.122.
+        """[V] eqs. 6.121, 6.122, to rounding; see `mechanism_sim.numerics.fourier`.
 
         Parameters
         ----------
-        function : of times (N,) [s]; smooth but for the breaks
+        function : of times (N,) [s]; smooth but for the breaks, no feature shorter than a
+            thousandth of the period between them
         period : [s]
         harmonics : so many
         breaks : times inside the period at which the function jumps or bends [s]
@@ -101,14 +89,15 @@ class FourierSeries:
         """
         if not period > 0.0 or harmonics < 0 or any(not 0.0 < b < period for b in breaks):
             raise InputError('a Fourier series needs a period, and breaks inside of it')
-        ends = np.array([0.0, *sorted(breaks), period])
-        nodes, weights = np.polynomial.legendre.leggauss(2 * harmonics + 40)
-        half = np.diff(ends)[:, None] / 2.0
-        t = (ends[:-1, None] + half * (1.0 + nodes)).ravel()
-        values = np.ravel(half * weights) * function(t)
-        w = 2.0 * np.pi / period
-        phases = np.exp(-1j * w * np.outer(np.arange(1, harmonics + 1), t))
-        return cls(w, float(values.sum()) / period, 2.0 / period * (phases @ values))
+        edges = np.union1d(np.linspace(0.0, period, _PARTS + 1), np.asarray(breaks, float))
+        found = spectrum(lambda t: np.asarray(function(t))[None], edges, harmonics)
+        return cls(
+            2.0 * np.pi / period,
+            float(found.mean[0]),
+            found.amplitudes[0],
+            float(found.error[0]),
+            float(found.rest[0]),
+        )
 
     @property
     def frequencies(self) -> Array:
@@ -122,10 +111,18 @@ class FourierSeries:
         return np.asarray(self.mean + (phases @ self.amplitudes).real)
 
     def passed(self, response: Callable[[Array], ComplexArray]) -> FourierSeries:
-        """The series behind a linear system, given by its frequency response at w (N,) [rad/s]."""
+        """The series behind a linear system, given by its frequency response at w (N,) [rad/s].
+
+        Of the rest is known only that nothing comes of none.
+        """
         constant = complex(response(np.zeros(1))[0])
-        amplitudes = self.amplitudes * response(self.frequencies)
-        return FourierSeries(self.frequency, self.mean * constant.real, amplitudes)
+        gains = np.asarray(response(self.frequencies))
+        most = max(abs(constant), float(np.abs(gains).max(initial=0.0)))
+        rest = 0.0 if self.rest == 0.0 else np.inf
+        mean = self.mean * constant.real
+        return FourierSeries(
+            self.frequency, mean, self.amplitudes * gains, self.error * most, rest
+        )
 
 
 def periodic_response(

@@ -134,6 +134,10 @@ class Shaking:
             If loads change so fast that polynomials on these pieces do not follow them.
         """
         self._check(motion)
+        return self.steps(motion)
+
+    def steps(self, motion: Motion) -> Array:
+        """The same, however fast loads change."""
         step = self._steps(motion.curve)
         found = np.zeros((len(motion), self.inputs))
         sudden = np.flatnonzero(step.any(axis=0))

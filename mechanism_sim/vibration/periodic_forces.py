@@ -1,0 +1,126 @@
+"""The steady vibration of a linear system under periodic forces, and bounds of what it leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.numerics.fourier import Spectrum
+from mechanism_sim.vibration import state_space
+from mechanism_sim.vibration.excitation import FourierSeries
+
+ComplexArray = NDArray[np.complex128]
+
+_BEYOND = 4.0  # times the largest root: from there on a system is all but its masses
+_EACH = 20000  # harmonics that are looked at one by one, in search of the largest response
+_SPREAD = 400  # further ones
+_BLOCK = 2048
+_MORE = 128  # harmonics of the forces that are known at least
+
+
+def known_harmonics(count: int) -> int:
+    """How many harmonics of the forces tell what the vibration leaves out beyond `count`."""
+    return max(_MORE, 2 * count)
+
+
+class SteadyVibration:
+    """Coordinates ``B z`` (m,) where ``M z'' + C z' + K z`` (n,) are periodic forces.
+
+    Parameters
+    ----------
+    forces : n of them, in more harmonics than those that are asked for
+    frequency : of their first harmonic [rad/s]
+    matrices : M, C, K, each (n, n)
+    B : (m, n)
+    mean : (m,) of the coordinates
+    amplitudes : (count, m) of the coordinates
+    impulses : (n,) sums of magnitudes of the impulses in a period, which are in no `rest`
+    """
+
+    def __init__(
+        self,
+        forces: Spectrum,
+        frequency: float,
+        matrices: tuple[Array, Array, Array],
+        B: Array,
+        mean: Array,
+        amplitudes: ComplexArray,
+        impulses: Array | None = None,
+    ) -> None:
+        self._forces, self._w = forces, frequency
+        self._M, self._C, self._K = matrices
+        self._B, self._mean, self.amplitudes = B, mean, amplitudes
+        self._impulses = impulses if impulses is not None and impulses.any() else None
+
+    def series(self, row: int, order: int) -> FourierSeries:
+        """A coordinate, or its rate (order 1) or acceleration (2), as a Fourier series."""
+        k = np.arange(1.0, len(self.amplitudes) + 1.0)
+        gains = np.abs(self._gains(k, row)) * (k * self._w)[:, None] ** order
+        most = gains.max(axis=0, initial=0.0)
+        if order == 0:
+            most = np.maximum(most, np.abs(self._B[row] @ np.linalg.pinv(self._K)))
+        error = float(np.where(self._forces.error > 0.0, most * self._forces.error, 0.0).sum())
+        amplitudes = (1j * k * self._w) ** order * self.amplitudes[:, row]
+        mean = float(self._mean[row]) if order == 0 else 0.0
+        return FourierSeries(self._w, mean, amplitudes, error, self._rest(row, order))
+
+    def _gains(self, k: Array, row: int) -> ComplexArray:
+        """Amplitudes (N, n) of a coordinate per force in N harmonics; infinite at resonances."""
+        found = []
+        for first in range(0, len(k), _BLOCK):
+            w = (self._w * k[first : first + _BLOCK])[:, None, None]
+            Z = np.asarray(self._K + 1j * w * self._C - w**2 * self._M, complex)
+            try:
+                found.append(np.einsum('i,kij->kj', self._B[row], np.linalg.inv(Z)))
+            except np.linalg.LinAlgError:
+                found.append(np.full((len(w), len(self._K)), np.inf, complex))
+        return np.concatenate(found) if found else np.zeros((0, len(self._K)), complex)
+
+    def _rest(self, row: int, order: int) -> float:
+        """Bound of the root mean square of all harmonics beyond those that are asked for.
+
+        Those that are known by the forces are known themselves. Of the others the bound is that
+        of the forces times the largest response to any of them; impulses, whose harmonics never
+        fall, are summed one by one.
+        """
+        F = self._forces.amplitudes
+        k = np.arange(len(self.amplitudes) + 1.0, F.shape[1] + 1.0)
+        parts = self._gains(k, row), F[:, len(self.amplitudes) :].T
+        with np.errstate(invalid='ignore'):
+            z = np.where(parts[1] != 0.0, parts[0] * parts[1], 0.0).sum(axis=1)
+        known = np.abs(z) * (k * self._w) ** order
+        return float(np.hypot(np.sqrt((known**2).sum() / 2.0), self._beyond(row, order)))
+
+    def _beyond(self, row: int, order: int) -> float:
+        """The same beyond the harmonics that are known of the forces."""
+        rest = self._forces.rest
+        if not rest.any() and self._impulses is None:
+            return 0.0
+        count, (M, C, K) = self._forces.amplitudes.shape[1], (self._M, self._C, self._K)
+        try:
+            roots = np.linalg.eigvals(state_space.state_matrix(M, C, K))
+            last = np.linalg.inv(M)
+        except np.linalg.LinAlgError:
+            return float(np.inf)
+        far = int(_BEYOND * np.abs(roots).max(initial=0.0) / self._w) + count + 1
+        each = np.arange(count + 1.0, min(far, count + _EACH) + 1.0)
+        near = np.round(np.abs(roots) / self._w)[:, None] + np.arange(-2.0, 3.0)
+        spread = np.round(np.geomspace(each[-1], 10.0 * far, _SPREAD))
+        k = np.unique(np.concatenate([each, near.ravel(), spread]))
+        k = k[k > count]
+        gains = np.abs(self._gains(k, row)) * (k * self._w)[:, None] ** order
+        most = gains.max(axis=0)
+        if order == 2:
+            most = np.maximum(most, np.abs(self._B[row] @ last))
+        total = float(np.where(rest > 0.0, most * rest, 0.0).sum())
+        if self._impulses is not None:
+            if order == 2:
+                return float(np.inf)
+            k = np.arange(count + 1.0, count + far + _EACH)
+            gains = np.abs(self._gains(k, row)) * (k * self._w)[:, None] ** order
+            # from there on they fall as k^(order - 2)
+            squares = (gains**2).sum(axis=0) + gains[-1] ** 2 * k[-1] / (3.0 - 2.0 * order)
+            size = 2.0 * self._impulses * self._w / (2.0 * np.pi)
+            total += float((np.sqrt(squares / 2.0) * size).sum())
+        return total
