@@ -23,11 +23,12 @@ ROWS = 12  # of a table of revolutions, before its middle is left out
 def render(summary: Summary) -> str:
     """Return the text that the command line shows."""
     s = summary
+    drive = s.motion.crank if s.motion else ''
     found: list[tuple[Any, Callable[[Any], Iterable[str]]]] = [
         (s, _head),
-        (s.impacts, _impacts),
+        (s.impacts, partial(_impacts, drive)),
         (s.modes, _modes),
-        (s.loads, _loads),
+        (s.loads, partial(_loads, drive)),
         (s.energy, _energy),
         *((parts, partial(_parts, PARTS[topic].title)) for topic, parts in s.parts.items()),
         (s.vibration, _vibration),
@@ -60,7 +61,7 @@ def _head(s: Summary) -> Iterator[str]:
     yield from (f'{key:<{width}}  {value}' for key, value in lines)
 
 
-def _impacts(impacts: ImpactSummary) -> Iterator[str]:
+def _impacts(drive: str, impacts: ImpactSummary) -> Iterator[str]:
     head = f'impacts: {impacts.count}, normal impulse {impacts.normal_impulse:.6g} N s'
     if impacts.count_per_revolution is not None:
         head += (
@@ -97,7 +98,7 @@ def _impacts(impacts: ImpactSummary) -> Iterator[str]:
         for d in j.dominant:
             yield (
                 f'  hardest in {j.joint}: {d.normal_impulse:.6g} N s at {d.time:.9g} s'
-                f'{_at_angle(d.crank_angle)}, {d.approach_speed:.6g} m/s'
+                f'{_at_angle(drive, d.crank_angle)}, {d.approach_speed:.6g} m/s'
             )
 
 
@@ -111,7 +112,7 @@ def _modes(joints: tuple[JointModes, ...]) -> Iterator[str]:
     yield from table(('joint', 'changes', *names), rows)
 
 
-def _loads(loads: LoadSummary) -> Iterator[str]:
+def _loads(drive: str, loads: LoadSummary) -> Iterator[str]:
     def row(peak: Peak, unit: str) -> tuple[str, str, float, str]:
         angle = '' if peak.crank_angle is None else f'{math.degrees(peak.crank_angle):.4g} deg'
         return peak.name, f'{peak.value:.6g} {unit}', peak.time, angle
@@ -120,7 +121,7 @@ def _loads(loads: LoadSummary) -> Iterator[str]:
     rows += [row(peak, 'N m') for peak in loads.moments]
     published = '' if loads.samples is None else f', of {loads.samples} published instants'
     yield f'loads between impacts{published}'
-    yield from table(('joint', 'largest', 'at [s]', 'crank'), rows)
+    yield from table(('joint', 'largest', 'at [s]', drive), rows)
 
 
 def _energy(e: EnergySummary) -> Iterator[str]:
@@ -188,8 +189,9 @@ def _absent(sentences: tuple[str, ...]) -> Iterator[str]:
     yield from (f'  {line}' for line in sentences)
 
 
-def _at_angle(angle: float | None) -> str:
-    return '' if angle is None else f', crank at {math.degrees(angle):.4g} deg'
+def _at_angle(drive: str, angle: float | None) -> str:
+    """The angle of the driven coordinate, by its name: it need not be that of a crank."""
+    return '' if angle is None else f', {drive} at {math.degrees(angle):.4g} deg'
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Cell]]) -> list[str]:

@@ -20,7 +20,7 @@ def render_details(details: Details) -> str:
     parts += [_orders(name, line, details.drive) for name, line in details.orders.items()]
     parts += [_envelope(name, line) for name, line in details.envelopes.items()]
     parts += [_average(name, a, details.drive) for name, a in details.averages.items()]
-    parts += [_struck(name, struck) for name, struck in details.impacts.items()]
+    parts += [_struck(name, struck, details.drive) for name, struck in details.impacts.items()]
     parts += [_wear(name, *maps) for name, maps in details.wear.items()]
     parts += [_beside(name, beside) for name, beside in details.deviations.items()]
     return '\n\n'.join('\n'.join(lines) for lines in parts)
@@ -59,11 +59,11 @@ def _average(name: str, average: Average, drive: str) -> Iterator[str]:
     yield from table((f'{drive} [deg]', f'mean [{average.unit}]', 'standard deviation'), rows)
 
 
-def _struck(name: str, struck: Struck) -> Iterator[str]:
+def _struck(name: str, struck: Struck, drive: str) -> Iterator[str]:
     rose, cycles = struck.rose, struck.cycles
     yield f'impacts in {name}: {len(rose)}; pin on {rose.pin}, bushing on {rose.bushing}'
     columns = (
-        'largest', 'impulse [N s]', 'at [s]', 'drive [deg]', f'on {rose.pin} [deg]',
+        'largest', 'impulse [N s]', 'at [s]', f'{drive} [deg]', f'on {rose.pin} [deg]',
         f'on {rose.bushing} [deg]',
     )  # fmt: skip
     yield from table(

@@ -66,7 +66,7 @@ class Rose:
 
 
 def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
-    """The impacts of a joint with a pin loose in a bushing.
+    """The impacts of a joint with a pin in a bushing: none of a pin that an oil film carries.
 
     Parameters
     ----------
@@ -78,7 +78,9 @@ def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
         If the joint is of another kind, or the run has no whole turn after those skipped.
     """
     machine = record.machine
-    record.loose(joint)
+    play = machine.clearances.get(joint)
+    if not (play and play.film):
+        record.loose(joint)
     pin_joint = joint_of_gap(machine.mechanism, joint)
     begin = record.begin(skip)
     chosen = [i for i in record.piece.impacts if i.joint == joint and i.t >= begin]

@@ -5,13 +5,14 @@ The signals follow from the motion, exactly, through the chain that the scene gi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mechanism_sim.analysis.angular_reconstruction import Estimate, Rebuilt
+from mechanism_sim.analysis.angular_reconstruction import LINKS, Estimate, Rebuilt
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
@@ -114,71 +115,158 @@ def _place_on(sensor: SensorPart) -> float:
     return 0.0 if isinstance(sensor.at, tuple) else float(sensor.at)
 
 
-def swing(
-    record: Record, ideal: Motion, link: str, turns: tuple[int, int], first: tuple[int, int]
-) -> Swing:
-    """A link in some turns of the crank.
+def swings(
+    record: Record,
+    nominal: Callable[[str, Instrument], Array],
+    turns: tuple[int, int],
+    first: tuple[int, int],
+) -> dict[str, Swing]:
+    """Both links in some turns of the crank.
 
     Parameters
     ----------
-    ideal : the motion of the ideal mechanism
+    nominal : of a link, the samples of its angular acceleration in the ideal mechanism by an
+        instrument, from the start of the run on
     turns, first : from and up to which turn: to be analysed, and the first with impacts
 
     Raises
     ------
     InputError
-        If the link has no sensor across it.
+        If a link has no sensor across it.
     """
     machine, motion = record.machine, record.piece.motion
-    mechanism, row = machine.mechanism, machine.physics.coordinates.index(link)
+    rows = [machine.physics.coordinates.index(link) for link in LINKS]
+    late, early = (_deviations(record, rows, within) for within in (turns, first))
+    found = {}
+    for k, link in enumerate(LINKS):
+        signals = _signals(record, link, turns)
+        beyond = signals.heard - nominal(link, signals.bare)
+        instants = [_samples(record, within, signals.bare) for within in (turns, first)]
+        severity = [
+            Severity(
+                _rms(_beyond_ideal(record, rows, chosen / signals.bare.sample_rate, 2)[k]),
+                means[k],
+                _rms(beyond[chosen]),
+            )
+            for chosen, means in zip(instants, (late, early), strict=True)
+        ]
+        angle, nominal_motion, accelerations, velocities = _rebuild(record, link, signals)
+        found[link] = Swing(
+            signals.time,
+            angle,
+            signals.readings[0],
+            signals.overloads,
+            nominal_motion,
+            signals.heard[signals.chosen],
+            accelerations,
+            velocities,
+            *severity,
+        )
+    return found
+
+
+def has_high_pass(machine: Machine) -> bool:
+    """Whether the amplifiers of all sensors across the links have a lower limit."""
+    chains = [x.chain() for link in LINKS for x in sensors_across(machine, link).values()]
+    return all(chain.amplifier.high_pass for chain in chains)
+
+
+def under_limit(
+    record: Record, turns: tuple[int, int], high_pass: float
+) -> dict[str, tuple[Mapping[str, Estimate], Mapping[str, Estimate]]]:
+    """Accelerations and velocities by link and method, had the amplifiers another lower limit.
+
+    Parameters
+    ----------
+    high_pass : corner of their high-pass [Hz]
+    """
+    return {
+        link: _rebuild(record, link, _signals(record, link, turns, high_pass))[2:]
+        for link in LINKS
+    }
+
+
+class _Signals(NamedTuple):
+    """Of the sensors across a link.
+
+    Attributes
+    ----------
+    bare : the chain of the outermost, without noise
+    places : from the joint of the link [m], the outermost first
+    chosen : numbers of the samples in the turns asked for
+    readings : these samples
+    overloads : of all samples
+    heard : the true angular acceleration through `bare`, from the start of the run
+    """
+
+    bare: Instrument
+    places: list[float]
+    gravity: tuple[float, float]
+    chosen: NDArray[np.intp]
+    readings: list[Array]
+    overloads: int
+    heard: Array
+
+    @property
+    def time(self) -> Array:
+        """Of the samples that are chosen [s]."""
+        return np.asarray(self.chosen / self.bare.sample_rate)
+
+
+def _signals(
+    record: Record, link: str, turns: tuple[int, int], high_pass: float | None = None
+) -> _Signals:
+    machine, motion = record.machine, record.piece.motion
     sensors = sensors_across(machine, link)
-    instruments = {name: sensor.chain() for name, sensor in sensors.items()}
-    outermost = next(iter(instruments.values()))
-    bare = replace(outermost, noise=Noise(), converter=Converter())
-    heard, heard_nominal = (
-        _all_samples(TurningLink(mechanism, link), bare, link, m)[0] for m in (motion, ideal)
-    )
-    read = [
-        _all_samples(source(machine, name), x, name, motion) for name, x in instruments.items()
-    ]
-
-    def samples(within: tuple[int, int]) -> slice:
-        window = record.times_at(np.array(within, float))
-        return slice(*np.ceil(window * outermost.sample_rate - 1e-9).astype(int))
-
-    def severity(within: tuple[int, int]) -> Severity:
-        chosen = samples(within)
-        t = np.arange(chosen.start, chosen.stop) / outermost.sample_rate
-        between = _rms(_beyond_ideal(record, row, t, 2))
-        meshes = []
-        for mesh in MESHES:
-            t = steps(record, within, mesh)
-            meshes.append(_rms(np.diff(_beyond_ideal(record, row, t, 1)) / np.diff(t)))
-        return Severity(between, tuple(meshes), _rms(heard[chosen] - heard_nominal[chosen]))
-
-    chosen = samples(turns)
-    t = np.arange(chosen.start, chosen.stop) / outermost.sample_rate
-    k, dt = motion.curve.find(t)
-    q, v, a = (motion.curve.at(k, dt, d).T for d in (0, 1, 2))
-    angle, speed, acceleration = machine.linkage.motion(q[0], v[0], np.zeros(len(t)))
-    places = [_place_on(sensor) for sensor in sensors.values()]
-    felt = next(iter(sensors.values())).gravity
-    gravity = mechanism.gravity if felt else (0.0, 0.0)
-    rebuilt = Rebuilt(machine.linkage, link, places, gravity, bare, angle, speed)
-    readings = [found[chosen] for found, _ in read]
-    accelerations = rebuilt.accelerations(readings, heard[chosen], a[row])
-    return Swing(
-        t,
-        np.degrees(q[0] - TWO_PI * np.floor(q[0][0] / TWO_PI + 1e-9)),
-        readings[0],
+    chains = {name: sensor.chain() for name, sensor in sensors.items()}
+    if high_pass is not None:
+        chains = {
+            name: replace(c, amplifier=replace(c.amplifier, high_pass=high_pass))
+            for name, c in chains.items()
+        }
+    bare = replace(next(iter(chains.values())), noise=Noise(), converter=Converter())
+    chosen = _samples(record, turns, bare)
+    read = [all_samples(source(machine, name), c, name, motion) for name, c in chains.items()]
+    return _Signals(
+        bare,
+        [_place_on(sensor) for sensor in sensors.values()],
+        machine.mechanism.gravity if next(iter(sensors.values())).gravity else (0.0, 0.0),
+        chosen,
+        [samples[chosen] for samples, _ in read],
         sum(cut for _, cut in read),
+        all_samples(TurningLink(machine.mechanism, link), bare, link, motion)[0],
+    )
+
+
+def _rebuild(
+    record: Record, link: str, signals: _Signals
+) -> tuple[Array, Array, Mapping[str, Estimate], Mapping[str, Estimate]]:
+    """What is made of the signals: accelerations and velocities by method.
+
+    Before them the angle of the crank [deg], from the first of the turns on, and the ideal
+    mechanism's acceleration and velocity of the link (2, N).
+    """
+    machine, curve = record.machine, record.piece.motion.curve
+    row = machine.physics.coordinates.index(link)
+    k, dt = curve.find(signals.time)
+    q, v, a = (curve.at(k, dt, d).T for d in (0, 1, 2))
+    angle, speed, acceleration = machine.linkage.motion(q[0], v[0], np.zeros(len(dt)))
+    rebuilt = Rebuilt(
+        machine.linkage, link, signals.places, signals.gravity, signals.bare, angle, speed
+    )
+    accelerations = rebuilt.accelerations(signals.readings, signals.heard[signals.chosen], a[row])
+    return (
+        np.degrees(q[0] - TWO_PI * np.floor(q[0][0] / TWO_PI + 1e-9)),
         np.array([acceleration[row], speed[row]]),
-        heard[chosen],
         accelerations,
         rebuilt.velocities(accelerations, speed[row], v[row]),
-        severity(turns),
-        severity(first),
     )
+
+
+def _samples(record: Record, turns: tuple[int, int], instrument: Instrument) -> NDArray[np.intp]:
+    """Numbers of the samples in some turns of the crank."""
+    window = record.times_at(np.array(turns, float))
+    return np.arange(*np.ceil(window * instrument.sample_rate - 1e-9).astype(int))
 
 
 def steps(record: Record, turns: tuple[int, int], mesh: float) -> Array:
@@ -187,20 +275,39 @@ def steps(record: Record, turns: tuple[int, int], mesh: float) -> Array:
     return record.times_at(np.asarray(turns[0] + np.arange(count + 1) * (mesh / 360.0), float))
 
 
-def _beyond_ideal(record: Record, row: int, t: Array, derivative: int) -> Array:
-    """Angular velocity (1) or acceleration (2) of a link less that of the ideal mechanism."""
+def _deviations(
+    record: Record, rows: list[int], turns: tuple[int, int]
+) -> list[tuple[float, ...]]:
+    """Of each row, the deviation of means over the steps `MESHES` in some turns [rad/s^2].
+
+    The finest steps are evaluated; coarser ones are made of them.
+    """
+    finest = min(MESHES)
+    t = steps(record, turns, finest)
+    beyond = _beyond_ideal(record, rows, t, 1)
+    found = []
+    for mesh in MESHES:
+        every = round(mesh / finest)
+        means = np.diff(beyond[:, ::every]) / np.diff(t[::every])
+        found.append([_rms(row) for row in means])
+    return list(zip(*found, strict=True))
+
+
+def _beyond_ideal(record: Record, rows: list[int], t: Array, derivative: int) -> Array:
+    """Angular velocity (1) or acceleration (2) of links (rows, N) less that of the ideal ones."""
     curve = record.piece.motion.curve
     k, dt = curve.find(t)
     q, v = (curve.at(k, dt, d).T for d in (0, 1))
     ideal = record.machine.linkage.motion(q[0], v[0], np.zeros(len(t)))
-    return np.asarray(curve.at(k, dt, derivative).T[row] - ideal[derivative][row])
+    own = v if derivative == 1 else curve.at(k, dt, derivative).T
+    return np.asarray(own[rows] - ideal[derivative][rows])
 
 
 def _rms(x: Array) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def _all_samples(
+def all_samples(
     mount: Source, instrument: Instrument, name: str, motion: Motion
 ) -> tuple[Array, int]:
     """All samples of an instrument, from the start of the motion on, and how many were cut."""

@@ -81,8 +81,11 @@ def add(command: Command) -> None:
     sub = command(
         'experiment', _experiment, "the thesis's figures and tables, from bags of a sweep"
     )
-    sub.add_argument('folder', metavar='DIR', help='folder of bags, as sweep --bags writes them')
+    sub.add_argument(
+        'folders', nargs='+', metavar='DIR', help='folders of bags, as sweep --bags writes them'
+    )
     option(sub, '-o --output', 'DIR|FILE', 'draw the figures: a folder, .pdf or .svg')
+    option(sub, '--page', 'FILE.md', 'renew the tables of a page between its marks')
     option(
         sub,
         '--skip',
@@ -198,16 +201,24 @@ def _identify(options: argparse.Namespace) -> int:
 
 
 def _experiment(options: argparse.Namespace) -> int:
-    from mechanism_sim.analysis.experiment import bags_of, read_experiment  # noqa: PLC0415
+    from mechanism_sim.analysis.experiment import (  # noqa: PLC0415
+        bags_of,
+        read_experiment,
+        with_limits,
+    )
     from mechanism_sim.report import experiment as report  # noqa: PLC0415
-    from mechanism_sim.report import figures, progress  # noqa: PLC0415
+    from mechanism_sim.report import experiment_page, figures, progress  # noqa: PLC0415
 
     if options.skip is not None and options.skip < 0:
         raise InputError('--skip must be at least 0')
     place = figures.check_picture('--output', options.output, True) if options.output else None
-    bags = bags_of(Path(options.folder))
+    page = experiment_page.read_page('--page', options.page) if options.page else None
+    bags = bags_of([Path(folder) for folder in options.folders])
     with progress.count('experiment', len(bags), quiet=options.json) as show:
-        found = read_experiment(bags, options.skip, show)
+        found = with_limits(read_experiment(bags, options.skip, show))
+    if page:
+        file, text = page
+        output.write_text(file, experiment_page.renewed(text, found))
     if place:
         from mechanism_sim.report.experiment_figures import draw  # noqa: PLC0415
 

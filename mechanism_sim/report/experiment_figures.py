@@ -10,7 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mechanism_sim.analysis.angular_reconstruction import LINKS
-from mechanism_sim.analysis.experiment import JOINT, Cycle, Experiment, Trial
+from mechanism_sim.analysis.experiment import (
+    JOINT,
+    Cycle,
+    Experiment,
+    Interval,
+    Repeats,
+    Trial,
+)
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import INK
 from mechanism_sim.report.charts.chart import MARKERS, Axis, Chart, Curve, Panel
@@ -52,9 +59,9 @@ def draw(found: Experiment) -> dict[str, Any]:
 
 def charts(found: Experiment) -> Iterator[tuple[str, Chart]]:
     """The charts of these figures, by their numbers."""
-    reference, speeds, clearances = found.reference, found.speeds, found.clearances
+    reference, speeds, clearances = found.reference.first, found.speeds, found.clearances
     yield '7_08', _spectrum(reference)
-    places = found.measured
+    places = {place: group.first for place, group in found.measured.items()}
     for number, link, speed in zip(
         ('7_09', '7_12', '7_13', '7_14'),
         ('coupler', 'rocker', 'coupler', 'coupler'),
@@ -71,31 +78,30 @@ def charts(found: Experiment) -> Iterator[tuple[str, Chart]]:
         yield number, _measured(chosen, 'coupler', 'acceleration')
     yield '7_10', _severity(found, 1, 1e3, 'clearance', 'mm')
     yield '7_11', _severity(found, 0, 30.0 / math.pi, 'speed of the crank', 'rpm')
-    half = min(found.bearings, key=lambda x: abs(x.condition.restitution - 0.5))
+    half = min(found.bearings, key=_unlike_chapter_8).first
     shown = [(_ROWS['acceleration', 'coupler'], half.first.rows[0])]
-    title = f'simulated: {_condition(half)}'
+    title = f'simulated: {half.condition}'
     yield '8_03', _beside_nominal(title, half.first, shown, 'with clearance')
-    if found.assumed is not reference:
-        simulated = found.assumed.first
+    if found.assumed is not found.reference:
+        simulated = found.assumed.first.first
         for number, quantity in (('8_01', 'velocity'), ('8_02', 'acceleration')):
             yield number, _superposed(found, simulated.rows, quantity, 'simulated')
-        modified = simulated.modified(found.alpha)
+        alpha = found.alpha().mean
+        modified = simulated.modified(alpha)
         for number, quantity in (('8_04', 'acceleration'), ('8_06', 'velocity')):
             yield number, _superposed(found, modified, quantity, 'simulated, modified')
         shown = [(row, modified[row.place]) for row in list(_ROWS.values())[4:]]
-        title = f'simulated, modified by alpha = {found.alpha:.3g}: {_condition(found.assumed)}'
+        title = f'simulated, modified by alpha = {alpha:.3g}: {found.assumed.condition}'
         yield '8_08', _beside_nominal(title, simulated, shown, 'modified')
     yield '8_11', rose_picture(JOINT, reference.rose)
     if len(reference.rose):
         yield '8_12', _dominant(reference)
 
 
-def _condition(trial: Trial) -> str:
-    c = trial.condition
-    return (
-        f'{c.speed * 30.0 / math.pi:.0f} rpm, clearance {1e3 * c.radial:.4g} mm, '
-        f'restitution {c.restitution:g}, friction {c.friction:g}'
-    )
+def _unlike_chapter_8(group: Repeats) -> tuple[float, float]:
+    """How far a bearing is from the second one of [SB] 8: dry, restitution 0.5, no friction."""
+    bearing = group.condition.bearing
+    return bearing.viscosity + bearing.friction, abs(bearing.restitution - 0.5)
 
 
 def _last_turn(trial: Trial, link: str) -> tuple[slice, Array]:
@@ -112,7 +118,7 @@ def _spectrum(trial: Trial) -> Chart:
     curve = Curve(found.frequency[1:], found.values[1:])
     x = Axis('frequency', 'Hz', 0.0, float(found.frequency[-1]))
     panel = Panel(x, Axis('power density', '(m/s^2)^2/Hz', log=True), (curve,))
-    return Chart('7_08', f'sensor on the coupler, {_condition(trial)}', (panel,), 'frequency')
+    return Chart('7_08', f'sensor on the coupler, {trial.condition}', (panel,), 'frequency')
 
 
 def _measured(trials: Sequence[Trial], link: str, quantity: str) -> Chart:
@@ -124,7 +130,7 @@ def _measured(trials: Sequence[Trial], link: str, quantity: str) -> Chart:
         panels.append(_panel(_ROWS[quantity, link], [
             ('measured', angle, swing.accelerations['thesis'].values[turn]),
             ('no clearance', angle, swing.nominal[0][turn]),
-        ], _condition(trial)))  # fmt: skip
+        ], str(trial.condition)))  # fmt: skip
     panels = [replace(p, scale='all') for p in panels]
     return Chart('', f'angular {quantity} of the {link}, measured', tuple(panels), 'angle')
 
@@ -141,30 +147,34 @@ def _panel(row: _Row, lines: Sequence[tuple[str, Array, Array]], title: str = ''
 def _severity(found: Experiment, over: int, scale: float, words: str, unit: str) -> Chart:
     """[SB] 7.10 and 7.11: over clearance (1) or speed (0), a line for each of the other."""
     others = found.clearances if over == 0 else found.speeds
-    reads: list[tuple[str, str, Callable[[Trial], float]]] = [
-        ('impulses a turn', 'mN s', lambda t: 1e3 * t.impacts.means['impulse'][0]),
-        ('impacts a turn', '', lambda t: t.impacts.means['count'][0]),
-        ('impulse per impact', 'mN s', lambda t: 1e3 * t.impacts.means['I_n'][0]),
-        ('deviation, coupler', 'rad/s^2', lambda t: t.swings['coupler'].severity.heard),
+    reads: list[tuple[str, str, float, Callable[[Repeats], Interval]]] = [
+        ('impulses a turn', 'mN s', 1e3, lambda x: x.impacts('impulse')),
+        ('impacts a turn', '', 1.0, lambda x: x.impacts('count')),
+        ('impulse per impact', 'mN s', 1e3, lambda x: x.impacts('I_n')),
+        ('deviation, coupler', 'rad/s^2', 1.0, lambda x: x.shown()),
     ]
     panels: list[Panel] = []
-    for label, of, read in reads:
+    for label, of, size, read in reads:
         curves = []
         for k, other in enumerate(others):
             here = {at[over]: t for at, t in found.measured.items() if at[1 - over] == other}
             name = f'{other * 30.0 / math.pi:.0f} rpm' if over else f'{1e3 * other:.4g} mm'
-            x, y = scale * np.array([*here]), np.array([read(t) for t in here.values()])
-            curves.append(Curve(x, y, '' if panels else name, '', k, k, marker=MARKERS[k]))
+            y, half = size * np.array([read(group) for group in here.values()]).T
+            curves.append(
+                Curve(
+                    scale * np.array([*here]), y, '' if panels else name, '', k, k,
+                    marker=MARKERS[k], error=half if np.isfinite(half).all() else None,
+                )
+            )  # fmt: skip
         panels.append(
             Panel(Axis(words, unit), Axis(label, of, low=0.0), tuple(curves), height=2.4)
         )
-    title = f'restitution {found.bearing[0]:g}, friction {found.bearing[1]:g}'
-    return Chart('', title, tuple(panels), columns=4, width=11.0)
+    return Chart('', str(found.bearing), tuple(panels), columns=4, width=11.0)
 
 
 def _superposed(found: Experiment, rows: Array, quantity: str, name: str) -> Chart:
     """[SB] 8.1, 8.2 and 8.4 to 8.7: the assumed machine simulated, the other measured."""
-    trial, first, panels = found.reference, found.assumed.first, []
+    trial, first, panels = found.reference.first, found.assumed.first.first, []
     for link in LINKS:
         row = _ROWS[quantity, link]
         swing = trial.swings[link]
@@ -175,7 +185,7 @@ def _superposed(found: Experiment, rows: Array, quantity: str, name: str) -> Cha
             ('measured', angle, found_by['thesis'].values[turn]),
             ('no clearance', first.angle, first.nominal[row.place]),
         ]))  # fmt: skip
-    title = f'measured: {_condition(trial)}; simulated: {_condition(found.assumed)}'
+    title = f'measured: {trial.condition}; simulated: {found.assumed.condition}'
     return Chart('', title, tuple(panels), 'angle')
 
 
@@ -211,4 +221,4 @@ def _dominant(trial: Trial) -> Chart:
         arrow = 1e3 * pin + size * np.exp(1j * rose.in_world[i]) * _ARROW
         curves.append(Curve(arrow.real, arrow.imag, colour=k, look='strong'))
     panel = Panel(Axis('x', 'mm'), Axis('y', 'mm'), tuple(curves), form='equal', height=3.6)
-    return Chart('8_12', f'dominant impacts of a turn, {_condition(trial)}', (panel,), width=7.0)
+    return Chart('8_12', f'dominant impacts of a turn, {trial.condition}', (panel,), width=7.0)
