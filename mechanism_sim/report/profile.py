@@ -70,21 +70,19 @@ def profile(
     joints = {j.name: j for j in machine.plan.ideal.joints}
     fitting = [n for n, j in joints.items() if isinstance(j, CamPair | GearMesh | SpatialPair)]
     joint = joints.get(name)
-    own = FRICTION if friction is None else friction
-    if isinstance(joint, GearMesh):
-        if friction is not None and any(w.part.rack for w in _Mesh(machine, joint).wheels):
-            raise InputError(f'{machine.name}: no figure of {name}, with a rack, has friction')
-        return _Mesh(machine, joint).profile(gear, own)
-    if isinstance(joint, CamPair | BevelPair) and friction is not None:
+    rack = isinstance(joint, GearMesh) and any(w.part.rack for w in _Mesh(machine, joint).wheels)
+    if friction is not None and (rack or isinstance(joint, CamPair | BevelPair)):
         raise InputError(
             f'{machine.name}: no figure of {name} depends on friction, only those of gears in '
             'mesh and of worms do'
         )
-    if gear and isinstance(joint, BevelPair | WormDrive):
-        raise InputError(f'{machine.name}: {name} has no outline in the plane, of no gear either')
+    if gear and isinstance(joint, CamPair | SpatialPair):
+        what = 'a cam, no gears' if isinstance(joint, CamPair) else 'no outline in the plane'
+        raise InputError(f'{machine.name}: the joint {name} has {what}')
+    rubbing = FRICTION if friction is None else friction
+    if isinstance(joint, GearMesh):
+        return _Mesh(machine, joint).profile(gear, rubbing)
     if isinstance(joint, CamPair):
-        if gear:
-            raise InputError(f'{machine.name}: the joint {name} has a cam, no gears')
         return _cam(machine, joint)
     if isinstance(joint, BevelPair):
         return bevel_sheet(
@@ -92,7 +90,7 @@ def profile(
         ), None
     if isinstance(joint, WormDrive):
         title = f'{machine.name}: worm of {joint.first} and wheel of {joint.second}'
-        return worm_sheet(title, joint.worm, own), None
+        return worm_sheet(title, joint.worm, rubbing), None
     wrong = 'has neither cam nor teeth' if joint else 'does not exist'
     raise InputError(
         f"{machine.name}: the joint '{name}' {wrong}{nearest(name, fitting)}; joints with a cam "
