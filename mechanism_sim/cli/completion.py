@@ -16,6 +16,7 @@ from argcomplete.completers import DirectoriesCompleter, FilesCompleter
 from mechanism_sim.catalogue import config_folder, scene_names, sweep_names
 from mechanism_sim.cli.options import NODE_NAMES
 from mechanism_sim.errors import InputError
+from mechanism_sim.nodes.arguments import Once
 
 Completer = Callable[..., Any]
 
@@ -28,6 +29,7 @@ FOUR_BAR: dict[str, dict[str, Any]] = {
 
 def complete(parser: argparse.ArgumentParser, commands: Mapping[str, Any]) -> None:
     """Print completions for the shell, and end; `commands` are the parsers of all commands."""
+    argcomplete.safe_actions.add(Once)  # so that completers know what was given, as the scene
     for name, command in commands.items():
         for action in command._actions:
             if action.choices is None and action.nargs != 0:

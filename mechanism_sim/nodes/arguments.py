@@ -19,7 +19,7 @@ class _Formatter(argparse.HelpFormatter):
         return f'{action.help} (default: %(default)s)'
 
 
-class _Once(argparse.Action):
+class Once(argparse.Action):
     """Stores the value of an option that takes one; a second value is refused, not the last taken.
 
     Options that may be repeated say so by ``action='append'`` or ``'extend'``.
@@ -56,7 +56,7 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, **more: Any) -> None:
         super().__init__(**more, allow_abbrev=False, formatter_class=_Formatter)
         for name in (None, 'store'):
-            self.register('action', name, _Once)
+            self.register('action', name, Once)
 
     def error(self, message: str) -> NoReturn:
         """Refuse the command line.
