@@ -12,6 +12,7 @@ from typing import Any
 
 import argcomplete
 from argcomplete.completers import DirectoriesCompleter, FilesCompleter
+from argcomplete.finders import safe_actions
 
 from mechanism_sim.catalogue import config_folder, scene_names, sweep_names
 from mechanism_sim.cli.options import NODE_NAMES
@@ -29,7 +30,7 @@ FOUR_BAR: dict[str, dict[str, Any]] = {
 
 def complete(parser: argparse.ArgumentParser, commands: Mapping[str, Any]) -> None:
     """Print completions for the shell, and end; `commands` are the parsers of all commands."""
-    argcomplete.safe_actions.add(Once)  # so that completers know what was given, as the scene
+    safe_actions.add(Once)  # so that completers know what was given, as the scene
     for name, command in commands.items():
         for action in command._actions:
             if action.choices is None and action.nargs != 0:
