@@ -44,10 +44,9 @@ NEGLIGIBLE = 1e-12
 interval: what is smaller all the while is rounding of larger terms, which no halving removes."""
 
 _HALVINGS = 48  # an interval of 2^-48 of a segment is a point, where a function jumps
-_STALLED = 5  # times that halving did not help on either side: it is noise
-_LESS, _NEITHER = 0.3, 0.05  # of the tail of the whole in the mean half, and in each: no help
+_AT_ONCE = 32
+"""Parts of one depth of one interval: a feature leaves few that are not resolved, noise all."""
 _SHARE = 1.0 / 64.0  # of what an interval may be off may be at one jump or corner in it
-_MOST = 2048  # parts of one interval; then the error is what it is, and is said
 _BLOCK = 512  # segments at once, so that they stay in a processor's cache
 _ROUNDING = 8.0 * np.finfo(float).eps  # of the integral of the magnitude
 _BELIEVED = 0.5  # of the error aimed at: where parts were needed, no estimate below is believed
@@ -176,17 +175,15 @@ def integrate(
         whole = whole._replace(error=sharper)
     wanted = ~(whole.error <= limit)
     value, error, refined = *(np.where(wanted, 0.0, x) for x in (whole.value, whole.error)), wanted
-    count, stalled = np.ones(wanted.shape, np.intp), np.zeros(wanted.shape, np.int8)
     begin, interval, parent = parts.begin, every, whole
     for depth in range(_HALVINGS):
         chosen = np.flatnonzero(wanted.any(axis=0))
         if not len(chosen):
             break
-        parent, stalled = parent.of(chosen), np.tile(stalled[:, chosen], 2)
+        parent = parent.of(chosen)
         wanted, width = np.tile(wanted[:, chosen], 2), np.tile(0.5 * width[chosen], 2)
         begin = np.append(begin[chosen], begin[chosen] + width[: len(chosen)])
         interval = np.tile(interval[chosen], 2)
-        np.add.at(count, (slice(None), interval), wanted)
         halves = Parts(parts.segment[interval], begin, begin + width, np.zeros(len(begin), bool))
         now = _apply(values, halves, powers[interval], smooth).sharper()
         total = np.zeros_like(size)
@@ -198,13 +195,11 @@ def integrate(
         limit = allowed(joint, first, size, 2.0 * width[: len(chosen)])
         agrees = np.tile(np.abs(_sum_of_halves(now.value) - parent.value) <= limit, 2)
         off = np.where(agrees, np.fmin(now.error, np.tile(0.5 * limit, 2)), now.error)
-        left, right = np.split(now.tail, 2, axis=1)
-        stuck = np.minimum(left, right) > _NEITHER * parent.tail
-        stuck &= left + right > 2.0 * _LESS * parent.tail
-        stalled = np.where(np.tile(stuck, 2), stalled + 1, stalled).astype(np.int8)
         settled = agrees | (now.error <= allowed(now, interval, size, width))
-        settled |= (stalled >= _STALLED) | np.isnan(now.error)
-        settled |= (count[:, interval] >= _MOST) | (depth == _HALVINGS - 1)
+        settled |= np.isnan(now.error) | (depth == _HALVINGS - 1)
+        pending = np.zeros(size.shape, np.intp)
+        np.add.at(pending, (slice(None), interval), wanted & ~settled)
+        settled |= pending[:, interval] > _AT_ONCE
         rows, columns = np.nonzero(wanted & settled)
         for sums, x in ((value, now.value), (error, off)):
             np.add.at(sums, (rows, interval[columns]), x[rows, columns])
