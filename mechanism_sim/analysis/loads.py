@@ -60,7 +60,9 @@ class EnergySummary:
     residual_at_end: float
     largest_residual: float  #: magnitude
     largest_residual_time: float  #: [s]
-    largest_energy: float  #: the largest term of the balance, to measure the residual by
+    largest_energy: float  #: the largest term of the balance
+    exchanged: float  #: sum of the changes of all terms from instant to instant, which no height
+    #: that is called zero is part of: to measure the residual by
 
 
 class LoadCollector:
@@ -198,6 +200,7 @@ class EnergyCollector:
         self.samples = 0
         self._first = self._last = np.zeros(4)
         self._residual, self._worst, self._worst_time, self._scale = 0.0, 0.0, 0.0, 0.0
+        self._exchanged = 0.0
 
     def add(self, message: Any) -> None:
         """Take in one instant; without masses in the scene there are no energies to balance."""
@@ -215,6 +218,7 @@ class EnergyCollector:
             self._first = terms
             self._worst_time = float(message.time)
         self.samples += 1
+        self._exchanged += float(np.abs(terms - self._last).sum()) if self.samples > 1 else 0.0
         self._last = terms
         # Term by term against the first instant: large energies do not hide small changes.
         kinetic, potential, work, dissipated = terms - self._first
@@ -237,4 +241,5 @@ class EnergyCollector:
             largest_residual=float(self._worst),
             largest_residual_time=self._worst_time,
             largest_energy=self._scale,
+            exchanged=self._exchanged,
         )

@@ -125,7 +125,7 @@ def _loads(drive: str, loads: LoadSummary) -> Iterator[str]:
 
 
 def _energy(e: EnergySummary) -> Iterator[str]:
-    share = e.largest_residual / e.largest_energy if e.largest_energy else 0.0
+    share = e.largest_residual / e.exchanged if e.exchanged else 0.0
     yield (
         f'energy [J]: {e.initial:.6g} + drive {e.drive_work:.6g} '
         f'- dissipated {e.dissipated:.6g} = {e.final:.6g}'
@@ -134,7 +134,7 @@ def _energy(e: EnergySummary) -> Iterator[str]:
         f'  residual {e.residual_at_end:.3g} at the end; among {e.samples} published instants '
         f'at most {e.largest_residual:.3g}'
     )
-    yield f'  ({share:.1g} of the largest term) at {e.largest_residual_time:.9g} s'
+    yield f'  ({share:.1g} of what was exchanged) at {e.largest_residual_time:.9g} s'
 
 
 def _parts(title: str, parts: tuple[PartSummary, ...]) -> Iterator[str]:

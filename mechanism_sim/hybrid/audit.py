@@ -158,10 +158,12 @@ class Audit:
             self._balance(motion, impacts)
         if len(motion) and self._physics.clearances:
             self._check_open(motion)
-        self.drive_work += float(work.drive.sum()) + sum(i.drive_work for i in impacts)
-        self.dissipated += float(work.friction.sum()) + sum(i.sudden_loss for i in impacts)
+        struck = np.array([(i.drive_work, i.sudden_loss) for i in impacts]).reshape(-1, 2)
+        drive, lost = struck.sum(axis=0).tolist()
+        self.drive_work += float(work.drive.sum()) + drive
+        self.dissipated += float(work.friction.sum()) + lost
         self._exchanged += float(np.abs(work.drive).sum() + np.abs(work.friction).sum())
-        self._exchanged += sum(abs(i.drive_work) + abs(i.sudden_loss) for i in impacts)
+        self._exchanged += float(np.abs(struck).sum())
         self._error += float(work.error.sum())
         self._segments += len(motion)
         return work
@@ -205,9 +207,14 @@ class Audit:
         self.min_normal_force = min(self.min_normal_force, float(force.min(initial=np.inf)))
         self._largest_force = max(self._largest_force, float(force.max(initial=0.0)))
         for k, energy in enumerate((account.kinetic_energy, account.potential_energy)):
-            known = np.nan_to_num(energy.reshape(len(segments), -1))
-            self._swing += float(np.abs(np.diff(known)).sum())
-            self._size[k] = max(self._size[k], float(np.abs(known).max(initial=0.0)))
+            in_each = energy.reshape(len(segments), -1)
+            swing = float(np.abs(np.diff(in_each)).sum())
+            if not math.isfinite(swing):  # a singular position
+                in_each = np.nan_to_num(in_each, posinf=0.0, neginf=0.0)
+                swing = float(np.abs(np.diff(in_each)).sum())
+            self._swing += swing
+            ends = float(in_each.min(initial=0.0)), float(in_each.max(initial=0.0))
+            self._size[k] = max(self._size[k], -ends[0], ends[1])
 
     def _balance(self, motion: Motion, impacts: Sequence[Impact]) -> None:
         if self._initial is None:

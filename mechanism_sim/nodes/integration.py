@@ -120,6 +120,8 @@ class Integration:
         }
         if energy:
             balance['missing in the energy balance [J]'] = energy.residual
+            balance['energy exchanged [J]'] = energy.exchanged
+            balance['works may be off by [J]'] = energy.error
         return balance
 
     @property

@@ -326,9 +326,7 @@ class Enclosure:
         outputs += [hy.sum(felt[k]) for k in chosen]
         outputs += [balls[k].middle for k in program.roots]
         self._inputs = [*moving, *radii.values(), *fixed, *scales]
-        self._function = compiled.function(
-            [hy.expression(0.0) + x for x in outputs], self._inputs
-        )
+        self._function = compiled.function([hy.expression(0.0) + x for x in outputs], self._inputs)
         self._moving, self._scales = len(moving), len(scales)
 
     def __call__(

@@ -31,8 +31,7 @@ _TO_SERIES = (
 )
 _GRID = -np.cos(np.linspace(0.0, np.pi, 4 * _COUNT + 1))  # in [-1, 1], both ends among them
 _ON_GRID = legendre.legvander(_GRID, _COUNT - 1).T.copy()
-_HALVINGS, _STALLED = 48, 4  # depth, and halvings that did not help
-_LESS = 0.3  # of the tail in both halves: it did not help
+_HALVINGS, _AT_ONCE = 48, 32  # as in `mechanism_sim.numerics.quadrature`
 _SAFETY = 4.0
 _NEWTON, _BISECTIONS = 6, 52
 
@@ -108,7 +107,6 @@ def monotone(values: Values, parts: Parts, largest: float = 0.0) -> tuple[Monoto
     """
     interval = np.arange(len(parts.segment))
     begin, width = parts.begin, parts.end - parts.begin
-    before, stalled = np.full(len(begin), np.inf), np.zeros(len(begin), np.int8)
     scale = np.zeros(len(begin))
     found, error, lost = [], 0.0, 0.0
     for depth in range(_HALVINGS):
@@ -117,13 +115,11 @@ def monotone(values: Values, parts: Parts, largest: float = 0.0) -> tuple[Monoto
             scale = np.maximum.accumulate(np.append(largest, top))[1:]
             largest = float(scale[-1]) if len(scale) else largest
         tail = _SAFETY * np.abs(series[:, -3:]).max(axis=1)
-        left, right = np.split(tail, 2) if depth else (tail, tail)
-        stuck = np.tile(np.minimum(left, right), 2 if depth else 1) > _LESS * before
-        stalled = (stalled + stuck).astype(np.int8)
         known = finite == _COUNT
-        done = known & (
-            (tail <= RELATIVE * np.maximum(scale[interval], top)) | (stalled >= _STALLED)
-        )
+        np.maximum.at(scale, interval, top)
+        done = known & (tail <= RELATIVE * scale[interval])
+        pending = np.bincount(interval[~done & (finite > 0)], minlength=len(scale))
+        done |= known & (pending[interval] > _AT_ONCE)
         error = max(error, float(tail[done].max(initial=0.0)))
         lost += float(width[finite == 0].sum())
         kept = np.flatnonzero(done)
@@ -133,8 +129,7 @@ def monotone(values: Values, parts: Parts, largest: float = 0.0) -> tuple[Monoto
             break  # else what is left after the last halving is the instant of a jump
         half = 0.5 * width[again]
         begin, width = np.append(begin[again], begin[again] + half), np.tile(half, 2)
-        interval, stalled = np.tile(interval[again], 2), np.tile(stalled[again], 2)
-        before = np.tile(np.where(known[again], tail[again], np.inf), 2)
+        interval = np.tile(interval[again], 2)
     rows = [np.concatenate(x) for x in zip(*found, strict=True)]
     order = np.lexsort((rows[1], rows[0]))
     return _cut(*(x[order] for x in rows))._replace(error=error, lost=lost), largest

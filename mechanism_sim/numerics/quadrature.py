@@ -40,14 +40,13 @@ RELATIVE = 1e-10
 """Error that is aimed at, of the integral of the magnitude over the same interval."""
 
 NEGLIGIBLE = 1e-12
-"""Error that does not matter, of the largest magnitude so far times the length of the interval:
-what is smaller all the while is rounding of larger terms, which no halving removes."""
+"""Error that does not matter, of the largest mean magnitude so far times the length of an
+interval: what is smaller all the while is rounding of larger terms, which no halving removes."""
 
 _HALVINGS = 48  # an interval of 2^-48 of a segment is a point, where a function jumps
-_STALLED = 5  # times that halving did not help on either side: it is noise
-_LESS, _NEITHER = 0.3, 0.05  # of the tail of the whole in the mean half, and in each: no help
+_AT_ONCE = 32
+"""Parts of one depth of one interval: a feature leaves few that are not resolved, noise all."""
 _SHARE = 1.0 / 64.0  # of what an interval may be off may be at one jump or corner in it
-_MOST = 2048  # parts of one interval; then the error is what it is, and is said
 _BLOCK = 512  # segments at once, so that they stay in a processor's cache
 _ROUNDING = 8.0 * np.finfo(float).eps  # of the integral of the magnitude
 _BELIEVED = 0.5  # of the error aimed at: where parts were needed, no estimate below is believed
@@ -60,7 +59,7 @@ class Integrals(NamedTuple):
 
     value: Array  #: (C, m); not a number where a function is not finite on a whole part
     error: Array  #: (C, m) what they may be off: estimated, infinite where nothing is known
-    largest: Array  #: (C,) magnitudes of the functions so far
+    largest: Array  #: (C,) mean magnitudes of the functions in an interval so far
     size: Array  #: (C, m) integrals of the magnitudes
 
 
@@ -140,7 +139,7 @@ def integrate(
     ----------
     values : the functions; they may differ by rounding at `Nodes` of segments that are whole
     powers : (m,) where functions may behave as powers at the ends
-    largest : (C,) magnitudes of the functions before the first of these intervals
+    largest : (C,) `Integrals.largest` of the intervals before these
     in_order : whether the intervals follow each other, so that what was before tells what is
         rounding
     alike : whether the functions are of one kind, so that the largest of them tells it for all
@@ -153,37 +152,15 @@ def integrate(
 
         found = integrate(values, parts_of(curve), largest=found.largest)
     """
-    flags = np.zeros(len(parts.segment), bool) if powers is None else np.asarray(powers)
-    found: list[tuple[Array, ...]] = []
-    for first in range(0, len(parts.segment), _BLOCK):
-        block = slice(first, first + _BLOCK)
-        *own, largest = _integrate_block(
-            values, parts.of(block), flags[block], largest, in_order, alike, smooth, relative
-        )
-        found.append(tuple(own))
-    if largest is None or not found:
+    powers = np.zeros(len(parts.segment), bool) if powers is None else np.asarray(powers)
+    if not len(powers):
         largest = np.zeros(0) if largest is None else largest
         none = np.zeros((len(largest), 0))
         return Integrals(none, none, largest, none)
-    value, error, size = (np.concatenate(x, axis=1) for x in zip(*found, strict=True))
-    return Integrals(value, error, largest, size)
-
-
-def _integrate_block(
-    values: Values,
-    parts: Parts,
-    powers: NDArray[np.bool_],
-    largest: Array | None,
-    in_order: bool,
-    alike: bool,
-    smooth: Rule,
-    relative: float,
-) -> tuple[Array, Array, Array, Array]:
-    """Values, errors, sizes (C, m) on some of the intervals; magnitudes (C,) with these."""
     width = parts.end - parts.begin
     whole = _apply(values, parts, powers, smooth)
     before = np.zeros(len(whole.value)) if largest is None else largest
-    running = np.column_stack([before, whole.top])
+    running = np.column_stack([before, whole.mean])
     running = (np.maximum.accumulate(running, axis=1) if in_order else running)[:, 1:]
     scale = np.broadcast_to(running.max(axis=0), running.shape) if alike else running
 
@@ -192,21 +169,23 @@ def _integrate_block(
         return np.asarray(own + _SHARE * relative * share[:, interval])
 
     every, size = np.arange(len(width)), whole.size
-    wanted = ~(whole.error <= allowed(whole, every, size, width))
+    limit = allowed(whole, every, size, width)
+    if not (whole.error <= limit).all():
+        sharper = np.where(whole.error <= limit, whole.error, whole.sharper().error)
+        whole = whole._replace(error=sharper)
+    wanted = ~(whole.error <= limit)
     value, error, refined = *(np.where(wanted, 0.0, x) for x in (whole.value, whole.error)), wanted
-    count, stalled = np.ones(wanted.shape, np.intp), np.zeros(wanted.shape, np.int8)
     begin, interval, parent = parts.begin, every, whole
     for depth in range(_HALVINGS):
         chosen = np.flatnonzero(wanted.any(axis=0))
         if not len(chosen):
             break
-        parent, stalled = parent.of(chosen), np.tile(stalled[:, chosen], 2)
+        parent = parent.of(chosen)
         wanted, width = np.tile(wanted[:, chosen], 2), np.tile(0.5 * width[chosen], 2)
         begin = np.append(begin[chosen], begin[chosen] + width[: len(chosen)])
         interval = np.tile(interval[chosen], 2)
-        np.add.at(count, (slice(None), interval), wanted)
         halves = Parts(parts.segment[interval], begin, begin + width, np.zeros(len(begin), bool))
-        now = _apply(values, halves, powers[interval], smooth)
+        now = _apply(values, halves, powers[interval], smooth).sharper()
         total = np.zeros_like(size)
         np.add.at(total, (slice(None), interval), np.where(wanted, now.size, 0.0))
         size = np.fmax(size, total)
@@ -216,19 +195,18 @@ def _integrate_block(
         limit = allowed(joint, first, size, 2.0 * width[: len(chosen)])
         agrees = np.tile(np.abs(_sum_of_halves(now.value) - parent.value) <= limit, 2)
         off = np.where(agrees, np.fmin(now.error, np.tile(0.5 * limit, 2)), now.error)
-        left, right = np.split(now.tail, 2, axis=1)
-        stuck = np.minimum(left, right) > _NEITHER * parent.tail
-        stuck &= left + right > 2.0 * _LESS * parent.tail
-        stalled = np.where(np.tile(stuck, 2), stalled + 1, stalled).astype(np.int8)
         settled = agrees | (now.error <= allowed(now, interval, size, width))
-        settled |= (stalled >= _STALLED) | np.isnan(now.error)
-        settled |= (count[:, interval] >= _MOST) | (depth == _HALVINGS - 1)
+        settled |= np.isnan(now.error) | (depth == _HALVINGS - 1)
+        pending = np.zeros(size.shape, np.intp)
+        np.add.at(pending, (slice(None), interval), wanted & ~settled)
+        settled |= pending[:, interval] > _AT_ONCE
         rows, columns = np.nonzero(wanted & settled)
         for sums, x in ((value, now.value), (error, off)):
             np.add.at(sums, (rows, interval[columns]), x[rows, columns])
         wanted, parent = wanted & ~settled, now
     error += (_ROUNDING + _BELIEVED * relative * refined) * size
-    return value, np.where(np.isfinite(value), error, np.inf), size, running[:, -1]
+    error = np.where(np.isfinite(value), error, np.inf)
+    return Integrals(value, error, running[:, -1], size)
 
 
 class _Applied(NamedTuple):
@@ -236,13 +214,28 @@ class _Applied(NamedTuple):
 
     value: Array
     size: Array  #: integral of the magnitude
+    mean: Array  #: of the magnitude
     error: Array  #: estimated; infinite where a value is not finite, not a number where none is
-    top: Array  #: largest finite magnitude at a node
     tail: Array  #: what is not resolved, as large as the function where nothing is
+    first: Array  #: what is resolved first, and what next, of Gauss's rule
+    middle: Array
 
     def of(self, chosen: NDArray[np.intp]) -> _Applied:
         """Some of the intervals."""
         return _Applied(*(x[:, chosen] for x in self))
+
+    def sharper(self) -> _Applied:
+        """The same with errors that are smaller where coefficients fall geometrically.
+
+        Then their logarithms fall as straight or steeper lines, and those that are left out are
+        less than those of a power of the degree by at least ``(E_6 / E_2)^1.4``; half of that is
+        believed, see `_applied`.
+        """
+        with np.errstate(divide='ignore', invalid='ignore'):
+            later, earlier = np.log(self.tail / self.middle), np.log(self.middle / self.first)
+            steep = np.clip((later - 0.65 * earlier) / (0.2 * earlier), 0.0, 1.0)
+            fall = (self.tail / self.first) ** (0.7 * steep)
+        return self._replace(error=self.error * np.where(fall < 1.0, fall, 1.0))
 
 
 def _apply(values: Values, parts: Parts, powers: NDArray[np.bool_], smooth: Rule) -> _Applied:
@@ -254,68 +247,56 @@ def _apply(values: Values, parts: Parts, powers: NDArray[np.bool_], smooth: Rule
             for first in range(0, len(which), _BLOCK):
                 some = which[first : first + _BLOCK]
                 own = parts.of(some)
-                width = (own.end - own.begin)[:, None]
-                dt = own.begin[:, None] + width * np.array(rule.places.fractions)
+                width = own.end - own.begin
+                places: Array | Nodes = rule.places
+                if not at_nodes:
+                    inside = width[:, None] * np.array(rule.places.fractions)
+                    places = own.begin[:, None] + inside
                 with np.errstate(invalid='ignore', over='ignore'):
-                    x = np.asarray(values(own.segment, rule.places if at_nodes else dt), float)
-                    x = x.reshape(-1, len(some), len(rule.weights))
-                    found.append((some, _applied(x, width[:, 0], rule)))
+                    x = np.asarray(values(own.segment, places), float)
+                    found.append((some, _applied(x, width, rule)))
     if len(found) == 1:
         return found[0][1]
-    order = np.concatenate([some for some, _ in found]).argsort()
-    rows = zip(*(x for _, x in found), strict=True)
-    return _Applied(*(np.concatenate(row, axis=1)[:, order] for row in rows))
+    order = np.concatenate([some for some, _ in found])
+    rows = (np.concatenate(x, axis=1) for x in zip(*(x for _, x in found), strict=True))
+    if (order[1:] < order[:-1]).any():
+        order = order.argsort()
+        rows = (x[:, order] for x in rows)
+    return _Applied(*rows)
 
 
 def _applied(x: Array, width: Array, rule: Rule) -> _Applied:
-    """A rule applied to values (C, K, n) at its nodes on intervals of some width (K,)."""
-    known = np.isfinite(x)
-    magnitude = np.where(known, np.abs(x), 0.0)
-    top = magnitude.max(axis=2)
-    size = width * _weighted(magnitude, rule.weights[:, None])[0]
-    left = np.abs(_weighted(x, rule.tail))
-    if rule is not POWERS:
-        tail = width * np.maximum(left[-1], left[-2])
-        error = tail * _fall(left)
-    else:  # the rule is as much better than at half of its nodes as that is than nothing
-        tail = width * left[-1]
-        error = tail * np.minimum(tail / np.maximum(size, _TINY), 1.0)
-    error = np.where(known.all(axis=2), _SAFETY * error, np.inf)
-    return _Applied(
-        width * _weighted(x, rule.weights[:, None])[0],
-        size,
-        np.where(known.any(axis=2), error, np.nan),
-        top,
-        tail,
-    )
+    """A rule applied to values (C, K n) at its nodes on intervals of some width (K,).
 
-
-def _fall(left: Array) -> Array:
-    """How far the error of Gauss's rule (C, K) is below the coefficients of highest degree.
-
-    Let E_2, E_4, E_6 be the larger ones of degrees 2 and 3, 4 and 5, 6 and 7 (of the rule of 8
-    nodes), in `left` (6, C, K).
-    Where they fall as any power of the degree, those from 16 on, of which the error consists, are
-    about ``E_6 (E_6 / E_2)``. Where the logarithms fall as straight or steeper lines,
-    geometrically, they are less by at least ``(E_6 / E_2)^1.4``; half of that is believed.
+    Let E_2, E_4, E_6 be the larger coefficients of degrees 2 and 3, 4 and 5, 6 and 7 (of the rule
+    of 8 nodes). Where they fall as any power of the degree, those from 16 on, of which the error
+    consists, are about ``E_6 (E_6 / E_2)``. The double exponential rule is taken to be as much
+    better than at half of its nodes as that is than nothing.
     """
-    last = np.maximum(left[4], left[5])
-    middle = np.maximum(np.maximum(left[2], left[3]), last) + _TINY
-    first = np.maximum(np.maximum(left[0], left[1]), middle)
-    later, earlier = np.log((last + _TINY) / middle), np.log(middle / first)
-    steep = np.clip((later - 0.65 * earlier) / np.minimum(0.2 * earlier, -_TINY), 0.0, 1.0)
-    return np.asarray(np.minimum(last / first, 1.0) ** (1.0 + 0.7 * steep))
-
-
-def _weighted(x: Array, weights: Array) -> Array:
-    """Sums (r, C, K) of values (C, K, n) by weights (n, r).
-
-    One term after the other: a matrix product would round by how many intervals there are.
-    """
-    found = np.zeros((weights.shape[1], *x.shape[:2]))
-    for j, row in enumerate(weights):
-        found += row[:, None, None] * x[:, :, j]
-    return found
+    shape = len(x), len(width)
+    x = x.reshape(-1, len(rule.weights))
+    mean = np.abs(x) @ rule.weights
+    known = None if np.isfinite(mean).all() else np.isfinite(x)
+    if known is not None:
+        mean = np.where(known, np.abs(x), 0.0) @ rule.weights
+    # only decisions depend on what a matrix product rounds by how many intervals there are
+    left = np.abs(rule.tail.T @ x.T)
+    if rule is POWERS:
+        tail = left[0]
+        middle = first = np.maximum(mean, tail) + _TINY
+    else:
+        tail = np.maximum(left[4], left[5])
+        middle = np.maximum(np.maximum(left[2], left[3]), tail) + _TINY
+        first = np.maximum(np.maximum(left[0], left[1]), middle)
+    error = _SAFETY * tail * (tail / first)
+    if known is not None:
+        error = np.where(known.all(axis=1), error, np.where(known.any(axis=1), np.inf, np.nan))
+    value = np.zeros(len(x))
+    for weight, row in zip(rule.weights, x.T, strict=True):
+        value += weight * row
+    mean = mean.reshape(shape)
+    rest = (width * a.reshape(shape) for a in (error, tail, first, middle))
+    return _Applied(width * value.reshape(shape), width * mean, mean, *rest)
 
 
 def _sum_of_halves(x: Array) -> Array:

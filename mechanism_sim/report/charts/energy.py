@@ -138,4 +138,7 @@ def _errors(record: Record) -> Iterator[tuple[str, str]]:
         yield 'largest penetration of an open gap', f'{audit.max_penetration:.3g} m'
     yield 'largest error of a closure', f'{audit.max_closure_error:.3g} m'
     if audit.energy and np.isfinite(audit.energy.residual):
-        yield 'energy missing at the end', f'{audit.energy.residual:.3g} J'
+        e = audit.energy
+        yield 'energy missing at the end', f'{e.residual:.3g} J'
+        yield 'energy exchanged', f'{e.exchanged:.3g} J'
+        yield 'error of works, estimated', f'{e.error:.2g} J'
