@@ -29,7 +29,6 @@ class SteepLoads:
     timed : whether they depend on the time, too
     outside : names of turns that they ask for
     symbols : (w,) indices of those of all switches that they depend on
-    held : (w,) which of them are flags of switches that may hold, and where these say so; or -1
     inertia : of each load the least that it moves [kg m, kg m^2]
     """
 
@@ -65,10 +64,11 @@ class SteepLoads:
         self.outside = tuple(turns)
         every = [(s, x) for s in frames.switches.values() for x in s.symbols]
         used = [(k, s, x) for k, (s, x) in enumerate(every) if str(x) in named]
-        self.symbols = [k for k, _, _ in used]
-        self.held = [
-            k + 1 if isinstance(s, Switch) and s.holds is not None and x == s.flag else -1
-            for k, s, x in used
+        self.symbols = np.array([k for k, _, _ in used], int)
+        self._held = [
+            (row, k + 1)
+            for row, (k, s, x) in enumerate(used)
+            if isinstance(s, Switch) and s.holds is not None and x == s.flag
         ]
         moves = [x for *_, x in moving] + ([frames.outside['time']] if self.timed else [])
         self.inertia = np.array([s for _, s in known])
@@ -82,8 +82,10 @@ class SteepLoads:
         Of a load that holds both branches count.
         """
         chosen = symbols[self.symbols]
-        holds = [k >= 0 and symbols[k] > 0.0 for k in self.held]
-        return np.concatenate([turns, np.where(holds, 0.5, chosen)])
+        for row, holds in self._held:
+            if symbols[holds] > 0.0:
+                chosen[row] = 0.5
+        return np.concatenate([turns, chosen])
 
 
 def _is_of_formula(name: str, loads: set[str]) -> bool:
