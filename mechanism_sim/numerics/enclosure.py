@@ -145,8 +145,8 @@ def _hull_slope(x: Ball) -> Any:
 
 
 _UNARY: dict[str, tuple[Callable[[Ball], Ball], Callable[[Ball], Any]]] = {
-    'sin': (_wave(hy.sin, hy.cos), lambda x: hy.expression(1.0)),
-    'cos': (_wave(hy.cos, hy.sin), lambda x: hy.expression(1.0)),
+    'sin': (_wave(hy.sin, hy.cos), lambda _: hy.expression(1.0)),
+    'cos': (_wave(hy.cos, hy.sin), lambda _: hy.expression(1.0)),
     'tan': (_tangent, lambda x: 1.0 + _tangent(x).size ** 2),
     'exp': (_rising(hy.exp), lambda x: hy.exp(x.ends[1])),
     'log': (_above_zero(hy.log), lambda x: 1.0 / x.least),
@@ -316,7 +316,9 @@ def _bend(operation: _Operation, balls: list[Ball]) -> Any:
     x, least = balls[operation.args[0]], _FAR.get(operation.kind)
     if least is not None:
         return x.radius * (1.0 / least)
-    if operation.kind in ('log', 'sqrt') or (operation.kind == 'power' and operation.exponent < 1.0):
+    if operation.kind in ('log', 'sqrt') or (
+        operation.kind == 'power' and operation.exponent < 1.0
+    ):
         return x.radius / (_FAR_FROM_POLE * x.least)
     return hy.expression(_LIMITLESS)  # poles, and polynomials of high degree, are looked at
 
@@ -404,7 +406,7 @@ class Enclosure:
 
         Parameters
         ----------
-        scales : of loads, then guards; a change times the length of a part that is smaller is none
+        scales : of loads, then guards: a change times the length [s] of a part that is nothing
         """
         count = middle.shape[1]
         known = course.parameters[: self._function.nparams, None]
@@ -443,10 +445,11 @@ def _binomials(order: int) -> Array:
 
 
 def _shift(order: int, middle: Array) -> Array:
-    """What makes powers of x those of the distance from middles (N,): (order + 1, order + 1, N)."""
+    """Powers of x, by those of the distance from middles (N,): (order + 1, order + 1, N)."""
     power = np.arange(order + 1)
     raised = np.maximum(power - power[:, None], 0)
-    return _binomials(order)[:, :, None] * middle ** raised[:, :, None]
+    found: Array = _binomials(order)[:, :, None] * middle ** raised[:, :, None]
+    return found
 
 
 @lru_cache(maxsize=16)
@@ -458,7 +461,7 @@ def _first_shift(order: int) -> Array:
 @lru_cache(maxsize=16)
 def _halves(count: int) -> tuple[Array, Array]:
     """The first powers of 1/2, so many, and how far those of x go from there, x from 0 to 1."""
-    halves = 0.5 ** np.arange(count)
+    halves: Array = np.power(0.5, np.arange(count))
     return halves, np.maximum(halves, 1.0 - halves) * (np.arange(count) > 0)
 
 
@@ -496,7 +499,7 @@ def reach_of(
 
     Parameters
     ----------
-    scales : of loads, then guards; a change times the length [s] of its part that is smaller is none
+    scales : of loads, then guards: a change times the length [s] of its part that is nothing
     defect : (N,) how wrong something is at places (N,) from 0 to 1; more than 1 is a fault
     """
     if enclosure.foretold(course, scales):
@@ -504,7 +507,7 @@ def reach_of(
         if (found <= 1.0).all():
             return WHOLE
         fault = float(FEW[~(found <= 1.0)].min())
-        return Reach(float(FEW[(found <= _SOUND) & (FEW < fault)].max(initial=0.0)), fault)
+        return Reach(float(FEW[(found <= _SOUND) & (fault > FEW)].max(initial=0.0)), fault)
     order = course.series.shape[1] - 1
     begin, width, shift = _ENDS[:-1], 1.0 / _FIRST, _first_shift(order)
     ends = np.zeros((enclosure.count, 2, _FIRST))  # values where parts begin and end

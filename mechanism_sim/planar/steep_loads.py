@@ -49,15 +49,13 @@ class SteepLoads:
             scales += [light, light, slow]
         known = [(x, s) for x, s in zip(loads, scales, strict=True) if x is not None]
         own = {e.name.replace('.', ':', 1) for e in elements if e.name in frames.formulas}
-        guards = [
-            s.guard
-            for name, s in frames.switches.items()
-            if _is_of_formula(name, own)
-        ]
+        guards = [s.guard for name, s in frames.switches.items() if _is_of_formula(name, own)]
         expressions = [x for x, _ in known]
         named = {v for x in [*expressions, *guards] for v in hy.get_variables(x)}
         both = enumerate((frames.q, frames.v))
-        moving = [(d, i, x) for d, of in both for i, x in enumerate(of.values()) if str(x) in named]
+        moving = [
+            (d, i, x) for d, of in both for i, x in enumerate(of.values()) if str(x) in named
+        ]
         self.moving = [(d, i) for d, i, _ in moving]
         self.timed = str(frames.outside.get('time')) in named
         turns = {n: x for n, x in frames.outside.items() if n != 'time' and str(x) in named}
