@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import heyoka as hy
 import numpy as np
+from numpy.polynomial import polynomial
 
 from mechanism_sim.hybrid.system import WATCH_SCALE, Array, System
-from mechanism_sim.numerics.enclosure import Course, Reach, reach_of
+from mechanism_sim.numerics.enclosure import FEW, Course, Reach, reach_of
+from mechanism_sim.numerics.polynomials import shift_powers
 from mechanism_sim.planar.steep_loads import SteepLoads
 
 _ROUNDING = 1e-9  # of an acceleration: what is smaller is no defect
@@ -46,10 +48,21 @@ class StepCheck:
         f, m = len(system.free), len(system.guards)
         self._rates, self._watch = slice(f, 2 * f), slice(2 * f + 1, 2 * f + 1 + m)
         self._guards = m
-        self._turns = [
-            system.outside_index[system.outside.index(name)] for name in steep.outside
+        self._turns = [system.outside_index[system.outside.index(name)] for name in steep.outside]
+        self._symbols = np.array([i for index in system.switch_index for i in index], int)
+        # rows of the series that loads depend on, and of those which laws give their coefficients
+        names = [system.coordinates[i] for _, i in steep.moving]
+        free = {c: k for k, c in enumerate(system.free)}
+        orders = [d for d, _ in steep.moving]
+        known = list(zip(orders, names, strict=True))
+        self._own = [k for k, (_, c) in enumerate(known) if c in free]
+        self._states = [free[c] + f * d for d, c in known if c in free]
+        self._laws = [
+            (k, d, system.law_index[system.prescribed.index(c)])
+            for k, (d, c) in enumerate(known)
+            if c not in free
         ]
-        self._symbols = [i for index in system.switch_index for i in index]
+        self._few = self._powers(FEW)
 
     def reach(self, time: float, tau: float, h: float) -> Reach:
         """How far the last step is one of the equations' motion, as a share of it.
@@ -60,56 +73,56 @@ class StepCheck:
         tau, h : [s] local time at the start of the step, and its length
         """
         ta, pars, steep = self._ta, self._ta.pars, self._steep
-        every = ta.tc * h**self._power
-        course = Course(
-            self._moving(every, time + tau, tau, h),
-            h,
-            steep.fixed(pars[self._turns], pars[self._symbols]),
-            pars,
-        )
+        series = ta.tc[: self._watch.stop] * h**self._power
+        fixed = steep.fixed(pars[self._turns], pars[self._symbols])
+        course = Course(self._moving(series, time + tau, tau, h), h, fixed, pars)
+        scales = self._scales
+        if steep.enclosure.guards:
+            scales = np.append(scales, np.full(steep.enclosure.guards, _NEAR * h))
 
-        def defect(places: Array, _: Array) -> Array:
-            return self._defect(every, tau, h, places)
+        def defect(places: Array) -> Array:
+            return self._defect(series, tau, h, places)
 
-        guards = np.full(steep.enclosure.guards, _NEAR * h)
-        return reach_of(steep.enclosure, course, np.append(self._scales, guards), defect)
+        return reach_of(steep.enclosure, course, scales, defect)
+
+    def _powers(self, places: Array) -> tuple[Array, Array]:
+        """What makes coefficients values at places (N,), and slopes there: (n, N) each."""
+        powers = places ** self._power[:, None]
+        return powers, self._power[:, None] * powers / places
 
     def _defect(self, series: Array, tau: float, h: float, places: Array) -> Array:
         """How far at places (N,) of a step the equations are off its series, of what is allowed.
 
         Without limit where a guard has fallen unseen.
         """
-        system, ta, power = self._system, self._ta, self._power
-        count, f = len(places), self._rates.start
-        powers = places ** power[:, None]
-        given = np.empty((2 * f + len(ta.pars) + 1, count))
+        system, ta, f = self._system, self._ta, self._rates.start
+        powers, sloping = self._few if places is FEW else self._powers(places)
+        given = np.empty((2 * f + len(ta.pars) + 1, len(places)))
         given[: 2 * f] = series[: 2 * f] @ powers
         given[2 * f : -1] = ta.pars[:, None]
         given[-1] = tau + h * places
-        slopes = (series[:, 1:] * power[1:]) @ powers[:-1]
         wanted = h * system.accelerations(given)
         allowed = self._limit + _ROUNDING * np.abs(wanted)
-        found = (np.abs(slopes[self._rates] - wanted) / allowed).max(axis=0)
+        slopes = series[self._rates] @ sloping
+        found: Array = (np.abs(slopes - wanted) / allowed).max(axis=0)
         if self._guards:
             guards = system.watch(given)[: self._guards]
-            foretold = slopes[self._watch] / (h * WATCH_SCALE)
-            fell = (guards < np.minimum(foretold, 0.0) - _FALLEN).any(axis=0)
-            found[fell] = np.inf
-        return np.asarray(found)
+            low = guards < -_FALLEN
+            if low.any():
+                foretold = series[self._watch] @ sloping / (h * WATCH_SCALE)
+                found[(low & (guards < foretold - _FALLEN)).any(axis=0)] = np.inf
+        return found
 
     def _moving(self, series: Array, time: float, tau: float, h: float) -> Array:
         """Series (v, n) of what loads depend on: of laws those that the integrator has, too."""
-        system, f = self._system, self._rates.start
+        if not (self._laws or self._steep.timed):
+            return series[self._states]
         found = np.zeros((len(self._steep.moving) + self._steep.timed, len(self._power)))
-        for row, (derivative, i) in zip(found, self._steep.moving, strict=False):
-            c = system.coordinates[i]
-            if c in system.free:
-                row[:] = series[system.free.index(c) + derivative * f]
-                continue
-            law = self._ta.pars[system.law_index[system.prescribed.index(c)]]
-            local = np.polynomial.Polynomial(law).deriv(derivative)
-            here = local(np.polynomial.Polynomial([tau, h]))
-            row[: len(here.coef)] = here.coef
+        found[self._own] = series[self._states]
+        for k, derivative, index in self._laws:
+            law = polynomial.polyder(self._ta.pars[index], derivative)
+            local = shift_powers(law[None], np.array([tau]))[0]
+            found[k, : len(local)] = local * h ** np.arange(len(local))
         if self._steep.timed:
             found[-1, :2] = time, h
         return found

@@ -14,6 +14,7 @@ functions that are known in all parts hide nothing.
 from __future__ import annotations
 
 import ast
+import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -27,6 +28,11 @@ from mechanism_sim.numerics import compiled
 
 Array = NDArray[np.float64]
 
+_FORETOLD = 8.0  # degree of polynomials of a motion that its Taylor series foretells
+_FAR = {'sin': 2.0, 'cos': 2.0, 'exp': 1.5, 'tanh': 0.7, 'atan': 0.5}
+"""How far arguments may go from the middle of a piece of motion whose series knows the function:
+well within the distance of the next pole, and of a function without poles a change of a few."""
+_FAR_FROM_POLE = 0.5  # the same, of the distance from it
 _LIMITLESS = 1e300  # of what a function may be in a part that holds its pole
 
 
@@ -139,8 +145,8 @@ def _hull_slope(x: Ball) -> Any:
 
 
 _UNARY: dict[str, tuple[Callable[[Ball], Ball], Callable[[Ball], Any]]] = {
-    'sin': (_wave(hy.sin, hy.cos), lambda x: hy.expression(1.0)),
-    'cos': (_wave(hy.cos, hy.sin), lambda x: hy.expression(1.0)),
+    'sin': (_wave(hy.sin, hy.cos), lambda _: hy.expression(1.0)),
+    'cos': (_wave(hy.cos, hy.sin), lambda _: hy.expression(1.0)),
     'tan': (_tangent, lambda x: 1.0 + _tangent(x).size ** 2),
     'exp': (_rising(hy.exp), lambda x: hy.exp(x.ends[1])),
     'log': (_above_zero(hy.log), lambda x: 1.0 / x.least),
@@ -278,12 +284,60 @@ def _backward(
     return felt
 
 
+def _steep(program: _Program, balls: list[Ball]) -> list[int]:
+    """The operations that may be steep: functions, and polynomials of more than `_FORETOLD`.
+
+    Others are polynomials of what is known, of which a Taylor series foretells all.
+    """
+    degrees: list[float] = []
+    found = []
+    for k, (kind, args, n) in enumerate(program.operations):
+        own = [degrees[i] for i in args]
+        if kind == 'leaf' or balls[k].radius is None:
+            degree = float(balls[k].radius is not None)
+        elif kind in ('sum', 'negative'):
+            degree = max(own)
+        elif kind == 'product':
+            degree = sum(own)
+        elif kind in ('sin', 'cos') and program.operations[args[0]].kind == 'leaf':
+            degree = 1.0  # of an angle of a link
+        else:
+            whole = kind == 'power' and n > 0.0 and n % 1.0 == 0.0
+            degree = n * own[0] if whole else math.inf
+        if degree > _FORETOLD:
+            found.append(k)
+            degree = 1.0
+        degrees.append(degree)
+    return found
+
+
+def _bend(operation: _Operation, balls: list[Ball]) -> Any:
+    """How far the argument of a function goes, of what its power series about the middle bears."""
+    x, least = balls[operation.args[0]], _FAR.get(operation.kind)
+    if least is not None:
+        return x.radius * (1.0 / least)
+    if operation.kind in ('log', 'sqrt') or (
+        operation.kind == 'power' and operation.exponent < 1.0
+    ):
+        return x.radius / (_FAR_FROM_POLE * x.least)
+    return hy.expression(_LIMITLESS)  # poles, and polynomials of high degree, are looked at
+
+
 class Parts(NamedTuple):
     """What K functions are in N parts of a motion, or at N places."""
 
     middle: Array  #: (K, N)
     radius: Array  #: (K, N)
     weight: Array  #: (K, N) largest change of any load, in its own scale, by a unit of each
+
+
+class Course(NamedTuple):
+    """How the variables of formulas run through a piece of motion, whose length is 1."""
+
+    series: Array  #: (v, n) coefficients of rising powers, of what moves
+    length: float  #: [s]
+    fixed: Array  #: (w,)
+    parameters: Array  #: values of ``par[]``
 
 
 class Enclosure:
@@ -295,6 +349,11 @@ class Enclosure:
     guards : formulas that matter where they may be zero
     moving : v symbols that have a radius in a part
     fixed : w symbols that have none
+
+    Attributes
+    ----------
+    count : of the functions
+    guards : their number
     """
 
     def __init__(
@@ -315,40 +374,46 @@ class Enclosure:
             near = hy.lte(balls[root].least, hy.expression(0.0))
             seeds.setdefault(root, []).append(hy.select(near, 1.0 / scale, hy.expression(0.0)))
         felt = _backward(program, balls, seeds)
-        chosen = [
-            k
-            for k, x in enumerate(program.operations)
-            if (x.kind in _UNARY or x.kind == 'power') and balls[k].radius is not None and felt[k]
-        ]
-        self.count, self.loads, self.guards = len(chosen), len(loads), len(guards)
+        chosen = [k for k in _steep(program, balls) if felt[k]]
+        self.count, self.guards = len(chosen), len(guards)
         outputs = [balls[k].middle for k in chosen]
         outputs += [balls[k].radius for k in chosen]
         outputs += [hy.sum(felt[k]) for k in chosen]
-        outputs += [balls[k].middle for k in program.roots]
-        self._inputs = [*moving, *radii.values(), *fixed, *scales]
-        self._function = compiled.function([hy.expression(0.0) + x for x in outputs], self._inputs)
-        self._moving, self._scales = len(moving), len(scales)
+        inputs = [*moving, *radii.values(), *fixed, *scales]
+        bends = [_bend(program.operations[k], balls) for k in chosen]
+        if chosen:
+            self._function, self._bends = (
+                compiled.function([hy.expression(0.0) + x for x in known], inputs)
+                for known in (outputs, [*bends, *outputs[self.count :]])
+            )
 
-    def __call__(
-        self, middle: Array, radius: Array, fixed: Array, scales: Array, parameters: Array
-    ) -> tuple[Parts, Array]:
-        """Enclosures in N parts, and values (loads + guards, N) in their middles.
+    def foretold(self, course: Course, scales: Array) -> bool:
+        """Whether the functions bend so little in a piece of motion that its series knows them."""
+        if not self.count:
+            return True
+        series, length, fixed, parameters = course
+        halves, rest = _halves(series.shape[1])
+        given = np.concatenate([series @ halves, np.abs(series) @ rest, fixed, scales])
+        found = self._bends(given, pars=parameters[: self._bends.nparams]).tolist()
+        k = self.count
+        parts = zip(found[:k], found[k : 2 * k], found[2 * k :], strict=True)
+        return all(
+            bend <= 1.0 or 2.0 * reach * weight * length <= 1.0 for bend, reach, weight in parts
+        )
+
+    def __call__(self, course: Course, scales: Array, middle: Array, radius: Array) -> Parts:
+        """Enclosures where what moves is at middles and not farther from there than radii (v, N).
 
         Parameters
         ----------
-        middle, radius : (v, N) of what moves
-        fixed : (w,)
-        scales : of loads, then guards; a change times the length of its part that is smaller is none
-        parameters : values of ``par[]``
+        scales : of loads, then guards: a change times the length [s] of a part that is nothing
         """
         count = middle.shape[1]
-        v, given = self._moving, np.empty((len(self._inputs), count))
-        given[:v], given[v : 2 * v] = middle, radius
-        given[2 * v :] = np.concatenate([fixed, scales])[:, None]
-        needed = parameters[: self._function.nparams, None]
-        found = self._function(given, pars=np.repeat(needed, count, axis=1))
-        k = self.count
-        return Parts(found[:k], found[k : 2 * k], found[2 * k : 3 * k]), found[3 * k :]
+        known = course.parameters[: self._function.nparams, None]
+        fixed = np.concatenate([course.fixed, scales])[:, None]
+        given = np.concatenate([middle, radius, np.repeat(fixed, count, axis=1)])
+        found = self._function(given, pars=np.repeat(known, count, axis=1))
+        return Parts(*found.reshape(3, self.count, count))
 
 
 @lru_cache(maxsize=64)
@@ -364,6 +429,8 @@ _FIRST = 8  # parts, in which most motions are known at once
 _DEEPEST = 48  # halvings: less than rounding of the place itself
 _MOST = 4096  # parts that may be unknown at the same time
 _SOUND = 0.01  # of a fault: less is far from one
+FEW = np.array([0.25, 0.5, 0.75, 1.0])
+"""Places to look at where nothing is steep."""
 _ENDS = np.linspace(0.0, 1.0, _FIRST + 1)
 _OF_RANGE, _OF_SIZE = 0.05, 0.01
 """How far a function may go beyond its samples in a part: of what it varies by, and of its size.
@@ -378,16 +445,24 @@ def _binomials(order: int) -> Array:
 
 
 def _shift(order: int, middle: Array) -> Array:
-    """What makes powers of x those of the distance from middles (N,): (order + 1, order + 1, N)."""
+    """Powers of x, by those of the distance from middles (N,): (order + 1, order + 1, N)."""
     power = np.arange(order + 1)
     raised = np.maximum(power - power[:, None], 0)
-    return _binomials(order)[:, :, None] * middle ** raised[:, :, None]
+    found: Array = _binomials(order)[:, :, None] * middle ** raised[:, :, None]
+    return found
 
 
 @lru_cache(maxsize=16)
 def _first_shift(order: int) -> Array:
     """`_shift` to the middles of the first parts."""
     return _shift(order, _ENDS[:-1] + 0.5 / _FIRST)
+
+
+@lru_cache(maxsize=16)
+def _halves(count: int) -> tuple[Array, Array]:
+    """The first powers of 1/2, so many, and how far those of x go from there, x from 0 to 1."""
+    halves: Array = np.power(0.5, np.arange(count))
+    return halves, np.maximum(halves, 1.0 - halves) * (np.arange(count) > 0)
 
 
 def _on_parts(series: Array, shift: Array, radius: float) -> tuple[Array, Array]:
@@ -401,15 +476,6 @@ def _on_parts(series: Array, shift: Array, radius: float) -> tuple[Array, Array]
     return local[:, 0], reach
 
 
-class Course(NamedTuple):
-    """How the variables of formulas run through a piece of motion, whose length is 1."""
-
-    series: Array  #: (v, n) coefficients of rising powers, of what moves
-    length: float  #: [s]
-    fixed: Array  #: (w,)
-    parameters: Array  #: values of ``par[]``
-
-
 class Reach(NamedTuple):
     """How far from its beginning a piece of motion, whose length is 1, is known."""
 
@@ -417,11 +483,14 @@ class Reach(NamedTuple):
     fault: float | None  #: that one, or where samples begin not to tell all; None if there is none
 
 
+WHOLE = Reach(1.0, None)
+
+
 def reach_of(
     enclosure: Enclosure,
     course: Course,
     scales: Array,
-    defect: Callable[[Array, Array], Array],
+    defect: Callable[[Array], Array],
 ) -> Reach:
     """How far the samples of a piece of motion tell all of its formulas and show no fault.
 
@@ -430,10 +499,15 @@ def reach_of(
 
     Parameters
     ----------
-    scales : of loads, then guards; a change times the length [s] of its part that is smaller is none
-    defect : (N,) how wrong something is at places (N,) from 0 to 1, at which loads and guards have
-        values (loads + guards, N); more than 1 is a fault
+    scales : of loads, then guards: a change times the length [s] of its part that is nothing
+    defect : (N,) how wrong something is at places (N,) from 0 to 1; more than 1 is a fault
     """
+    if enclosure.foretold(course, scales):
+        found = defect(FEW)
+        if (found <= 1.0).all():
+            return WHOLE
+        fault = float(FEW[~(found <= 1.0)].min())
+        return Reach(float(FEW[(found <= _SOUND) & (fault > FEW)].max(initial=0.0)), fault)
     order = course.series.shape[1] - 1
     begin, width, shift = _ENDS[:-1], 1.0 / _FIRST, _first_shift(order)
     ends = np.zeros((enclosure.count, 2, _FIRST))  # values where parts begin and end
@@ -443,7 +517,7 @@ def reach_of(
     for depth in range(_DEEPEST):
         middles = begin + 0.5 * width
         places = np.concatenate([middles, _ENDS]) if depth == 0 else middles
-        parts, values, roots = _enclosed(enclosure, course, scales, shift, width, places)
+        parts, values = _enclosed(enclosure, course, scales, shift, width, places)
         count = len(begin)
         if depth == 0:
             ends[:, 0], ends[:, 1] = values[:, count:-1], values[:, count + 1 :]
@@ -451,9 +525,8 @@ def reach_of(
         lowest = np.minimum(lowest, values.min(axis=1, initial=np.inf))
         highest = np.maximum(highest, values.max(axis=1, initial=-np.inf))
         # the start itself is as it is
-        seen = places > 0.0
-        places = places[seen]
-        found = defect(places, roots[:, seen])
+        places = places[places > 0.0]
+        found = defect(places)
         fault = min(fault, places[~(found <= 1.0)].min(initial=np.inf))
         sound.append(places[found <= _SOUND])
         allowed = _OF_RANGE * (highest - lowest)
@@ -476,7 +549,7 @@ def reach_of(
     else:
         fault = min(fault, float(begin[0]))
     if np.isinf(fault):
-        return Reach(1.0, None)
+        return WHOLE
     every = np.concatenate(sound)
     return Reach(float(every[every < fault].max(initial=0.0)), float(fault))
 
@@ -500,16 +573,15 @@ def _enclosed(
     shift: Array,
     width: float,
     places: Array,
-) -> tuple[Parts, Array, Array]:
-    """Enclosures in parts; values (K, N) of functions, and those of loads and guards, at places."""
+) -> tuple[Parts, Array]:
+    """Enclosures in parts, and values (K, N) at places."""
     middle, radius = _on_parts(course.series, shift, 0.5 * width)
     at = course.series @ places ** np.arange(len(shift))[:, None]
     count = middle.shape[1]
-    parts, roots = enclosure(
+    parts = enclosure(
+        course,
+        scales,
         np.concatenate([middle, at], axis=1),
         np.concatenate([radius, np.zeros_like(at)], axis=1),
-        course.fixed,
-        scales,
-        course.parameters,
     )
-    return Parts(*(x[:, :count] for x in parts)), parts.middle[:, count:], roots[:, count:]
+    return Parts(*(x[:, :count] for x in parts)), parts.middle[:, count:]

@@ -29,7 +29,6 @@ class SteepLoads:
     timed : whether they depend on the time, too
     outside : names of turns that they ask for
     symbols : (w,) indices of those of all switches that they depend on
-    held : (w,) which of them are flags of switches that may hold, and where these say so; or -1
     inertia : of each load the least that it moves [kg m, kg m^2]
     """
 
@@ -50,25 +49,24 @@ class SteepLoads:
             scales += [light, light, slow]
         known = [(x, s) for x, s in zip(loads, scales, strict=True) if x is not None]
         own = {e.name.replace('.', ':', 1) for e in elements if e.name in frames.formulas}
-        guards = [
-            s.guard
-            for name, s in frames.switches.items()
-            if _is_of_formula(name, own)
-        ]
+        guards = [s.guard for name, s in frames.switches.items() if _is_of_formula(name, own)]
         expressions = [x for x, _ in known]
         named = {v for x in [*expressions, *guards] for v in hy.get_variables(x)}
         both = enumerate((frames.q, frames.v))
-        moving = [(d, i, x) for d, of in both for i, x in enumerate(of.values()) if str(x) in named]
+        moving = [
+            (d, i, x) for d, of in both for i, x in enumerate(of.values()) if str(x) in named
+        ]
         self.moving = [(d, i) for d, i, _ in moving]
         self.timed = str(frames.outside.get('time')) in named
         turns = {n: x for n, x in frames.outside.items() if n != 'time' and str(x) in named}
         self.outside = tuple(turns)
         every = [(s, x) for s in frames.switches.values() for x in s.symbols]
         used = [(k, s, x) for k, (s, x) in enumerate(every) if str(x) in named]
-        self.symbols = [k for k, _, _ in used]
-        self.held = [
-            k + 1 if isinstance(s, Switch) and s.holds is not None and x == s.flag else -1
-            for k, s, x in used
+        self.symbols = np.array([k for k, _, _ in used], int)
+        self._held = [
+            (row, k + 1)
+            for row, (k, s, x) in enumerate(used)
+            if isinstance(s, Switch) and s.holds is not None and x == s.flag
         ]
         moves = [x for *_, x in moving] + ([frames.outside['time']] if self.timed else [])
         self.inertia = np.array([s for _, s in known])
@@ -82,8 +80,10 @@ class SteepLoads:
         Of a load that holds both branches count.
         """
         chosen = symbols[self.symbols]
-        holds = [k >= 0 and symbols[k] > 0.0 for k in self.held]
-        return np.concatenate([turns, np.where(holds, 0.5, chosen)])
+        for row, holds in self._held:
+            if symbols[holds] > 0.0:
+                chosen[row] = 0.5
+        return np.concatenate([turns, chosen])
 
 
 def _is_of_formula(name: str, loads: set[str]) -> bool:
