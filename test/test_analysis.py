@@ -227,6 +227,22 @@ def test_impacts_are_counted_by_revolution_and_joint(summary):
     assert b.largest_approach_speed == pytest.approx(0.4)
 
 
+def test_means_per_revolution_have_their_intervals(summary):
+    """Student's t of three turns: (2, 1, 2) impacts of 3, 4 and 24 mN s."""
+    count, impulse, each = summary.impacts.means
+    for found, x in ((count, [2.0, 1.0, 2.0]), (impulse, [3e-3, 4e-3, 24e-3])):
+        t = 4.302652729911275  # of 2 degrees of freedom, 97.5 %
+        assert found.mean == pytest.approx(np.mean(x))
+        assert found.half_width == pytest.approx(t * np.std(x, ddof=1) / math.sqrt(3.0))
+        assert found.revolutions == 3
+    assert each.mean == pytest.approx(31e-3 / 5)
+    left = np.array([3e-3, 4e-3, 24e-3]) - each.mean * np.array([2.0, 1.0, 2.0])
+    width = 4.302652729911275 * math.sqrt((left**2).sum() / 2.0 / 3.0) / (5.0 / 3.0)
+    assert each.half_width == pytest.approx(width)
+    text = render(summary)
+    assert '  per revolution 1.66667 +- 1.4, 0.0103333 +- 0.029 N s (95 %, over the last 3)' in text
+
+
 def test_the_hardest_impact_is_named(summary):
     hardest = summary.impacts.dominant
     assert (hardest.time, hardest.joint) == (0.59, 'a')

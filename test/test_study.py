@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
+import scipy
 from four_bars import loose
 from running import run, run_json
 
@@ -12,7 +15,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.study.losses import losses
 from mechanism_sim.study.periodic import Section, find_periodic
 from mechanism_sim.study.starts import starts
-from mechanism_sim.study.statistics import statistics
+from mechanism_sim.study.statistics import batches, ratio, statistics
 
 JOINT = 'joints.coupler_rocker.clearance'
 SCENES = {
@@ -171,3 +174,35 @@ def test_criteria_of_the_four_bar_are_refused_for_other_linkages():
     loose = {'joints.rod_piston.clearance': {'radial': 1e-4, 'restitution': 0.5}}
     with pytest.raises(InputError, match='this is for four-bars only'):
         losses(ms.load_scene('slider_crank', loose))
+
+
+@pytest.mark.parametrize(
+    ('n', 'expected'),
+    [(1, (1, 1)), (19, (19, 1)), (30, (15, 2)), (180, (20, 9)), (29, (14, 2)), (50, (10, 5))],
+)
+def test_batches_leave_out_little(n, expected):
+    assert batches(n) == expected
+    values = np.arange(float(n))
+    mean, half = ratio(values, np.ones(n))
+    kept = values[n - math.prod(expected) :]
+    assert mean == pytest.approx(kept.mean())
+    sums = kept.reshape(expected).mean(axis=1)
+    if n > 1:
+        t = scipy.stats.t.ppf(0.975, len(sums) - 1)
+        assert half == pytest.approx(t * sums.std(ddof=1) / math.sqrt(len(sums)))
+
+
+def test_a_run_of_a_loose_machine_has_means_with_intervals():
+    """As the statistics of its revolutions, from the first one on; an ideal one has none."""
+    found = run_json('solve', 'four_bar_clearance', '--revolutions', '24', '--no-events')
+    expected = statistics(ms.load_scene('four_bar_clearance'), 24, 0)
+    own = found['per_revolution']
+    assert own['revolutions'] == 24
+    for name in ('impacts', 'impulse'):
+        (mean,) = (m for m in expected.means if m.name == name)
+        assert own[name]['mean'] == pytest.approx(mean.mean, rel=1e-12)
+        assert own[name]['half_width'] == pytest.approx(mean.half_width, rel=1e-12)
+    assert own['I_n']['mean'] == pytest.approx(expected.I_n, rel=1e-12)
+    text = run('solve', 'four_bar_clearance', '--revolutions', '24').stdout
+    assert f'per revolution {own["impacts"]["mean"]:.6g} +- ' in text
+    assert run_json('solve', 'four_bar_nominal', '--revolutions', '3')['per_revolution'] is None

@@ -11,6 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.study.statistics import Mean, impact_means
+
+_SLACK = 1e-9  # a revolution that is full but for rounding is full
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,7 @@ class JointImpacts:
     energy_loss: float  #: [J] sum
     largest_approach_speed: float  #: [m/s]
     I_n: float  #: [N s] normal impulse per impact ([SB] 7.3)
+    I_n_half_width: float  #: of its 95 % confidence interval; nan without two whole revolutions
     dominant: tuple[DominantImpact, ...]
 
 
@@ -54,7 +58,11 @@ class RevolutionTable:
 
 @dataclass(frozen=True)
 class ImpactSummary:
-    """All impacts of a run; what is per revolution is None without the crank's motion."""
+    """All impacts of a run; what is per revolution is None without the crank's motion.
+
+    `means` are those over the whole revolutions, from the first one on, with their 95 % confidence
+    intervals (`mechanism_sim.study.statistics.impact_means`); None if there are less than two.
+    """
 
     count: int
     normal_impulse: float  #: [N s] sum
@@ -64,6 +72,7 @@ class ImpactSummary:
     count_per_revolution: float | None
     normal_impulse_per_revolution: float | None  #: [N s]
     table: RevolutionTable | None
+    means: tuple[Mean, ...] | None = None
 
 
 class ImpactCollector:
@@ -121,6 +130,10 @@ class ImpactCollector:
                 for k in hardest
             )
 
+        table, whole = None, 0
+        if revolutions is not None:
+            table = _table(names, columns, impulse, turned(time), revolutions)
+            whole = int(np.floor(revolutions + _SLACK))
         by_joint = []
         for i, name in enumerate(names):
             own = np.flatnonzero(columns == i)
@@ -132,6 +145,7 @@ class ImpactCollector:
                     float(np.sum(loss[own])),
                     float(np.max(speed[own])),
                     float(np.mean(impulse[own])),
+                    _means(table, whole, [i])[2].half_width if table and whole > 1 else np.nan,
                     dominant(own, 3),
                 )
             )
@@ -144,12 +158,15 @@ class ImpactCollector:
             dominant=next(iter(dominant(np.arange(len(time)), 1)), None),
             count_per_revolution=len(time) / revolutions if revolutions else None,
             normal_impulse_per_revolution=total / revolutions if revolutions else None,
-            table=(
-                _table(names, columns, impulse, turned(time), revolutions)
-                if revolutions is not None
-                else None
-            ),
+            table=table,
+            means=_means(table, whole, slice(None)) if table and whole > 1 else None,
         )
+
+
+def _means(table: RevolutionTable, whole: int, joints: list[int] | slice) -> tuple[Mean, ...]:
+    """Figures per whole revolution of some joints together."""
+    count, impulse = (x[:whole, joints].sum(axis=1) for x in (table.count, table.normal_impulse))
+    return impact_means(count, impulse)
 
 
 def _table(
@@ -160,11 +177,9 @@ def _table(
     revolutions: float,
 ) -> RevolutionTable:
     """Return the table of impacts that happened after `turned` revolutions in given columns."""
-    # A revolution that is full but for rounding is full.
-    slack = 1e-9
-    rows = max(1, int(np.ceil(revolutions - slack)))
+    rows = max(1, int(np.ceil(revolutions - _SLACK)))
     known = np.isfinite(turned)
-    row = np.clip(np.floor(turned[known] + slack), 0, rows - 1).astype(np.int64)
+    row = np.clip(np.floor(turned[known] + _SLACK), 0, rows - 1).astype(np.int64)
     count = np.zeros((rows, len(names)), np.int64)
     sums = np.zeros((rows, len(names)))
     np.add.at(count, (row, columns[known]), 1)

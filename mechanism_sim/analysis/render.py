@@ -15,6 +15,7 @@ from mechanism_sim.analysis.modes import JointModes
 from mechanism_sim.analysis.parts import PARTS, PartSummary
 from mechanism_sim.analysis.summary import Summary
 from mechanism_sim.analysis.vibration import SensorSummary
+from mechanism_sim.study.statistics import Mean
 from mechanism_sim.text_table import Cell
 
 ROWS = 12  # of a table of revolutions, before its middle is left out
@@ -62,18 +63,24 @@ def _head(s: Summary) -> Iterator[str]:
 
 
 def _impacts(drive: str, impacts: ImpactSummary) -> Iterator[str]:
-    head = f'impacts: {impacts.count}, normal impulse {impacts.normal_impulse:.6g} N s'
-    if impacts.count_per_revolution is not None:
-        head += (
-            f'; per revolution {impacts.count_per_revolution:.6g}, '
+    yield f'impacts: {impacts.count}, normal impulse {impacts.normal_impulse:.6g} N s'
+    if impacts.means is not None:
+        count, impulse, _ = impacts.means
+        yield (
+            f'  per revolution {count.shown()}, {impulse.shown()} N s '
+            f'(95 %, over the last {count.revolutions})'
+        )
+    elif impacts.count_per_revolution is not None:
+        yield (
+            f'  per revolution {impacts.count_per_revolution:.6g}, '
             f'{impacts.normal_impulse_per_revolution:.6g} N s'
         )
-    yield head
     if impacts.joints:
         yield from table(
             ('joint', 'impacts', 'impulse [N s]', 'I_n [N s]', 'loss [J]', 'fastest [m/s]'),
             (
-                (j.joint, j.count, j.normal_impulse, j.I_n, j.energy_loss,
+                (j.joint, j.count, j.normal_impulse,
+                 Mean('I_n', 'N s', j.I_n, j.I_n_half_width).shown(), j.energy_loss,
                  j.largest_approach_speed)
                 for j in impacts.joints
             ),

@@ -17,7 +17,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.planar.play import joint_of_gap
-from mechanism_sim.study.statistics import ratio
+from mechanism_sim.study.statistics import impact_means
 
 MARKED = 6  #: impacts marked in [SB] 8.11
 
@@ -173,16 +173,16 @@ def impact_cycles(record: Record, rose: Rose, skip: int = 0) -> ImpactCycles:
         if inside[k] and taken[row[k]] < 3:
             dominant[row[k], taken[row[k]]] = k
             taken[row[k]] += 1
-    ones = np.ones(len(count))
     with_impacts = count > 0
     spreads = (
         count.astype(float),
         impulse,
         impulse[with_impacts] / count[with_impacts],
     )
-    ratios = ratio(spreads[0], ones), ratio(impulse, ones), ratio(impulse, spreads[0])
     means = {
-        name: (mean, half, float(x.std(ddof=1)) if len(x) > 1 else float('nan'))
-        for name, (mean, half), x in zip(('count', 'impulse', 'I_n'), ratios, spreads, strict=True)
+        name: (m.mean, m.half_width, float(x.std(ddof=1)) if len(x) > 1 else float('nan'))
+        for name, m, x in zip(
+            ('count', 'impulse', 'I_n'), impact_means(spreads[0], impulse), spreads, strict=True
+        )
     }
     return ImpactCycles(first, count, impulse, dominant, means)

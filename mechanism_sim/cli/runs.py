@@ -80,6 +80,7 @@ def _solve(options: argparse.Namespace) -> int:
     from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
     from mechanism_sim.report import measured, progress, summary  # noqa: PLC0415
     from mechanism_sim.scene import run_length, stream  # noqa: PLC0415
+    from mechanism_sim.study.statistics import ImpactTally  # noqa: PLC0415
 
     if options.no_events and not options.json:
         raise InputError('--no-events goes with --json: without it no events are listed')
@@ -89,13 +90,14 @@ def _solve(options: argparse.Namespace) -> int:
     end = run_length(machine, options.revolutions, options.duration)
     taken = Measurement(machine, read_measures(options, machine))
     snapshot = Snapshot.load(options.resume) if options.resume else None
-    digest = MotionDigest()
+    digest, turns = MotionDigest(), ImpactTally(machine)
     impacts: list[Impact] = []
     modes: list[ModeChange] = []
     with _samples(options) as table, progress.bar('solve', end, quiet=options.json) as show:
         run = stream(machine, duration=end, progress=show, resume=snapshot)
         for piece in run:
             taken.add(piece)
+            turns.add(piece)
             if table:
                 table.add(piece)
             if options.json:
@@ -108,10 +110,11 @@ def _solve(options: argparse.Namespace) -> int:
     if options.json:
         events = (None, None) if options.no_events else (impacts, modes)
         print_json(
-            summary.to_json(run, digest.hexdigest(), *events) | measured.to_json(taken.found())
+            summary.to_json(run, digest.hexdigest(), *events, turns)
+            | measured.to_json(taken.found())
         )
     else:
-        echo('\n'.join([summary.render(run), *measured.lines(taken.found())]))
+        echo('\n'.join([summary.render(run, turns), *measured.lines(taken.found())]))
     return 0
 
 

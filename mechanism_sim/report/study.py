@@ -57,8 +57,7 @@ def statistics(found: Statistics) -> str:
     )
     for m in found.measures:
         unit, scale = for_people(m.unit, abs(m.mean))
-        value, half = scale * m.mean, scale * m.half_width
-        lines.append(f'  {m.name}  {value:.6g} +- {half:.2g} {unit}'.rstrip())
+        lines.append(f'  {m.name}  {m.shown(scale)} {unit}'.rstrip())
     return '\n'.join(lines)
 
 

@@ -13,6 +13,7 @@ from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.simulate import Stream
 from mechanism_sim.strict_json import plain
+from mechanism_sim.study.statistics import ImpactTally
 
 _SENTENCES = 4  # of what repeats
 
@@ -36,9 +37,16 @@ _ENERGY_KEYS = 'initial', 'final', 'drive_work', 'dissipated', 'residual', 'erro
 
 
 def to_json(
-    run: Stream, digest: str, impacts: list[Impact] | None, modes: list[ModeChange] | None
+    run: Stream,
+    digest: str,
+    impacts: list[Impact] | None,
+    modes: list[ModeChange] | None,
+    turns: ImpactTally,
 ) -> dict[str, object]:
-    """The result of `solve --json`: SI units throughout; without events, only their counts."""
+    """The result of `solve --json`: SI units throughout; without events, only their counts.
+
+    Per revolution there are the means over the whole ones, null if there are less than two.
+    """
     stats, energy, totals = run.stats, run.energy, run.totals
     events: dict[str, object] = {}
     if impacts is not None:
@@ -58,12 +66,21 @@ def to_json(
         'impact_count': totals.impacts,
         'mode_change_count': totals.mode_changes,
         **{key: getattr(totals, key) for key in _TOTALS_KEYS},
+        'per_revolution': _per_revolution(turns),
         **events,
         'no_limits': no_limits_to_json(run.no_limits),
         'max_penetration': run.max_penetration,
         'max_closure_error': run.max_closure_error,
         'energy': energy and {k: getattr(energy, k) for k in _ENERGY_KEYS},
         'digest': digest,
+    }
+
+
+def _per_revolution(turns: ImpactTally) -> dict[str, object] | None:
+    if not turns.means:
+        return None
+    return {'revolutions': turns.means[0].revolutions} | {
+        m.name: {'mean': plain(m.mean), 'half_width': plain(m.half_width)} for m in turns.means
     }
 
 
@@ -141,7 +158,7 @@ def _final(run: Stream) -> dict[str, object]:
     return final
 
 
-def render(run: Stream) -> str:
+def render(run: Stream, turns: ImpactTally) -> str:
     """A run for people."""
     stats, data = run.stats, _final(run)
     lines = [
@@ -156,6 +173,12 @@ def render(run: Stream) -> str:
             f'  {totals.impacts} impacts, normal impulse {scale * totals.normal_impulse:.6g} '
             f'{unit}, {totals.losses_of_contact} losses of contact'
         )
+        if turns.means and totals.impacts:
+            number, impulse, _ = turns.means
+            lines.append(
+                f'  per revolution {number.shown()} impacts, {impulse.shown(scale)} {unit} '
+                f'(95 %, over the last {number.revolutions})'
+            )
         count, made = totals.gains
         if count:
             lines.append(

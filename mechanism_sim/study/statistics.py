@@ -11,6 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.cycles.measure_series import Turns
 from mechanism_sim.cycles.measure_text import Measure
 from mechanism_sim.cycles.measures import Measurement, per_turn
 from mechanism_sim.errors import InputError
@@ -21,7 +22,8 @@ from mechanism_sim.scene import Machine, stream
 NAMES = ('impacts', 'impulse', 'losses of contact', 'share of flight', 'dissipated')
 UNITS = ('', 'N s', '', '', 'J')
 BATCHES = 20
-"""Of which the spread is taken; their means are nearly independent if they are long."""
+"""At most, of which the spread is taken; their means are nearly independent if they are long."""
+_FEWEST = 10  # batches, where there are so many values
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,13 @@ class Mean:
     unit: str
     mean: float
     half_width: float
+    revolutions: int = 0  #: of which it is, the last ones
+
+    def shown(self, scale: float = 1.0) -> str:
+        """Both for people, times a scale; the mean alone where the width is not known."""
+        text = f'{scale * self.mean:.6g}'
+        known = math.isfinite(self.half_width)
+        return f'{text} +- {scale * self.half_width:.2g}' if known else text
 
 
 @dataclass(frozen=True)
@@ -87,12 +96,23 @@ class Tally:
         return np.clip(k, 0, len(self.table) - 1)
 
 
+def batches(n: int) -> tuple[int, int]:
+    """How many batches n values are put into, and how many values into each.
+
+    Up to 20 each is a batch; of more, 10 to 20 batches of equal size take in as many as they can.
+    The first values are left out, if any.
+    """
+    if n <= BATCHES:
+        return n, 1
+    count = max(range(_FEWEST, BATCHES + 1), key=lambda count: (n - n % count, count))
+    return count, n // count
+
+
 def ratio(x: Array, per: Array) -> tuple[float, float]:
     """``sum(x) / sum(per)`` and half the width of its 95 % confidence interval.
 
-    The intervals are put together into at most `BATCHES` batches of equal number (the first ones
-    are left out if they do not divide); the spread of the batches about the ratio gives the width
-    (the ratio estimator of regenerative simulation).
+    The intervals are put together into `batches` of equal number; the spread of these about the
+    ratio gives the width (the ratio estimator of regenerative simulation).
 
     Parameters
     ----------
@@ -102,8 +122,7 @@ def ratio(x: Array, per: Array) -> tuple[float, float]:
     -------
     The ratio and the half width; not a number where `per` is zero or there is but one batch.
     """
-    count = min(BATCHES, len(x))
-    size = len(x) // count
+    count, size = batches(len(x))
     X, D = (v[len(v) - size * count :].reshape(count, size).sum(axis=1) for v in (x, per))
     if not D.sum():
         return math.nan, math.nan
@@ -112,6 +131,51 @@ def ratio(x: Array, per: Array) -> tuple[float, float]:
         return float(R), math.nan
     spread = np.sqrt(((X - R * D) ** 2).sum() / (count - 1) / count)
     return float(R), float(scipy.stats.t.ppf(0.975, count - 1) * spread / D.mean())
+
+
+def impact_means(count: Array, impulse: Array) -> tuple[Mean, Mean, Mean]:
+    """Impacts and normal impulse per revolution, and impulse per impact ([SB] 7.3).
+
+    Parameters
+    ----------
+    count, impulse : (n,) impacts and sums of their normal impulses [N s] in n whole revolutions
+    """
+    x, one, used = np.asarray(count, float), np.ones(len(count)), math.prod(batches(len(count)))
+    return (
+        Mean('impacts', '', *ratio(x, one), used),
+        Mean('impulse', 'N s', *ratio(impulse, one), used),
+        Mean('I_n', 'N s', *ratio(impulse, x), used),
+    )
+
+
+class ImpactTally:
+    """Impacts of all loose joints in each revolution of a run that comes in pieces."""
+
+    def __init__(self, machine: Machine) -> None:
+        straight = machine.main in machine.mechanism.displacements
+        self._turns, self._loose = Turns(machine), bool(machine.clearances) and not straight
+        self._table = np.zeros((0, 2))
+
+    def add(self, piece: Piece) -> None:
+        """Enter the piece that follows."""
+        if not (self._loose and len(piece.motion)):
+            return
+        self._turns.add(piece)
+        edges = self._turns.edges
+        more = np.zeros((len(edges) - len(self._table), 2))  # the last one is not over yet
+        self._table = np.concatenate([self._table, more])
+        k = np.searchsorted(edges, [i.t for i in piece.impacts], side='right') - 1
+        np.add.at(self._table[:, 0], k, 1.0)
+        np.add.at(self._table[:, 1], k, [i.normal_impulse for i in piece.impacts])
+
+    @property
+    def means(self) -> tuple[Mean, Mean, Mean] | None:
+        """Per whole revolution so far, see `impact_means`; None before there are two.
+
+        Nor are there any of a machine without loose joints, or whose drive slides.
+        """
+        count, impulse = self._table[:-1].T
+        return impact_means(count, impulse) if len(count) > 1 else None
 
 
 def statistics(
@@ -157,9 +221,9 @@ def statistics(
         Mean(name, unit, *ratio(column, one))
         for name, unit, column in zip(NAMES, UNITS, kept.T, strict=True)
     )
-    I_n, half_width = ratio(kept[:, 1], kept[:, 0])
+    I_n = impact_means(kept[:, 0], kept[:, 1])[2]
     own = tuple(
         Mean(name, unit, *ratio(x, np.ones(len(x))))
         for name, unit, x in (taken.found_each_turn() if taken else ())
     )
-    return Statistics(revolutions, skip, means, I_n, half_width, own)
+    return Statistics(revolutions, skip, means, I_n.mean, I_n.half_width, own)
