@@ -146,3 +146,38 @@ def test_every_problem_is_in_the_table():
     problems = [('4', 12), ('5', 16)]
     wanted = {('problem', c, n) for c, most in problems for n in range(1, most + 1)}
     assert named == wanted | {('exercise', '4', n) for n in range(1, 7)}
+
+
+def smoothness(pieces):
+    """Equations of value, slope and curvature of a rise of cubic splines between two dwells.
+
+    Rows of coefficients (3 (pieces + 1), 4 pieces), and right sides for a lift of 1.
+    """
+    edges = np.linspace(0.0, 1.0, pieces + 1)
+    rows, sides = [], []
+    for k, x in enumerate(edges):
+        for d in range(3):
+            terms = np.array([math.perm(j, d) * x ** max(j - d, 0) if j >= d else 0.0
+                              for j in range(4)])  # fmt: skip
+            row = np.zeros(4 * pieces)
+            if k > 0:
+                row[4 * k - 4 : 4 * k] += terms
+            if k < pieces:
+                row[4 * k : 4 * k + 4] -= terms
+            rows.append(row)
+            sides.append(1.0 if (k, d) == (pieces, 0) else 0.0)
+    return np.array(rows), np.array(sides)
+
+
+def test_smoothness_counts_the_dwells_too():
+    """[V] 4.8: of 2N splines 3 (2N + 1) equations; of its two twice two splines it counts 18."""
+    assert 2 * len(smoothness(2)[0]) == 18
+    for n in range(1, 5):
+        equations, lift = smoothness(2 * n)
+        assert len(equations) == 3 * (2 * n + 1)
+        solution, _, rank, _ = np.linalg.lstsq(equations, lift, rcond=None)
+        # with two splines one equation is too many, as [V] says; from four on all can hold
+        assert rank == min(equations.shape)
+        left = np.abs(equations @ solution - lift).max()
+        assert (left < 1e-12) == (n > 1)
+    assert '3 (2N + 1)' in PAGE

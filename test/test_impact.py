@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 
+import mechanism_sim as ms
 from mechanism_sim.contact.impact import (
     ContactImpulse,
     Hypothesis,
@@ -490,6 +492,43 @@ def test_the_rough_case_of_the_thesis_is_a_blow_that_sticks(mu):
         assert case[2][1:] + gained == pytest.approx([w3, w4], rel=1e-7, abs=1e-6)
     assert seen > 50
     assert lifted > 5
+
+
+def stick_or_slip(A, v, e, mu):
+    """[SB] 5.3.3: the rough case if its impulses lie in the cone, else slip to the end."""
+    p, q = np.linalg.solve(A, [-(1.0 + e) * v[0], -v[1]])
+    if abs(q) <= mu * p:
+        return p, q
+    side = -math.copysign(mu, v[1])
+    p = -(1.0 + e) * v[0] / (A[0, 0] + side * A[0, 1])
+    return p, side * p
+
+
+def test_stick_or_slip_of_the_thesis_differs_where_slip_turns_only():
+    seen = 0
+    for _, _, A, v, e in thesis_cases():
+        for mu in 0.1, 0.5:
+            p, q, slip = blow_of(A, v, ImpactLaw(e, mu))
+            if slip != -np.sign(v[1]):
+                seen += 1
+                thesis = stick_or_slip(A, v, e, mu)
+                assert (p, q) == pytest.approx(thesis, rel=1e-9, abs=1e-9 * p)
+    assert seen > 100
+
+
+def test_the_example_of_the_page_where_slip_turns():
+    """docs/physics.md has both rows of figures."""
+    linkage = ms.load_scene('four_bar_clearance').linkage
+    crank, v = math.radians(90.0), np.array([-0.1, -0.01])
+    th3, th4 = (float(x[0]) for x in linkage.positions(np.array([crank])))
+    A = thesis_contact(math.radians(45.0), (crank, th3, th4), np.zeros(3))[1]
+    page = (Path(__file__).parents[1] / 'docs' / 'physics.md').read_text('utf-8')
+    p, q, _ = blow_of(A, v, ImpactLaw(0.5, 0.1))
+    for name, found in (('Routh', (p, q)), ('[SB] 5.3.3', stick_or_slip(A, v, 0.5, 0.1))):
+        after = rates_after(A, v, found)
+        loss = -float(np.dot(found, 0.5 * (v + after)))
+        p, q = 1e3 * np.array(found)
+        assert f'| {name} | {p:.3f} | {q:.3f} | {1e3 * after[1]:.1f} | {1e3 * loss:.4f} |' in page
 
 
 # --- several contacts: complementarity -------------------------------------------------------

@@ -27,6 +27,7 @@ _LARGE = 8.0
 """Magnitude of s from which on the first way loses no more digits than the second below it."""
 _SERIES = 50
 """Terms of the power series: ``8^50 / 50! < 1e-19``."""
+_PIECES = 512  # whose coefficients are computed at once
 
 
 class Response(NamedTuple):
@@ -89,6 +90,23 @@ class ModalFilter:
         -------
         What the modes give on these pieces
         """
+        parts = [
+            self._advance(durations[some], polynomials[some], impulses[some])
+            for first in range(0, max(1, len(durations)), _PIECES)
+            for some in [slice(first, first + _PIECES)]
+        ]
+        # a part whose modes are all fast has no power series: its further terms are zero
+        terms = max(len(forced) for forced, _ in parts)
+        forced = np.zeros((terms, len(durations), self._residues.shape[2]))
+        for k, (part, _) in enumerate(parts):
+            forced[: len(part), k * _PIECES : k * _PIECES + part.shape[1]] = part
+        free = np.concatenate([free for _, free in parts], axis=1)
+        return Response(self._poles, durations, forced, free)
+
+    def _advance(
+        self, durations: Array, polynomials: Array, impulses: Array
+    ) -> tuple[Array, ComplexArray]:
+        """`forced` and `free` of a response on so few pieces that all of it stays in the cache."""
         s = self._poles[:, None] * durations
         coefficients = _forced(s, durations[:, None] * polynomials.transpose(2, 0, 1))
         begin = coefficients[0]
@@ -110,7 +128,7 @@ class ModalFilter:
             c, r = coefficients[:, k, :, i, None], residues[k, 0, i]
             forced += c.real * r.real
             forced -= c.imag * r.imag
-        return Response(self._poles, durations, forced, free)
+        return forced, free
 
 
 def _forced(s: ComplexArray, inputs: Array) -> ComplexArray:

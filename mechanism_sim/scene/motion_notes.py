@@ -42,17 +42,49 @@ def motion_notes(
         *four_bars(mechanism, driven).items(),
         *slider_cranks(mechanism, driven).items(),
     ]
+    swung = _swung(found, driven)
     for links, linkage in found:
         crank, _, last = links
-        lines = (
-            four_bar_notes(linkage, crank, last)
-            if isinstance(linkage, FourBar)
-            else slider_crank_notes(linkage, crank)
-        )
+        if crank in swung:
+            lines = _notes_of_swung(linkage, crank, *swung[crank])
+        elif isinstance(linkage, FourBar):
+            lines = four_bar_notes(linkage, crank, last)
+        else:
+            lines = slider_crank_notes(linkage, crank)
         whose = f'{", ".join(links)}: ' if len(found) > 1 else ''
         # what turns only as far as others turn it stops nothing
         notes += [(type(line) if crank in driven else str)(whose + line) for line in lines]
     return notes
+
+
+def _swung(
+    found: Collection[tuple[tuple[str, str, str], FourBar | SliderCrank]], driven: Collection[str]
+) -> dict[str, tuple[str, float]]:
+    """Links that a four-bar swings through less than a turn: its links, and the angle [rad].
+
+    What such a link could do if it were a crank says nothing of how it moves in this machine.
+    """
+    swings = {}
+    for links, linkage in found:
+        last = links[-1]
+        if isinstance(linkage, FourBar) and last not in driven:
+            through = swing(rocker_limits(linkage))
+            if through < 2.0 * math.pi:
+                swings[last] = ', '.join(links), through
+    return swings
+
+
+def _notes_of_swung(
+    linkage: FourBar | SliderCrank, crank: str, by: str, through: float
+) -> list[str]:
+    """Of a linkage whose first link another one swings: a toggle, say, or a second four-bar."""
+    kind = 'slider-crank'
+    if isinstance(linkage, FourBar):
+        kind = f'Grashof: {classify(linkage.lengths)}'
+    return [
+        f'{kind}; the {crank} is moved by {by}, and swings through at most '
+        f'{math.degrees(through):.6g} deg'
+    ]
 
 
 def mobility_note(mechanism: Mechanism, q: Mapping[str, float]) -> str:
@@ -126,7 +158,7 @@ def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
 def slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
     """How the links of a slider-crank move, and how well the rod moves the slider."""
     if linkage.turns == 'crank':
-        first = f'slider-crank: the {crank} turns fully, stroke {linkage.stroke:.6g} m'
+        first = f'slider-crank: the {crank} can turn fully, stroke {linkage.stroke:.6g} m'
         if linkage.offset:
             first += f', time ratio {linkage.time_ratio:.6g} at constant speed'
     else:
@@ -145,7 +177,10 @@ def _transmission(least: float, greatest: float) -> str:
     low, high = math.degrees(least), math.degrees(greatest)
     note = f'transmission angle: {low:.4g} to {high:.4g} deg'
     if min(low, 180.0 - high) < LEAST_TRANSMISSION:
-        note += f'; within {LEAST_TRANSMISSION:g} deg of 0 or 180 the driven end is hard to move'
+        note += (
+            f'; within {LEAST_TRANSMISSION:g} deg of 0 or 180 the driven end moves little: it is '
+            'hard to move, or presses hard, as in a toggle'
+        )
     return note
 
 
