@@ -71,6 +71,7 @@ class NominalRun:
     size : [m] of the mechanism
     edges : at which pieces end: something begins or ceases to act there
     slope : direction (n,) in which the motion begins, if the first configuration is singular
+    turns : whole turns (n,) of the first configuration, beside its angles
 
     Attributes
     ----------
@@ -86,6 +87,7 @@ class NominalRun:
         edges: Edges | None = None,
         start: float = 0.0,
         slope: Array | None = None,
+        turns: Sequence[int] | None = None,
     ) -> None:
         self.steps = 0
         self.events = 0
@@ -98,8 +100,9 @@ class NominalRun:
         )
         self._coming: deque[DriveLaw] = deque()
         self._pieces: list[tuple[Fraction, float, NDArray[np.int64], Array]] = []
-        self._turns = np.zeros(len(first), dtype=np.int64)
+        self._turns = np.array(turns or [0] * len(first), dtype=np.int64)
         self._last = np.array(first, dtype=float)
+        self._take_off_turns()
         self._slope = slope
         self._share = 0.5  # of the greatest length of a piece
         self._short = 0  # pieces in a row
@@ -221,6 +224,10 @@ class NominalRun:
         self._time = end if h == whole else self._time + Fraction(h)
         self._last = coefficients @ h ** np.arange(len(_NODES))
         self._slope = slope
+        self._take_off_turns()
+
+    def _take_off_turns(self) -> None:
+        """Keep angles that follow within a turn; those of drives are known by their laws."""
         whole = np.where(self._turning, np.trunc(self._last / TWO_PI), 0.0)
         self._turns += whole.astype(np.int64)
         self._last -= TWO_PI * whole

@@ -122,6 +122,7 @@ def speed_profile(
     points: Sequence[tuple[float, float]],
     smooth: bool,
     straight: bool = False,
+    turns: int = 0,
 ) -> list[DriveLaw]:
     """The laws of a coordinate whose speed passes given points.
 
@@ -133,17 +134,18 @@ def speed_profile(
     angle : [rad] at time zero, or displacement [m]
     points : times [s], rising, and speeds [rad/s or m/s]
     straight : whether it is a displacement
+    turns : whole turns at time zero beside the angle
     """
-    first, speed = points[0]
-    laws = [DriveLaw(coordinate, (angle, speed), straight=straight)]
-    angle += speed * first
+    laws = [DriveLaw(coordinate, (angle, points[0][1]), straight=straight, turns=turns)]
+
+    def go_on(start: float, speed: float, ramp: tuple[float, ...] = ()) -> None:
+        turns, (angle, *_) = laws[-1].about(Fraction(start))
+        laws.append(DriveLaw(coordinate, (angle, speed, *ramp), start, start, straight, turns))
+
     for (start, before), (end, after) in pairwise(points):
         T, rise = end - start, after - before
-        ramp = (0.0, rise / T**2, -0.5 * rise / T**3) if smooth else (0.5 * rise / T,)
-        laws.append(DriveLaw(coordinate, (angle, before, *ramp), start, start, straight))
-        angle += 0.5 * (before + after) * T
-    last, speed = points[-1]
-    laws.append(DriveLaw(coordinate, (angle, speed), last, last, straight))
+        go_on(start, before, (0.0, rise / T**2, -0.5 * rise / T**3) if smooth else (rise / T / 2,))
+    go_on(*points[-1])
     return [law for law, later in zip(laws, [*laws[1:], None], strict=True)
             if later is None or later.valid_from > law.valid_from]  # fmt: skip
 

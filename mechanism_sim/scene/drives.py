@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.clock import take_off_turns
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import InductionMotor, Motor, PointsOfTorque
@@ -62,8 +63,8 @@ def is_straight(drive: DrivePart) -> bool:
 
 def read_laws(
     places: Places, c: str, drive: DrivePart, tree: Mechanism
-) -> tuple[tuple[Law, ...], tuple[float, float]]:
-    """The laws of a driven coordinate, and its value and rate at the start.
+) -> tuple[tuple[Law, ...], tuple[float, float], int]:
+    """The laws of a driven coordinate, its value and rate at the start, and whole turns beside.
 
     Raises
     ------
@@ -90,6 +91,7 @@ def read_laws(
                          ('rad', 'm')).get(c, start)  # fmt: skip
     value = start if start is not None else places.values(
         'guess', places.scene.guess, tree, ('rad', 'm')).get(c, 0.0)  # fmt: skip
+    turns, value = (0, value) if straight else take_off_turns(value)
     speed = 0.0 if drive.speed is None else places.measure(
         f'{own}.speed', drive.speed, straight, ('rad/s', 'm/s'))  # fmt: skip
     begin = value, speed
@@ -103,26 +105,26 @@ def read_laws(
     _check_commands(where, drive.commands, reason)
     if powered:
         if drive.motor:
-            return (_motor_law(where, c, drive.motor),), begin
+            return (_motor_law(where, c, drive.motor),), begin, turns
         f, t = drive.force, drive.torque
         if f:
-            return (TorqueLaw(c, (f.constant, f.per_position, f.per_speed)),), begin
+            return (TorqueLaw(c, (f.constant, f.per_position, f.per_speed)),), begin, turns
         assert t is not None  # noqa: S101 - one of the three is there
-        return (TorqueLaw(c, (t.constant, t.per_angle, t.per_speed)),), begin
+        return (TorqueLaw(c, (t.constant, t.per_angle, t.per_speed)),), begin, turns
     if drive.profile:
         _check_times(f'{where}.profile.points', drive.profile.points)
         points = [
             (t, places.measure(f'{own}.profile.points', p, straight, ('rad/s', 'm/s')))
             for t, p in drive.profile.points
         ]
-        laws = speed_profile(c, value, points, drive.profile.ramp == 'smooth', straight)
-        return tuple(laws), (value, points[0][1])
+        laws = speed_profile(c, value, points, drive.profile.ramp == 'smooth', straight, turns)
+        return tuple(laws), (value, points[0][1]), turns
     if drive.speed is None:
         raise InputError(
             f"{places.name}: '{own}.speed' is missing: a speed, a profile, a torque, a "
             f'force or a motor moves {c}'
         )
-    return (DriveLaw(c, (value, speed), straight=straight),), begin
+    return (DriveLaw(c, (value, speed), straight=straight, turns=turns),), begin, turns
 
 
 def _check_times(where: str, points: Sequence[tuple[float, Any]]) -> None:

@@ -98,10 +98,10 @@ def _accelerations(machine: DynamicModel, q: Array, v: Array, t: float) -> Array
     observer = machine.ideal_observer if machine.clearances else machine.observer
     system, count = observer.system, q.shape[1]
     pushed = [np.full(count, _law(machine, c, t)[2]) for c in machine.plan.prescribed]
-    outside = np.array([np.full(count, t if name == 'time' else 0.0) for name in system.outside])
+    outside = np.repeat(machine.outside_at_start(system.outside, t), count, axis=1)
     seen = observer.observe(Instants(
         q, v, np.reshape(pushed, (-1, count)), np.zeros((0, count), np.uint8),
-        machine.torques(q, v), outside=outside.reshape(-1, count),
+        machine.torques(q, v), outside=outside,
     ))  # fmt: skip
     elastic = [system.coordinates.index(c) for c in machine.plan.ideal.deformations]
     return seen.acceleration[elastic]

@@ -8,6 +8,7 @@ from fractions import Fraction
 import numpy as np
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.clock import take_off_turns
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.linkages.bearing import BearingClearance
@@ -46,12 +47,16 @@ def initial_state(machine: DynamicModel) -> State:
     """
     q, v = _placed(machine)
     system = machine.system
+    turns = dict.fromkeys(system.free, 0)
+    for c in {*system.free}.difference(machine.mechanism.displacements):
+        whole, q[c] = take_off_turns(q[c])
+        turns[c] = whole + machine.turned.get(c, 0)
     seated = machine.scene.start == 'seated' and not machine.placed_outright
     values = np.array([[q[c]] for c in system.coordinates])
     _check_inside(machine, values, seated)
     return State(
         Fraction(0),
-        (0,) * len(system.free),
+        tuple(turns[c] for c in system.free),
         tuple(q[c] for c in system.free),
         tuple(v[c] for c in system.free),
         tuple(

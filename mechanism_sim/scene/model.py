@@ -11,6 +11,9 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.plotting import Rich
 from mechanism_sim.planar.closures import closures
@@ -108,6 +111,18 @@ class MachineModel(Rich):
                 _, local = law.about(Fraction(0))
                 held[c] = (local[0], local[1] if len(local) > 1 else 0.0)
         return held
+
+    @cached_property
+    def turned(self) -> dict[str, int]:
+        """Whole turns of angles at the start that `held` and `Plan.given` leave out."""
+        laws = ((c, self.plan.laws[c][0]) for c in self.plan.prescribed)
+        begun = {c: x.about(Fraction(0))[0] for c, x in laws if isinstance(x, DriveLaw)}
+        return self.plan.turned | begun
+
+    def outside_at_start(self, names: Sequence[str], t: float = 0.0) -> Array:
+        """What `Frames.outside` names (k, 1), at the turns of the start."""
+        found = [t if n == 'time' else self.turned.get(n.removesuffix('.turns'), 0) for n in names]
+        return np.reshape(np.array(found, float), (-1, 1))
 
     def kinematics(self, held: Sequence[str]) -> Kinematics:
         """The closures of the mechanism without clearance, with some coordinates given."""

@@ -200,8 +200,11 @@ class NominalModel(MachineModel):
         prescribed = [law for law in laws if isinstance(law, DriveLaw)]
         if len(prescribed) < len(laws):
             raise TypeError('a mechanism that a torque moves has equations of motion')
-        q, slope, size = self.assembly.q, self.assembly.slope, self.plan.ideal.size
-        return NominalRun(self.ideal, prescribed, q, size, self._edges(), slope=slope)
+        at, ideal = self.assembly, self.plan.ideal
+        return NominalRun(
+            self.ideal, prescribed, at.q, ideal.size, self._edges(), slope=at.slope,
+            turns=[self.turned.get(c, 0) for c in ideal.coordinates],
+        )  # fmt: skip
 
     def _edges(self) -> Edges | None:
         """Where something begins or ceases to act in the course of an ideal motion."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from mechanism_sim.hybrid.clock import take_off_turns
 from mechanism_sim.linkages.forces import DriveEffort, UnknownForce
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
 from mechanism_sim.planar.joint_friction import JointFriction
@@ -51,6 +52,7 @@ class Plan:
     given : values and rates of coordinates that the scene sets outright
     floating : the same of coordinates that only the machine with its clearances has
     assumed : of `begins`, the coordinates of whose values and of whose rates nobody said anything
+    turned : whole turns of angles at the start which `begins` and `given` leave out
     guess : rough values of coordinates
     points : named points of the links, in their frames [m]
     elements : springs, dampers and loads
@@ -72,6 +74,7 @@ class Plan:
     given: tuple[dict[str, float], dict[str, float]] = field(default_factory=lambda: ({}, {}))
     floating: tuple[dict[str, float], dict[str, float]] = field(default_factory=lambda: ({}, {}))
     assumed: tuple[frozenset[str], frozenset[str]] = (frozenset(), frozenset())
+    turned: dict[str, int] = field(default_factory=dict)
     guess: dict[str, float] = field(default_factory=dict)
     points: dict[str, dict[str, Vector2]] = field(default_factory=dict)
     elements: Elements = lambda _: []
@@ -162,10 +165,13 @@ def plan_of(name: str, scene: Scene) -> Plan:
     tree = Mechanism(massless, joints, closing)
     laws: dict[str, tuple[Law, ...]] = {}
     begins: dict[str, tuple[float, float]] = {}
-    for c, drive in drives.items():
-        laws[c], begins[c] = read_laws(places, c, drive, tree)
-    guess = places.values('guess', scene.guess, tree, _PLACES)
+    turned: dict[str, int] = {}
     given = places.values('initial.position', scene.initial.position, tree, _PLACES)
+    for c in given.keys() - tree.displacements:  # angles that many turns make lose no digits here
+        turned[c], given[c] = take_off_turns(given[c])
+    for c, drive in drives.items():
+        laws[c], begins[c], turned[c] = read_laws(places, c, drive, tree)
+    guess = places.values('guess', scene.guess, tree, _PLACES)
     begun = {c: x for c, (x, _) in begins.items()}
     start = {**guess, **given, **begun}
     joints = tuple(
@@ -207,6 +213,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         ),
         ({}, {}),
         (silent, frozenset(c for c, drive in drives.items() if drive.speed is None)),
+        turned,
         guess,
         places.points,
         lambda m: [x for x in loads(m) if not isinstance(x, UnknownForce)],

@@ -99,8 +99,12 @@ def joint_forces(machine: DynamicModel, q: Array, v: Array, a: Array) -> Array:
                 'not determined: the start is a singular position, such as a dead point; write '
                 "'start: centred', or start beside it"
             )
-        return machine.inverse_dynamics(q, v, a).reaction[:, :, 0]
+        dynamics = machine.inverse_dynamics
+        outside = machine.outside_at_start(dynamics.outside)
+        return dynamics(q, v, a, outside).reaction[:, :, 0]
     observer = machine.ideal_observer
     none, modes = np.zeros((len(machine.plan.prescribed), 1)), np.zeros((0, 1), np.uint8)
-    seen = observer.observe(Instants(q, v, none, modes, machine.torques(q, v)))
+    outside = machine.outside_at_start(observer.system.outside)
+    torques = machine.torques(q, v)
+    seen = observer.observe(Instants(q, v, none, modes, torques, outside=outside))
     return seen.reaction[:, :, 0]
