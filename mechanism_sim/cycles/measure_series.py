@@ -29,7 +29,7 @@ class Turns:
         self._machine = machine
         self._known = isinstance(machine.law, DriveLaw) and not machine.law.straight
         self._index = machine.physics.coordinates.index(machine.main)
-        self._start: float | None = None
+        self._start: tuple[int, float] | None = None  # whole turns, and [rad] beside them
         self._edges: list[float] = []
         self.end = 0.0
 
@@ -38,7 +38,9 @@ class Turns:
         curve = piece.motion.curve
         begin, self.end = float(curve.start[0]), curve.end
         if self._start is None:
-            self._start = self._angle(piece, begin)
+            k, dt = curve.find(np.array([begin]))
+            first = curve.local(k, dt)[0, self._index]
+            self._start = int(curve.turns[k[0], self._index]), float(first)
             self._edges = [begin]
         if self._known:
             try:
@@ -49,18 +51,24 @@ class Turns:
             else:
                 return
         ends = np.append(curve.start, self.end)
-        turned = np.abs(curve(ends)[:, self._index] - self._start) / TWO_PI
+        turned = self._turned(piece, ends)
         while len(later := np.flatnonzero(turned >= len(self._edges))):
             wanted, k = len(self._edges), int(later[0])
             low, high = (float(ends[max(k - 1, 0)]), float(ends[k]))
             for _ in range(_BISECTIONS):
                 middle = 0.5 * (low + high)
-                far = abs(self._angle(piece, middle) - self._start) / TWO_PI >= wanted
+                far = self._turned(piece, np.array([middle]))[0] >= wanted
                 low, high = (low, middle) if far else (middle, high)
             self._edges.append(high)
 
-    def _angle(self, piece: Piece, t: float) -> float:
-        return float(piece.motion.curve(np.array([t]))[0, self._index])
+    def _turned(self, piece: Piece, t: Array) -> Array:
+        """Turns since the start (N,), in either direction; whole ones cost no digits."""
+        assert self._start is not None  # noqa: S101 - set where the first motion begins
+        curve = piece.motion.curve
+        k, dt = curve.find(t)
+        whole = curve.turns[k, self._index] - self._start[0]
+        local = curve.local(k, dt)[:, self._index] - self._start[1]
+        return np.asarray(np.abs(whole + local / TWO_PI))
 
     @property
     def edges(self) -> list[float]:

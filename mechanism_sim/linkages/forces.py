@@ -136,9 +136,12 @@ class TorsionSpring(_Element):
         """Angle less the free one [rad], and its rate [rad/s]."""
         (a, before), (b, after) = (self.mechanism.frame(x) for x in (self.first, self.second))
         free = frames.parameters(f'{self.key}.free_angle', self.free_angle - (after - before))
-        turned = neg(frames.unwound(a)) if a != b else None
-        angle = add(frames.unwound(b) if a != b else None, turned, neg(free))
-        rate = add(frames.angle(b).rate, neg(frames.angle(a).rate)) if a != b else None
+        angle, rate = neg(free), None
+        if a != b:  # whole turns are subtracted from whole turns, which is exact
+            one, two = frames.angle(a), frames.angle(b)
+            turns = add(frames.turns(b), neg(frames.turns(a)))
+            angle = add(two.value, neg(one.value), 2.0 * math.pi * turns, angle)
+            rate = add(two.rate, neg(one.rate))
         bent = self._bent(frames, 'second') - self._bent(frames, 'first')
         return add(angle, bent.value), add(rate, bent.rate)
 

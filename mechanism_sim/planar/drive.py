@@ -171,7 +171,8 @@ def time_of_angle(laws: Sequence[Law], angle: float) -> float | None:
         if t is not None or later is None:
             return t
         ends = [law.valid_from - law.reference_time, end - law.reference_time]
-        before, after = (float(polynomial.polyval(x, law.coefficients)) for x in ends)
+        turning = 0.0, *law.coefficients[1:]  # without its start, which may be far
+        before, after = (float(polynomial.polyval(x, turning)) for x in ends)
         turned += abs(after - before)
     return None
 
@@ -183,10 +184,11 @@ def _reached(law: DriveLaw, angle: float, end: float) -> float | None:
         t = law.valid_from + angle / speed if speed else math.inf
         return t if t <= end and t < math.inf else None
     began = law.valid_from - law.reference_time
-    start = polynomial.polyval(began, law.coefficients)
+    turning = 0.0, *law.coefficients[1:]
+    start = polynomial.polyval(began, turning)
     hits = []
     for sign in (1.0, -1.0):
-        shifted = Polynomial(np.array(law.coefficients)) - (start + sign * angle)
+        shifted = Polynomial(np.array(turning)) - (start + sign * angle)
         roots = np.asarray(shifted.trim().roots())
         real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
         hits += [float(x) for x in real[real > began]]

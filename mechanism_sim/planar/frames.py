@@ -92,13 +92,18 @@ class Frames:
         """The time since the start of the run [s]."""
         return self.outside.setdefault('time', hy.make_vars('time'))
 
+    def turns(self, frame: str) -> Term:
+        """The whole turns that the symbol of a frame's angle leaves out."""
+        if frame == GROUND:
+            return None
+        symbol = hy.make_vars(f'turns{self.coordinates.index(frame)}')
+        return self.outside.setdefault(f'{frame}.turns', symbol)
+
     def unwound(self, frame: str) -> Term:
         """The angle of a frame with all its turns [rad]; not smooth where turns are taken off."""
         if frame == GROUND:
             return None
-        symbol = hy.make_vars(f'turns{self.coordinates.index(frame)}')
-        turns = self.outside.setdefault(f'{frame}.turns', symbol)
-        return self.q[frame] + 2.0 * math.pi * turns
+        return self.q[frame] + 2.0 * math.pi * self.turns(frame)
 
     def switch(self, name: str, guard: hy.expression) -> hy.expression:
         """A flag that is 1 where `guard` is positive and 0 elsewhere."""

@@ -108,7 +108,8 @@ class JointKind:
     wrong_play : what is wrong with a clearance of it, or nothing
     firm : why it can have no ``clearance``; empty if it can
     notes : what can be said of a joint of a machine without moving it
-    mounted : a joint as it is put together where coordinates have rough values [rad, m]
+    mounted : a joint as it is put together where coordinates have rough values [rad, m], and
+        whole turns beside
     friction : those of an ideal joint, of its name, its keys and the mechanism; None if none
     rubs_by : the keys that its friction may have beside the coefficient, and whether the first,
         which says where friction acts, must be given
@@ -125,7 +126,9 @@ class JointKind:
     wrong_play: Callable[[Clearance], str] = _walls_only
     firm: str = ''
     notes: Callable[[Any, Any], list[str]] = lambda machine, joint: []  # noqa: ARG005
-    mounted: Callable[[Any, Mapping[str, float]], Joint] = lambda joint, start: joint  # noqa: ARG005
+    mounted: Callable[[Any, Mapping[str, float], Mapping[str, int]], Joint] = (
+        lambda joint, start, turned: joint  # noqa: ARG005
+    )
     friction: Callable[[str, Friction, Mechanism], Sequence[JointFriction]] | None = None
     rubs_by: tuple[Sequence[str], bool] = ((), False)
     slips: bool = False

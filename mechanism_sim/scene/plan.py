@@ -175,7 +175,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
     begun = {c: x for c, (x, _) in begins.items()}
     start = {**guess, **given, **begun}
     joints = tuple(
-        KINDS[scene.joints[joint.name].kind].mounted(joint, start)
+        KINDS[scene.joints[joint.name].kind].mounted(joint, start, turned)
         for joint in in_mesh(places, joints, tree, start)
     )
     begins |= {c: (given.get(c, 0.0), 0.0) for c in tree.deformations}

@@ -91,6 +91,8 @@ class Belt(Transmission):
     damping: float = 0.0  #: [N s/m]
     pretension: float = 0.0  #: [N]
     friction: float | None = None  #: coefficient, if that alone holds it; as on a flat pulley
+    begun: tuple[int, int, int] = (0, 0, 0)
+    """Whole turns of first, second and carrier that it did not follow: it was put on after."""
 
     @property
     def bearings(self) -> tuple[str, ...]:
@@ -213,7 +215,10 @@ class BeltForce:
             lever = p(f'{self.name}.arm.{k}', arm)
             value = add(value, p(f'{self.name}.offset.{k}', arm * offset))
             if frame != GROUND:
-                value = add(value, mul(lever, frames.unwound(frame)))
+                begun = p(f'{self.name}.begun.{k}', float(joint.begun[k]))
+                turns = add(frames.turns(frame), neg(begun))
+                angle = frames.q[frame] + 2.0 * math.pi * turns
+                value = add(value, mul(lever, angle))
                 rate = add(rate, mul(lever, frames.v[frame]))
             bent = m.bent(frames, link, at, f'{self.name}:{link}')
             value, rate = add(value, mul(lever, bent.value)), add(rate, mul(lever, bent.rate))
@@ -394,12 +399,14 @@ def _play(joint: BeltKeys) -> Play | None:
     return Play(radial=0.0, restitution=0.0) if soft else None
 
 
-def _mounted(joint: Belt, start: Mapping[str, float]) -> Belt:
+def _mounted(joint: Belt, start: Mapping[str, float], turned: Mapping[str, int]) -> Belt:
     """An ideal belt fits at many angles of its pulleys; strands that give way remember which."""
-    a, b, c = (start.get(link, 0.0) for link in (joint.first, joint.second, joint.carrier))
+    links = joint.first, joint.second, joint.carrier
+    a, b, c = (start.get(link, 0.0) for link in links)
+    begun = tuple(turned.get(link, 0) for link in links)
     step = 2.0 * math.pi / joint.ratio.denominator
     off = (b - c) - joint.phase - float(joint.ratio) * (a - c)
-    return replace(joint, phase=joint.phase + step * round(off / step))
+    return replace(joint, phase=joint.phase + step * round(off / step), begun=begun)
 
 
 def _notes(_: Any, joint: Belt) -> list[str]:

@@ -57,7 +57,8 @@ class Encoder:
         index: float | None = None,
     ) -> None:
         self._columns: dict[int, float] = {}
-        self._offset, self._step = 0.0, TWO_PI / (EDGES * lines)
+        self._counts = EDGES * lines
+        self._offset, self._step = 0.0, TWO_PI / self._counts
         for sign, name in ((1.0, link), (-1.0, relative_to)):
             frame, offset = mechanism.frame(name)
             self._offset += sign * offset
@@ -66,8 +67,8 @@ class Encoder:
         self._index, self._passage = index, None
         if index is not None:
             self._passage = Passage(Trigger(index - self._offset), self._columns)
-        self._zero: float | None = None
-        self._passed = math.inf, 0.0  # when, and the angle that is counted from then on
+        self._zero: tuple[int, float] | None = None  # whole turns and angle
+        self._passed = math.inf, 0, 0.0  # when, and what is counted from then on
         self._seen: Motion | None = None
 
     def through(self, chain: Rational) -> Modes:
@@ -79,32 +80,44 @@ class Encoder:
         if motion is not self._seen:
             self._seen = motion
             self._look_for_index(motion)
-        angle = self._angle(motion, segments, dt)
+        turns, angle = self._angle(motion, segments, dt)
         assert self._zero is not None  # noqa: S101 - set where the first motion begins
-        t = motion.curve.start[segments] + np.asarray(dt)
-        since = np.where(t >= self._passed[0], self._passed[1], self._zero)
-        return np.asarray(self._step * np.floor((angle - since) / self._step)[None])
+        curve = motion.curve
+        t = curve.start[segments] + (curve.start_low[segments] + np.asarray(dt))
+        whole, since = (
+            np.where(t >= self._passed[0], a, b)
+            for a, b in zip(self._passed[1:], self._zero, strict=True)
+        )
+        counts = self._counts * (turns - whole) + np.floor((angle - since) / self._step)
+        return np.asarray(self._step * counts[None])
 
     def impulses(self, motion: Motion) -> Array:
         """None (m, 1): an angle has no impulses."""
         return np.zeros((len(motion), 1))
 
-    def _angle(self, motion: Motion, segments: NDArray[np.intp], dt: Any) -> Array:
-        q = motion.curve.at(segments, dt).T
-        return np.asarray(self._offset + sum(sign * q[i] for i, sign in self._columns.items()))
+    def _angle(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Any
+    ) -> tuple[NDArray[np.int64], Array]:
+        """Whole turns (N,), and the angle beside them (N,) [rad]."""
+        curve = motion.curve
+        turns, q = curve.turns_at(segments, dt).T, curve.local(segments, dt).T
+        whole = sum(int(sign) * turns[i] for i, sign in self._columns.items())
+        angle = self._offset + sum(sign * q[i] for i, sign in self._columns.items())
+        return np.asarray(whole), np.asarray(angle)
 
     def _look_for_index(self, motion: Motion) -> None:
         """Keep where counting begins, and when the index passes for the first time."""
         if self._zero is None:
-            self._zero = float(self._angle(motion, np.zeros(1, np.intp), np.zeros(1))[0])
+            (turns,), (angle,) = self._angle(motion, np.zeros(1, np.intp), np.zeros(1))
+            self._zero = int(turns), float(angle)
         if self._passage is None or math.isfinite(self._passed[0]):
             return
         if times := self._passage.times(motion):
             assert self._index is not None  # noqa: S101 - there is a passage
             k, dt = motion.curve.find(np.array(times[:1]))
-            angle = float(self._angle(motion, k, dt)[0])
-            turns = round((angle - self._index) / TWO_PI)
-            self._passed = times[0], self._index + TWO_PI * turns
+            (turns,), (angle,) = self._angle(motion, k, dt)
+            more = round((float(angle) - self._index) / TWO_PI)
+            self._passed = times[0], int(turns) + more, self._index
 
 
 def _source(machine: Any, sensor: Any) -> Encoder:
