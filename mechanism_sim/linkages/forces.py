@@ -276,13 +276,14 @@ class AppliedForce(_Element):
             return frames.parameters.reserve(f'{self.key}.{part}', given) if present else None
         frames.formulas.add(self.name)
         known = {'x': x.value, 'y': y.value, 'vx': x.rate, 'vy': y.rate}
+        angles = {}
         for name in formula.names(given) - known.keys() - {'t'}:
             if all(name != body.name for body in self.mechanism.bodies):
                 known[name] = self._motion(frames, name.removesuffix('_rate')).rate
             elif name in self.guided:
                 known[name] = self._motion(frames, name).value
             else:
-                known[name] = self._unwound(frames, name)
+                angles[name] = self._turned(frames, name)
         if 't' in formula.names(given):
             known['t'] = frames.time
         count = itertools.count()
@@ -304,13 +305,19 @@ class AppliedForce(_Element):
             number,
             flag,
             {name: table(curve) for name, curve in self.tables.items()},
+            angles,
+            [name for name, curve in self.tables.items() if curve.cyclic],
         )
         return formula.expression(given, words)
 
-    def _unwound(self, frames: Frames, link: str) -> Term:
-        """Angle of a link with all its turns [rad]."""
+    def _turned(
+        self, frames: Frames, link: str
+    ) -> tuple[hy.expression, Callable[[], hy.expression]]:
+        """Angle of a link without whole turns [rad], and with all of them."""
         frame, offset = self.mechanism.frame(link)
-        return add(frames.unwound(frame), frames.parameters(f'links:{link}.offset', offset))
+        given = frames.parameters(f'links:{link}.offset', offset)
+        local = dense(add(frames.angle(frame).value, given))
+        return local, lambda: dense(add(frames.unwound(frame), given))
 
     def _motion(self, frames: Frames, link: str) -> Jet:
         """Angle without whole turns [rad], or displacement [m], of a link."""

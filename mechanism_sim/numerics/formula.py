@@ -11,7 +11,7 @@ from __future__ import annotations
 import ast
 import operator
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any
@@ -42,6 +42,9 @@ LONGEST = 1000
 
 DEEPEST = 200
 """Operations in each other: a sum of so many terms is as deep."""
+
+_PERIODIC = 'sin', 'cos', 'tan'
+"""Those that repeat after a turn of their argument."""
 
 _POWERS: dict[Any, int] = {2: 2, 3: 3, 4: 4}
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
@@ -119,6 +122,32 @@ def flag_of(guard: hy.expression) -> hy.expression:
     return hy.select(hy.gt(guard, hy.expression(0.0)), hy.expression(1.0), hy.expression(0.0))
 
 
+def _coefficients(node: ast.expr, angles: Collection[str]) -> dict[str, float] | None:
+    """By which numbers a sum contains some of the names; None if it is no such sum."""
+    match node:
+        case ast.Name(id=name) if name in angles:
+            return {name: 1.0}
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd() as op, operand=operand):
+            found = _coefficients(operand, angles)
+            return _scaled(found, -1.0 if isinstance(op, ast.USub) else 1.0)
+        case ast.BinOp(left=left, op=ast.Add() | ast.Sub() as op, right=right):
+            one, two = (_coefficients(x, angles) for x in (left, right))
+            two = _scaled(two, -1.0 if isinstance(op, ast.Sub) else 1.0)
+            if one is None or two is None:
+                return None
+            return {name: one.get(name, 0.0) + two.get(name, 0.0) for name in one | two}
+        case ast.BinOp(left=left, op=ast.Mult(), right=right):
+            for factor, other in ((left, right), (right, left)):
+                if isinstance(factor, ast.Constant):
+                    return _scaled(_coefficients(other, angles), float(factor.value))
+    inside = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
+    return None if inside & {*angles} else {}
+
+
+def _scaled(found: dict[str, float] | None, by: float) -> dict[str, float] | None:
+    return None if found is None else {name: by * x for name, x in found.items()}
+
+
 @dataclass(frozen=True)
 class Words:
     """What the words of a formula stand for.
@@ -130,12 +159,18 @@ class Words:
         which shape the expression, are constants
     flag : makes the expression that is 1 where another one is positive, and 0 elsewhere
     tables : functions of one argument beside the usual ones
+    angles : further names: the expressions of an angle without whole turns, and with them
+    cyclic : which of the tables repeat after a turn
     """
 
     variables: Mapping[str, hy.expression]
     number: Callable[[float], hy.expression] = hy.expression
     flag: Callable[[hy.expression], hy.expression] = flag_of
     tables: Mapping[str, Callable[[hy.expression], hy.expression]] = field(default_factory=dict)
+    angles: Mapping[str, tuple[hy.expression, Callable[[], hy.expression]]] = field(
+        default_factory=dict
+    )
+    cyclic: Collection[str] = ()
 
 
 def expression(text: str, words: Words) -> hy.expression:
@@ -155,6 +190,7 @@ class _Builder:
     def __init__(self, words: Words, text: str) -> None:
         self._words, self._text = words, text
         self._variables = {'pi': hy.pi, **words.variables}
+        self._without_turns = False
 
     def value(self, node: ast.expr) -> Any:
         """The expression of a node."""
@@ -168,9 +204,12 @@ class _Builder:
             case ast.Name(id=name):
                 if name in self._variables:
                     return self._variables[name]
+                if name in self._words.angles:
+                    local, total = self._words.angles[name]
+                    return local if self._without_turns else total()
                 raise ValueError(
                     f"'{name}' in {quoted(self._text)} is not known; known are "
-                    f'{", ".join(self._variables)}'
+                    f'{", ".join([*self._variables, *self._words.angles])}'
                 )
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 return -self.value(operand)
@@ -187,11 +226,26 @@ class _Builder:
                 flag = self._condition(test)
                 return flag * self.value(body) + (1.0 - flag) * self.value(other)
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
-                return self._call(name, [self.value(x) for x in args])
+                return self._call(name, self._arguments(name, args))
         raise ValueError(
             f'{quoted(self._text)} is not a formula of numbers, names, + - * /, functions and '
             "'A if X > Y else B'"
         )
+
+    def _arguments(self, name: str, nodes: Sequence[ast.expr]) -> list[Any]:
+        """Arguments of a function; of one that repeats after a turn without those of angles.
+
+        ``sin(60*crank)`` is the same without the whole turns of the crank, which would cost it
+        digits; ``sin(crank/2)`` is not.
+        """
+        before = self._without_turns
+        if name in _PERIODIC or name in self._words.cyclic:
+            turns = [_coefficients(node, self._words.angles.keys()) for node in nodes]
+            if all(x is not None and all(map(float.is_integer, x.values())) for x in turns):
+                self._without_turns = True
+        found = [self.value(node) for node in nodes]
+        self._without_turns = before
+        return found
 
     def _call(self, name: str, args: list[Any]) -> Any:
         text = quoted(self._text)
