@@ -39,7 +39,8 @@ def speed_of(machine: Machine, f: Figure) -> str:
 
 def unit_of_figure(quantities: Quantities, f: Figure) -> str:
     """The unit of what a figure is of."""
-    return f.evaluate(lambda name: Value(np.ones(1), quantities.units[name])).unit
+    with np.errstate(all='ignore'):
+        return f.evaluate(lambda name: Value(np.ones(1), quantities.units[name])).unit
 
 
 class Tally:

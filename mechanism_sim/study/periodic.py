@@ -14,6 +14,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
@@ -65,7 +66,7 @@ class Section:
         run = machine.start()
         if not isinstance(run, EventLoop):
             raise InputError(f'{machine.name}: a compliant machine has no section of states')
-        self._run = run
+        self._machine, self._run = machine, run
         self._period = machine.period
         mechanism, speed = machine.mechanism, abs(law.coefficients[1])
         slides = np.array([c in mechanism.displacements for c in machine.system.free])
@@ -78,18 +79,36 @@ class Section:
         self._run.restart(state)
         return self._run.state
 
-    def map(self, state: State, revolutions: int) -> tuple[State, int, float]:
+    def map(
+        self, state: State, revolutions: int, audit: Audit | None = None
+    ) -> tuple[State, int, float]:
         """The state later, the impacts on the way, and the sum of their impulses [N s]."""
         run = self._run
         run.restart(replace(state, turns=(0,) * len(state.turns)))
         impacts, impulse = 0, 0.0
         for n in range(1, revolutions + 1):
             run.advance(n * self._period, final=n == revolutions)
-            _, struck, _ = run.drain()
+            motion, struck, _ = run.drain()
+            if audit:
+                audit.add(motion, struck)
             impacts += len(struck)
             impulse += sum(i.normal_impulse for i in struck)
         end = run.state
         return replace(end, time=state.time), impacts, impulse
+
+    def judge(self, state: State, revolutions: int) -> None:
+        """Audit the motion from a state on, as that of any run.
+
+        Newton's method goes by way of states that nearly penetrate: those are not judged.
+
+        Raises
+        ------
+        RunError
+            As `mechanism_sim.hybrid.audit.Audit.judge`.
+        """
+        audit = Audit(self._machine.physics)
+        self.map(state, revolutions, audit)
+        audit.judge(self._machine.allowed_penetration)
 
     def difference(self, a: State, b: State) -> Array:
         """B - a, rates over the speed of the crank."""
@@ -132,6 +151,8 @@ def find_periodic(
     ------
     InputError
         If the crank has no constant speed, or there is neither clearance nor elasticity.
+    RunError
+        If a run fails.
     """
     section = Section(machine)
     progress(f'{transient} revolutions until it has settled')
@@ -165,6 +186,7 @@ def _refine(section: Section, state: State, period: int, tolerance: float) -> Re
         state = section.displace(state, basis @ step)
     if residual > tolerance:
         return None
+    section.judge(state, period)
     multipliers, finer = (
         np.linalg.eigvals(jacobian(section, state, period, h)[1]) for h in (1e-6, 1e-7)
     )
