@@ -110,7 +110,7 @@ def _solve(options: argparse.Namespace) -> int:
     if options.json:
         events = (None, None) if options.no_events else (impacts, modes)
         print_json(
-            summary.to_json(run, digest.hexdigest(), *events, turns)
+            summary.to_json(run, digest.hexdigest(), turns, *events)
             | measured.to_json(taken.found())
         )
     else:

@@ -39,9 +39,9 @@ _ENERGY_KEYS = 'initial', 'final', 'drive_work', 'dissipated', 'residual', 'erro
 def to_json(
     run: Stream,
     digest: str,
+    turns: ImpactTally,
     impacts: list[Impact] | None,
     modes: list[ModeChange] | None,
-    turns: ImpactTally,
 ) -> dict[str, object]:
     """The result of `solve --json`: SI units throughout; without events, only their counts.
 
