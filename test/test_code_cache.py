@@ -131,7 +131,8 @@ def small_disk(folder, size, *options):
 
 
 @pytest.mark.parametrize('disk', [
-    'full', 'none', *(pytest.param(x, marks=pytest.mark.deep) for x in ('small', 'read-only', 'file'))
+    'full', 'none',
+    *(pytest.param(x, marks=pytest.mark.deep) for x in ('small', 'read-only', 'file')),
 ])  # fmt: skip
 def test_without_room_for_code_a_run_goes_on(disk, tmp_path):
     folder = tmp_path / 'cache'

@@ -10,7 +10,7 @@ import asyncio
 import errno
 import logging
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from hmac import compare_digest
 from http import HTTPStatus
 from threading import Lock, Thread
@@ -86,8 +86,9 @@ class Server:
     ----------
     contents : by path
     port : 0 for any; if it is taken, any other
-    greet : messages for a page that has just been opened
-    hear : called, in the server's thread, with every command of a page
+    greet : messages for a page that has just been opened, or their texts
+    hear : called, in the server's thread, with every command of a page; whatever it raises, or if
+        it gives back False, the page is cut off
     read : the command that a message is, None if it is none
     key : what the address of a page must end in as ``?key=``, if anything
     largest : bytes of a command
@@ -107,8 +108,8 @@ class Server:
         self,
         contents: Mapping[str, Content],
         port: int,
-        greet: Callable[[], list[dict[str, Any]]],
-        hear: Callable[[Any], None],
+        greet: Callable[[], Sequence[dict[str, Any] | str]],
+        hear: Callable[[Any], object],
         read: Callable[[Any], Any] | None = None,
         key: str = '',
         largest: int = LARGEST,
@@ -138,7 +139,11 @@ class Server:
     def send(self, message: dict[str, Any], may_drop: bool = False) -> None:
         """Send to all pages; `may_drop`: not to those that have not taken what came before."""
         if self._pages:
-            text = strict_json.dumps(message)
+            self.send_text(strict_json.dumps(message), may_drop)
+
+    def send_text(self, text: str, may_drop: bool = False) -> None:
+        """The same of a message that is written already."""
+        if self._pages:
             self._loop.call_soon_threadsafe(self._send, text, may_drop)
 
     def close(self) -> None:
@@ -190,7 +195,8 @@ class Server:
         self._pages.add(page)
         try:
             for message in self._greet():
-                await page.send(strict_json.dumps(message))
+                text = message if isinstance(message, str) else strict_json.dumps(message)
+                await page.send(text)
             await self._listen(page)
         except ConnectionClosed:
             pass  # as pages are, without a word
@@ -214,7 +220,13 @@ class Server:
             if command is None:
                 await page.close(CloseCode.POLICY_VIOLATION, f'no command; known: {KINDS}')
                 return
-            self._hear(command)
+            try:
+                heard = self._hear(command)
+            except Exception:  # a page ends no server
+                heard = False
+            if heard is False:
+                await page.close(CloseCode.POLICY_VIOLATION, 'too many commands')
+                return
 
     def _send(self, text: str, may_drop: bool) -> None:
         waiting = {page: page.transport.get_write_buffer_size() for page in self._pages}

@@ -35,7 +35,7 @@ let fitted = null; // the document that was fitted
 
 const canvas = new Canvas(by('under'), by('stage'), by('over'), gesture);
 const fields = new Fields(by('outline'), by('fields'), ask);
-const heard = { state: show, frame, pose, forces, checked, progress, run: ran, problem, said: ({ text }) => say(text) };
+const heard = { state: show, frame, pose, forces, checked, progress, run: ran, problem, said: ({ text }) => say(text), busy };
 start();
 
 function start() {
@@ -92,6 +92,12 @@ function connect() {
 
 function ask(message) {
   if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
+/** Shows that something takes long, which is done elsewhere: the page goes on meanwhile. */
+function busy(news) {
+  root.dataset.busy = news.busy ? '1' : '';
+  by('busy').hidden = !news.busy;
 }
 
 /** Sends gestures one after the other, of those that wait the newest. */

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ class Document:
     text : of the YAML file
     file : where it is saved; None of a new one
     name : of the scene
+    watch : called with every change, as `follow` takes it
     """
 
     def __init__(self, text: str = NEW, file: Path | None = None, name: str = 'machine') -> None:
@@ -39,6 +40,10 @@ class Document:
         self._saved = self._clean = text
         self._folder = file.parent if file else Path()
         self._content: tuple[str, dict[str, Any]] | None = None
+        self.watch: Callable[[str, Any], None] = _nobody
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), 'watch': _nobody, '_content': None}
 
     @classmethod
     def open(cls, scene: str) -> Document:
@@ -145,18 +150,33 @@ class Document:
         self._before = [*self._before, self.text][-_KEPT:]
         self._after.clear()
         self.text = text
+        self.watch('replace', text)
 
     def undo(self) -> None:
         """Go back to the text before the last edit, if there is one."""
         if self._before:
             self._after.append(self.text)
             self.text = self._before.pop()
+            self.watch('undo', None)
 
     def redo(self) -> None:
         """Do again what was undone last."""
         if self._after:
             self._before.append(self.text)
             self.text = self._after.pop()
+            self.watch('redo', None)
+
+    def follow(self, change: str, value: Any) -> None:
+        """Change as another document did, whose `watch` was told so."""
+        if change == 'replace':
+            self.replace(value)
+        elif change == 'undo':
+            self.undo()
+        elif change == 'redo':
+            self.redo()
+        else:
+            self.file, self.name, self._folder, self._saved = value
+            self._clean = self._saved
 
     def save(self, name: str = '') -> Path:
         """Write the file; of a given name, ending in .yaml, in the folder of the program or below.
@@ -181,7 +201,12 @@ class Document:
         output.write_text(file, self.text, devices=False)
         self.file, self.name, self._folder = file, file.stem, file.parent
         self._saved = self._clean = self.text
+        self.watch('saved', (self.file, self.name, self._folder, self._saved))
         return file
+
+
+def _nobody(_change: str, _value: Any) -> None:
+    """Nobody follows a document."""
 
 
 def text_there(file: Path) -> str | None:

@@ -13,6 +13,7 @@ from mechanism_sim import documents
 from mechanism_sim.arrays import Array
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.packages import reason
 from mechanism_sim.pages.edit import drawing, gestures, palette, panel
 from mechanism_sim.pages.edit.background import Job
 from mechanism_sim.pages.edit.document import Document
@@ -49,6 +50,13 @@ _FAR = 0.2
 """[rad], or sizes of the machine: more is another way to close the loops."""
 
 
+FARTHEST = 1e4
+"""[m] Half the size of the sheet."""
+
+MOST_PARTS = 160
+"""Links and joints of what is drawn: more takes minutes to compile."""
+
+
 class Picture(NamedTuple):
     """What is shown of a document.
 
@@ -71,15 +79,23 @@ class Session:
     Parameters
     ----------
     send : to all pages
+    number : of the first state
+    heavy : why texts are not drawn, for those that are too much
 
     Attributes
     ----------
     number : counts the states of the document
     """
 
-    def __init__(self, document: Document, send: Send) -> None:
+    def __init__(
+        self,
+        document: Document,
+        send: Send,
+        number: int = 0,
+        heavy: Mapping[str, str] | None = None,
+    ) -> None:
         self.document, self._send = document, send
-        self.number = 0
+        self.number, self._heavy = number, dict(heavy or {})
         self._path: tuple[str, ...] = ()
         self._traced: dict[str, bool] = {}  # points whose paths somebody asked for, or not
         self._picture = Picture(Document().scene(), None, {GROUND: ORIGIN}, '')
@@ -90,8 +106,11 @@ class Session:
         self._frames, self._each = 0, 1  # of drags; of so many one has forces
         self._pulled: Array | None = None  # coordinates of a machine that is turned by hand
         self._found: dict[str, dict[str, Any]] = {}
-        self._refresh()
-        self._shown = self.state()
+        try:
+            self._refresh()
+            self._shown = self.state()
+        except Exception as error:
+            self._give_up(error)
 
     # --- what is asked for ------------------------------------------------------------------
 
@@ -109,14 +128,28 @@ class Session:
             return
         try:
             acts[kind](message)
-        except InputError as error:
+        except (InputError, RunError) as error:
             self._say(str(error))
         except (KeyError, TypeError, ValueError, IndexError, AttributeError):
             self._say('that was no command of this page')
+        except Exception as error:  # whatever a message raises, all pages go on
+            self._say(f'that is not possible ({reason(error)})')
         if kind not in ('drag', 'pull'):
             self._grabbed, self._tried, self._pulled = None, [], None
-            self._refresh()
-            self._show()
+            try:
+                self._refresh()
+                self._show()
+            except Exception as error:
+                self._give_up(error)
+                self._send(self._shown)
+
+    def _give_up(self, error: Exception) -> None:
+        """Show no picture of a document whose picture cannot be made."""
+        self._heavy[self.document.text] = f'it cannot be drawn ({reason(error)})'
+        self._of = None
+        self._picture = Picture(Document().scene(), None, {GROUND: ORIGIN}, '')
+        self._refresh()
+        self._shown = self.state()
 
     def state(self) -> dict[str, Any]:
         """All that a page shows."""
@@ -173,10 +206,13 @@ class Session:
         """Show the forces of ideal joints, if that is not done: nobody asks for anything now."""
         if self._forces[0] == self.number or self._grabbed:
             return
+        if self._picture.turn is None:
+            self._forces = self.number, 0.0
+            return
         turn, scale = self._picture.turn, 0.0
         try:
             known = turn.forces() if turn else None
-        except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError):
+        except Exception:  # there are no forces to be shown
             known = None
         if turn and known:
             stage = self._shown['stage']
@@ -205,8 +241,17 @@ class Session:
         self.number += 1
         self._of = text
         self._found.clear()
+        if text in self._heavy:
+            self._picture = self._picture._replace(turn=None, problem=self._heavy[text])
+            return
         try:
             scene = self.document.scene()
+            parts = len(scene.links) + len(scene.joints)
+            if parts > MOST_PARTS:
+                raise InputError(
+                    f'{self.document.name}: its {parts} links and joints are not drawn, for that '
+                    f'takes too long: allowed are {MOST_PARTS}; check and solve take more'
+                )
         except InputError as error:
             self._picture = self._picture._replace(problem=str(error))
             return
@@ -285,7 +330,7 @@ class Session:
         if self._grabbed is None or self._grabbed[0] != key:
             self._grabbed = key, self._picture
         before = self._grabbed[1]
-        to = float(message['x']), float(message['y'])
+        to = _place(message)
         handle = self._handle(key, before)
         short = self.document.content().get('mechanism') == 'four_bar'
         edits, poses = gestures.move(before.scene, before.poses, handle, to, grid, short)
@@ -376,14 +421,13 @@ class Session:
         links = [body.name for body in turn.mechanism.bodies]
         if not turn.moves:  # whichever way its several motions let it
             before = turn.q[:, 0] if self._pulled is None else self._pulled
-            self._pulled = turn.reached(
-                before, link, at, (float(message['x']), float(message['y']))
-            )
+            self._pulled = turn.reached(before, link, at, _place(message))
             poses = turn.poses_of(self._pulled)
             self._send({'type': 'pose', 'instant': 0, 'poses': [poses[link] for link in links]})
             return
         x, y = turn.mechanism.locate_all(link, turn.q, at)
-        k = int(np.argmin(np.hypot(x - float(message['x']), y - float(message['y']))))
+        to = _place(message)
+        k = int(np.argmin(np.hypot(x - to[0], y - to[1])))
         poses = turn.poses_at(k)
         self._send({'type': 'pose', 'instant': k, 'poses': [poses[link] for link in links]})
 
@@ -415,7 +459,7 @@ class Session:
         handle = self._handle(data['handle']) if data.get('handle') else None
         link = '' if handle else str(data.get('link') or '')
         link = link if link in self._picture.scene.links and link != GROUND else ''
-        return Spot((float(data['x']), float(data['y'])), handle, link)
+        return Spot(_place(data), handle, link)
 
     # --- the panel --------------------------------------------------------------------------
 
@@ -474,7 +518,10 @@ class Session:
         name = str(message.get('name') or '')
         if name and name not in scene_names():
             raise InputError(f"there is no scene '{name}' in the package")
-        self.document = Document.open(name) if name else Document()
+        document = Document.open(name) if name else Document()
+        document.watch, watch = self.document.watch, self.document.watch
+        self.document = document
+        watch('opened', document)
         self._path, self._traced = (), {}
         self._picture = Picture(Document().scene(), None, {GROUND: ORIGIN}, '')
         self._of = None
@@ -504,6 +551,14 @@ def _of_forces(known: Forces, scale: float) -> dict[str, Any]:
         'forces': [[[float(f'{x:.4g}') for x in f] for f in row] for row in known.forces],
         'feet': np.round(known.feet, 7).tolist(),
     }
+
+
+def _place(message: Mapping[str, Any]) -> tuple[float, float]:
+    """A place on the sheet [m]."""
+    x, y = float(message['x']), float(message['y'])
+    if not max(abs(x), abs(y)) <= FARTHEST:
+        raise InputError(f'that is too far away: the sheet ends {FARTHEST:g} m from its middle')
+    return x, y
 
 
 def _path(message: Mapping[str, Any]) -> tuple[str, ...]:
