@@ -49,7 +49,9 @@ def test_loads_that_act_during_a_part_of_the_turn_are_varied_as_well():
     brake = {'at': 'bar', 'torque': '-0.5*bar_rate',
              'during': {'coordinate': 'bar', 'from': '-90 deg', 'to': '90 deg'}}  # fmt: skip
     goal = read_goal('highest(drive_torque) = 10 N m', None)
-    (found,) = find(rotor(loads={'brake': brake}), ('links.bar.cog', '0 m', '0.4 m'), goal, 3).found
+    (found,) = find(
+        rotor(loads={'brake': brake}), ('links.bar.cog', '0 m', '0.4 m'), goal, 3
+    ).found
     assert found.value == pytest.approx((10.0 - 0.5 * SPEED) / (2.0 * 9.81), rel=1e-11)
 
 

@@ -166,7 +166,12 @@ class Places:
         return name in tree.displacements and measure.unit.startswith('rad')
 
     def floating(
-        self, where: str, given: Mapping[str, Measure], tree: Mechanism, loose: Mechanism, unit: str
+        self,
+        where: str,
+        given: Mapping[str, Measure],
+        tree: Mechanism,
+        loose: Mechanism,
+        unit: str,
     ) -> dict[str, float]:
         """Quantities of the coordinates that only the machine with its clearances has.
 

@@ -218,7 +218,10 @@ def plan_of(name: str, scene: Scene) -> Plan:
             scene.links[x].mass is not None or x in weighing or x in elastic for x in places.links
         ),
     )
-    initial = ('position', scene.initial.position, 'm'), ('velocity', scene.initial.velocity, 'm/s')
+    initial = (
+        ('position', scene.initial.position, 'm'),
+        ('velocity', scene.initial.velocity, 'm/s'),
+    )
     if not any(places.floats(c, m, tree) for _, part, _ in initial for c, m in part.items()):
         return plan
     floating = [places.floating(f'initial.{kind}', part, tree, plan.loose, unit)

@@ -289,9 +289,7 @@ class SensorPart(*(kind.keys for kind in SENSORS.values())):  # type: ignore[mis
                 ('acceleration', 'velocity', 'displacement').index(self.quantity),
                 self.integrator.high_pass if self.integrator else None,
             ),
-            anti_alias=chain.AntiAlias(**dict(self.anti_alias))
-            if self.anti_alias
-            else None,
+            anti_alias=chain.AntiAlias(**dict(self.anti_alias)) if self.anti_alias else None,
             impact_pulse=self.impact_pulse or 0.0,
             trigger=chain.Trigger(**dict(self.trigger)) if self.trigger else None,
             converter=chain.Converter(limit, adc.bits, adc.jitter),
