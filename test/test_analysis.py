@@ -12,12 +12,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import mechanism_sim as ms
 from mechanism_sim.analysis import MotionDigest, analyze, collect_motion, render
+from mechanism_sim.analysis.details import Wanted, find_details
 from mechanism_sim.analysis.modes import MODES
+from mechanism_sim.analysis.record import read_record
+from mechanism_sim.analysis.render_details import render_details
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import message_class, serialize
 from mechanism_sim.recording import BagWriter, Qos, read_bag
 from mechanism_sim.sensing.indicators import Moments
+from mechanism_sim.sweep.plan import Extent
+from mechanism_sim.sweep.row import Task, compute
 
 # A crank at 300 rpm goes round three times in 0.6 s; a rocker swings by 1 + 2 t + 3 t^2.
 SPEED, PHASE, END = 10 * math.pi, 0.25, 0.6
@@ -533,3 +539,33 @@ def test_a_long_table_leaves_its_middle_out(tmp_path):
     lines = render(found).splitlines()
     assert '  ...' in lines
     assert sum(line.split()[1:] == ['1', '1'] for line in lines) == 12
+
+
+def test_angles_are_of_the_named_drive(tmp_path):
+    """The motor of this machine turns twice as fast as its crank; the angle is the motor's."""
+    machine = ms.load_scene('whole_machine')
+    bag = tmp_path / 'whole.mcap'
+    compute(Task('', machine.name, machine.scene, Extent(None, 0.15, 0.0), bag))
+    found = analyze(bag)
+    text = render(found)
+    hardest = max(
+        (d for j in found.impacts.joints for d in j.dominant), key=lambda d: d.normal_impulse
+    )
+    solution = ms.simulate(machine, duration=0.15)
+    own = solution.sample(np.array([hardest.time]))
+    motor, crank = (np.degrees(own[f'position.{x}'][0]) % 360.0 for x in ('motor', 'crank'))
+    assert abs(motor - crank) > 1.0
+    assert found.motion.crank == 'motor'
+    assert f', motor at {motor:.4g} deg, ' in text
+    assert 'crank at' not in text
+    (head,) = (line for line in text.splitlines() if 'largest' in line and 'at [s]' in line)
+    assert head.split() == ['joint', 'largest', 'at', '[s]', 'motor']
+
+
+def test_impacts_by_direction_name_the_drive(tmp_path):
+    machine = ms.load_scene('whole_machine')
+    bag = tmp_path / 'whole.mcap'
+    compute(Task('', machine.name, machine.scene, Extent(None, 0.15, 0.0), bag))
+    text = render_details(find_details(read_record(bag), Wanted(impacts=['coupler_rocker'])))
+    assert 'motor [deg]' in text
+    assert 'drive [deg]' not in text

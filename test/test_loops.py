@@ -118,7 +118,7 @@ def test_check_says_how_a_slider_crank_moves(tmp_path):
 
     assert notes(0, 200)[:3] == [
         'mobility: 1, as Kutzbach counts',
-        'slider-crank: the crank turns fully, stroke 0.1 m',
+        'slider-crank: the crank can turn fully, stroke 0.1 m',
         'transmission angle: 75.52 to 104.5 deg',
     ]
     # sqrt(250^2 - 20^2) - sqrt(150^2 - 20^2) mm
@@ -126,7 +126,7 @@ def test_check_says_how_a_slider_crank_moves(tmp_path):
     held = notes(20, 60)
     assert 'crank cannot turn fully: the sine of its angle to the guide stays between' in held[1]
     assert '-53.1301 and 90 deg' in held[1]
-    assert 'within 30 deg of 0 or 180 the driven end is hard to move' in held[2]
+    assert 'within 30 deg of 0 or 180 the driven end moves little: it is hard to move' in held[2]
 
 
 def test_notes_of_several_linkages_say_whose_they_are():
@@ -148,3 +148,36 @@ def test_notes_of_several_linkages_say_whose_they_are():
     assert {x.split(':')[0] for x in found[2:]} == {
         'two, bar, one', 'two, bar, three', 'one, bar, three',
     }  # fmt: skip
+
+
+TOGGLES = {
+    'toggle_press': ('upper, lower, ram', 'crank, rod, upper', '24.3071'),
+    'double_toggle_punch': ('upper_toggle, lower_toggle, punch', 'crank, coupler, upper_toggle',
+                            '18.8183'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('scene', TOGGLES)
+def test_of_a_toggle_check_says_how_it_is_swung_not_what_it_could_do_as_a_crank(scene):
+    """The angle by a second route: extremes of the swung link over a turn."""
+    toggle, by, through = TOGGLES[scene]
+    machine = ms.load_scene(scene)
+    (note,) = (n for n in check(machine).notes if n.startswith(toggle))
+    link = by.split(', ')[-1]
+    assert note == (
+        f'{toggle}: slider-crank; the {link} is moved by {by}, and swings through at most '
+        f'{through} deg'
+    )
+    if scene == 'double_toggle_punch':  # whose crank is prescribed
+        t = np.linspace(0.0, machine.period, 20001)
+        angle = ms.simulate(machine, revolutions=1).sample(t[:-1])[f'position.{link}']
+        assert np.degrees(np.ptp(angle)) == pytest.approx(float(through), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    'scene', ['toggle_press', 'double_toggle_punch', 'locking_pliers', 'punch']
+)
+def test_no_link_that_swings_is_said_to_turn_and_no_toggle_is_warned_of(scene):
+    notes = '\n'.join(check(ms.load_scene(scene)).notes)
+    assert 'turns fully' not in notes
+    assert 'hard to move' not in notes.replace('hard to move, or presses hard, as in a toggle', '')

@@ -143,3 +143,15 @@ def test_a_fit_of_a_smooth_function_reaches_rounding():
 def test_chebyshev_nodes_are_the_roots_of_the_chebyshev_polynomial():
     roots = np.sort(np.polynomial.Chebyshev.basis(7, domain=[0, 1]).roots().real)
     np.testing.assert_allclose(chebyshev_nodes(7), roots, atol=1e-15)
+
+
+def test_values_at_many_instants_are_those_at_each(curve):
+    """Coefficients are gathered block by block: no bit of a value depends on how many there are."""
+    t = np.sort(RNG.uniform(0.0, 3.0, 5000))
+    for derivative in range(3):
+        many = curve(t, derivative)
+        one_by_one = np.concatenate([curve(t[k : k + 1], derivative) for k in range(len(t))])
+        assert np.array_equal(many, one_by_one)
+    k, dt = curve.within(np.sort(RNG.uniform(0.0, 0.2, (1500, 2)), axis=1))
+    rows = np.concatenate([curve.local(k[i : i + 1], dt[i : i + 1]) for i in range(len(k))])
+    assert np.array_equal(curve.local(k, dt), rows)

@@ -27,6 +27,7 @@ from mechanism_sim.sensing.channel import Channel, Source
 
 MESHES = 1.0, 0.1
 """[deg] of the crank: steps over which an acceleration with impacts is averaged."""
+_SEGMENTS = 2048
 
 
 class Severity(NamedTuple):
@@ -134,8 +135,7 @@ def swings(
     InputError
         If a link has no sensor across it.
     """
-    machine, motion = record.machine, record.piece.motion
-    rows = [machine.physics.coordinates.index(link) for link in LINKS]
+    rows = [record.machine.physics.coordinates.index(link) for link in LINKS]
     late, early = (_deviations(record, rows, within) for within in (turns, first))
     found = {}
     for k, link in enumerate(LINKS):
@@ -312,6 +312,7 @@ def all_samples(
 ) -> tuple[Array, int]:
     """All samples of an instrument, from the start of the motion on, and how many were cut."""
     channel = Channel(mount, replace(instrument, trigger=None), name)
-    channel.take(motion)
+    for part in motion.parts(_SEGMENTS):  # samples do not depend on how a motion is cut
+        channel.take(part)
     blocks = channel.blocks(final=True)
     return np.concatenate([b.samples for b in blocks]), sum(b.overloads for b in blocks)

@@ -23,7 +23,7 @@ class Comparison(NamedTuple):
     ----------
     where : what both have in common
     ends : what differs, in words
-    expected : `MORE` or `LESS` from the first to the second, as [SB] says; empty if it says nothing
+    expected : `MORE` or `LESS` from the first to the second, as [SB] says; empty if it is silent
     """
 
     where: str

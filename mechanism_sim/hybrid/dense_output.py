@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -66,6 +67,18 @@ class Motion:
         piece = PiecewisePolynomial(starts, low, duration, curve.turns[kept], powers)
         kept_rows = self.acting[kept] if self.acting.size else self.acting
         return Motion(piece, self.modes[kept], self.approach[kept], self.torques[kept], kept_rows)
+
+    def parts(self, most: int) -> Iterator[Motion]:
+        """The same motion in consecutive parts of at most so many segments."""
+        c = self.curve
+        for first in range(0, len(self), most):
+            kept = slice(first, first + most)
+            piece = PiecewisePolynomial(
+                c.start[kept], c.start_low[kept], c.duration[kept], c.turns[kept],
+                c.coefficients[kept],
+            )  # fmt: skip
+            rows = self.acting[kept] if self.acting.size else self.acting
+            yield Motion(piece, self.modes[kept], self.approach[kept], self.torques[kept], rows)
 
     @classmethod
     def joined(cls, parts: list[Motion]) -> Motion:

@@ -82,7 +82,7 @@ def summary(found: Experiment) -> str:
         f'"+-" is the 95 % confidence interval of means over {_starts(found)}',
         f'measured is the bearing that most of the runs have, {found.counted[found.bearing]} of '
         f'{len(found.trials)}: {found.bearing}',
-        f'it is compared at {found.reference.condition.place}: {_why_reference(found)} '
+        f'it is compared at {found.reference.condition.place}: {_WHY_REFERENCE} '
         f'({_bags(found.reference)})',
     ]
     if found.assumed is found.reference:
@@ -99,14 +99,11 @@ def summary(found: Experiment) -> str:
     return '\n'.join(f'- {line}' for line in lines)
 
 
+_WHY_REFERENCE = 'the highest speed of the measured bearing, and there its largest clearance'
 _WHY_ASSUMED = (
     'of the bearings run there the nearest to what [SB] assumes: dry, the least friction, then '
     'the highest restitution'
 )
-
-
-def _why_reference(found: Experiment) -> str:
-    return 'the highest speed of the measured bearing, and there its largest clearance'
 
 
 def _starts(found: Experiment) -> str:
@@ -366,7 +363,7 @@ def to_json(found: Experiment) -> dict[str, object]:
         **found.bearing._asdict(),
         'why': f'{found.counted[found.bearing]} of {len(found.trials)} runs have this bearing',
         'alpha': None if alone else _interval(found.alpha()),
-        'reference': _compared(found.reference, _why_reference(found)),
+        'reference': _compared(found.reference, _WHY_REFERENCE),
         'assumed': _compared(found.assumed, _WHY_ASSUMED),
         'conditions': [_repeats(group) for group in found.groups],
         'claims': [] if alone and len(found.measured) < 2 else [_claim(c) for c in claims(found)],
