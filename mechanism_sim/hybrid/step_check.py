@@ -46,9 +46,7 @@ class StepCheck:
         f, m = len(system.free), len(system.guards)
         self._rates, self._watch = slice(f, 2 * f), slice(2 * f + 1, 2 * f + 1 + m)
         self._guards = m
-        self._turns = [
-            system.outside_index[system.outside.index(name)] for name in steep.outside
-        ]
+        self._turns = [system.outside_index[system.outside.index(name)] for name in steep.outside]
         self._symbols = [i for index in system.switch_index for i in index]
 
     def reach(self, time: float, tau: float, h: float) -> Reach:
