@@ -41,6 +41,8 @@ PULL = 1e-3
 _MISSING = 0.01  # of what was exchanged: more is no error of integration
 _EPSILON = float(np.finfo(float).eps)
 _EVALUATED = 64  # roundings of an energy where it is evaluated
+_CONDITIONED = 1e-11
+"""Of the kinetic energy: near singular positions a torque that is zero is known no better."""
 
 
 PROMISED = 1e-9
@@ -132,7 +134,7 @@ class Audit:
         final = self._total(motion, len(motion) - 1, float(motion.curve.duration[-1])) + made
         # every segment rounds the state that the next one begins with
         size = sum(self._size) + self._physics.lifting_energy
-        rounding = _EPSILON * size * (_EVALUATED + self._segments)
+        rounding = _EPSILON * size * (_EVALUATED + self._segments) + _CONDITIONED * self._size[0]
         return Energy(
             self._initial,
             final,

@@ -284,7 +284,7 @@ class Observer:
         farthest = self.distances(np.array(ends).T)  # in any measure the ends are the ends
         left = max(np.abs(x).max(initial=0.0) for x in (farthest, closure))
         power = (drive_torque * at.v[self.system.driven_index]).sum(axis=0)
-        return Account(N, friction[0], power, *energy, float(left))
+        return Account(N, friction[0], power, energy[0], energy[1], float(left))
 
     @cached_property
     def takes_power(self) -> bool:

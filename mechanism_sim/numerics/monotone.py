@@ -7,7 +7,7 @@ and the level below which it is for some share of the time a root of that.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -93,8 +93,9 @@ class Monotone(NamedTuple):
 
 def joined(parts: list[Monotone]) -> Monotone:
     """One from several, in the order of time."""
-    arrays = (np.concatenate(x) for x in zip(*(p[:8] for p in parts), strict=True))
-    return Monotone(*arrays, max(p.error for p in parts), sum(p.lost for p in parts))
+    arrays: Any = (np.concatenate(x) for x in zip(*(p[:8] for p in parts), strict=True))
+    found = Monotone(*arrays)
+    return found._replace(error=max(p.error for p in parts), lost=sum(p.lost for p in parts))
 
 
 def monotone(values: Values, parts: Parts, largest: float = 0.0) -> tuple[Monotone, float]:
@@ -157,8 +158,8 @@ def _cut(segment: NDArray[np.intp], begin: Array, width: Array, series: Array) -
     turns = np.sign(slope[:, 1:]) * np.sign(slope[:, :-1]) < 0.0
     which, k = np.nonzero(turns)
     own = series[which]
-    rate = legendre.legder(own, axis=1)
-    bend = legendre.legder(rate, axis=1)
+    rate: Array = np.asarray(legendre.legder(own, axis=1), np.float64)
+    bend: Array = np.asarray(legendre.legder(rate, axis=1), np.float64)
     place = _GRID[k + 1]
     for _ in range(_NEWTON):
         second = _at(bend, place)

@@ -20,7 +20,7 @@ not depend on how a motion is cut into batches, nor on what else is asked for.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +73,9 @@ class Parts(NamedTuple):
 
     def of(self, chosen: NDArray[np.intp] | slice) -> Parts:
         """Some of them."""
-        return Parts(*(row[chosen] for row in self))
+        return Parts(
+            self.segment[chosen], self.begin[chosen], self.end[chosen], self.whole[chosen]
+        )
 
 
 def parts_of(curve: PiecewisePolynomial, since: float = -np.inf, until: float = np.inf) -> Parts:
@@ -186,19 +188,18 @@ def integrate(
         interval = np.tile(interval[chosen], 2)
         halves = Parts(parts.segment[interval], begin, begin + width, np.zeros(len(begin), bool))
         now = _apply(values, halves, powers[interval], smooth).sharper()
-        total = np.zeros_like(size)
-        np.add.at(total, (slice(None), interval), np.where(wanted, now.size, 0.0))
-        size = np.fmax(size, total)
+        size = np.fmax(size, _gathered(interval, np.where(wanted, now.size, 0.0), size.shape))
         # what the halves say the whole was off by is more than what they are off by themselves
         first = interval[: len(chosen)]
         joint = parent._replace(size=_sum_of_halves(now.size))
         limit = allowed(joint, first, size, 2.0 * width[: len(chosen)])
-        agrees = np.tile(np.abs(_sum_of_halves(now.value) - parent.value) <= limit, 2)
+        with np.errstate(invalid='ignore'):
+            differ = np.abs(_sum_of_halves(now.value) - parent.value)
+        agrees = np.tile(differ <= limit, 2)
         off = np.where(agrees, np.fmin(now.error, np.tile(0.5 * limit, 2)), now.error)
         settled = agrees | (now.error <= allowed(now, interval, size, width))
         settled |= np.isnan(now.error) | (depth == _HALVINGS - 1)
-        pending = np.zeros(size.shape, np.intp)
-        np.add.at(pending, (slice(None), interval), wanted & ~settled)
+        pending = _gathered(interval, wanted & ~settled, size.shape)
         settled |= pending[:, interval] > _AT_ONCE
         rows, columns = np.nonzero(wanted & settled)
         for sums, x in ((value, now.value), (error, off)):
@@ -297,6 +298,13 @@ def _applied(x: Array, width: Array, rule: Rule) -> _Applied:
     mean = mean.reshape(shape)
     rest = (width * a.reshape(shape) for a in (error, tail, first, middle))
     return _Applied(width * value.reshape(shape), width * mean, mean, *rest)
+
+
+def _gathered(interval: NDArray[np.intp], x: NDArray[Any], shape: tuple[int, ...]) -> Array:
+    """Sums (C, m) over the parts (C, K) of each interval."""
+    found = np.zeros((shape[1], shape[0]))
+    np.add.at(found, interval, x.T)
+    return found.T
 
 
 def _sum_of_halves(x: Array) -> Array:
