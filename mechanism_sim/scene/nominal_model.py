@@ -201,7 +201,10 @@ class NominalModel(MachineModel):
         if len(prescribed) < len(laws):
             raise TypeError('a mechanism that a torque moves has equations of motion')
         q, slope, size = self.assembly.q, self.assembly.slope, self.plan.ideal.size
-        return NominalRun(self.ideal, prescribed, q, size, self._edges(), slope=slope)
+        steep = self.inverse_dynamics.steep if self.level is Level.INVERSE_DYNAMICS else None
+        return NominalRun(
+            self.ideal, prescribed, q, size, self._edges(), slope=slope, steep=steep
+        )
 
     def _edges(self) -> Edges | None:
         """Where something begins or ceases to act in the course of an ideal motion."""
