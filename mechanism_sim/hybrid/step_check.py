@@ -74,7 +74,7 @@ class StepCheck:
         """
         ta, pars, steep = self._ta, self._ta.pars, self._steep
         series = ta.tc[: self._watch.stop] * h**self._power
-        fixed = steep.fixed(pars[self._turns], pars[self._symbols])
+        fixed = np.concatenate([pars[self._turns], steep.switched(pars[self._symbols])])
         course = Course(self._moving(series, time + tau, tau, h), h, fixed, pars)
         scales = self._scales
         if steep.enclosure.guards:

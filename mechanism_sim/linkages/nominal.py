@@ -24,6 +24,7 @@ from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.linkages.four_bar import Array
 from mechanism_sim.linkages.ideal import IdealMotion
 from mechanism_sim.linkages.passage import Passage, with_limits
+from mechanism_sim.linkages.piece_ends import SHORTEST, HiddenEdges, Piece, ResolvedLoads
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
     Nodes,
@@ -37,6 +38,7 @@ from mechanism_sim.planar.branch import SAMPLES
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
 from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.unknowns import NO_WORK
 
@@ -72,6 +74,7 @@ class NominalRun:
     edges : at which pieces end: something begins or ceases to act there
     slope : direction (n,) in which the motion begins, if the first configuration is singular
     turns : whole turns (n,) of the first configuration, beside its angles
+    steep : loads that nodes on pieces must resolve
 
     Attributes
     ----------
@@ -88,12 +91,17 @@ class NominalRun:
         start: float = 0.0,
         slope: Array | None = None,
         turns: Sequence[int] | None = None,
+        steep: SteepLoads | None = None,
     ) -> None:
         self.steps = 0
         self.events = 0
         self._time = Fraction(start)
         self._ideal = ideal
         self._edges = edges
+        names, parameters = ideal.coordinates, steep.parameters if steep else ()
+        guards = edges.ranges(ideal.driven) if edges else None
+        self._hidden = HiddenEdges(guards, names, edges.parameters) if edges and guards else None
+        self._loads = ResolvedLoads(steep, names, parameters, _NODES) if steep else None
         self._laws = list(laws)
         self._scale = np.array(
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
@@ -104,6 +112,7 @@ class NominalRun:
         self._last = np.array(first, dtype=float)
         self._take_off_turns()
         self._slope = slope
+        self._present = np.zeros(0)  # values of all switches
         self._share = 0.5  # of the greatest length of a piece
         self._short = 0  # pieces in a row
 
@@ -184,10 +193,14 @@ class NominalRun:
         h = whole = float(end - self._time)
         if h <= 0.0:
             return
+        # [s] from now, where a switch has turned over between nodes, of so long a piece
+        seen: list[float] = []
+        looked = math.inf
+        resolved = self._loads is None
         while True:
             shortest = self._share < _SHORTEST
             try:
-                h = self._before_switch(h)
+                h = self._before_switch(h, seen)
                 values, slope = self._followed(h * _ENDED)
                 values = values[:, :-1]
             except RunError:  # too far for Newton's method, or for the mechanism
@@ -195,14 +208,23 @@ class NominalRun:
                     raise
             else:
                 terms = np.abs(chebyshev_coefficients(values)).T / self._scale
-                # a displacement without bounds rounds by its size, a rack's after many turns
-                size = _EPS * np.abs(values).max(axis=1) / self._scale
-                tail = (terms[-2:] - _ROUNDED * size).max()
-                if shortest or tail <= _TAIL:
-                    break
-                # beside a nearly singular position rounding is larger: no halving helps
-                if slope is None and tail <= _ROUNDED * self._ideal.rounding(values):
-                    break
+                if shortest or self._is_exact(values, terms, slope):
+                    coefficients = self._fitted(values, h)
+                    if not (self._hidden or self._loads):
+                        break
+                    turns, now = self._turns.tolist(), self.time
+                    piece = Piece(coefficients, h, now, turns, self._present)
+                    if self._hidden and h < looked:
+                        looked, seen = h, [h * x for x in self._hidden.within(piece)]
+                        if seen:
+                            continue
+                    share = 1.0
+                    if not resolved and h > SHORTEST * self._width():
+                        share = self._resolved(piece)
+                    if share == 1.0:
+                        break
+                    h, resolved = share * h, True
+                    continue
             self._share *= 0.5
             h *= 0.5
         self._short = self._short + 1 if self._share < _SHORT else 0
@@ -211,11 +233,6 @@ class NominalRun:
                 f'the mechanism cannot be followed beyond t = {self.time:.6g} s: '
                 'its closures hardly determine it there'
             )
-        coefficients = fit_powers(values, h)
-        for law, i in zip(self._laws, self._ideal.driven, strict=True):
-            _, local = law.about(self._time)
-            coefficients[i] = 0.0
-            coefficients[i, : len(local)] = local
         self._pieces.append((self._time, h, self._turns.copy(), coefficients))
         # terms decay geometrically: those in the middle foretell the last ones of twice the length
         if 2.0 ** len(_NODES) * float(terms[6:9].max()) ** 2 <= 0.1 * _TAIL:
@@ -232,8 +249,36 @@ class NominalRun:
         self._turns += whole.astype(np.int64)
         self._last -= TWO_PI * whole
 
-    def _before_switch(self, h: float) -> float:
-        """The next h [s], or as much of it as ends where another row of a switch begins."""
+    def _is_exact(self, values: Array, terms: Array, slope: Array | None) -> bool:
+        """Whether polynomials through values (n, m), of Chebyshev terms (m, n), are the motion."""
+        # a displacement without bounds rounds by its size, a rack's after many turns
+        size = _EPS * np.abs(values).max(axis=1) / self._scale
+        tail = (terms[-2:] - _ROUNDED * size).max()
+        if tail <= _TAIL:
+            return True
+        # beside a nearly singular position rounding is larger: no halving helps
+        return bool(slope is None and tail <= _ROUNDED * self._ideal.rounding(values))
+
+    def _fitted(self, values: Array, h: float) -> Array:
+        """Coefficients (n, m) of powers of the time through values at nodes; laws as they are."""
+        coefficients = fit_powers(values, h)
+        for law, i in zip(self._laws, self._ideal.driven, strict=True):
+            _, local = law.about(self._time)
+            coefficients[i] = 0.0
+            coefficients[i, : len(local)] = local
+        return coefficients
+
+    def _resolved(self, piece: Piece) -> float:
+        """Share of a piece on which its nodes tell all of its loads."""
+        assert self._loads is not None  # noqa: S101 - nobody asks otherwise
+        rates = [abs(law.about(self._time)[1][1]) for law in self._laws if law.degree]
+        return self._loads.share(piece, max(rates, default=0.0))
+
+    def _before_switch(self, h: float, looked: Sequence[float] = ()) -> float:
+        """The next h [s], or as much of it as ends where another row of a switch begins.
+
+        It is looked for at the nodes, and at the times in `looked`.
+        """
         edges = self._edges
         if edges is None:
             return h
@@ -242,12 +287,14 @@ class NominalRun:
         def states(times: Array) -> Array:
             return self._states(edges, times, follow)
 
-        times, rounding = h * _ENDED, _EPS * h
+        beside = [t for t in looked if t < h]
+        times, rounding = np.sort([*(h * _ENDED), *beside]), _EPS * h
         every = states(times)
         edges.check(every[: len(self._last)])
         for ahead in (0.0, _AHEAD * h):  # what begins at an edge has the rows behind it
             present = edges.present(states(np.array([ahead]))[:, 0])
             seen = edges.left(every, present)
+            self._present = present[:, 0]
             over = np.flatnonzero((seen < 0.0).any(axis=0))
             if not over.size:
                 return h

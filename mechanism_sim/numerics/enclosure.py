@@ -416,6 +416,83 @@ class Enclosure:
         return Parts(*found.reshape(3, self.count, count))
 
 
+class Ranges:
+    """Enclosures of expressions themselves: by their balls, and by their slopes about middles.
+
+    Parameters
+    ----------
+    moving : v symbols that have a radius in a part
+    fixed : w symbols that have none
+    """
+
+    def __init__(
+        self,
+        expressions: Sequence[hy.expression],
+        moving: Sequence[hy.expression],
+        fixed: Sequence[hy.expression],
+    ) -> None:
+        rates = [hy.make_vars(f'slope{k}') for k in range(len(moving))]
+        slopes = [
+            hy.sum([hy.expression(0.0), *(hy.diff(x, z) * dz for z, dz in zip(moving, rates))])  # noqa: B905
+            for x in expressions
+        ]
+        moves = [*moving, *rates]
+        program = _program((*expressions, *slopes), (*moves, *fixed))
+        radii = {str(x): hy.make_vars(f'radius{k}') for k, x in enumerate(moves)}
+        balls = [_forward(program, radii)[k] for k in program.roots]
+        outputs = [x.middle for x in balls]
+        outputs += [hy.expression(0.0) if x.radius is None else x.radius for x in balls]
+        inputs = [*moves, *radii.values(), *fixed]
+        self._function = compiled.function([hy.expression(0.0) + x for x in outputs], inputs)
+        self._count = len(expressions)
+
+    def __call__(self, course: Course, begin: Array, width: float) -> tuple[Array, Array, Array]:
+        """Values in the middles of parts; the least in them; whether there is none inside.
+
+        Each (g, N), of parts of a width from 0 to 1. The least is below what is there; it lies at
+        an end where the expression rises or falls all the way.
+        """
+        series, _, fixed, parameters = course
+        v, order = len(series), series.shape[1] - 1
+        both = np.zeros((2 * v, order + 1))
+        both[:v] = series
+        both[v:, :-1] = series[:, 1:] * np.arange(1, order + 1)
+        count = len(begin)
+        given = np.empty((4 * v + len(fixed), count))
+        if width == 1.0:
+            halves, rest = _halves(order + 1)
+            given[: 2 * v, 0], given[2 * v : 4 * v, 0] = both @ halves, np.abs(both) @ rest
+        else:
+            shift = _shift(order, begin + 0.5 * width)
+            given[: 2 * v], given[2 * v : 4 * v] = _on_parts(both, shift, 0.5 * width)
+        given[4 * v :] = fixed[:, None]
+        known = np.repeat(parameters[: self._function.nparams, None], count, axis=1)
+        values, slope, reach, spread = self._function(given, pars=known).reshape(4, -1, count)
+        with np.errstate(all='ignore'):
+            off = np.fmin(reach, 0.5 * width * (np.abs(slope) + spread))
+            return values, values - off, np.abs(slope) > spread
+
+
+def falls(ranges: Ranges, course: Course) -> list[float]:
+    """Places from 0 to 1 where an expression is below zero, though it is not at both ends.
+
+    At least one in the first stretch where that is so, if there is any that is not a point.
+    """
+    begin, width = _ENDS[:1], 1.0
+    found: list[float] = []
+    for _ in range(_DEEPEST):
+        values, least, straight = ranges(course, begin, width)
+        below = (values < 0.0).any(axis=0)
+        found += (begin + 0.5 * width)[below].tolist()
+        first = min(found, default=np.inf)
+        unsure = ~((least >= 0.0) | straight).all(axis=0) & ~below & (begin < first)
+        if not unsure.any():
+            break
+        width *= 0.5
+        begin = np.stack([begin[unsure], begin[unsure] + width], axis=1).ravel()[:_MOST]
+    return sorted(found)
+
+
 @lru_cache(maxsize=64)
 def _program(
     expressions: tuple[hy.expression, ...], variables: tuple[hy.expression, ...]

@@ -21,6 +21,7 @@ from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
+from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
 from mechanism_sim.planar.switches import REST
 from mechanism_sim.planar.unknowns import Effort, UnknownLoad, Unknowns
@@ -133,6 +134,8 @@ class InverseDynamics:
         frames = self.equations.frames
         self._loads = [x for e in elements for x in e.loads(frames)]
         self.unknowns = Unknowns(mechanism, frames, unknowns, efforts or {}, driven)
+        supplied = [e for e in (efforts or {}).values() if isinstance(e, ForceElement)]
+        self._given = [*elements, *supplied]
         self._rubs = rubs(frictions, frames)
         self._loads += [load for rub in self._rubs for load in rub.loads]
 
@@ -145,6 +148,13 @@ class InverseDynamics:
     def formulas(self) -> set[str]:
         """Names of the loads that formulas give, which may be out of their range."""
         return self.equations.frames.formulas
+
+    @cached_property
+    def steep(self) -> SteepLoads | None:
+        """Loads that may be steep somewhere, and given efforts, if there are any."""
+        if not self.formulas:
+            return None
+        return SteepLoads(self.mechanism, self.equations.frames, self._given)
 
     @cached_property
     def edges(self) -> Edges | None:

@@ -47,6 +47,7 @@ class PairClosure(Relation, Protocol):
         """That it belongs to."""
 
 
+@runtime_checkable
 class ForceElement(Protocol):
     """Forces on links that need no gap, such as those of an oil film or a spring."""
 

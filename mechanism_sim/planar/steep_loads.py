@@ -29,6 +29,8 @@ class SteepLoads:
     timed : whether they depend on the time, too
     outside : names of turns that they ask for
     symbols : (w,) indices of those of all switches that they depend on
+    loads, variables : expressions; of what moves, of the time, of turns, and of switches
+    parameters : values of ``par[]``
     inertia : of each load the least that it moves [kg m, kg m^2]
     """
 
@@ -70,12 +72,13 @@ class SteepLoads:
         ]
         moves = [x for *_, x in moving] + ([frames.outside['time']] if self.timed else [])
         self.inertia = np.array([s for _, s in known])
-        self.enclosure = Enclosure(
-            expressions, guards, moves, [*turns.values(), *(x for *_, x in used)]
-        )
+        fixed = [*turns.values(), *(x for *_, x in used)]
+        self.parameters = frames.parameters.values
+        self.loads, self.variables = expressions, [*moves, *fixed]
+        self.enclosure = Enclosure(expressions, guards, moves, fixed)
 
-    def fixed(self, turns: Array, symbols: Array) -> Array:
-        """What `Course.fixed` is, of the turns in `outside` and the values of all switches.
+    def switched(self, symbols: Array) -> Array:
+        """Values (w,) of the switches that the loads depend on, of those of all switches.
 
         Of a load that holds both branches count.
         """
@@ -83,7 +86,7 @@ class SteepLoads:
         for row, holds in self._held:
             if symbols[holds] > 0.0:
                 chosen[row] = 0.5
-        return np.concatenate([turns, chosen])
+        return chosen
 
 
 def _is_of_formula(name: str, loads: set[str]) -> bool:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.numerics import compiled
+from mechanism_sim.numerics.enclosure import Ranges
 from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames
@@ -122,6 +124,15 @@ class _Switches:
         return len(self._levels)
 
 
+class GuardRanges(NamedTuple):
+    """Enclosures of guards of switches, and what they depend on."""
+
+    moving: list[tuple[int, int]]  #: derivatives and indices of coordinates
+    timed: bool  #: whether it takes the time, too
+    outside: tuple[str, ...]  #: names of turns
+    ranges: Ranges
+
+
 class Edges:
     """Where along a motion other rows of switches begin.
 
@@ -136,6 +147,7 @@ class Edges:
     outside : what must be known beside the motion: ``time``, ``COORDINATE.turns``
     coordinates : the indices of those that it takes to know, by their values or their rates
     rated : whether it takes any rate
+    parameters : values of ``par[]``
     """
 
     def __init__(self, frames: Frames) -> None:
@@ -154,9 +166,38 @@ class Edges:
             [s.guard for s in every], [*variables, *self._switches.symbols]
         )
         self._guards = Evaluation(function, frames.parameters.values, [len(every)])
+        self._frames, self.parameters = frames, frames.parameters.values
         # what rests has a rate that is nothing but rounding
         held = [isinstance(s, Switch) and s.holds is not None for s in every]
         self._slack = np.where(held, REST, 0.0)[:, None]
+
+    def ranges(self, driven: Sequence[int]) -> GuardRanges | None:
+        """Enclosures of what falls below zero where rows end; None if nothing can hide.
+
+        Rows of a table follow each other along a coordinate that is driven: the next one is left
+        no sooner than at another edge.
+        """
+        frames = self._frames
+        steady = {str(list(frames.q.values())[i]) for i in driven}
+        guards = [
+            s.guard
+            for s in self._every
+            if isinstance(s, Switch) or not steady.issuperset(hy.get_variables(s.place))
+        ]
+        if not guards:
+            return None
+        named = {x for guard in guards for x in hy.get_variables(guard)}
+        moving = [
+            (derivative, i, x)
+            for derivative, symbols in enumerate((frames.q, frames.v))
+            for i, x in enumerate(symbols.values())
+            if str(x) in named
+        ]
+        timed = str(frames.outside.get('time')) in named
+        turns = {n: x for n, x in frames.outside.items() if n != 'time' and str(x) in named}
+        moves = [x for *_, x in moving] + ([frames.outside['time']] if timed else [])
+        ranges = Ranges(guards, moves, [*turns.values(), *self._switches.symbols])
+        return GuardRanges([(d, i) for d, i, _ in moving], timed, tuple(turns), ranges)
 
     def check(self, q: Array) -> None:
         """Refuse coordinates (n, N) at rest, at time zero, where a switch has no row.

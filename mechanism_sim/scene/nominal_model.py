@@ -201,8 +201,9 @@ class NominalModel(MachineModel):
         if len(prescribed) < len(laws):
             raise TypeError('a mechanism that a torque moves has equations of motion')
         at, ideal = self.assembly, self.plan.ideal
+        steep = self.inverse_dynamics.steep if self.level is Level.INVERSE_DYNAMICS else None
         return NominalRun(
-            self.ideal, prescribed, at.q, ideal.size, self._edges(), slope=at.slope,
+            self.ideal, prescribed, at.q, ideal.size, self._edges(), slope=at.slope, steep=steep,
             turns=[self.turned.get(c, 0) for c in ideal.coordinates],
         )  # fmt: skip
 
