@@ -80,7 +80,7 @@ def test_peaks_of_a_motion_have_their_duration():
     peaks, bearings = LoadPeaks(machine.physics, shapes=True), BearingCollector(machine)
     for piece in ms.stream(machine, duration=0.5):
         peaks.add(piece.motion)
-    loads = of_motion(peaks, bearings, lambda t: None)
+    loads = of_motion(peaks, bearings, lambda _: None)
     found = ms.cycle(machine, samples=36).peaks()
     for peak in (*loads.joints, loads.drive_torque):
         name = f'reaction.{peak.name}.size' if peak.name != 'drive' else 'drive_torque'
