@@ -12,10 +12,11 @@ from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.batch_means import batches, ratio
 from mechanism_sim.study.losses import losses
 from mechanism_sim.study.periodic import Section, find_periodic
 from mechanism_sim.study.starts import starts
-from mechanism_sim.study.statistics import batches, ratio, statistics
+from mechanism_sim.study.statistics import statistics
 
 JOINT = 'joints.coupler_rocker.clearance'
 SCENES = {
@@ -203,6 +204,11 @@ def test_a_run_of_a_loose_machine_has_means_with_intervals():
         assert own[name]['mean'] == pytest.approx(mean.mean, rel=1e-12)
         assert own[name]['half_width'] == pytest.approx(mean.half_width, rel=1e-12)
     assert own['I_n']['mean'] == pytest.approx(expected.I_n, rel=1e-12)
-    text = run('solve', 'four_bar_clearance', '--revolutions', '24').stdout
+    measure = 'count(impacts, per revolution)'
+    length = ['--revolutions', '24', '--measure', measure]
+    measured = run_json('solve', 'four_bar_clearance', *length)['measures'][measure]
+    assert measured['value'] == pytest.approx(own['impacts']['mean'], rel=1e-12)
+    assert measured['half_width'] == pytest.approx(own['impacts']['half_width'], rel=1e-12)
+    text = run('solve', 'four_bar_clearance', *length).stdout
     assert f'per revolution {own["impacts"]["mean"]:.6g} +- ' in text
     assert run_json('solve', 'four_bar_nominal', '--revolutions', '3')['per_revolution'] is None

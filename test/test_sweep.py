@@ -20,7 +20,8 @@ from running import TIMEOUT, command, environment, run, run_json
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import InputError
-from mechanism_sim.study.statistics import ratio, statistics
+from mechanism_sim.numerics.batch_means import ratio
+from mechanism_sim.study.statistics import statistics
 from mechanism_sim.sweep.plan import Extent, read_plan
 from mechanism_sim.sweep.row import DONE, Task, compute
 from mechanism_sim.sweep.run import SweepInterrupted, sweep

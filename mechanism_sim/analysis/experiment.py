@@ -36,11 +36,11 @@ from mechanism_sim.analysis.swing import (
 )
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.scene import Machine, simulate
 from mechanism_sim.sensing.angular_acceleration import TurningLink
 from mechanism_sim.sensing.chain import Instrument
 from mechanism_sim.sensing.reconstruction import Error
-from mechanism_sim.study.statistics import ratio
 
 JOINT = 'coupler_rocker'
 MESH = MESHES[-1]

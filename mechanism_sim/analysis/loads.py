@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.shafts import shaft_columns
 from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.peak_shapes import PeakShape
 from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.hybrid.sampling import Samples
 from mechanism_sim.numerics.extremes import ExtremeSearch
@@ -33,6 +34,10 @@ class Peak:
     value: float  #: [N] magnitude of a force; [N m] torque, with its sign
     time: float  #: [s]
     crank_angle: float | None  #: [rad] in [0, 2 pi), None where the motion is not recorded
+    #: [s] for which the load is above half of the peak, as far as that is known of the motion
+    duration: float | None = None
+    impulse: float | None = None  #: of the magnitude in that time [N s, N m s]
+    whole: bool = True  #: whether the load was below half of the peak before and after
 
 
 @dataclass(frozen=True)
@@ -131,10 +136,19 @@ def of_motion(
     def peak(name: str, value: float, time: float) -> Peak:
         return Peak(name, value, time, crank_angle(time))
 
-    joints = tuple(peak(joint, *found) for joint, found in peaks.forces.items())
+    def shaped(one: Peak, shape: PeakShape | None) -> Peak:
+        if shape is None:
+            return one
+        return replace(one, duration=shape.duration, impulse=shape.impulse, whole=shape.whole)
+
+    of_forces, of_torques = peaks.shapes
+    joints = tuple(
+        shaped(peak(joint, *found), of_forces.get(joint)) for joint, found in peaks.forces.items()
+    )
     torque = next(iter(peaks.torques.values()), (0.0, joints[0].time))
+    drive = shaped(peak('drive', *torque), next(iter(of_torques.values()), None))
     forces, moments = bearings.peaks(crank_angle)
-    return LoadSummary(None, (*joints, *forces), peak('drive', *torque), moments)
+    return LoadSummary(None, (*joints, *forces), drive, moments)
 
 
 class BearingCollector:

@@ -120,15 +120,22 @@ def _modes(joints: tuple[JointModes, ...]) -> Iterator[str]:
 
 
 def _loads(drive: str, loads: LoadSummary) -> Iterator[str]:
-    def row(peak: Peak, unit: str) -> tuple[str, str, float, str]:
+    def row(peak: Peak, unit: str) -> tuple[str, str, float, str, str, str]:
         angle = '' if peak.crank_angle is None else f'{math.degrees(peak.crank_angle):.4g} deg'
-        return peak.name, f'{peak.value:.6g} {unit}', peak.time, angle
+        value, least = f'{peak.value:.6g} {unit}', '' if peak.whole else '>= '
+        if peak.duration is None or peak.impulse is None:
+            return peak.name, value, peak.time, angle, '', ''
+        impulse = f'{least}{peak.impulse:.4g} {unit.rstrip()} s'
+        return peak.name, value, peak.time, angle, f'{least}{peak.duration:.4g} s', impulse
 
     rows = [row(peak, 'N  ') for peak in loads.joints] + [row(loads.drive_torque, 'N m')]
     rows += [row(peak, 'N m') for peak in loads.moments]
     published = '' if loads.samples is None else f', of {loads.samples} published instants'
     yield f'loads between impacts{published}'
-    yield from table(('joint', 'largest', 'at [s]', drive), rows)
+    if any(row[4] for row in rows):
+        yield from table(('joint', 'largest', 'at [s]', drive, 'above half for', 'impulse'), rows)
+    else:
+        yield from table(('joint', 'largest', 'at [s]', drive), [row[:4] for row in rows])
 
 
 def _energy(e: EnergySummary) -> Iterator[str]:

@@ -139,7 +139,7 @@ class _Run:
     """What is gathered during the pass."""
 
     def __init__(self, driven: str | None, machine: Machine | None) -> None:
-        self.peaks = LoadPeaks(machine.physics) if machine else None
+        self.peaks = LoadPeaks(machine.physics, shapes=True) if machine else None
         self.ranges = PartRanges(machine) if machine else None
         self.bearings = BearingCollector(machine) if machine else None
         self._driven = driven

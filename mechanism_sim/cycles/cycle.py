@@ -23,6 +23,7 @@ from mechanism_sim.cycles.strokes import Swing, find_swings
 from mechanism_sim.cycles.time_integrals import Estimate, TimeIntegrals
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid import plotting
+from mechanism_sim.hybrid.peak_shapes import PeakShape, peak_shape
 from mechanism_sim.hybrid.physics import each_instant
 from mechanism_sim.hybrid.sampling import table
 from mechanism_sim.hybrid.solution import Solution
@@ -212,6 +213,31 @@ class Cycle(plotting.Rich):
             found |= find_extremes(at, own, spans, drive, size) if own else {}
         return {name: found[name] for name in names}
 
+    def peaks(self) -> dict[str, PeakShape]:
+        """How long the largest forces and efforts last, and what impulse they carry, by column.
+
+        Of the sizes of forces, normal forces of contacts, and efforts of drives.
+        """
+        return self._peaks
+
+    @cached_property
+    def _peaks(self) -> dict[str, PeakShape]:
+        curve = self.solution.motion.between(float(self.t[0]), float(self.t[-1])).curve
+        found = {}
+        for name, ends in self.extremes().items():
+            low, high = ends.least, ends.greatest
+            top = low if -low.value > high.value else high
+            if not _is_load(name) or ends.constant or not top.value:
+                continue
+
+            def size(k: NDArray[np.intp], dt: Array | Nodes, name: str = name) -> Array:
+                each, since = each_instant(curve, k, dt)
+                t = curve.start[each] + (curve.start_low[each] + since)
+                return np.asarray(np.abs(self.at(t, with_work=False)[name]))
+
+            found[name] = peak_shape(size, curve, top.t, abs(top.value))
+        return found
+
     def swings(self) -> dict[str, Swing]:
         """How far each coordinate goes, and in which strokes, by coordinate."""
         names, found = self.machine.physics.coordinates, self.extremes()
@@ -399,6 +425,13 @@ def is_steady(machine: Machine) -> bool:
         return False
     ratios = [speed / speeds[0] for speed in speeds]
     return all(abs(ratio - round(ratio)) < 1e-9 for ratio in ratios)
+
+
+def _is_load(name: str) -> bool:
+    """Whether a column is the size of a force, or of a drive's effort."""
+    kind = name.partition('.')[0]
+    sized = kind in ('reaction', 'shaking_force', 'bearing_force') and name.endswith('.size')
+    return sized or kind in ('normal_force', 'drive_torque')
 
 
 def path_columns(name: str, track: Array) -> dict[str, Array]:

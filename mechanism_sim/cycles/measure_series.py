@@ -20,6 +20,7 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.channel import Channel
 
 _BISECTIONS = 60
+_OF_EACH = ('mean', 'rms', 'percentile')  # which weigh events by number, not by time
 
 
 class Turns:
@@ -196,9 +197,9 @@ class Series:
         return t[inside], x[inside]
 
     def note(self, f: Figure, count: int) -> str:
-        """Of how many samples a figure is; of events it is exact."""
+        """Of how many samples a figure is, or events if it weighs each of them alike."""
         kind, name, _ = self._parts[f.names[0]]
         if kind != 'sensors':
-            return EXACT
+            return f'of {count} {kind}' if f.function in _OF_EACH else EXACT
         rate = self._machine.scene.sensors[str(name)].sample_rate
         return f'of {count} samples at {rate:g} Hz'

@@ -24,6 +24,7 @@ from mechanism_sim.cycles.quantities import Quantities
 from mechanism_sim.cycles.time_integrals import EXACT
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.solution import Piece
+from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.scene import Machine, stream
 from mechanism_sim.units import product
 
@@ -43,6 +44,7 @@ class Measured(NamedTuple):
     unit: str
     text: str
     resolution: str
+    half_width: float = math.nan
 
 
 class Measurement:
@@ -138,9 +140,18 @@ class Measurement:
             value = measure.value(lambda f: results[f][0])
             said = dict.fromkeys(results[f][1] for f in measure.figures)
             resolution = ', '.join([s for s in said if s != EXACT]) or EXACT
-            x = as_float(value.x)
-            out.append(Measured(measure.name, x, value.unit, measure.text, resolution))
+            x, half = as_float(value.x), self._half_width(measure)
+            out.append(Measured(measure.name, x, value.unit, measure.text, resolution, half))
         return out
+
+    def _half_width(self, measure: Measure) -> float:
+        """Of the 95 % confidence interval of a mean over the revolutions of a loose machine."""
+        windows = [self._figures[f] for f in measure.figures]
+        if not (self._machine.clearances and windows and all(w.per_revolution for w in windows)):
+            return math.nan
+        turns = zip(*(self._figures[f].each_turn(f) for f in measure.figures), strict=False)
+        values = [_of_turn(measure, turn) for turn in turns]
+        return ratio(np.array(values), np.ones(len(values)))[1] if len(values) > 1 else math.nan
 
     def found_each_turn(self) -> list[tuple[str, str, Array]]:
         """Name, unit and values (n,) in n whole revolutions; of measures by `per_turn` only."""
@@ -149,13 +160,16 @@ class Measurement:
         out = []
         for m in self.measures:
             turns = zip(*(results[f] for f in m.figures), strict=True)
-            values = [
-                m.value(dict(zip(m.figures, [v for v, _ in turn], strict=True)).__getitem__)
-                for turn in turns
-            ]
-            unit = values[0].unit if values else ''
-            out.append((m.name, unit, np.array([as_float(v.x) for v in values])))
+            values = [_of_turn(m, turn) for turn in turns]
+            unit = self.units()[m.name] if values else ''
+            out.append((m.name, unit, np.array(values)))
         return out
+
+
+def _of_turn(measure: Measure, turn: Sequence[tuple[Value, str]]) -> float:
+    """A measure by its figures in one revolution."""
+    known = dict(zip(measure.figures, [value for value, _ in turn], strict=True))
+    return as_float(measure.value(known.__getitem__).x)
 
 
 def per_turn(measures: Sequence[Measure], skip: int) -> list[Measure]:
@@ -237,7 +251,7 @@ class Window:
     def __init__(self, turns: Turns, since: Bound, until: Bound, each_turn: bool) -> None:
         self.figures: list[Figure] = []
         self._turns, self._since, self._until = turns, since, until
-        self._each_turn = each_turn
+        self.per_revolution = each_turn
         self._tallies: list[Tally] = []
         self._ends: list[float] = []
         self._turn = 0
@@ -253,7 +267,7 @@ class Window:
         """Enter a piece."""
         since, until = self._turns.time(self._since), self._turns.time(self._until)
         edges = self._turns.edges
-        if not self._each_turn:
+        if not self.per_revolution:
             self._tally.add(piece, since, until)
             return
         while True:
@@ -278,7 +292,7 @@ class Window:
 
     def result(self, f: Figure) -> tuple[Value, str]:
         """The value of a figure, and its resolution."""
-        if not self._each_turn:
+        if not self.per_revolution:
             since, until = self._turns.time(self._since), self._turns.time(self._until)
             if f.of_events:
                 return self._of_events(f, since, min(until, math.inf), last=True)

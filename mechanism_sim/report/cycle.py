@@ -13,6 +13,7 @@ from mechanism_sim.cycles.strokes import Swing
 from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
 from mechanism_sim.units import for_people
 
+_SHORT = 0.05  # of the cycle
 _COMPONENTS = ('x', 'y')
 _SWING = ('size', 'turns', 'period', 'rising', 'falling', 'standing', 'time_ratio')
 
@@ -35,6 +36,7 @@ def render(cycle: Cycle) -> str:
         [
             f'{machine.name}: {len(cycle.t)} samples from {span}',
             *_extremes(cycle),
+            *_peaks(cycle),
             *_swings(cycle),
             *_drive(cycle),
             *describe_no_limits(machine, cycle.no_limits),
@@ -60,6 +62,16 @@ def _extremes(cycle: Cycle) -> list[str]:
             )
     head = ('', 'unit', 'least', f'at {cycle.drive}', 'greatest', f'at {cycle.drive}')
     return text_table.lines([head, *rows], 2)
+
+
+def _peaks(cycle: Cycle) -> Iterator[str]:
+    """Peaks that are short beside the cycle, where their height alone would mislead."""
+    for name, shape in cycle.peaks().items():
+        if shape.whole and shape.duration <= _SHORT * cycle.duration:
+            yield (
+                f'{name} is above half of its peak for {shape.duration:.4g} s, which carries '
+                f'{shape.impulse:.4g} {unit_of(cycle.machine, name)} s'
+            )
 
 
 def _swings(cycle: Cycle) -> Iterator[str]:
@@ -121,6 +133,13 @@ def to_json(cycle: Cycle) -> dict[str, object]:
         'extremes': {
             name: {'least': _extreme(ends.least), 'greatest': _extreme(ends.greatest)}
             for name, ends in cycle.extremes().items()
+        },
+        'peaks': {
+            name: {
+                'begin': x.begin, 'end': x.end, 'duration': x.duration, 'impulse': x.impulse,
+                'whole': x.whole,
+            }
+            for name, x in cycle.peaks().items()
         },
         'swings': {name: _swing(swing) for name, swing in cycle.swings().items()},
         'rms': {name: strict_json.plain(cycle.rms(name)) for name in cycle.drive_torques},

@@ -19,10 +19,15 @@ def lines(found: Sequence[Measured], indent: str = '  ') -> list[str]:
     for m in found:
         unit, scale = for_people(m.unit, abs(m.value))
         said = [m.text] * (m.name != m.text) + [m.resolution] * (m.resolution != EXACT)
-        value = 'none' if math.isnan(m.value) else f'{scale * m.value:.6g}'
+        value = 'none' if math.isnan(m.value) else f'{scale * m.value:.6g}{_interval(m, scale)}'
         rows.append((m.name, value, unit, '; '.join(said)))
     kept = text_table.lines(rows, (0, 2, 3), indent + '  ')
     return [f'{indent}measures', *kept]
+
+
+def _interval(m: Measured, scale: float) -> str:
+    """Of a mean over revolutions."""
+    return f' +- {scale * m.half_width:.2g}' if math.isfinite(m.half_width) else ''
 
 
 def rows(found: Sequence[Measured]) -> tuple[tuple[str, str], ...]:
@@ -31,7 +36,9 @@ def rows(found: Sequence[Measured]) -> tuple[tuple[str, str], ...]:
     for m in found:
         unit, scale = for_people(m.unit, abs(m.value))
         what = m.name if m.name == m.text else f'{m.name}: {m.text}'
-        value = 'none' if math.isnan(m.value) else f'{scale * m.value:.6g} {unit}'.rstrip()
+        value = 'none'
+        if not math.isnan(m.value):
+            value = f'{scale * m.value:.6g}{_interval(m, scale)} {unit}'.rstrip()
         pairs.append((what, value if m.resolution == EXACT else f'{value} ({m.resolution})'))
     return tuple(pairs)
 
@@ -47,6 +54,7 @@ def to_json(found: Sequence[Measured]) -> dict[str, object]:
                 'unit': m.unit,
                 'text': m.text,
                 'resolution': m.resolution,
+                **({'half_width': m.half_width} if math.isfinite(m.half_width) else {}),
             }
             for m in found
         }

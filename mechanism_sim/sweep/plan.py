@@ -18,6 +18,7 @@ from mechanism_sim.catalogue import config_folder, sweep_names
 from mechanism_sim.cycles.measure_text import Measure as OwnMeasure
 from mechanism_sim.cycles.measure_text import read_all
 from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.numerics.batch_means import BATCHES
 from mechanism_sim.scene import Machine, span
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import (
@@ -29,7 +30,6 @@ from mechanism_sim.scene.files import (
 )
 from mechanism_sim.scene.quantities import Part
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.study.statistics import BATCHES
 from mechanism_sim.sweep.figures import RESERVED, Column, of_sensors, own_columns
 from mechanism_sim.sweep.schema import DesignPart, SweepFile
 from mechanism_sim.sweep.windows import Windows

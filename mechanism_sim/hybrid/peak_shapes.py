@@ -1,0 +1,111 @@
+"""How long a load is above half of its peak, and what impulse it carries meanwhile.
+
+A peak of some microseconds and one of a second are not the same to a bearing: the duration tells
+them apart, and the impulse is what a mass feels of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
+from mechanism_sim.numerics.quadrature import Parts, integrate
+
+Magnitude = Callable[[NDArray[np.intp], Array | Nodes], Array]
+"""Magnitudes (N,) of a load in segments of a motion, instants as of ``curve.at``."""
+
+LEVEL = 0.5
+"""Of the peak: as long as a load is above it, that is the peak."""
+
+_LOOKS = np.linspace(0.0, 1.0, 17)  # of a segment
+_AT_ONCE = 16  # segments
+_MOST = 2048  # segments to either side; what lasts longer is no peak but the load
+_ROUNDS = 8  # of 16 parts each, in which its end is located
+
+
+class PeakShape(NamedTuple):
+    """The time around a peak in which a load is above half of it."""
+
+    begin: float  #: [s]
+    end: float  #: [s]
+    impulse: float  #: of the magnitude in that time [N s, N m s]
+    whole: bool  #: whether it is below half of the peak before and after, as far as is known
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return self.end - self.begin
+
+
+def peak_shape(
+    magnitude: Magnitude, curve: PiecewisePolynomial, time: float, height: float
+) -> PeakShape:
+    """The shape of a peak of some height at a time [s] of a motion."""
+    k, into = _place(magnitude, curve, time)
+    low = _side(magnitude, curve, k, into, LEVEL * height, -1)
+    high = _side(magnitude, curve, k, into, LEVEL * height, 1)
+    segments = np.arange(low.segment, high.segment + 1)
+    begin, end = np.zeros(len(segments)), curve.duration[segments].copy()
+    begin[0], end[-1] = low.into, high.into
+    held = begin < end
+    parts = Parts(segments[held], begin[held], end[held], np.zeros(int(held.sum()), bool))
+    found = integrate(lambda k, dt: magnitude(k, dt)[None], parts)
+    first, last = (
+        float(curve.start[x.segment] + (curve.start_low[x.segment] + x.into)) for x in (low, high)
+    )
+    return PeakShape(first, last, float(found.value.sum()), low.known and high.known)
+
+
+def _place(magnitude: Magnitude, curve: PiecewisePolynomial, time: float) -> tuple[int, float]:
+    """Segment and time since its start [s]: at a jump those on whose side the load is larger."""
+    (k,), (into,) = curve.find(np.array([time]))
+    near = 256.0 * float(np.spacing(abs(time) + 1e-300))
+    found = [(int(k), float(into))]
+    if into <= near and k > 0:
+        found.append((int(k) - 1, float(curve.duration[k - 1])))
+    if into >= curve.duration[k] - near and k + 1 < len(curve):
+        found.append((int(k) + 1, 0.0))
+    sizes = magnitude(np.array([x for x, _ in found]), np.array([x for _, x in found]))
+    return found[int(np.nan_to_num(sizes).argmax())]
+
+
+class _Side(NamedTuple):
+    segment: int
+    into: float  # [s] after its start
+    known: bool  # whether the load falls below the level there
+
+
+def _side(
+    magnitude: Magnitude, curve: PiecewisePolynomial, k: int, into: float, level: float, way: int
+) -> _Side:
+    """Where a load falls below a level, before (-1) or after (1) an instant in a segment."""
+    last = 0 if way < 0 else len(curve) - 1
+    limit = max(last, k - _MOST) if way < 0 else min(last, k + _MOST)
+    first = k
+    while way * (limit - first) >= 0:
+        segments = np.arange(first, first + way * min(_AT_ONCE, way * (limit - first) + 1), way)
+        dt = curve.duration[segments, None] * _LOOKS[::way]
+        if first == k:
+            ends = (0.0, into) if way < 0 else (into, float(curve.duration[k]))
+            dt[0] = np.linspace(*ends, len(_LOOKS))[::way]
+        below = magnitude(segments, dt).reshape(dt.shape) < level
+        if below.any():
+            row, column = divmod(int(below.ravel().argmax()), len(_LOOKS))
+            segment = int(segments[row])
+            if not column:  # it falls where the segment before ends, if it is not there already
+                return _Side(segment, float(dt[row, 0]), True)
+            inner, outer = float(dt[row, column - 1]), float(dt[row, column])
+            for _ in range(_ROUNDS):
+                within = np.linspace(inner, outer, len(_LOOKS))
+                low = magnitude(np.array([segment]), within[None]) < level
+                low[[0, -1]] = False, True
+                k = int(low.argmax())
+                inner, outer = float(within[k - 1]), float(within[k])
+            return _Side(segment, inner, True)
+        first = int(segments[-1]) + way
+    return _Side(limit, 0.0 if way < 0 else float(curve.duration[limit]), False)

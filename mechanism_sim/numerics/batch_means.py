@@ -1,0 +1,51 @@
+"""Confidence intervals of means of what is not independent, as the turns of one run."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy
+
+from mechanism_sim.arrays import Array
+
+BATCHES = 20
+"""At most, of which the spread is taken; their means are nearly independent if they are long."""
+_FEWEST = 10  # batches, where there are so many values
+
+
+def batches(n: int) -> tuple[int, int]:
+    """How many batches n values are put into, and how many values into each.
+
+    Up to 20 each is a batch; of more, 10 to 20 batches of equal size take in as many as they can.
+    The first values are left out, if any.
+    """
+    if n <= BATCHES:
+        return n, 1
+    count = max(range(_FEWEST, BATCHES + 1), key=lambda count: (n - n % count, count))
+    return count, n // count
+
+
+def ratio(x: Array, per: Array) -> tuple[float, float]:
+    """``sum(x) / sum(per)`` and half the width of its 95 % confidence interval.
+
+    The intervals are put together into `batches` of equal number; the spread of these about the
+    ratio gives the width (the ratio estimator of regenerative simulation).
+
+    Parameters
+    ----------
+    x, per : (n,) values in n equal intervals
+
+    Returns
+    -------
+    The ratio and the half width; not a number where `per` is zero or there is but one batch.
+    """
+    count, size = batches(len(x))
+    X, D = (v[len(v) - size * count :].reshape(count, size).sum(axis=1) for v in (x, per))
+    if not D.sum():
+        return math.nan, math.nan
+    R = X.sum() / D.sum()
+    if count == 1:
+        return float(R), math.nan
+    spread = np.sqrt(((X - R * D) ** 2).sum() / (count - 1) / count)
+    return float(R), float(scipy.stats.t.ppf(0.975, count - 1) * spread / D.mean())
