@@ -177,3 +177,56 @@ def test_a_machine_in_a_namespace_leaves_the_clock_alone(monkeypatch, home, coun
         assert node.count_publishers('/clock') == count
     finally:
         middleware.leave([node])
+
+
+SLEEPER = """
+from mechanism_sim.bench.traffic import End, RESULTS
+from mechanism_sim.messages import Motion
+end = End('sleeper')
+end.node.create_subscription(Motion, 'motion', lambda message: None, RESULTS)
+print('listening', flush=True)
+end.until(lambda: False)
+"""
+
+BLOCKED = """
+import time
+from mechanism_sim import ending
+ending.begin()
+from mechanism_sim.bench.traffic import End, RESULTS, motion
+from mechanism_sim.messages import Motion, serialize
+end = End('source')
+publisher = end.node.create_publisher(Motion, 'motion', RESULTS)
+data = bytes(serialize(motion(0, 192)))
+end.expect(publisher.get_subscription_count)
+print('publishing', flush=True)
+with ending.working():
+    while True:
+        publisher.publish(data)
+"""
+
+
+def test_a_subscriber_that_does_not_read_is_named_and_the_run_can_be_ended(tmp_path):
+    """One line after two seconds says which topic waits for which node; SIGINT ends the run."""
+    env = environment()
+    with program(tmp_path / 'sleeper.py', SLEEPER, env) as sleeper:
+        assert sleeper.stdout
+        assert sleeper.stdout.readline() == 'listening\n'
+        source = subprocess.Popen(
+            [sys.executable, str(script(tmp_path / 'blocked.py', BLOCKED))],
+            env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        try:
+            assert source.stdout
+            assert source.stderr
+            assert source.stdout.readline() == 'publishing\n'
+            sleeper.send_signal(signal.SIGSTOP)
+            line = source.stderr.readline()
+            assert line.startswith("mechanism-sim: topic '/motion' has waited 2 s for a subscriber")
+            assert '/sleeper' in line
+            source.send_signal(signal.SIGINT)
+            assert source.wait(TIMEOUT) == 130
+            assert source.stderr.read() == 'mechanism-sim: interrupted\n'
+        finally:
+            sleeper.send_signal(signal.SIGCONT)
+            source.kill()
+            source.communicate()

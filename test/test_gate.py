@@ -147,3 +147,14 @@ def test_what_cannot_be_followed_is_given_up_soon(
     with pytest.raises(InputError, match=said):
         ms.load_scene(scene, change)
     assert 10 < tried < 30_000
+
+
+@pytest.mark.parametrize('mass', ['1e-20 kg', '0 kg'])
+def test_a_mass_that_is_lost_in_rounding_is_named(mass, capsys):
+    """Beside the mass of the supports it adds nothing, as no mass at all: no traceback."""
+    with pytest.raises(SystemExit) as ended:
+        main(['check', 'rotor_run_up', '--set', f'links.disk.mass={mass}'])
+    assert ended.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert 'links.disk.mass' in line
+    assert 'without moving any mass' in line

@@ -273,3 +273,29 @@ def test_any_text_is_a_measure_or_refused(nominal):
             refused.append(str(error))
     assert kept > 15
     assert all(len(said.splitlines()) == 1 for said in refused)
+
+
+HUGE = '1' + '0' * 400
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        f'largest(reaction.ground_crank) * {HUGE}',
+        f'largest(reaction.ground_crank * {HUGE})',
+        f'largest(reaction.ground_crank + {HUGE} N)',
+        f'largest(reaction.ground_crank, from {HUGE} s)',
+        f'largest(reaction.ground_crank, from {HUGE} revolutions)',
+        f'largest(reaction.ground_crank, per {HUGE})',
+        f'percentile(reaction.ground_crank, {HUGE})',
+        f'largest(reaction.ground_crank)^{HUGE}',
+        'largest(reaction.ground_crank) * 1e400',
+        HUGE,
+    ],
+    ids=range(10),
+)
+def test_a_number_that_no_computer_holds_is_a_sentence(text, nominal):
+    machine, run = nominal
+    with pytest.raises(InputError) as error:
+        measure(machine, run, text)
+    assert '\n' not in str(error.value)

@@ -310,7 +310,10 @@ def _bound(text: str | None, where: str) -> Bound | None:
         return None
     match = re.fullmatch(rf'({_NUMBER})\s*(\w*)', text.strip())
     if match and match[2] in ('rev', 'revolution', 'revolutions'):
-        return Bound(float(match[1]), True)
+        turns = float(match[1])
+        if not turns <= formula.LARGEST:
+            raise InputError(f'the time {quoted(text)} is larger than {formula.LARGEST:g} turns')
+        return Bound(turns, True)
     if match and match[2]:
         try:
             return Bound(to_si(text, 's'))
@@ -355,6 +358,8 @@ def evaluate(node: ast.expr, value_of: Callable[[str], Value], text: str) -> Val
 
     match node:
         case ast.Constant(value=int() | float() as x) if not isinstance(x, bool):
+            if not abs(x) <= formula.LARGEST:  # 1e400 is infinite to Python
+                raise InputError(f'a number in {quoted(text)} is larger than {formula.LARGEST:g}')
             return Value(float(x), '', True)
         case ast.Name(id='pi'):
             return Value(math.pi, '', True)
@@ -363,7 +368,10 @@ def evaluate(node: ast.expr, value_of: Callable[[str], Value], text: str) -> Val
         case ast.Call(func=ast.Name(id='_quantity'), args=[ast.Constant(value=str() as written)]):
             number, _, unit = written.partition(' ')
             try:
-                return Value(*read_common(number, unit))
+                read = Value(*read_common(number, unit))
+                if not abs(read.x) <= formula.LARGEST:
+                    raise ValueError(f'{quoted(number)} is larger than {formula.LARGEST:g}')
+                return read
             except (ValueError, ArithmeticError) as error:
                 raise InputError(f'{quoted(text)}: {error}') from error
         case ast.UnaryOp(op=ast.USub(), operand=operand):

@@ -54,7 +54,7 @@ class Publisher:
         out = [(m, m if isinstance(m, bytes) else serialize(m)) for m in messages]
         try:
             # Sequence numbers have to go out in their order, whichever threads publish.
-            with self._context.waits, self._one_at_a_time:
+            with self._context.waits.on(self.topic_name), self._one_at_a_time:
                 now, gid = time.time_ns(), self._gid
                 numbers = list(islice(self._sequence, len(out)))
                 # First here: who copies what goes out comes too late.

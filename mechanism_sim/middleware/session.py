@@ -55,7 +55,7 @@ class Context:
         #: of the nodes: log warnings from Zenoh's threads
         self.warn_functions: list[Warn] = []
         self._kept: list[Any] = []
-        self.waits = Waits()
+        self.waits = Waits(self._readers)
         self._hashed = config.has_type_hashes()
         self._ids = count()
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
@@ -67,6 +67,11 @@ class Context:
             direct(self._on_token),
             history=True,
         )
+
+    def _readers(self, topic: str) -> list[str]:
+        """Nodes of other processes that subscribe to a topic."""
+        tokens = self.graph.find(wire.SUBSCRIPTION, topic).values()
+        return sorted({token.node_name for token in tokens if token.session != self.zid})
 
     def next_id(self) -> int:
         """Id of a node or endpoint: one counter for the session, from 0."""
@@ -125,6 +130,7 @@ class Context:
         """End: no more samples in, what was published out (see ``flush``), session closed."""
         if not self.is_open:
             return True
+        self.waits.close()
         for inbox in list(self.inboxes):
             inbox.close()
         try:
