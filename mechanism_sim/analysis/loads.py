@@ -32,7 +32,8 @@ class Peak:
     name: str
     value: float  #: [N] magnitude of a force; [N m] torque, with its sign
     time: float  #: [s]
-    crank_angle: float | None  #: [rad] in [0, 2 pi), None where the motion is not recorded
+    crank_angle: float | None
+    """[rad] of the coordinate `MotionSummary.crank`, in [0, 2 pi); None where not recorded."""
 
 
 @dataclass(frozen=True)
