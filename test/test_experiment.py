@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from running import run
 
 import mechanism_sim as ms
+from mechanism_sim.analysis.deviation import alpha, deviation
 from mechanism_sim.analysis.experiment import (
     JOINT,
     Bearing,
@@ -23,8 +24,18 @@ from mechanism_sim.analysis.experiment import (
     bags_of,
     read_experiment,
     with_limits,
+    with_orders,
 )
-from mechanism_sim.analysis.thesis_claims import LESS, MORE, UNDECIDED, Claim, Comparison, claims
+from mechanism_sim.analysis.record import read_record
+from mechanism_sim.analysis.thesis_claims import (
+    LESS,
+    MORE,
+    SAME,
+    UNDECIDED,
+    Claim,
+    Comparison,
+    claims,
+)
 from mechanism_sim.errors import InputError
 from mechanism_sim.report import experiment_figures
 from mechanism_sim.report.experiment import figure, render, summary, tables, to_json
@@ -40,6 +51,7 @@ from mechanism_sim.sweep.row import DONE, Task, compute
 
 TURNS = 6
 MESH = 0.1
+MARKED = re.compile(r'^<!-- experiment: ([^\n]+?) -->\n(.+?)\n<!-- /experiment -->$', re.M | re.S)
 
 
 def record(folder, sweep, *numbers):
@@ -63,7 +75,7 @@ def bags(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def found(bags):
-    return with_limits(read_experiment(bags_of([bags]), skip=2))
+    return with_orders(with_limits(read_experiment(bags_of([bags]), skip=2)))
 
 
 def simulated(trial):
@@ -133,6 +145,8 @@ def test_a_comparison_is_decided_by_intervals_that_do_not_overlap():
     assert verdict(up, down) == 'in part'
     assert verdict(open_) == UNDECIDED
     assert verdict(up, down._replace(expected='')) == 'yes'
+    assert verdict(up._replace(expected=SAME), open_) == 'no, where it is decided'
+    assert verdict(open_._replace(expected=SAME)) == UNDECIDED
 
 
 def test_conclusions_follow_from_the_intervals(found):
@@ -201,6 +215,19 @@ def test_the_lower_limit_of_the_amplifier_is_what_velocities_by_trapezoids_are_o
     assert two > 0.4
     assert other < 0.4 * two
     assert found.reference.first.machine.scene.sensors['rocker'].chain().amplifier.high_pass == 2.0
+
+
+def test_alpha_by_order_is_that_of_the_bags(found):
+    """As `analyze --deviation coupler --against` gives it for one pair of bags."""
+    pair = [
+        deviation(read_record(x.first.bag), 'coupler', skip=2)
+        for x in (found.assumed, found.reference)
+    ]
+    one = Experiment([Repeats(x.trials[:1]) for x in (found.reference, found.assumed)])
+    own = [x.mean for x in with_orders(one).orders]
+    assert own == pytest.approx(alpha(*pair).by_order[:12], rel=1e-12)
+    assert len(found.orders) == 12
+    assert found.orders[0].half_width > 0.0
 
 
 def test_a_figure_has_the_digits_of_its_interval():
@@ -292,7 +319,7 @@ def test_a_turn_holds_all_of_its_impulses(found):
 
 def test_tables_have_a_row_for_every_condition(found):
     by_name = {table.name: table for table in tables(found)}
-    assert len(by_name) == 14
+    assert len(by_name) == 15
     assert len(by_name['bearings'].rows) == 3
     assert len(by_name['limits'].rows) == 2
     assert len(by_name['severity'].rows) == 1
@@ -313,7 +340,7 @@ def test_the_page_is_renewed_between_its_marks(found):
 def test_the_page_has_the_tables_of_the_command(found):
     text = (ROOT / 'docs/experiment.md').read_text('utf-8')
     made = {t.name: t for t in tables(found)}
-    marked = re.findall(r'<!-- experiment: (.+?) -->\n(.+?)\n<!-- /experiment -->', text, re.S)
+    marked = MARKED.findall(text)
     assert {'summary', 'bearings', 'steps', 'course', 'severity', 'claims', 'limits'} <= {
         name for name, _ in marked
     }
@@ -325,7 +352,7 @@ def test_the_page_has_the_tables_of_the_command(found):
 
 def test_the_verdicts_of_the_page_follow_from_the_figures_printed_beside_them():
     text = (ROOT / 'docs/experiment.md').read_text('utf-8')
-    table = re.search(r'<!-- experiment: claims -->\n(.+?)\n<!--', text, re.S)[1]
+    table = dict(MARKED.findall(text))['claims']
     rows = [[c.strip() for c in line.strip('|').split('|')] for line in table.splitlines()[2:]]
     assert len(rows) > 10
     number = r'(-?[\d.]+) \+- ([\d.]+) at'
@@ -349,6 +376,19 @@ def test_figures_are_those_of_the_thesis(found):
         for n in ('7_08', '7_09', '7_10', '7_11', '7_12', '7_13', '7_14', '7_15', '7_16', '7_17',
                   '8_01', '8_02', '8_03', '8_04', '8_06', '8_08', '8_11', '8_12')
     ]  # fmt: skip
+
+
+def test_each_of_the_six_largest_impacts_has_its_label(found):
+    """Those that lie on one another share one; figure 8.11 of [SB] has Y1 to Y6 on both parts."""
+    (chart,) = (chart for number, chart in experiment_figures.charts(found) if number == '8_11')
+    assert len(chart.panels) == 2
+    for panel in chart.panels:
+        named = []
+        for text in (text for curve in panel.curves for text in curve.texts if text):
+            for span in text.removeprefix('Y').split(', '):
+                first, _, last = span.partition('-')
+                named += range(int(first), int(last or first) + 1)
+        assert sorted(named) == [1, 2, 3, 4, 5, 6]
 
 
 def test_a_machine_that_is_compared_with_no_other_has_no_alpha(found):

@@ -146,7 +146,7 @@ def test_chebyshev_nodes_are_the_roots_of_the_chebyshev_polynomial():
 
 
 def test_values_at_many_instants_are_those_at_each(curve):
-    """Coefficients are gathered block by block: no bit of a value depends on how many there are."""
+    """Coefficients are gathered block by block: no bit depends on how many instants there are."""
     t = np.sort(RNG.uniform(0.0, 3.0, 5000))
     for derivative in range(3):
         many = curve(t, derivative)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.angular_reconstruction import LINKS, Estimate
-from mechanism_sim.analysis.deviation import ideal_machine
+from mechanism_sim.analysis.deviation import deviation, ideal_machine
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
 from mechanism_sim.analysis.swing import (
@@ -40,6 +40,7 @@ from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.scene import Machine, simulate
 from mechanism_sim.sensing.angular_acceleration import TurningLink
 from mechanism_sim.sensing.chain import Instrument
+from mechanism_sim.sensing.orders import Turns
 from mechanism_sim.sensing.reconstruction import Error
 
 JOINT = 'coupler_rocker'
@@ -47,6 +48,7 @@ MESH = MESHES[-1]
 """[deg] of the crank: what cycles are drawn with, and alpha is made of."""
 QUANTITIES = 'acceleration', 'velocity'
 _AT_FIRST = 4  # turns
+_SEGMENT = 4  # turns under the window of spectra, if there are as many
 
 
 class Bearing(NamedTuple):
@@ -411,10 +413,12 @@ class Experiment:
     groups : runs of the same condition
     limits : errors by the lower limit of the amplifiers [Hz] and condition, one for each start:
         see `with_limits`
+    orders : alpha by multiple of the speed of the crank: see `with_orders`
     """
 
     groups: Sequence[Repeats]
     limits: Mapping[tuple[float, Condition], Sequence[LimitErrors]] | None = None
+    orders: Sequence[Interval] | None = None
 
     @property
     def trials(self) -> list[Trial]:
@@ -520,6 +524,33 @@ def with_limits(found: Experiment, limits: Sequence[float] = LIMITS) -> Experime
                     _errors((link, *both) for link, both in under.items())
                 )
     return replace(found, limits=errors)
+
+
+ORDERS = 12
+
+
+def with_orders(found: Experiment) -> Experiment:
+    """The experiment, and alpha in bands of one order, by the sensor on the coupler.
+
+    Of assumed and measured machine in the same turns; how far it is from one number says whether
+    the one response is the other one scaled.
+    """
+    if found.assumed is found.reference:
+        return found
+    pairs = zip(found.assumed.trials, found.reference.trials, strict=False)
+    amplitudes = np.array([[order_amplitudes(x) for x in pair] for pair in pairs])
+    orders = [Interval(*ratio(*column)) for column in amplitudes.transpose(2, 1, 0)]
+    return replace(found, orders=orders)
+
+
+def order_amplitudes(of: Trial) -> Array:
+    """Amplitudes (12,) of the deviation that the sensor on the coupler shows, order by order."""
+    record = read_record(of.bag)
+    sensor = next(iter(sensors_across(record.machine, 'coupler')))
+    shown = deviation(record, sensor, skip=of.turns[0] - record.turns[0])
+    longest = min(_SEGMENT, max(map(len, Turns(shown.values, shown.own.first).series()))
+                  // shown.values.shape[1])  # fmt: skip
+    return np.asarray(np.sqrt(shown.order_power(longest)[:ORDERS]))
 
 
 def bags_of(folders: Sequence[Path]) -> list[Path]:

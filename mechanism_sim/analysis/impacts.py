@@ -22,7 +22,8 @@ class DominantImpact:
 
     time: float  #: [s]
     joint: str
-    crank_angle: float | None  #: [rad] in [0, 2 pi), None where the motion is not recorded
+    crank_angle: float | None
+    """[rad] of the coordinate `MotionSummary.crank`, in [0, 2 pi); None where not recorded."""
     normal_impulse: float  #: [N s]
     approach_speed: float  #: [m/s]
     normal_angle: float  #: [rad]

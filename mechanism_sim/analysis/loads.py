@@ -33,7 +33,8 @@ class Peak:
     name: str
     value: float  #: [N] magnitude of a force; [N m] torque, with its sign
     time: float  #: [s]
-    crank_angle: float | None  #: [rad] in [0, 2 pi), None where the motion is not recorded
+    #: [rad] of the coordinate `MotionSummary.crank`, in [0, 2 pi); None where not recorded
+    crank_angle: float | None
     #: [s] for which the load is above half of the peak, as far as that is known of the motion
     duration: float | None = None
     impulse: float | None = None  #: of the magnitude in that time [N s, N m s]

@@ -196,7 +196,7 @@ def _driven_coordinate(bag: Bag, topics: tuple[str, ...]) -> str | None:
 def _absent(present: dict[str, bool], run: _Run, motion: MotionSummary | None) -> tuple[str, ...]:
     """Return what is missing in the bag and what therefore is missing here, in sentences."""
     lost = {
-        'motion': 'revolutions, crank angles and digest',
+        'motion': 'revolutions, angles of the drive and digest',
         'impacts': 'impacts',
         'mode_changes': 'shares of the modes',
         'joint_reactions': 'forces and torque',
@@ -206,7 +206,7 @@ def _absent(present: dict[str, bool], run: _Run, motion: MotionSummary | None) -
     }
     sentences = [f'no topic {kind}: no {what}' for kind, what in lost.items() if not present[kind]]
     if present['motion'] and motion is None:
-        sentences.append('topic motion is empty: no revolutions, crank angles and digest')
+        sentences.append('topic motion is empty: no revolutions, angles of the drive and digest')
     if present['joint_reactions'] and not run.loads.samples:
         sentences.append('topic joint_reactions is empty: no forces and torque')
     if present['linkage_state'] and not run.energy.samples:

@@ -14,6 +14,8 @@ from typing import NamedTuple
 from mechanism_sim.analysis.experiment import Experiment, Interval, Repeats
 
 MORE, LESS, UNDECIDED = 'more', 'less', 'not decided'
+SAME = 'the same'
+"""Of two figures of which [SB] says so: intervals can speak against it, but not decide for it."""
 
 
 class Comparison(NamedTuple):
@@ -23,7 +25,7 @@ class Comparison(NamedTuple):
     ----------
     where : what both have in common
     ends : what differs, in words
-    expected : `MORE` or `LESS` from the first to the second, as [SB] says; empty if it is silent
+    expected : `MORE`, `LESS` or `SAME` from the first to the second, as [SB] says; or empty
     """
 
     where: str
@@ -118,7 +120,7 @@ def _by_clearance(found: Experiment) -> Iterator[Claim]:
     stated = (
         (250, 'severity rises with clearance', {}, MORE),
         (300, 'severity falls from the smallest clearance to the next, stays, and rises at the '
-              'largest', {1: LESS, 3: MORE}, ''),
+              'largest', {1: LESS, 2: SAME, 3: MORE}, ''),
         (350, 'severity falls slightly with clearance', {}, LESS),
     )  # fmt: skip
     for rpm, text, by_step, expected in stated:

@@ -205,6 +205,7 @@ def _experiment(options: argparse.Namespace) -> int:
         bags_of,
         read_experiment,
         with_limits,
+        with_orders,
     )
     from mechanism_sim.report import experiment as report  # noqa: PLC0415
     from mechanism_sim.report import experiment_page, figures, progress  # noqa: PLC0415
@@ -215,7 +216,7 @@ def _experiment(options: argparse.Namespace) -> int:
     page = experiment_page.read_page('--page', options.page) if options.page else None
     bags = bags_of([Path(folder) for folder in options.folders])
     with progress.count('experiment', len(bags), quiet=options.json) as show:
-        found = with_limits(read_experiment(bags, options.skip, show))
+        found = with_orders(with_limits(read_experiment(bags, options.skip, show)))
     if page:
         file, text = page
         output.write_text(file, experiment_page.renewed(text, found))

@@ -49,14 +49,15 @@ class Table(NamedTuple):
     rows: list[tuple[str, ...]]
 
     def markdown(self) -> str:
-        """As Markdown, with the columns in line."""
+        """As Markdown, with all columns in line but the last, which may be long."""
         lines = [self.columns, *self.rows]
         widths = [max(len(line[k]) for line in lines) for k in range(len(self.columns))]
+        widths[-1] = 0
         text = [
             '| ' + ' | '.join(f'{c:{w}}' for c, w in zip(line, widths, strict=True)) + ' |'
             for line in lines
         ]
-        rule = '|' + '|'.join('-' * (w + 2) for w in widths) + '|'
+        rule = '|' + '|'.join('-' * max(w + 2, 3) for w in widths) + '|'
         return '\n'.join([text[0], rule, *text[1:]])
 
 
@@ -64,7 +65,7 @@ def tables(found: Experiment) -> list[Table]:
     """All tables of an experiment that has runs for them."""
     made = [
         _bearings(found), _steps(found), _course(found), _severity(found), _claims(found),
-        *_other_places(found), *_errors(found), _limits(found),
+        *_other_places(found), *_errors(found), _limits(found), _orders(found),
     ]  # fmt: skip
     return [table for table in made if table.rows]
 
@@ -356,6 +357,12 @@ def _limits(found: Experiment) -> Table:
     return Table('limits', title, columns, rows)
 
 
+def _orders(found: Experiment) -> Table:
+    rows = [(str(n), figure(x)) for n, x in enumerate(found.orders or (), 1)]
+    title = 'Alpha by multiple of the speed of the crank, assumed over measured, both later'
+    return Table('orders', title, ('order', 'alpha'), rows)
+
+
 def to_json(found: Experiment) -> dict[str, object]:
     """All numbers, in SI units."""
     alone = found.assumed is found.reference
@@ -363,6 +370,7 @@ def to_json(found: Experiment) -> dict[str, object]:
         **found.bearing._asdict(),
         'why': f'{found.counted[found.bearing]} of {len(found.trials)} runs have this bearing',
         'alpha': None if alone else _interval(found.alpha()),
+        'alpha_by_order': [_interval(x) for x in found.orders or ()],
         'reference': _compared(found.reference, _WHY_REFERENCE),
         'assumed': _compared(found.assumed, _WHY_ASSUMED),
         'conditions': [_repeats(group) for group in found.groups],

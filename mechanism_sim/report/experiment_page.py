@@ -15,7 +15,8 @@ from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.report.experiment import summary, tables
 
 _MARKED = re.compile(
-    r'(?P<begin><!-- experiment: (?P<name>[^\n]+?) -->\n).*?(?P<end><!-- /experiment -->)', re.S
+    r'^(?P<begin><!-- experiment: (?P<name>[^\n]+?) -->\n).*?^(?P<end><!-- /experiment -->)$',
+    re.M | re.S,
 )
 
 

@@ -127,13 +127,23 @@ def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:
 
 
 def _labels(size: Array, direction: Array) -> list[str]:
-    """Y1, Y2, ..., but nothing where it would lie on one before."""
-    place, found = size * np.exp(1j * direction), []
-    kept: list[complex] = []
-    for i, here in enumerate(place.tolist(), 1):
-        free = all(abs(here - other) > 0.22 * size.max() for other in kept)
-        found.append(f'Y{i}' if free else '')
-        kept += [here] if free else []
+    """Y1, Y2, ...; where some would lie on one another, one label for all of them: Y1-3, 5."""
+    place = size * np.exp(1j * direction)
+    groups: list[list[int]] = []
+    for i, here in enumerate(place):
+        near = [g for g in groups if abs(here - place[g[0]]) <= 0.22 * size.max()]
+        if near:
+            near[0].append(i)
+        else:
+            groups.append([i])
+    found = [''] * len(place)
+    for group in groups:
+        begins = [i for i in group if i - 1 not in group]
+        ends = [i for i in group if i + 1 not in group]
+        spans = (
+            f'{a + 1}' if a == b else f'{a + 1}-{b + 1}' for a, b in zip(begins, ends, strict=True)
+        )
+        found[group[0]] = 'Y' + ', '.join(spans)
     return found
 
 
