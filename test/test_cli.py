@@ -71,7 +71,7 @@ def test_solve_keeps_its_contract():
     }  # fmt: skip
     assert [m['mode'] for m in result['modes'][:3]] == ['following', 'free_flight', 'following']
     assert set(result['energy']) == {
-        'initial', 'final', 'drive_work', 'dissipated', 'residual',
+        'initial', 'final', 'drive_work', 'dissipated', 'residual', 'error', 'exchanged',
     }  # fmt: skip
     assert abs(result['energy']['residual']) < 1e-12
 

@@ -139,6 +139,23 @@ def _power(x: Ball, n: float) -> Ball:
     return _rising(f)(x) if n % 2.0 == 1.0 else _above_zero(f)(x)
 
 
+def _distance(y: Ball, x: Ball) -> Any:
+    """The least distance of the point (x, y) from the origin."""
+    return hy.sqrt(y.least * y.least + x.least * x.least)
+
+
+def _direction(y: Ball, x: Ball) -> Ball:
+    """Of the angle of the point (x, y), seen from the origin: a disk about it spans an arc."""
+    angle = hy.atan2(y.middle, x.middle)
+    radii = [r * r for r in (y.radius, x.radius) if r is not None]
+    if not radii:
+        return Ball(angle)
+    share = hy.sqrt(hy.sum(radii) / (y.middle * y.middle + x.middle * x.middle))
+    inside = hy.lt(share, hy.expression(1.0))  # else the origin may be in the disk
+    arc = hy.asin(hy.select(inside, share, hy.expression(1.0)))
+    return Ball(angle, hy.select(inside, arc, hy.pi))
+
+
 def _hull_slope(x: Ball) -> Any:
     y = hy.tanh(x.least)
     return 1.0 - y * y
@@ -217,6 +234,8 @@ class _Program:
             ):
                 over = self._add('power', self._read(b), exponent=-1.0)
                 return self._product(self._read(a), over)
+            case ast.Call(func=ast.Name(id='atan2'), args=[y, x]):
+                return self._add('atan2', self._read(y), self._read(x))
             case ast.Call(func=ast.Name(id=name), args=[x]):
                 name = name.removeprefix('combined_')  # of sine and cosine of the same
                 if name in _UNARY:
@@ -251,6 +270,8 @@ def _forward(program: _Program, moving: dict[str, Any]) -> list[Ball]:
             if a.radius is not None:
                 radii.append(_abs(b.middle) * a.radius)
             ball = Ball(a.middle * b.middle, hy.sum(radii) if radii else None)
+        elif kind == 'atan2':
+            ball = _direction(a, rest[0])
         else:
             ball = _UNARY[kind][0](a)
         found.append(ball)
@@ -276,6 +297,8 @@ def _backward(
             slopes = [balls[args[1]].size, a.size]
         elif kind == 'power':
             slopes = [abs(n) * (a.size if n >= 1.0 else a.least) ** (n - 1.0)]
+        elif kind == 'atan2':
+            slopes = [1.0 / _distance(a, balls[args[1]])] * 2
         else:
             slopes = [_UNARY[kind][1](a)]
         for i, slope in zip(args, slopes, strict=True):
