@@ -325,13 +325,15 @@ def rows(
     """
     if edges is None:
         return None
+    zero, half = np.zeros(len(segments)), 0.5 * curve.duration[segments]
+    begun = curve.coefficients[segments, :, :2]  # values and rates at the start
     start, middle = (
-        np.concatenate([
-            *(curve.local(segments, t, derivative).T for derivative in (0, 1)),
-            outside(edges.outside, coordinates, curve, segments, t),
-        ])
-        for t in (np.zeros(len(segments)), 0.5 * curve.duration[segments])
-    )  # fmt: skip
+        np.concatenate([*moved, outside(edges.outside, coordinates, curve, segments, t)])
+        for moved, t in (
+            ((begun[:, :, 0].T, begun[:, :, 1].T), zero),
+            ([curve.local(segments, half, derivative).T for derivative in (0, 1)], half),
+        )
+    )
     found = edges.within(start, middle)
     return np.repeat(found, instants(dt), axis=1)
 
