@@ -94,12 +94,13 @@ def test_a_pulse_in_a_cyclic_table():
     assert series.mean == pytest.approx(7.0 * half / TURN / K, rel=1e-10)
 
 
-def test_a_pulse_of_a_formula_of_time():
-    width, period = 2e-4, 0.5
-    machine = shaken(f'3*exp(-((t-0.2)/{width})**2)', speed=0.0)
+@pytest.mark.parametrize('width', [2e-4, 1e-8])
+def test_a_pulse_of_a_formula_of_time(width):
+    period = 0.5
+    machine = shaken(f'3e3*exp(-((t-0.2)/{width})**2)', speed=0.0)
     series = harmonics(machine, [], 20, period).series['position.mass']
     k, w = np.arange(1, 21), TURN / period
-    force = 6.0 / period * width * np.sqrt(np.pi) * np.exp(-((k * w * width / 2.0) ** 2))
+    force = 6e3 / period * width * np.sqrt(np.pi) * np.exp(-((k * w * width / 2.0) ** 2))
     expected = force * np.exp(-1j * k * w * 0.2) * answer(k, w)
     assert np.abs(series.amplitudes - expected).max() < 1e-10 * np.abs(expected).max()
 
