@@ -257,3 +257,9 @@ def test_text_and_json_say_what_is_left_out():
     text = run('response', 'four_bar_on_frame', 'position.frame.y', '--harmonics', '2').stdout
     assert f'<= {found["remainder"]["position.frame.y"]:.3g}  ' in text
     assert '\nabove 2 ' in text
+
+
+def test_a_drive_that_changes_its_speed_has_no_harmonics():
+    profile = {'coordinate': 'wheel', 'profile': {'points': [[0.0, 10.0], [1.0, 20.0]]}}
+    with pytest.raises(InputError, match='wheel does not turn at a steady speed'):
+        harmonics(shaken('sin(wheel)', drive=profile), [], 3)

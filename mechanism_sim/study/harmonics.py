@@ -17,6 +17,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.enclosure import Course
 from mechanism_sim.numerics.fourier import spectrum
+from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.scene import Machine
 from mechanism_sim.study import frames
@@ -92,6 +93,13 @@ def harmonics(
     """
     if count < 1:
         raise InputError(f'--harmonics {count}: expected 1 or more')
+    for c in machine.plan.prescribed:
+        first, *others = machine.plan.laws[c]
+        if others or not isinstance(first, DriveLaw) or first.degree > 1:
+            raise InputError(
+                f'{machine.name}: {c} does not turn at a steady speed, so that nothing repeats '
+                "itself: give its drive a 'speed'"
+            )
     rates = np.array([machine.held[c][1] for c in machine.plan.prescribed])
     known = frames.coordinates_of(machine)
     asked = [x for x in quantities if x.partition('.')[2] in known]
@@ -419,8 +427,9 @@ class _Excitation:
         hidden = np.zeros(len(begin), bool)
         for n in range(kinds.shape[1]):
             own = np.flatnonzero(kind.ravel() == n)
-            fixed = steep.fixed(np.zeros(len(steep.outside)), kinds[:, n])
-            course = Course(np.zeros((len(moving), 1)), 1.0, fixed, self._parameters)
+            fixed = np.append(np.zeros(len(steep.outside)), steep.switched(kinds[:, n]))
+            parameters = np.asarray(steep.parameters, float)
+            course = Course(np.zeros((len(moving), 1)), 1.0, fixed, parameters)
             parts = steep.enclosure(course, scales, middle[:, own], radius[:, own])
             places = moving[:, own].reshape(len(moving), -1)
             seen = steep.enclosure(course, scales, places, np.zeros_like(places)).middle
@@ -434,10 +443,6 @@ class _Excitation:
                 known |= over * parts.weight * width[own] <= 1.0
             hidden[own] = ~known.all(axis=0)
         return hidden
-
-    @property
-    def _parameters(self) -> Array:
-        return np.asarray(self._one.derivatives.equations.frames.parameters.values, float)
 
     def _switches(self, t: Array) -> Array:
         """Values (k, N) of what switches parts of the forces on and off."""
