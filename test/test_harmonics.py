@@ -80,6 +80,24 @@ def test_a_square_wave(phase):
         assert 0.0 < series.error < 1e-10 * np.abs(expected).max()
 
 
+def test_a_resonance_counts_only_where_it_is_excited():
+    """Without damping, at 30 rad/s: order 3 of a square wave, which it has, or order 2 of 15."""
+    free = {'stiffness': f'{K} N/m', 'between': ['ground', 'mass'], 'free_length': 1.0}
+    machine = shaken('sign(sin(wheel))', springs={'s': free})
+    with pytest.raises(InputError, match='resonance'):
+        harmonics(machine, [], 3)
+    few = harmonics(machine, [], 2).series['position.mass']
+    assert np.isinf(few.rest)
+    even = shaken('sign(sin(wheel))', speed=15.0, springs={'s': free})
+    series = harmonics(even, [], 9).series['position.mass']
+    k = np.arange(1, 10, 2)
+    expected = -4j / (np.pi * k) / (K - (15.0 * k) ** 2 * M)
+    assert series.amplitudes[::2] == pytest.approx(expected, rel=1e-10)
+    assert not series.amplitudes[1::2].any()
+    assert series.error < 1e-10 * abs(expected[0])
+    assert series.rest < 0.01 * abs(expected[0])
+
+
 def test_a_pulse_in_a_cyclic_table():
     """A triangle of 0.4 deg in a turn: all harmonics of the same size, but for its width."""
     half = np.radians(0.2)
