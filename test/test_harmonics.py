@@ -80,6 +80,24 @@ def test_a_square_wave(phase):
         assert 0.0 < series.error < 1e-10 * np.abs(expected).max()
 
 
+def test_a_resonance_counts_only_where_it_is_excited():
+    """Without damping, at 30 rad/s: order 3 of a square wave, which it has, or order 2 of 15."""
+    free = {'stiffness': f'{K} N/m', 'between': ['ground', 'mass'], 'free_length': 1.0}
+    machine = shaken('sign(sin(wheel))', springs={'s': free})
+    with pytest.raises(InputError, match='resonance'):
+        harmonics(machine, [], 3)
+    few = harmonics(machine, [], 2).series['position.mass']
+    assert np.isinf(few.rest)
+    even = shaken('sign(sin(wheel))', speed=15.0, springs={'s': free})
+    series = harmonics(even, [], 9).series['position.mass']
+    k = np.arange(1, 10, 2)
+    expected = -4j / (np.pi * k) / (K - (15.0 * k) ** 2 * M)
+    assert series.amplitudes[::2] == pytest.approx(expected, rel=1e-10)
+    assert not series.amplitudes[1::2].any()
+    assert series.error < 1e-10 * abs(expected[0])
+    assert series.rest < 0.01 * abs(expected[0])
+
+
 def test_a_pulse_in_a_cyclic_table():
     """A triangle of 0.4 deg in a turn: all harmonics of the same size, but for its width."""
     half = np.radians(0.2)
@@ -94,12 +112,13 @@ def test_a_pulse_in_a_cyclic_table():
     assert series.mean == pytest.approx(7.0 * half / TURN / K, rel=1e-10)
 
 
-def test_a_pulse_of_a_formula_of_time():
-    width, period = 2e-4, 0.5
-    machine = shaken(f'3*exp(-((t-0.2)/{width})**2)', speed=0.0)
+@pytest.mark.parametrize('width', [2e-4, 1e-8])
+def test_a_pulse_of_a_formula_of_time(width):
+    period = 0.5
+    machine = shaken(f'3e3*exp(-((t-0.2)/{width})**2)', speed=0.0)
     series = harmonics(machine, [], 20, period).series['position.mass']
     k, w = np.arange(1, 21), TURN / period
-    force = 6.0 / period * width * np.sqrt(np.pi) * np.exp(-((k * w * width / 2.0) ** 2))
+    force = 6e3 / period * width * np.sqrt(np.pi) * np.exp(-((k * w * width / 2.0) ** 2))
     expected = force * np.exp(-1j * k * w * 0.2) * answer(k, w)
     assert np.abs(series.amplitudes - expected).max() < 1e-10 * np.abs(expected).max()
 
@@ -256,3 +275,9 @@ def test_text_and_json_say_what_is_left_out():
     text = run('response', 'four_bar_on_frame', 'position.frame.y', '--harmonics', '2').stdout
     assert f'<= {found["remainder"]["position.frame.y"]:.3g}  ' in text
     assert '\nabove 2 ' in text
+
+
+def test_a_drive_that_changes_its_speed_has_no_harmonics():
+    profile = {'coordinate': 'wheel', 'profile': {'points': [[0.0, 10.0], [1.0, 20.0]]}}
+    with pytest.raises(InputError, match='wheel does not turn at a steady speed'):
+        harmonics(shaken('sin(wheel)', drive=profile), [], 3)

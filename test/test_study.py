@@ -13,8 +13,9 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import batches, ratio
+from mechanism_sim.report.study import periodic as periodic_text
 from mechanism_sim.study.losses import losses
-from mechanism_sim.study.periodic import Section, find_periodic
+from mechanism_sim.study.periodic import Response, Section, find_periodic
 from mechanism_sim.study.starts import starts
 from mechanism_sim.study.statistics import statistics
 
@@ -212,3 +213,14 @@ def test_a_run_of_a_loose_machine_has_means_with_intervals():
     text = run('solve', 'four_bar_clearance', *length).stdout
     assert f'per revolution {own["impacts"]["mean"]:.6g} +- ' in text
     assert run_json('solve', 'four_bar_nominal', '--revolutions', '3')['per_revolution'] is None
+
+
+def test_stability_is_not_told_where_a_multiplier_is_one_but_for_its_error():
+    def response(*multipliers):
+        return Response(1, 1e-12, None, 0, 0.0, multipliers, 1e-6)
+
+    assert response(0.5, 0.999).stable is True
+    assert response(1.001).stable is False
+    assert response(0.6 + 0.8j, 0.1).stable is None
+    assert response().stable is True
+    assert 'stable or not is not known' in periodic_text(response(1.0 + 5e-7j))

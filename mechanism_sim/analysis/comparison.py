@@ -106,8 +106,8 @@ def _impacts(record: Record) -> dict[Key, float]:
 
 
 def _peaks(record: Record) -> dict[Key, float]:
-    """The largest force in each joint and effort of each drive, between impacts."""
-    peaks = LoadPeaks(record.piece.physics, record.start)
+    """The largest force in each joint and effort of each drive, between impacts, and how long."""
+    peaks = LoadPeaks(record.piece.physics, record.start, shapes=True)
     peaks.add(record.piece.motion)
     straight = record.piece.physics.displacements
     found = {
@@ -116,6 +116,10 @@ def _peaks(record: Record) -> dict[Key, float]:
     for drive, peak in peaks.torques.items():
         word, unit = ('force', 'N') if drive in straight else ('torque', 'N m')
         found['peaks', drive, f'largest {word} of the drive', unit] = abs(peak.value)
+    of_forces, of_torques = peaks.shapes
+    for name, shape in [*of_forces.items(), *of_torques.items()]:
+        if shape.whole:
+            found['peaks', name, 'above half of it for', 's'] = shape.duration
     return found
 
 

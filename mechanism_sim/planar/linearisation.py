@@ -24,6 +24,7 @@ from mechanism_sim.planar.mechanism import LinkPoint, Mechanism
 from mechanism_sim.planar.motor import Motor
 from mechanism_sim.planar.protocols import ForceElement, Relation
 from mechanism_sim.planar.reactions import generalized_forces, tree_reactions
+from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 
 Array = NDArray[np.float64]
@@ -203,6 +204,16 @@ class Linearisation:
         """
         F, rows = self._motion_function(self._motion_inputs(at, q, v, a, t))
         return F, rows.reshape(-1, len(q), q.shape[1]).transpose(2, 0, 1)
+
+    @cached_property
+    def steep(self) -> SteepLoads | None:
+        """The loads by formulas, which may be steep somewhere; None without any."""
+        self._motion_function  # noqa: B018 - asks for all switches
+        eq = self.equations
+        torques = [motor.torque(eq.frames) for motor in self._motors]
+        if not (eq.frames.formulas or torques):
+            return None
+        return SteepLoads(eq.mechanism, eq.frames, self._elements, torques)
 
     def switches_along(self, at: Point, q: Array, v: Array, a: Array, t: Array) -> Array:
         """Values (k, N) of what switches forces on and off, as `along`."""

@@ -13,6 +13,12 @@ from mechanism_sim.study.starts import Start
 from mechanism_sim.study.statistics import Statistics
 from mechanism_sim.units import for_people
 
+_STABLE = {
+    True: 'stable',
+    False: 'unstable',
+    None: 'stable or not is not known: a multiplier has the size 1 but for its error',
+}
+
 
 def periodic(response: Response) -> str:
     """A periodic response for people."""
@@ -21,7 +27,7 @@ def periodic(response: Response) -> str:
     return '\n'.join(
         [
             f'repeats every {response.period} revolutions, to {response.residual:.2g}; '
-            f'{"stable" if response.stable else "unstable"}',
+            f'{_STABLE[response.stable]}',
             f'  {response.impacts} impacts, {scale * response.impulse:.6g} {unit} in a period',
             f'  Floquet multipliers of size {sizes} (to {response.spread:.2g})'
             if sizes
@@ -148,7 +154,7 @@ def starts(found: Sequence[Start]) -> str:
             f'{math.degrees(s.angle):8.1f} deg  {followed:>12}  {lost:>14}  {s.impacts:8d}'
         )
     best = max(found, key=lambda s: s.followed)
-    lines.append(f'contact lasts longest from {math.degrees(best.angle):.1f} deg')
+    lines.append(f'of these, contact lasts longest from {math.degrees(best.angle):.1f} deg')
     return '\n'.join(lines)
 
 

@@ -206,7 +206,9 @@ def _drive(machine: Machine, coordinate: str) -> str:
     with_effort = '' if effort is None else f', with {shown}'
     if len(laws) > 1:
         return f'prescribed, a profile of speeds in {len(laws)} pieces{with_effort}'
-    return f'prescribed, {law.coefficients[1]:g} {pace}{with_effort}'
+    speed = law.coefficients[1] if law.degree else 0.0
+    changing = ' at the start, and then another' if law.degree > 1 else ''
+    return f'prescribed, {speed:g} {pace}{changing}{with_effort}'
 
 
 def _notes(machine: Machine) -> list[str]:

@@ -148,7 +148,8 @@ def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
             )
         )
     if (through := swing(rocker_limits(linkage))) < 2.0 * math.pi:
-        note = f'the {rocker} swings through {math.degrees(through):.6g} deg'
+        most = '' if crank_turns(linkage) else ' at most'
+        note = f'the {rocker} swings through{most} {math.degrees(through):.6g} deg'
         ratio = time_ratio(linkage)
         steady = f', time ratio {ratio:.6g} at constant speed of the {crank}'
         notes.append(note if math.isnan(ratio) else note + steady)

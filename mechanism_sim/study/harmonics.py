@@ -11,10 +11,14 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.enclosure import Course
 from mechanism_sim.numerics.fourier import spectrum
+from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.scene import Machine
 from mechanism_sim.study import frames
 from mechanism_sim.study.modes import (
@@ -39,8 +43,10 @@ from mechanism_sim.vibration.periodic_forces import SteadyVibration, known_harmo
 _TURNS = 1000  # of the first drive, in which others are looked for that make whole ones
 _EXACT = 1e-12  # of a ratio of speeds: what it may be off a fraction
 _STEPS = 128  # in a turn of the fastest drive, in which loops are followed
-_PLAIN, _LOADED = 32, 512
-"""Parts of a turn, or of a period with loads, in each of which forces are looked at 16 times."""
+_PLAIN = 32  # parts of a turn, in each of which forces are looked at 16 times
+_SAMPLES = np.linspace(0.0, 1.0, 5)  # of a part in which a formula is enclosed
+_BEYOND = 1.1  # times the range of these: how far what moves may go in it
+_HALVINGS, _MOST = 40, 1 << 15
 _BISECTIONS = 50  # in which an edge is located to rounding
 _LOOKS = np.array([0.0, 0.1373, 0.2914, 0.4435, 0.6181, 0.7772, 0.9103])  # of a period
 
@@ -87,6 +93,13 @@ def harmonics(
     """
     if count < 1:
         raise InputError(f'--harmonics {count}: expected 1 or more')
+    for c in machine.plan.prescribed:
+        first, *others = machine.plan.laws[c]
+        if others or not isinstance(first, DriveLaw) or first.degree > 1:
+            raise InputError(
+                f'{machine.name}: {c} does not turn at a steady speed, so that nothing repeats '
+                "itself: give its drive a 'speed'"
+            )
     rates = np.array([machine.held[c][1] for c in machine.plan.prescribed])
     known = frames.coordinates_of(machine)
     asked = [x for x in quantities if x.partition('.')[2] in known]
@@ -355,12 +368,11 @@ class _Excitation:
     def edges(self, count: int) -> Array:
         """Instants between which the forces are smooth: where a part of them begins or ends.
 
-        These are located to rounding. What has none, as a steep formula, is met by nodes a
-        hundredth of a percent of the period apart where there are loads.
+        These are located to rounding. Formulas have none; they are enclosed, so that no pulse of
+        one hides between the nodes.
         """
-        loaded = bool(self._one.machine.scene.loads)
-        parts = max(_LOADED if loaded else _PLAIN, math.ceil(_PLAIN * self._turns), 2 * count)
-        edges = self._length * np.arange(parts + 1) / parts
+        parts = max(_PLAIN, math.ceil(_PLAIN * self._turns), 2 * count)
+        edges = self._enclosed(self._length * np.arange(parts + 1) / parts)
         if not self._switches(edges[:1]).size:
             return edges
         found, low, high = [edges], edges[:-1], edges[1:]
@@ -376,6 +388,61 @@ class _Excitation:
             below, above = np.append(below, at, axis=1), np.append(at, above, axis=1)
         apart = (below != above).any(axis=0)
         return np.unique(np.concatenate([*found, high[apart]]))
+
+    def _enclosed(self, edges: Array) -> Array:
+        """Ends of parts of the period, halved until samples tell what formulas do in each.
+
+        In the middle and at the ends of a part formulas are sampled, and their enclosure over it
+        says how far beyond these they may go: `mechanism_sim.numerics.enclosure`.
+        """
+        steep = self._one.derivatives.steep
+        if steep is None or not steep.enclosure.count:
+            return edges
+        # a change of a load that adds up to less is rounding of its coefficients
+        least = 1e-13 * self.scale * self._length
+        scales = np.full(len(steep.inertia) + steep.enclosure.guards, least)
+        found, begin, width = [edges], edges[:-1], np.diff(edges)
+        for _ in range(_HALVINGS):
+            hidden = self._hidden(steep, scales, begin, width)
+            if not hidden.any() or sum(map(len, found)) > _MOST:
+                break
+            begin, width = begin[hidden], 0.5 * width[hidden]
+            found.append(begin + width)
+            begin, width = np.append(begin, begin + width), np.tile(width, 2)
+        return np.unique(np.concatenate(found))
+
+    def _hidden(
+        self, steep: SteepLoads, scales: Array, begin: Array, width: Array
+    ) -> NDArray[np.bool_]:
+        """Whether a formula may go beyond its samples in parts (N,) of the period."""
+        t = begin[:, None] + width[:, None] * _SAMPLES
+        q, v, _ = self._motion(t.ravel())
+        rows = [(q, v)[d][i].reshape(t.shape) for d, i in steep.moving]
+        moving = np.array([*rows, *([t] if steep.timed else [])])
+        low, high = moving.min(axis=2), moving.max(axis=2)
+        # what bends between five samples of a part goes hardly beyond them
+        middle, radius = 0.5 * (low + high), 0.5 * _BEYOND * (high - low)
+        symbols = self._switches(t[:, 2])
+        kinds, kind = np.unique(symbols, axis=1, return_inverse=True)
+        hidden = np.zeros(len(begin), bool)
+        for n in range(kinds.shape[1]):
+            own = np.flatnonzero(kind.ravel() == n)
+            fixed = np.append(np.zeros(len(steep.outside)), steep.switched(kinds[:, n]))
+            parameters = np.asarray(steep.parameters, float)
+            course = Course(np.zeros((len(moving), 1)), 1.0, fixed, parameters)
+            parts = steep.enclosure(course, scales, middle[:, own], radius[:, own])
+            places = moving[:, own].reshape(len(moving), -1)
+            seen = steep.enclosure(course, scales, places, np.zeros_like(places)).middle
+            seen = seen.reshape(len(seen), len(own), -1)
+            with np.errstate(all='ignore'):  # what is not finite is not known
+                over = np.maximum(
+                    parts.middle + parts.radius - seen.max(axis=2),
+                    seen.min(axis=2) - (parts.middle - parts.radius),
+                )
+                known = over <= 0.05 * np.ptp(seen, axis=2) + 0.01 * np.abs(seen).max(axis=2)
+                known |= over * parts.weight * width[own] <= 1.0
+            hidden[own] = ~known.all(axis=0)
+        return hidden
 
     def _switches(self, t: Array) -> Array:
         """Values (k, N) of what switches parts of the forces on and off."""

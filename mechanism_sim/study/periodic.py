@@ -45,9 +45,10 @@ class Response:
     spread: float
 
     @property
-    def stable(self) -> bool:
-        """Whether small changes die out."""
-        return all(abs(m) < 1.0 for m in self.multipliers)
+    def stable(self) -> bool | None:
+        """Whether small changes die out; None if a multiplier is 1 but for its error."""
+        largest = max(map(abs, self.multipliers), default=0.0)
+        return None if abs(largest - 1.0) <= self.spread else largest < 1.0
 
 
 class Section:

@@ -56,7 +56,9 @@ class SteadyVibration:
     def series(self, row: int, order: int) -> FourierSeries:
         """A coordinate, or its rate (order 1) or acceleration (2), as a Fourier series."""
         k = np.arange(1.0, len(self.amplitudes) + 1.0)
-        gains = np.abs(self._gains(k, row)) * (k * self._w)[:, None] ** order
+        # a harmonic that is not excited may be a resonance
+        excited = k[self._forces.amplitudes[:, : len(k)].any(axis=0)]
+        gains = np.abs(self._gains(excited, row)) * (excited * self._w)[:, None] ** order
         most = gains.max(axis=0, initial=0.0)
         if order == 0:
             most = np.maximum(most, np.abs(self._B[row] @ np.linalg.pinv(self._K)))
@@ -71,10 +73,9 @@ class SteadyVibration:
         for first in range(0, len(k), _BLOCK):
             w = (self._w * k[first : first + _BLOCK])[:, None, None]
             Z = np.asarray(self._K + 1j * w * self._C - w**2 * self._M, complex)
-            try:
-                found.append(np.einsum('i,kij->kj', self._B[row], np.linalg.inv(Z)))
-            except np.linalg.LinAlgError:
-                found.append(np.full((len(w), len(self._K)), np.inf, complex))
+            with np.errstate(invalid='ignore'):
+                own = np.einsum('i,kij->kj', self._B[row], _inverses(Z))
+            found.append(np.where(np.isnan(own), np.inf, own))
         return np.concatenate(found) if found else np.zeros((0, len(self._K)), complex)
 
     def _rest(self, row: int, order: int) -> float:
@@ -124,3 +125,14 @@ class SteadyVibration:
             size = 2.0 * self._impulses * self._w / (2.0 * np.pi)
             total += float((np.sqrt(squares / 2.0) * size).sum())
         return total
+
+
+def _inverses(Z: ComplexArray) -> ComplexArray:
+    """Of matrices (N, n, n); infinite where one is singular."""
+    try:
+        return np.asarray(np.linalg.inv(Z))
+    except np.linalg.LinAlgError:
+        if len(Z) == 1:
+            return np.full(Z.shape, np.inf, complex)
+        half = len(Z) // 2
+        return np.concatenate([_inverses(Z[:half]), _inverses(Z[half:])])
