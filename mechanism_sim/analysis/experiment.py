@@ -388,11 +388,14 @@ class Repeats:
 
     def times(self, figure: Callable[[Trial], float], other: Repeats,
               of: Callable[[Trial], float]) -> Interval:  # fmt: skip
-        """How many times as large a figure is here as another is there, in the means."""
+        """How many times as large a figure is here as another is there, in the means.
+
+        Two figures of the same runs are taken in pairs; other runs are independent.
+        """
         here, there = (
             np.array([f(x) for x in side.trials]) for side, f in ((self, figure), (other, of))
         )
-        return Interval(*quotient(here, there))
+        return Interval(*(ratio if other is self else quotient)(here, there))
 
 
 @dataclass(frozen=True, eq=False)
