@@ -51,7 +51,7 @@ from mechanism_sim.sweep.row import DONE, Task, compute
 
 TURNS = 6
 MESH = 0.1
-MARKED = re.compile(r'^<!-- experiment: ([^\n]+?) -->\n(.+?)\n<!-- /experiment -->$', re.M | re.S)
+MARKED = re.compile(r'^<!-- experiment: ([^\n]+?) -->\n\n(.+?)\n\n<!-- /experiment -->$', re.M | re.S)
 
 
 def record(folder, sweep, *numbers):
@@ -331,7 +331,7 @@ def test_tables_have_a_row_for_every_condition(found):
 def test_the_page_is_renewed_between_its_marks(found):
     page = 'a\n<!-- experiment: bearings -->\nold\n<!-- /experiment -->\nb\n'
     table = next(t for t in tables(found) if t.name == 'bearings')
-    assert renewed(page, found) == page.replace('old', table.markdown())
+    assert renewed(page, found) == page.replace('old', f'\n{table.markdown()}\n')
     assert renewed(renewed(page, found), found) == renewed(page, found)
     with pytest.raises(InputError, match=r"asks for 'bearing', .*'bearings'"):
         renewed(page.replace('bearings', 'bearing'), found)

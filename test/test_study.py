@@ -12,7 +12,7 @@ from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.numerics.batch_means import batches, ratio
+from mechanism_sim.numerics.batch_means import batches, quotient, ratio
 from mechanism_sim.report.study import periodic as periodic_text
 from mechanism_sim.study.losses import losses
 from mechanism_sim.study.periodic import Response, Section, find_periodic
@@ -224,3 +224,26 @@ def test_stability_is_not_told_where_a_multiplier_is_one_but_for_its_error():
     assert response(0.6 + 0.8j, 0.1).stable is None
     assert response().stable is True
     assert 'stable or not is not known' in periodic_text(response(1.0 + 5e-7j))
+
+
+@pytest.mark.parametrize('sizes', [(6, 6), (6, 2), (1, 6), (12, 5)])
+def test_the_interval_of_a_quotient_covers_it_nineteen_times_in_twenty(sizes):
+    """By drawing: independent samples of unlike size and spread; one value alone is known."""
+    rng = np.random.default_rng(7)
+    covered, n = 0, 4000
+    for _ in range(n):
+        x, y = (
+            mean + spread * rng.standard_normal(size) if size > 1 else np.array([mean])
+            for mean, spread, size in zip((300.0, 60.0), (20.0, 2.0), sizes, strict=True)
+        )
+        R, half = quotient(x, y)
+        covered += abs(R - 5.0) <= half
+    assert covered / n == pytest.approx(0.95, abs=0.02)
+
+
+def test_a_quotient_of_single_values_has_no_interval():
+    R, half = quotient(np.array([6.0]), np.array([2.0]))
+    assert R == 3.0
+    assert math.isnan(half)
+    assert quotient(np.array([6.0, 6.0]), np.array([2.0])) == (3.0, 0.0)
+    assert all(map(math.isnan, quotient(np.array([1.0, 2.0]), np.zeros(2))))

@@ -36,7 +36,7 @@ from mechanism_sim.analysis.swing import (
 )
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.numerics.batch_means import ratio
+from mechanism_sim.numerics.batch_means import quotient, ratio
 from mechanism_sim.scene import Machine, simulate
 from mechanism_sim.sensing.angular_acceleration import TurningLink
 from mechanism_sim.sensing.chain import Instrument
@@ -390,15 +390,12 @@ class Repeats:
               of: Callable[[Trial], float]) -> Interval:  # fmt: skip
         """How many times as large a figure is here as another is there, in the means.
 
-        Starts are taken in pairs; one start there stands beside all of those here.
+        Two figures of the same runs are taken in pairs; other runs are independent.
         """
         here, there = (
             np.array([f(x) for x in side.trials]) for side, f in ((self, figure), (other, of))
         )
-        if len(there) == 1:
-            there = np.full(len(here), there[0])
-        n = min(len(here), len(there))
-        return Interval(*ratio(here[:n], there[:n]))
+        return Interval(*(ratio if other is self else quotient)(here, there))
 
 
 @dataclass(frozen=True, eq=False)
@@ -537,10 +534,13 @@ def with_orders(found: Experiment) -> Experiment:
     """
     if found.assumed is found.reference:
         return found
-    pairs = zip(found.assumed.trials, found.reference.trials, strict=False)
-    amplitudes = np.array([[order_amplitudes(x) for x in pair] for pair in pairs])
-    orders = [Interval(*ratio(*column)) for column in amplitudes.transpose(2, 1, 0)]
-    return replace(found, orders=orders)
+    over, under = (
+        np.array([order_amplitudes(x) for x in group.trials]).T
+        for group in (found.assumed, found.reference)
+    )
+    return replace(
+        found, orders=[Interval(*quotient(*pair)) for pair in zip(over, under, strict=True)]
+    )
 
 
 def order_amplitudes(of: Trial) -> Array:

@@ -101,9 +101,7 @@ class ResolvedLoads:
         """
         steep = self._steep
         symbols = steep.switched(piece.symbols)
-        course = piece.course(
-            steep.moving, steep.timed, self._turning, symbols, self._parameters
-        )
+        course = piece.course(steep.moving, steep.timed, self._turning, symbols, self._parameters)
         floor = _FLOOR * max(fastest, 1.0) ** 2 * steep.inertia
         scales = np.append(floor * piece.length, np.full(steep.enclosure.guards, 1e-12))
         if steep.enclosure.foretold(course, scales):

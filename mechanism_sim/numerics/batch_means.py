@@ -1,4 +1,4 @@
-"""Confidence intervals of means of what is not independent, as the turns of one run."""
+"""Confidence intervals of means: of turns of one run, which depend on each other, and of runs."""
 
 from __future__ import annotations
 
@@ -49,3 +49,36 @@ def ratio(x: Array, per: Array) -> tuple[float, float]:
         return float(R), math.nan
     spread = np.sqrt(((X - R * D) ** 2).sum() / (count - 1) / count)
     return float(R), float(scipy.stats.t.ppf(0.975, count - 1) * spread / D.mean())
+
+
+def quotient(x: Array, y: Array) -> tuple[float, float]:
+    """Mean of x over mean of y, of independent samples, and half its 95 % confidence interval.
+
+    To first order in the errors of both means, with the degrees of freedom of Welch (1947). A
+    sample of one value counts as known.
+
+    Parameters
+    ----------
+    x, y : (n,) and (m,) independent values
+
+    Returns
+    -------
+    The quotient and the half width; not a number where the mean of y is zero or n = m = 1.
+    """
+    if not y.mean():
+        return math.nan, math.nan
+    R = float(x.mean() / y.mean())
+    sizes = np.array([len(x), len(y)])
+    if sizes.max() == 1:
+        return R, math.nan
+    # variances of both means, of y as it enters R
+    parts = np.array([
+        scale**2 * v.var(ddof=1) / len(v) if len(v) > 1 else 0.0
+        for v, scale in ((x, 1.0), (y, R))
+    ])  # fmt: skip
+    total = parts.sum()
+    if not total:
+        return R, 0.0
+    freedom = total**2 / (parts**2 / np.maximum(sizes - 1, 1)).sum()
+    half = scipy.stats.t.ppf(0.975, freedom) * math.sqrt(total)
+    return R, float(half / abs(y.mean()))

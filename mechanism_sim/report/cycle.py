@@ -136,7 +136,10 @@ def to_json(cycle: Cycle) -> dict[str, object]:
         },
         'peaks': {
             name: {
-                'begin': x.begin, 'end': x.end, 'duration': x.duration, 'impulse': x.impulse,
+                'begin': x.begin,
+                'end': x.end,
+                'duration': x.duration,
+                'impulse': x.impulse,
                 'whole': x.whole,
             }
             for name, x in cycle.peaks().items()

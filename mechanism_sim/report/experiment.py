@@ -111,7 +111,8 @@ def _starts(found: Experiment) -> str:
     counts = sorted({len(group.trials) for group in found.groups})
     if counts == [1]:
         return 'batches of turns: each condition has one start, so there is none of other figures'
-    return f'{" or ".join(map(str, counts))} starts, that of a single start over its turns'
+    alone = ', that of impacts of a single start over its turns' if counts[0] == 1 else ''
+    return f'{" or ".join(map(str, counts))} starts{alone}'
 
 
 def _bags(group: Repeats) -> str:

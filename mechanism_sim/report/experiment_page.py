@@ -58,6 +58,6 @@ def renewed(text: str, found: Experiment) -> str:
                 f"the page asks for '{name}', a table that these runs do not give"
                 f'{nearest(name, parts)}; they give: {", ".join(parts)}'
             )
-        return f'{mark["begin"]}{parts[name]}\n{mark["end"]}'
+        return f'{mark["begin"]}\n{parts[name]}\n\n{mark["end"]}'
 
     return _MARKED.sub(made, text)
