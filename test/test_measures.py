@@ -191,6 +191,8 @@ def test_sensors_are_measured_by_their_samples():
         ('largest(drive_torque) + largest(position.rocker)', 'no like units'),
         ('rms(drive_torque, from 2)', 'needs a unit'),
         ('rms(drive_torque, from 2 m)', "not a unit of 's'"),
+        ('rms(drive_torque, from 2 s to 300 ms)', 'ends before it begins'),
+        ('mean(drive_torque, from 2 rev to 2 rev)', 'ends before it begins'),
         ('rms(drive_torque, per second)', 'per revolution only'),
         ('rms(drive_torque, speed=3)', 'each once'),
         ('rms(drive_torque, from 1 s, from 2 s)', 'each once'),
@@ -214,10 +216,28 @@ def test_what_cannot_be_measured_is_refused_in_one_sentence(nominal, text, said)
     assert len(str(refused.value).splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ('window', 'said'),
+    [
+        ('from 1 h', 'before the window begins'),
+        ('from 500 revolutions', 'before the window begins'),
+        ('to 1 h', 'up to the end of the run'),
+        ('from 1 revolutions to 500 revolutions', 'up to the end of the run'),
+        ('to 1 revolutions', ''),
+    ],
+)
+def test_a_window_that_the_run_does_not_reach_says_so(nominal, rattling, window, said):
+    for figure in ('mean(drive_torque, WINDOW)', 'count(modes.coupler_rocker, WINDOW)'):
+        machine, run = nominal if 'torque' in figure else rattling
+        found = measure(machine, run, figure.replace('WINDOW', window))[0]
+        assert said in found.resolution
+        assert bool(said) == ('the run' in found.resolution)
+
+
 def test_windows_and_names_are_read():
-    m = read('rms(motor.torque, from 2 s to 300 ms) / 2')
+    m = read('rms(motor.torque, from 300 ms to 2 s) / 2')
     (figure,) = m.figures
-    assert (figure.since, figure.until) == ((2.0, False), (0.3, False))
+    assert (figure.since, figure.until) == ((0.3, False), (2.0, False))
     assert read('count(impacts.pin, per revolution)').figures[0].per_revolution
     assert read('percentile(x, 95, from 3 rev)').figures[0].percent == 95
 

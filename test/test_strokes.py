@@ -113,6 +113,14 @@ def test_turns_are_whole_or_not_told():
     assert (two.turns, two.period) == (-2, pytest.approx(0.2, rel=1e-12))
 
 
+def test_what_turns_one_way_stands_in_its_dwells_only():
+    """A wheel of four slots is locked in three quarters of each turn of its crank."""
+    crank, wheel = ms.cycle(ms.load_scene('geneva'), periods=4).swings().values()
+    assert (crank.standing, crank.strokes) == (0.0, ())
+    assert (wheel.turns, wheel.period) == (-1, pytest.approx(2.0, rel=1e-12))
+    assert wheel.standing == pytest.approx(0.75 * 2.0, rel=1e-9)
+
+
 def test_a_rotation_with_a_way_back_shows_it():
     """An angle that gains 8 rad in 1 s, loses what is more than a turn in the next, and rests."""
     back = 8.0 - TURN

@@ -83,6 +83,10 @@ def test_a_folder_of_tables_can_be_allowed(scene, tmp_path, monkeypatch, capsys)
     with pytest.raises(SystemExit) as ended:
         main(['check', str(file), '--tables-from', str(tmp_path / 'data')])
     assert ended.value.code == 0
+    with pytest.raises(SystemExit) as ended:
+        main(['check', str(file), '--tables-from', str(tmp_path / 'date')])
+    assert ended.value.code == 2
+    assert 'there is no folder' in capsys.readouterr().err
     monkeypatch.setenv(TABLE_FOLDERS, f'/nowhere{os.pathsep}{tmp_path / "data"}')
     assert load_scene(str(file)).scene.tables
     monkeypatch.setenv(TABLE_FOLDERS, '/')

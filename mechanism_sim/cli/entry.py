@@ -45,6 +45,8 @@ def main(args: Sequence[str] | None = None) -> None:
     try:
         options = _read(parser, given)
         if folders := getattr(options, 'tables_from', None):  # for the processes it starts, too
+            if lost := next((x for x in folders if not os.path.isdir(x)), None):
+                raise InputError(f"--tables-from: there is no folder '{lost}'")
             allowed = [os.environ.get(TABLE_FOLDERS, ''), *map(os.path.abspath, folders)]
             os.environ[TABLE_FOLDERS] = os.pathsep.join(filter(None, allowed))
         with ending.working():

@@ -282,6 +282,11 @@ def _figure(node: ast.Call, text: str, times: list[str]) -> Figure:
     argument = node.args[0]
     names = tuple(dict.fromkeys(_names(argument)))
     since, until = (_bound(given.get(key), text) for key in ('since', 'until'))
+    if since and until and since.revolutions == until.revolutions and since.value >= until.value:
+        raise InputError(
+            f"the window 'from {given['since']} to {given['until']}' in {quoted(text)} ends "
+            'before it begins'
+        )
     figure = Figure(function, ast.unparse(argument), names, percent, since, until, 'per' in given)
     first = {name.partition('.')[0] for name in names}
     of_events = first & set(SERIES)

@@ -295,14 +295,26 @@ class Window:
         if not self.per_revolution:
             since, until = self._turns.time(self._since), self._turns.time(self._until)
             if f.of_events:
-                return self._of_events(f, since, min(until, math.inf), last=True)
-            return self._tally.result(f)
+                value, note = self._of_events(f, since, until, last=True)
+            else:
+                value, note = self._tally.result(f)
+            lost = self._outside(since, until)
+            return value, lost if lost and note == EXACT else ', '.join(filter(None, (note, lost)))
         parts = self.each_turn(f)
         if not parts:
             unit = self._tally.result(f)[0].unit if not f.of_events else self._series.unit(f)
             return Value(math.nan, unit), 'no whole revolution'
         mean = float(np.mean([as_float(v.x) for v, _ in parts]))
         return Value(mean, parts[0][0].unit), parts[0][1]
+
+    def _outside(self, since: float, until: float) -> str:
+        """How much of the window [s] the run does not reach, in words."""
+        slack = 1e-9 * (abs(self._last) + 1e-3)
+        if since > self._last - slack:
+            return f'the run ends at {self._last:.6g} s, before the window begins'
+        if math.isfinite(self._until.value) and until > self._last + slack:
+            return f'up to the end of the run at {self._last:.6g} s'
+        return ''
 
     def each_turn(self, f: Figure) -> list[tuple[Value, str]]:
         """The values of a figure in every whole revolution, and their resolutions."""

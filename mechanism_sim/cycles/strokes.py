@@ -100,6 +100,8 @@ class Swing:
         """Time in which it stands still in a period [s], not counting stops within a stroke."""
         if self.period is None:
             return None
+        if not self.strokes:  # it turns one way, with stops, or stands
+            return math.fsum(x.duration for x in self.dwells)
         return max(self.period - sum(x.duration for x in self.strokes), 0.0)
 
     def _time(self, sign: float) -> float | None:
