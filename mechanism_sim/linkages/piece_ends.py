@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 _RESOLVED = 1e-8  # of a load's largest size on a piece: what its interpolant may be off
 SHORTEST = 2.0**-30  # of a usual piece: shorter ones would never come past a pole
+_CLOSE = 9  # places that are compared where a load falls right behind the start of a piece
 _FLOOR = 1e-12  # of what moves the lightest link as fast as the drives: no load
 
 
@@ -113,13 +114,13 @@ class ResolvedLoads:
             return np.zeros(len(places))
 
         reach = reach_of(steep.enclosure, course, scales, look)
-        places = np.sort(np.concatenate(found))
+        places = np.sort(np.concatenate([[0.0], *found]))
         if reach.fault is not None:
-            places = places[places <= max(reach.fault, places[0])]
+            places = places[places <= max(reach.fault, places[1])]
         return self._longest(course, places, floor)
 
     def _longest(self, course: Course, places: Array, floor: Array) -> float:
-        """The last of places whose interpolant is right at all of them before it."""
+        """The last of places, from 0 on, whose interpolant is right at all of them before it."""
         values = self._values(course, places)
         low, high = 1, len(places) + 1
         tried = len(places)  # mostly it is all of it
@@ -129,7 +130,16 @@ class ResolvedLoads:
             else:
                 high = tried
             tried = (low + high) // 2
-        return max(float(places[low - 1]), SHORTEST)
+        if low > 1:
+            return float(places[low - 1])
+        # a load that falls steeply right behind the start: there nobody has looked yet
+        end = 0.5 * float(places[1])
+        while end > SHORTEST:
+            places = np.linspace(0.0, end, _CLOSE)
+            if self._is_resolved(course, places, self._values(course, places), floor):
+                return end
+            end *= 0.5
+        return SHORTEST
 
     def _is_resolved(self, course: Course, places: Array, values: Array, floor: Array) -> bool:
         end = places[-1]
