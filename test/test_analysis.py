@@ -240,7 +240,9 @@ def test_means_per_revolution_have_their_intervals(summary):
     width = 4.302652729911275 * math.sqrt((left**2).sum() / 2.0 / 3.0) / (5.0 / 3.0)
     assert each.half_width == pytest.approx(width)
     text = render(summary)
-    assert '  per revolution 1.66667 +- 1.4, 0.0103333 +- 0.029 N s (95 %, over the last 3)' in text
+    assert (
+        '  per revolution 1.66667 +- 1.4, 0.0103333 +- 0.029 N s (95 %, over the last 3)' in text
+    )
 
 
 def test_the_hardest_impact_is_named(summary):
