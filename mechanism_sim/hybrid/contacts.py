@@ -67,6 +67,7 @@ _IDLE = 1e-30  # coefficient of what slides without friction for a while
 
 _MOST_TRIED = 4  # gaps at rest whose modes are all tried
 _TINY_SHARE = 1e-9  # of the accelerations: rounding
+_WITHIN_BOUND = 1e-9  # of the bound of friction, by which it stays within where a slip is held
 
 _RUBBED, _MOST_RUBBED = 1e-13, 200  # of impulses that friction in ideal joints changes
 _ROUGHLY_RUBBED = 1e-9  # the same, where rounding goes on turning a slip over
@@ -336,8 +337,22 @@ class Contacts(Switching):
                 self._rest(self._mask(self._stop_slide(closed, gap)), at)
             else:
                 self._rest(at, at)
+                if self.modes == before:
+                    self._hold_slip(gap)
             return
         self._record_modes(before)
+
+    def _hold_slip(self, gap: int) -> None:
+        """Let a slip count as none that has ended and goes nowhere, for other contacts hold it.
+
+        Where two corners of a block rest on one line, the friction of one may be at its bound
+        while the other sticks: then its slip is zero but for rounding, which would fall through
+        zero for ever. A hair within the bound, friction has no slip to watch.
+        """
+        c, m = self._problem, len(self.modes)
+        least = _TINY_SHARE * float(np.abs(c.free_acceleration).max(initial=0.0))
+        if abs(c.acceleration[m + gap]) <= least:
+            self._pars[self._flags[2, gap]] *= 1.0 - _WITHIN_BOUND
 
     def _begin_to_rub(self) -> None:
         """Note what presses on ideal joints that rub, and what holds there."""

@@ -175,14 +175,18 @@ class Switching(ABC):
 
     @property
     def rubbing(self) -> tuple[float, ...]:
-        """Signs of what presses on lines that rub, then where the forces of pins point."""
-        index = (*self._system.side_index, *self._system.towards_index)
-        return tuple(self._pars[i] for i in index)
+        """Signs of what presses on lines that rub, where forces of pins point, signs of slips."""
+        return tuple(self._pars[i] for i in self._rubbing_index)
 
     @rubbing.setter
     def rubbing(self, values: Sequence[float]) -> None:
-        self._set((*self._system.side_index, *self._system.towards_index), values)
+        self._set(self._rubbing_index, values)
         self._set_status()
+
+    @property
+    def _rubbing_index(self) -> tuple[int, ...]:
+        known = self._system
+        return (*known.side_index, *known.towards_index, *known.slip_index)
 
     def _hold_still(self, slipping: Sequence[int]) -> None:
         """Let friction that is at rest hold, or act against where it goes: before it moves."""
