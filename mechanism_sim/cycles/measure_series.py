@@ -54,8 +54,8 @@ class Turns:
         ends = np.append(curve.start, self.end)
         turned = self._turned(piece, ends)
         while len(later := np.flatnonzero(turned >= len(self._edges))):
-            wanted, k = len(self._edges), int(later[0])
-            low, high = (float(ends[max(k - 1, 0)]), float(ends[k]))
+            wanted, past = len(self._edges), int(later[0])
+            low, high = (float(ends[max(past - 1, 0)]), float(ends[past]))
             for _ in range(_BISECTIONS):
                 middle = 0.5 * (low + high)
                 far = self._turned(piece, np.array([middle]))[0] >= wanted
