@@ -559,7 +559,7 @@ def test_angles_are_of_the_named_drive(tmp_path):
     assert f', motor at {motor:.4g} deg, ' in text
     assert 'crank at' not in text
     (head,) = (line for line in text.splitlines() if 'largest' in line and 'at [s]' in line)
-    assert head.split() == ['joint', 'largest', 'at', '[s]', 'motor']
+    assert head.split()[:5] == ['joint', 'largest', 'at', '[s]', 'motor']
 
 
 def test_impacts_by_direction_name_the_drive(tmp_path):

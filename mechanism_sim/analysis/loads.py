@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.shafts import shaft_columns
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.peak_shapes import PeakShape
+from mechanism_sim.hybrid.peak_shapes import PeakOutlines, PeakShape
 from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.hybrid.sampling import Samples
 from mechanism_sim.numerics.extremes import ExtremeSearch
@@ -137,19 +137,21 @@ def of_motion(
     def peak(name: str, value: float, time: float) -> Peak:
         return Peak(name, value, time, crank_angle(time))
 
-    def shaped(one: Peak, shape: PeakShape | None) -> Peak:
-        if shape is None:
-            return one
-        return replace(one, duration=shape.duration, impulse=shape.impulse, whole=shape.whole)
-
     of_forces, of_torques = peaks.shapes
     joints = tuple(
-        shaped(peak(joint, *found), of_forces.get(joint)) for joint, found in peaks.forces.items()
+        _shaped(peak(joint, *found), of_forces.get(joint)) for joint, found in peaks.forces.items()
     )
     torque = next(iter(peaks.torques.values()), (0.0, joints[0].time))
-    drive = shaped(peak('drive', *torque), next(iter(of_torques.values()), None))
+    drive = _shaped(peak('drive', *torque), next(iter(of_torques.values()), None))
     forces, moments = bearings.peaks(crank_angle)
     return LoadSummary(None, (*joints, *forces), drive, moments)
+
+
+def _shaped(peak: Peak, shape: PeakShape | None) -> Peak:
+    """A peak with how long it lasts, if that is known."""
+    if shape is None:
+        return peak
+    return replace(peak, duration=shape.duration, impulse=shape.impulse, whole=shape.whole)
 
 
 class BearingCollector:
@@ -172,11 +174,22 @@ class BearingCollector:
                 self._columns += [f'axial_force.{name}']
         groups = ['moment' if self._is_moment(x) else 'force' for x in self._columns]
         self._search = ExtremeSearch(groups)
+        self._outlines = PeakOutlines(self._values, len(groups))
 
     def add(self, motion: Motion) -> None:
         """Enter the segments that follow."""
         if self._columns and len(motion):
             self._search.add_motion(partial(self._values, motion), motion.curve)
+            self._outlines.add(motion, self._tops())
+
+    def _tops(self) -> list[tuple[float, float]]:
+        """Values with the largest magnitudes, and when [s]."""
+        s = self._search
+        ends = zip(s.least, s.least_time, s.greatest, s.greatest_time, strict=True)
+        return [
+            (float(low), float(at_low)) if -low > high else (float(high), float(at_high))
+            for low, at_low, high, at_high in ends
+        ]
 
     def _values(self, motion: Motion, k: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The columns, instants as in `Physics.observe`."""
@@ -194,16 +207,15 @@ class BearingCollector:
         self, crank_angle: Callable[[float], float | None]
     ) -> tuple[tuple[Peak, ...], tuple[Peak, ...]]:
         """Forces by ``SHAFT.BEARING``, and ``.axial`` with their sign; moments by joint."""
-        s = self._search
-        ends = zip(s.least, s.least_time, s.greatest, s.greatest_time, strict=True)
+        tops = self._tops()
         forces: list[Peak] = []
         moments: list[Peak] = []
-        for name, (low, at_low, high, at_high) in zip(self._columns, ends, strict=True):
-            value, time = (low, at_low) if -low > high else (high, at_high)
+        shapes = self._outlines.shapes(tops)
+        for name, (value, time), shape in zip(self._columns, tops, shapes, strict=True):
             if not math.isnan(time):
                 kind, _, of = name.removesuffix('.size').partition('.')
                 of += '.axial' if kind == 'axial_force' else ''
-                peak = Peak(of, float(value), float(time), crank_angle(float(time)))
+                peak = _shaped(Peak(of, value, time, crank_angle(time)), shape)
                 (moments if self._is_moment(name) else forces).append(peak)
         return tuple(forces), tuple(moments)
 

@@ -6,13 +6,15 @@ them apart, and the impulse is what a mass feels of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.numerics.quadrature import Parts, integrate
 
@@ -24,6 +26,7 @@ LEVEL = 0.5
 
 _LOOKS = np.linspace(0.0, 1.0, 17)  # of a segment
 _AT_ONCE = 16  # segments
+_KEPT = 512  # segments of a motion before a batch, for peaks that begin there
 _MOST = 2048  # segments to either side; what lasts longer is no peak but the load
 _ROUNDS = 8  # of 16 parts each, in which its end is located
 
@@ -59,6 +62,69 @@ def peak_shape(
         float(curve.start[x.segment] + (curve.start_low[x.segment] + x.into)) for x in (low, high)
     )
     return PeakShape(first, last, float(found.value.sum()), low.known and high.known)
+
+
+class PeakOutlines:
+    """The shapes of the peaks of C loads in a motion that comes in batches.
+
+    Of a peak that is longer than the segments that are kept only that much is known.
+
+    Parameters
+    ----------
+    values : the loads (C, N) in segments of a motion, instants as of ``curve.at``
+    count : C
+    """
+
+    def __init__(
+        self,
+        values: Callable[[Motion, NDArray[np.intp], Array | Nodes], Array],
+        count: int,
+    ) -> None:
+        self._values = values
+        self._batches: list[Motion] = []  # the last ones
+        self._known: list[tuple[float, PeakShape] | None] = [None] * count
+        self._seen = [-math.inf] * count  # [s] up to which the motion was known then
+
+    def add(self, motion: Motion, peaks: Sequence[tuple[float, float]]) -> None:
+        """Enter the segments that follow; `peaks` are values and times [s] so far, or empty."""
+        self._batches.append(motion)
+        while sum(map(len, self._batches[1:])) >= _KEPT:
+            del self._batches[0]
+        self._look(peaks, anyway=False)
+
+    def shapes(self, peaks: Sequence[tuple[float, float]]) -> list[PeakShape | None]:
+        """Of the peaks, as far as they are known."""
+        self._look(peaks, anyway=True)
+        return [
+            known[1] if known and known[0] == time else None
+            for (_, time), known in zip(peaks, self._known, strict=False)
+        ]
+
+    def _look(self, peaks: Sequence[tuple[float, float]], anyway: bool) -> None:
+        """Look at the peaks that are new, or were not over before.
+
+        Those that go on are looked at again when a quarter more is known of them, or `anyway`.
+        """
+        if not self._batches:
+            return
+        whole = Motion.joined(self._batches) if len(self._batches) > 1 else self._batches[0]
+        curve = whole.curve
+        for i, (value, time) in enumerate(peaks):
+            if not (curve.start[0] <= time <= curve.end and value):
+                continue
+            known, seen = self._known[i], self._seen[i]
+            if known and known[0] == time:
+                shape = known[1]
+                if shape.whole or shape.begin < curve.start[0] or seen == curve.end:
+                    continue
+                if not anyway and curve.end - seen < 0.25 * shape.duration:
+                    continue
+
+            def size(k: NDArray[np.intp], dt: Array | Nodes, i: int = i) -> Array:
+                return np.asarray(np.abs(self._values(whole, k, dt)[i]))
+
+            self._known[i] = time, peak_shape(size, curve, time, abs(value))
+            self._seen[i] = curve.end
 
 
 def _place(magnitude: Magnitude, curve: PiecewisePolynomial, time: float) -> tuple[int, float]:
