@@ -349,7 +349,10 @@ tables: {press: {file: press.csv, columns: [stroke, force]}}
     tables = {'press': {'points': [[0.0, 0.0], [0.05, 2.0]]}}
     given = ms.simulate(block(tables=tables, a={'force': ['-press(block)', 0]}), duration=0.2)
     assert by_file['velocity.block'] == given.sample([0.2])['velocity.block']
-    for columns, found in (('[stroke, x]', "no column 'x'"), ('[stroke, note]', 'a finite number')):
+    for columns, found in (
+        ('[stroke, x]', "no column 'x'"),
+        ('[stroke, note]', 'a finite number'),
+    ):
         scene.write_text(text.replace('[stroke, force]', columns))
         with pytest.raises(InputError, match=found):
             ms.load_scene(str(scene))

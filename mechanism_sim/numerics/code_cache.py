@@ -138,15 +138,21 @@ def bound_cache() -> None:
 
 
 def compiled(make: Callable[[], T]) -> T:
-    """What heyoka compiles; without its cache, if that fails."""
+    """What heyoka compiles; without its cache, which is then begun anew, if that fails.
+
+    heyoka checks the structure of its data base, and LLVM that of the code in it, when it is read.
+    """
     bound_cache()
     try:
         return make()
-    except (RuntimeError, UnicodeDecodeError):
-        if not llvm_state.get_diskcache_enabled():
+    except (RuntimeError, ValueError):
+        found = folder()
+        if found is None or not llvm_state.get_diskcache_enabled():
             raise
         llvm_state.set_diskcache_enabled(False)
-        return make()
+        made = make()  # if it is no fault of the cache, that fails, too
+        _remove_data_base(found)
+        return made
 
 
 def _remove_data_base(path: Path) -> None:

@@ -53,14 +53,13 @@ def admit(machine: Machine, duration: float | None = None) -> Machine:
     if machine.dynamic:
         try:
             machine.initial_state()
-        except (
-            ZeroDivisionError
-        ) as error:  # of the mass matrix: what is added to it is rounded off
+        except ZeroDivisionError as error:  # of the mass matrix: what adds to it is rounded off
             masses = {name: link.mass for name, link in machine.scene.links.items() if link.mass}
             least = min(masses, key=lambda name: masses[name], default='')
             which = f"; 'links.{least}.mass' is {masses[least]:g} kg, the least" if least else ''
             raise InputError(
-                f'{machine.name}: something could move without moving any mass{which}: give it more'
+                f'{machine.name}: something could move without moving any mass{which}: give it '
+                'more'
             ) from error
     if duration is not None:
         check_way(machine, duration)

@@ -53,6 +53,8 @@ _FAR = 0.2
 FARTHEST = 1e4
 """[m] Half the size of the sheet."""
 
+_SAID = 1000  # characters of a sentence; somebody may have given a name of thousands
+
 MOST_PARTS = 160
 """Links and joints of what is drawn: more takes minutes to compile."""
 
@@ -229,7 +231,8 @@ class Session:
         self._send(self._shown)
 
     def _say(self, text: str) -> None:
-        self._send({'type': 'said', 'text': text})
+        cut = text if len(text) <= _SAID else f'{text[: _SAID // 2]} ... {text[-_SAID // 4 :]}'
+        self._send({'type': 'said', 'text': cut})
 
     # --- the picture ------------------------------------------------------------------------
 

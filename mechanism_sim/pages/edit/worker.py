@@ -56,6 +56,9 @@ class Worker:
         self.number, self.job = 0, None
         self._heavy: dict[str, str] = {}  # texts that are not drawn, and why
         self._since: float | None = None
+        self._asked: tuple[str, Any] | None = None  # of which nothing has come yet
+        self._retried: tuple[str, Any] | None = None
+        self._tried = False
         self._start()
 
     @property
@@ -77,10 +80,11 @@ class Worker:
             ``pause``, ``job``
         """
         self._since, self._before = time.monotonic(), _cpu_time(self._process.pid) or 0.0
+        self._asked = kind, item
         try:
             self._link.send((kind, item))
         except OSError:
-            self._again('')
+            self._again('', retry=True)
 
     def take(self) -> None:
         """Take in what it has to say."""
@@ -88,10 +92,12 @@ class Worker:
             while self._link.poll():
                 self._hear(*self._link.recv())
         except (EOFError, OSError):  # it has ended, by a fault of a library or of the memory
-            self._again('it is not drawn, for its process has ended: it may be too large')
+            self._again('it is not drawn, for its process has ended: it may be too large', True)
 
     def look(self, outdated: bool) -> None:
         """End what takes too long, or is wanted no more."""
+        if not self._begun:
+            return
         if self.busy > PATIENCE and self._spends() > PATIENCE:
             self._again(TOO_LONG)
         elif outdated and self.busy > OUTDATED:
@@ -115,15 +121,19 @@ class Worker:
         arguments = theirs, self.document, self.number, heavy
         # not a daemon in multiprocessing's sense, which `ending.follow` makes of it
         self._process = context.Process(target=_work, args=arguments, daemon=True)
-        self._since, self._before = time.monotonic(), 0.0
+        self._since, self._before, self._begun = time.monotonic(), 0.0, False
         with ending.signals_held():
             self._process.start()
         theirs.close()
 
-    def _again(self, why: str) -> None:
-        """Begin anew with the document as far as it came."""
+    def _again(self, why: str, retry: bool = False) -> None:
+        """Begin anew with the document as far as it came.
+
+        `retry` : what was asked for is asked for once more, if nothing came of it
+        """
         self._process.kill()
         self._process.join()
+        self._retried = None
         try:
             while self._link.poll():
                 self._hear(*self._link.recv())
@@ -133,12 +143,16 @@ class Worker:
         self.number += 1
         if why:
             self._heavy = {self.document.text: why}
+        if retry and not self._tried and self._asked and self._asked[0] == 'page':
+            self._retried = self._asked
+        self._asked, self._tried = None, False
         self._start()
 
     def _hear(self, kind: str, *items: Any) -> None:
         if kind == 'page':
             self._send(*items)
         elif kind == 'document':
+            self._asked = None
             change, value = items
             if change == 'opened':
                 self.document = value
@@ -147,9 +161,15 @@ class Worker:
                 self.document.follow(change, value)
         elif kind == 'job':
             (self.job,) = items
+        elif kind == 'begun':  # its modules are there; from here on it draws
+            self._since, self._begun = time.monotonic(), True
         else:
             (self.number,) = items
-            self._since = None
+            self._since = self._asked = None
+            again, self._retried = self._retried, None
+            self._tried = again is not None
+            if again:
+                self.ask(*again)
 
 
 def _cpu_time(pid: int | None) -> float | None:
@@ -173,6 +193,7 @@ def _work(link: Connection, document: Document, number: int, heavy: dict[str, st
         link.send(('page', message['type'], message.get('number', -1), text))
 
     try:
+        link.send(('begun',))
         document.watch = lambda change, value: link.send(('document', change, value))
         session = Session(document, send, number, heavy)
         for message in session.greeting:

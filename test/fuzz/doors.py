@@ -1,0 +1,319 @@
+"""What pages, files and names bring to the editor and to tables: a client that means no good.
+
+``python test/fuzz/doors.py --messages 20000 --seed 0`` edits in a folder on a disk of a megabyte,
+which is full half of the time (as root; else on the disk there is), and prints figures; its exit
+code says whether all was as promised: the server answers, within five seconds and in sentences,
+what was saved is there, and nothing outside the folder is touched.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from broken_scenes import TEXTS, broken_file
+from running import command
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+HANG = 5.0  # [s] until a page has its answer, or knows that it will come
+MEMORY = 500.0  # [MiB] of the server, and of each of its processes
+KINDS = (
+    'drag', 'drop', 'pull', 'draw', 'set', 'remove', 'rename', 'select', 'trace', 'text', 'undo',
+    'redo', 'save', 'open',
+)  # fmt: skip
+FIELDS = 'handle', 'x', 'y', 'step', 'what', 'from', 'to', 'path', 'text', 'name', 'point'
+NUMBERS = (
+    0, 1, -1, 0.05, 0.1, -0.2, 1e308, -1e308, 1e300, 5e-324, 1e-12, 2**64, -0.0, 10**300, 1e4, 1e5,
+)  # fmt: skip
+NAMES = (
+    'machine', 'mine.yaml', 'mine', 'a' * 252, 'a' * 247 + '.yaml', 'a' * 300, 'a' * 5000,
+    'é' * 126, '../out', '../../out.yaml', '/tmp/out_of_the_folder.yaml', '/etc/passwd',
+    '.hidden', 'sub/x',
+    'none/x.yaml', 'sub', 'sub.yaml', 'pipe.yaml', 'link.yaml', 'loop.yaml', 'a\0b', 'a\nb', '-rf',
+    '=1+1', '~', '..', '.', '/', 'x/../../out', 'away/x.yaml', 'two.yaml', 'CON', ' ', 'a b.yml',
+)  # fmt: skip
+"""Of files; of some of them there is something in the way."""
+
+
+def message(dice: random.Random, state: dict) -> object:
+    """Something that a page might send, or that none would."""
+    handles = [h['key'] for h in state.get('handles', [])] or ['']
+    paths = [['links', x] for x in state.get('stage', {}).get('links', [])] or [[]]
+    paths += [[*p, k] for p in paths for k in ('mass', 'length', 'points', 'nothing')]
+    paths += [['drive', 'speed'], ['title'], ['gravity'], ['joints', 'x'], [], ['links']]
+
+    def anything(depth: int = 0) -> object:
+        what = dice.randrange(10)
+        if what < 3:
+            return dice.choice(NUMBERS)
+        if what < 5:
+            return dice.choice(TEXTS)[:5000]
+        if what == 5:
+            return dice.choice((None, True, False, [], {}, ''))
+        if what == 6 and depth < 4:
+            return [anything(depth + 1) for _ in range(dice.randrange(4))]
+        if what == 7 and depth < 4:
+            return {dice.choice(FIELDS): anything(depth + 1) for _ in range(dice.randrange(4))}
+        return dice.choice((dice.choice(handles), dice.choice(paths), dice.uniform(-0.5, 0.5)))
+
+    def spot() -> object:
+        place = dice.choice(NUMBERS) if dice.random() < 0.2 else dice.uniform(-0.5, 0.5)
+        on = {'handle': dice.choice(handles)} if dice.random() < 0.5 else {}
+        return {'x': place, 'y': dice.uniform(-0.5, 0.5), **on}
+
+    kind = dice.choice(KINDS)
+    values = {
+        'handle': dice.choice(handles), 'x': dice.uniform(-0.5, 0.5), 'y': dice.uniform(-0.5, 0.5),
+        'step': 1e-3, 'what': dice.choice(('revolute', 'prismatic', 'link', 'spring', 'cam')),
+        'from': spot(), 'to': spot(), 'path': dice.choice(paths), 'point': 'crank.end',
+        'text': dice.choice(('0.3 kg', '64 mm', '350 rpm', 'x', *TEXTS))[:5000],
+        'name': dice.choice(NAMES),
+    }  # fmt: skip
+    if kind == 'text':
+        values['text'] = broken_file(dice.randrange(1 << 40)).decode(errors='replace')[:100_000]
+    if kind == 'open':
+        values['name'] = dice.choice(('', 'four_bar_nominal', 'slider_crank', 'none', *NAMES))
+    if kind == 'rename':
+        values['name'] = dice.choice(('crank', 'new_name', *NAMES, *TEXTS))[:5000]
+    for field in FIELDS:
+        if dice.random() < 0.12:
+            values[field] = anything()
+    if dice.random() < 0.05:
+        return {'type': anything(), **values}
+    return {'type': kind, **values}
+
+
+@contextmanager
+def disk(folder: Path):
+    """A folder on a disk of a megabyte; False where none can be mounted."""
+    folder.mkdir()
+    done = subprocess.run(
+        ['mount', '-t', 'tmpfs', '-o', 'size=1m,mode=0755', 'tmpfs', str(folder)],
+        check=False, capture_output=True,
+    )  # fmt: skip
+    try:
+        yield done.returncode == 0
+    finally:
+        if done.returncode == 0:
+            subprocess.run(['umount', '-l', str(folder)], check=True)
+
+
+def obstruct(folder: Path, outside: Path) -> None:
+    """What lies in the way of names: folders, pipes, links in circles and elsewhere."""
+    (folder / 'sub').mkdir()
+    (folder / 'sub.yaml').mkdir()
+    os.mkfifo(folder / 'pipe.yaml')
+    (folder / 'link.yaml').symlink_to('mine.yaml')
+    (folder / 'loop.yaml').symlink_to('loop.yaml')
+    (folder / 'away').symlink_to(outside)
+    (folder / 'two.yaml').write_text('two: names\n')
+    (folder / 'second name').hardlink_to(folder / 'two.yaml')
+
+
+class Client:
+    """A page that sends whatever it likes, and looks at what comes of it.
+
+    Attributes
+    ----------
+    worst : [s] that it waited longest for an answer, or for the word that it will come
+    """
+
+    def __init__(self, folder: Path, dice: random.Random, hang: float) -> None:
+        self.folder, self.dice, self.hang = folder, dice, hang
+        self.state: dict = {}
+        self.saved: dict[Path, str] = {}
+        self.counts: Counter[str] = Counter()
+        self.wrong: list[str] = []
+        self.worst = self.memory = 0.0
+        self.process = subprocess.Popen(
+            command('edit', 'four_bar_nominal', '--port', '0', '--json'), cwd=folder,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        text = ''
+        while '}' not in text:
+            text += self.process.stdout.readline()
+        self.address = json.loads(text)['address']
+        self._connect()
+        self.answer(20.0 * hang)
+        self.worst = 0.0  # it had to start
+
+    def _connect(self) -> None:
+        place = self.address.replace('http', 'ws').replace('/?', '/live?')
+        self.socket = connect(place, max_size=None).__enter__()  # until the process ends
+
+    def answer(self, patience: float = 0.0) -> None:
+        """Wait for the next state of the document, or for the word that it is computed."""
+        begun, working, patience = time.monotonic(), False, patience or self.hang
+        while True:
+            try:
+                heard = json.loads(self.socket.recv(timeout=patience))
+            except TimeoutError:
+                self.wrong.append(f'no answer after {patience} s')
+                return
+            if not working:
+                self.worst = max(self.worst, time.monotonic() - begun)
+            kind = heard['type']
+            self.counts[kind] += 1
+            if kind == 'said':
+                self._look_at(heard['text'])
+            if kind == 'busy':
+                working, patience = heard['busy'], 24.0 * self.hang
+            if kind == 'state':
+                self.state = heard
+                return
+
+    def _look_at(self, said: str) -> None:
+        if not 0 < len(said) < 2000 or 'Traceback' in said:
+            self.wrong.append(f'no sentence: {said[:200]}')
+        if said.startswith('saved: '):
+            self.saved[(self.folder / said.removeprefix('saved: ')).resolve()] = ''
+
+    def send(self, given: object) -> None:
+        """Send something, and wait until it is done."""
+        before = set(self.saved)
+        kind = given.get('type') if isinstance(given, dict) else ''
+        try:
+            self.socket.send(json.dumps(given))
+            if isinstance(kind, str) and kind not in ('drag', 'pull') and kind in KINDS:
+                self.answer()
+                if kind == 'save':  # a run that ended may have shown a state, too
+                    self.socket.send(json.dumps({'type': 'select', 'path': []}))
+                    self.answer()
+            elif self.dice.random() < 0.2:
+                self.socket.send(json.dumps({'type': 'select', 'path': []}))
+                self.answer()
+        except ConnectionClosed:
+            self.counts['cut off'] += 1
+            self._connect()
+            self.answer()
+        if kind == 'save':
+            for file in [f for f, text in self.saved.items() if f not in before or not text]:
+                self.saved[file] = self.state['text']
+        for pid in children(self.process.pid):
+            self.memory = max(self.memory, resident(pid))
+
+    def close(self) -> None:
+        """End the editor, and compare what was saved."""
+        if self.process.poll() is not None:
+            self.wrong.append(f'the server ended with {self.process.returncode}')
+        self.process.send_signal(signal.SIGINT)
+        try:
+            code = self.process.wait(60)
+        except subprocess.TimeoutExpired:
+            code = 'no'
+            self.process.kill()
+        said = self.process.stderr.read()
+        if code != 0 or 'Traceback' in said or len(said.splitlines()) > 1:
+            self.wrong.append(f'exit code {code}: {said[-500:]}')
+        for file, text in self.saved.items():
+            if not file.is_file() or file.read_text(encoding='utf-8') != text:
+                self.wrong.append(f'{file.name[:50]} is not what was saved')
+
+
+def children(pid: int) -> list[int]:
+    """A process, and those that it started."""
+    found = [pid]
+    with suppress(OSError):
+        for task in Path(f'/proc/{pid}/task').iterdir():
+            found += map(int, (task / 'children').read_text().split())
+    return found
+
+
+def resident(pid: int) -> float:
+    """Memory of a process [MiB]."""
+    with suppress(OSError, IndexError):
+        return int(Path(f'/proc/{pid}/statm').read_text().split()[1]) * os.sysconf(
+            'SC_PAGESIZE'
+        ) / 2**20  # fmt: skip
+    return 0.0
+
+
+def edit(folder: Path, messages: int, seed: int, hang: float = HANG) -> Client:
+    """Send so many messages to an editor in a new folder; what came of it.
+
+    `hang` [s] is longer where the machine is busy with other things.
+    """
+    dice, outside = random.Random(seed), folder / 'outside'
+    outside.mkdir(parents=True)
+    (outside / 'mine.yaml').write_text('not: yours\n')
+    with disk(folder / 'disk') as small:
+        own = folder / 'disk'
+        obstruct(own, outside)
+        before = {x: x.stat().st_mtime_ns for x in [*outside.iterdir(), *folder.iterdir()]}
+        client = Client(own, dice, hang)
+        try:
+            for k in range(messages):
+                if small and k % 500 == 250:
+                    with suppress(OSError):
+                        (own / 'fill').write_bytes(bytes(2_000_000))
+                elif k % 500 == 0:
+                    (own / 'fill').unlink(missing_ok=True)
+                client.send(message(dice, client.state))
+                if k % 1000 == 999:
+                    print(k + 1, dict(client.counts), client.wrong[-3:], file=sys.stderr)
+        finally:
+            (own / 'fill').unlink(missing_ok=True)
+            client.close()
+        after = {x: x.stat().st_mtime_ns for x in [*outside.iterdir(), *folder.iterdir()]}
+        before.pop(own)
+        after.pop(own)
+        if before != after:
+            client.wrong.append(f'outside its folder: {set(after.items()) ^ set(before.items())}')
+        left = [x.name for x in own.rglob('*') if '.part' in x.name]
+        if left:
+            client.wrong.append(f'parts are left: {left}')
+    if client.worst > hang:
+        client.wrong.append(f'{client.worst:.1f} s without a word')
+    if client.memory > MEMORY:
+        client.wrong.append(f'{client.memory:.0f} MiB')
+    return client
+
+
+def table(dice: random.Random) -> bytes:
+    """A file of comma-separated values, more or less."""
+    units = ('deg', 'rad', 'N', 'kN', 'm', 's', '', 'blub', 'N m', '%', 'm^99', 'µm', '\x00')
+    heads = ['a', 'b', 'c', 'force', '=x', '', 'é', 'a' * 300, '"', "'=y", 'a']
+    head = [f'{dice.choice(heads)} [{dice.choice(units)}]' for _ in range(dice.randrange(5))]
+    rows = []
+    for k in range(dice.choice((0, 1, 2, 5, 50, 1000))):
+        row = [f'{k * dice.uniform(0.5, 2.0):g}', *(f'{dice.uniform(-9, 9):g}' for _ in head[1:])]
+        if dice.random() < 0.02:
+            row[dice.randrange(len(row))] = dice.choice(('', 'nan', 'inf', '1e999', *TEXTS))[:9999]
+        rows.append(row)
+    text = dice.choice(('\n', '\r\n', '\r')).join(','.join(r) for r in [head, *rows])
+    data = bytearray(text.encode('utf-8', 'surrogatepass'))
+    for _ in range(dice.choice((0, 0, 0, 1, 5, 50))):
+        if data:
+            data[dice.randrange(len(data))] = dice.randrange(256)
+    return bytes(data) + b'x' * dice.choice((0, 0, 0, 0, 0, 0, 0, 0, 0, 3_000_000))
+
+
+def main() -> int:
+    """Figures of a run; whether all was as promised."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--messages', type=int, default=20_000)
+    parser.add_argument('--seed', type=int, default=0)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        found = edit(Path(folder) / 'editor', options.messages, options.seed)
+    print(dict(found.counts), f'{len(found.saved)} files saved')
+    print(f'longest without a word {found.worst:.2f} s, memory {found.memory:.0f} MiB')
+    for wrong in found.wrong:
+        print('WRONG:', wrong)
+    return bool(found.wrong)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

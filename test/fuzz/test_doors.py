@@ -1,0 +1,68 @@
+"""Doors of the editor and of tables: whatever comes in, a sentence comes out, and all goes on.
+
+A sample runs in the suite; ``python test/fuzz/doors.py --messages 20000`` and
+``FUZZ_EXAMPLES=5000 pytest test/fuzz/test_doors.py`` take an hour.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import time
+
+import pytest
+from doors import edit, message, table
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.pages.edit.document import Document
+from mechanism_sim.pages.edit.session import Session
+from mechanism_sim.scene.table_keys import TablePart, with_files
+
+EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '60'))
+SAMPLE = settings(max_examples=EXAMPLES, deadline=None, derandomize=EXAMPLES < 1000, database=None)
+
+
+@pytest.mark.parametrize('count', [40, pytest.param(1000, marks=pytest.mark.deep)])
+def test_no_message_of_a_page_ends_the_editor(count, tmp_path):
+    """On a small disk that is full now and then: nothing lost, nothing outside is touched."""
+    found = edit(tmp_path / 'editor', count, 3, hang=60.0)
+    assert found.wrong == []
+    assert found.counts['state'] > 0.3 * count
+
+
+@pytest.mark.parametrize('seed', [
+    1, 2, *(pytest.param(seed, marks=pytest.mark.deep) for seed in range(3, 40))
+])  # fmt: skip
+def test_no_message_ends_a_session(seed, tmp_path, monkeypatch):
+    """Without a process between: nothing but sentences, whatever the state it is in."""
+    monkeypatch.chdir(tmp_path)
+    heard = []
+    session, dice = Session(Document.open('four_bar_nominal'), heard.append), random.Random(seed)
+    for _ in range(40):
+        given = message(dice, session.greeting[0])
+        if isinstance(given, dict):
+            session.handle(given)
+    assert all(0 < len(m['text']) < 2000 for m in heard if m['type'] == 'said')
+    assert all(not x.name.endswith('.part') for x in tmp_path.rglob('*'))
+
+
+@given(seed=st.integers(0, 1 << 40))
+@SAMPLE
+def test_a_table_is_read_or_refused_in_a_sentence(tmp_path_factory, seed):
+    dice = random.Random(seed)
+    folder = tmp_path_factory.getbasetemp()
+    (folder / 'load.csv').write_bytes(table(dice))
+    more = (
+        {} if dice.random() < 0.7 else {'columns': dice.choice((['a', 'b'], ['a'], 5, [[], {}]))}
+    )
+    begun = time.process_time()
+    try:
+        content = with_files('s.yaml', folder, {'file': 'load.csv', **more})
+        TablePart.model_validate(content)
+        said = 'read'
+    except (InputError, RunError, ValueError) as error:  # as `checked` takes it
+        said = str(error)
+    assert 0 < len(said.splitlines()[0]) < 2000
+    assert time.process_time() - begun < 5.0

@@ -1,0 +1,238 @@
+"""The editor as a door: slow pictures, full disks, names, and servers that are killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from running import TIMEOUT, command
+from test_edit import Page
+from test_output import full_disk
+from websockets.sync.client import connect
+
+from mechanism_sim.pages.edit import session, worker
+from mechanism_sim.pages.edit.document import Document
+from mechanism_sim.pages.edit.recovery import Recovery, place
+from mechanism_sim.pages.edit.serving import Desk
+
+
+def chain(count: int) -> str:
+    """A closed chain of so many links, driven by its first."""
+    links = [f'  l{k}: {{length: 100 mm, mass: 1 kg, inertia: 1 kg mm^2}}' for k in range(count)]
+    joints = [f'  j{k}: {{revolute: [l{k - 1}.end, l{k}]}}' for k in range(1, count)]
+    return '\n'.join([
+        'title: A chain', 'mechanism: linkage', 'links:',
+        f'  ground: {{points: {{e: [{60 * count} mm, 0 mm]}}}}', *links, 'joints:',
+        '  j0: {revolute: [ground, l0]}', *joints,
+        f'  je: {{revolute: [l{count - 1}.end, ground.e]}}',
+        'drive: {coordinate: l0, speed: 10 rpm}', '',
+    ])  # fmt: skip
+
+
+@pytest.fixture
+def page(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return Page('four_bar_nominal')
+
+
+@pytest.mark.parametrize('kind', ['drag', 'drop', 'pull', 'draw'])
+@pytest.mark.parametrize('x', [1e308, -1e308, 1e5, 10**300])
+def test_a_hand_that_reaches_too_far_is_told_so(kind, x, page):
+    before = page.text
+    spots = {'from': {'x': x, 'y': 0}, 'to': {'x': 0, 'y': x}, 'what': 'link'}
+    page.ask(kind, handle='crank_coupler', x=x, y=0.0, step=1e-3, **spots)
+    assert 'too far away' in page.said[-1]
+    assert page.text == before
+
+
+def test_whatever_a_message_raises_is_a_sentence(page, monkeypatch):
+    """Of the message itself, and of the picture that is made of what it did."""
+    page.set('title', 'changed')
+    for error in (
+        OSError(28, 'No space left'),
+        MemoryError(),
+        RecursionError('deep'),
+        SystemError(),
+    ):
+
+        def fail(*_args, error=error, **_more):
+            raise error
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Document, 'save', fail)
+            page.ask('save', name='x')
+            assert type(error).__name__ in page.said[-1]
+        with monkeypatch.context() as patch:
+            patch.setattr(session, 'Turn', fail)
+            page.set('title', f'of {type(error).__name__}')
+            assert type(error).__name__ in page.state['problem']
+    page.set('title', 'good again')
+    assert page.state['assembled']
+    assert 'good again' in page.text
+
+
+@pytest.mark.parametrize(
+    'name', ['a' * 252, 'a' * 300, 'a' * 5000, 'pipe', 'loop', 'folder', 'a\0b']
+)
+def test_a_name_under_which_nothing_can_be_saved_is_a_sentence(name, page, tmp_path):
+    os.mkfifo(tmp_path / 'pipe.yaml')
+    (tmp_path / 'loop.yaml').symlink_to('loop.yaml')
+    (tmp_path / 'folder.yaml').mkdir()
+    before = sorted(tmp_path.iterdir())
+    page.ask('save', name=name)
+    assert 0 < len(page.said[-1]) < 2000
+    assert not page.said[-1].startswith('saved')
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_full_disk_is_a_sentence_and_nothing_is_lost(page, tmp_path):
+    page.set('title', 'first')
+    page.ask('save')
+    saved = page.text
+    page.ask('text', text=page.text + '# more\n' * 4000)
+    with full_disk(1000):
+        page.ask('save')
+    assert 'cannot be written' in page.said[-1]
+    (file,) = tmp_path.iterdir()
+    assert file.read_text() == saved
+    assert page.state['changed']
+    page.ask('save')
+    assert file.read_text() == page.text
+
+
+def test_what_is_too_large_is_not_drawn_and_stays_what_it_is(page):
+    text = chain(200)
+    page.ask('text', text=text)
+    assert 'are not drawn' in page.state['problem']
+    assert page.text == text
+    page.ask('undo')
+    assert page.state['assembled']
+
+
+def test_what_is_not_saved_is_kept_and_given_back(tmp_path, monkeypatch):
+    """Beside the file; gone when it is saved; never from a link or of somebody else."""
+    monkeypatch.chdir(tmp_path)
+    Path('m.yaml').write_text('title: saved\n')
+    document, recovery = Document.open('m.yaml'), Recovery()
+    document.replace('title: not saved\n')
+    assert recovery.keep(document) == ''
+    assert place(document).name == '.m.yaml.unsaved'
+    again = Document.open('m.yaml')
+    Desk(again)  # as a server does that begins
+    assert again.text == 'title: not saved\n'
+    assert again.changed
+    again.undo()
+    assert again.text == 'title: saved\n'
+    document.save()
+    recovery.keep(document)
+    assert [x.name for x in tmp_path.iterdir()] == ['m.yaml']
+    Path('elsewhere').write_text('title: planted\n')
+    place(document).symlink_to('elsewhere')
+    assert Recovery().give_back(document) == ''
+    place(document).unlink()
+    os.mkfifo(place(document))
+    assert Recovery().give_back(document) == ''
+    document.replace('title: once more\n')
+    assert 'not kept' in recovery.keep(document)
+
+
+class Editor:
+    """An editor in a process of its own, and a page that has it open."""
+
+    def __init__(self, folder, *args):
+        self.process = subprocess.Popen(
+            command('edit', *args, '--port', '0', '--json'), cwd=folder, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )  # fmt: skip
+        text = ''
+        while '}' not in text:
+            text += self.process.stdout.readline()
+        address = json.loads(text)['address']
+        self.socket = connect(
+            address.replace('http', 'ws').replace('/?', '/live?'), max_size=None
+        ).__enter__()
+
+    def ask(self, kind, **more):
+        self.socket.send(json.dumps({'type': kind, **more}))
+
+    def until(self, condition):
+        """What the page is told first of which something is so."""
+        while True:
+            heard = json.loads(self.socket.recv(TIMEOUT))
+            if condition(heard):
+                return heard
+
+    def state(self, text):
+        """The state that has a text."""
+        return self.until(lambda m: m['type'] == 'state' and m['text'] == text)
+
+
+@contextmanager
+def editor(folder, *args):
+    found = Editor(folder, *args)
+    try:
+        yield found
+    finally:
+        found.process.kill()
+        found.process.communicate()
+
+
+def test_a_slow_picture_holds_nobody_up_and_a_killed_server_loses_nothing(tmp_path):
+    """It is said that it is computed; a newer text comes first; its text outlives the server."""
+    with editor(tmp_path) as first:
+        first.until(lambda m: m['type'] == 'state')
+        first.ask('text', text=chain(60))
+        first.until(lambda m: m['type'] == 'busy' and m['busy'])
+        first.ask('text', text='title: newer\n')
+        assert first.state('title: newer\n')['undo'] >= 1
+        kept = tmp_path / '.machine.yaml.unsaved'
+        while not kept.exists():
+            time.sleep(0.02)
+        first.process.kill()
+    with editor(tmp_path) as second:
+        assert second.state('title: newer\n')['changed']
+        (child, *_) = (
+            Path(f'/proc/{second.process.pid}/task/{second.process.pid}/children')
+            .read_text()
+            .split()[-1:]
+        )
+        os.kill(int(child), signal.SIGKILL)  # who draws, as by a fault of a library
+        second.ask('text', text='title: newest\n')
+        assert second.state('title: newest\n')
+        second.ask('save', name='mine')
+        second.until(lambda m: m['type'] == 'said' and m['text'] == 'saved: mine.yaml')
+        second.process.send_signal(signal.SIGINT)
+        assert second.process.wait(TIMEOUT) == 0
+        assert second.process.stderr.read() == ''
+    assert (tmp_path / 'mine.yaml').read_text() == 'title: newest\n'
+
+
+@pytest.mark.deep
+def test_a_picture_that_takes_too_long_is_given_up(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(worker, 'PATIENCE', 0.5)
+    document, states = Document(), []
+
+    def send(kind, _number, text):
+        if kind == 'state':
+            states.append(json.loads(text))
+
+    found = worker.Worker(document, send, print)
+    try:
+        while found.busy:
+            found.link.poll(0.05)
+            found.take()
+        found.ask('page', {'type': 'text', 'text': chain(60)})
+        while not (states and 'takes longer' in states[-1]['problem']):
+            found.link.poll(0.05)
+            found.take()
+            found.look(outdated=False)
+        assert document.text == chain(60)
+    finally:
+        found.close()
