@@ -51,7 +51,9 @@ from mechanism_sim.sweep.row import DONE, Task, compute
 
 TURNS = 6
 MESH = 0.1
-MARKED = re.compile(r'^<!-- experiment: ([^\n]+?) -->\n\n(.+?)\n\n<!-- /experiment -->$', re.M | re.S)
+MARKED = re.compile(
+    r'^<!-- experiment: ([^\n]+?) -->\n\n(.+?)\n\n<!-- /experiment -->$', re.M | re.S
+)
 
 
 def record(folder, sweep, *numbers):
@@ -233,10 +235,10 @@ def test_alpha_by_order_is_that_of_the_bags(found):
 def test_a_figure_has_the_digits_of_its_interval():
     shown = [figure(Interval(*x)) for x in (
         (2433.2, 321.4), (60.7182, 3e-9), (0.15512, 0.0214), (20.43, 9.94), (0.0, 0.0),
-        (5.0, math.nan), (math.nan, math.nan), (99.0, 0.0),
+        (5.0, math.nan), (math.nan, math.nan), (99.0, 0.0), (42.34, 0.011),
     )]  # fmt: skip
-    assert shown == ['2430 +- 320', '60.7 +- 0.0', '0.155 +- 0.021', '20.4 +- 9.9', '0 +- 0',
-                     '5.00', 'none', '99.0 +- 0.0']  # fmt: skip
+    assert shown == ['2430 +- 330', '60.7 +- 0.0', '0.155 +- 0.022', '20.4 +- 10.0', '0 +- 0',
+                     '5.00', 'none', '99.0 +- 0.0', '42.3 +- 0.1']  # fmt: skip
 
 
 def test_truth_and_severity_are_those_of_the_simulation(found):
@@ -360,13 +362,14 @@ def test_the_verdicts_of_the_page_follow_from_the_figures_printed_beside_them():
         found = set()
         for step in evidence.split('; '):
             (a, da), (b, db) = (map(float, x) for x in re.findall(number, step))
-            apart = a + da < b - db or b + db < a - da
+            overlap = min(a + da, b + db) - max(a - da, b - db)
             said = step.rpartition(': ')[2] if ': ' in step else 'decided'
-            assert apart == (said != UNDECIDED), step
+            # widths are rounded up in print, so that what barely is apart may seem to touch
+            assert overlap >= 0.0 if said == UNDECIDED else overlap < 0.05 * max(a, b), step
             if said in (MORE, LESS):
                 assert (said == MORE) == (b > a)
-            found.add(apart)
-        assert (verdict == UNDECIDED) <= (found != {True})
+            found.add(said != UNDECIDED)
+        assert (verdict == UNDECIDED) == (True not in found)
 
 
 def test_figures_are_those_of_the_thesis(found):

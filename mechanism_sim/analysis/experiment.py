@@ -190,7 +190,8 @@ class Trial:
         return TurnSums(self.every.count[part], self.every.impulse[part])
 
 
-class TurnSums(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class TurnSums:
     """Impacts and the sum of their impulses [N s], turn by turn."""
 
     count: NDArray[np.int64]

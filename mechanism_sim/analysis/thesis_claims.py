@@ -117,7 +117,7 @@ def _by_clearance(found: Experiment) -> Iterator[Claim]:
         ('more clearance: harder impacts', _I_N, MORE),
     ):
         yield Claim(text, figure.words, figure.scale, _ends(figure, rows, _rpm, _mm, expected))
-    stated = (
+    stated: tuple[tuple[int, str, dict[int, str], str], ...] = (
         (250, 'severity rises with clearance', {}, MORE),
         (300, 'severity falls from the smallest clearance to the next, stays, and rises at the '
               'largest', {1: LESS, 2: SAME, 3: MORE}, ''),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -46,7 +46,7 @@ class Table(NamedTuple):
     name: str
     title: str
     columns: tuple[str, ...]
-    rows: list[tuple[str, ...]]
+    rows: Sequence[tuple[str, ...]]
 
     def markdown(self) -> str:
         """As Markdown, with all columns in line but the last, which may be long."""
@@ -121,7 +121,11 @@ def _bags(group: Repeats) -> str:
 
 
 def figure(x: Interval, scale: float = 1.0) -> str:
-    """A mean to three digits, and half the width of its interval to no more than it has."""
+    """A mean to three digits, and half the width of its interval to no more than it has.
+
+    The width is rounded up, so that intervals that overlap do so in print; it is 0 if it is less
+    than a hundredth of the last place.
+    """
     mean, half = scale * x.mean, scale * x.half_width
     if not math.isfinite(mean):
         return 'none'
@@ -129,6 +133,8 @@ def figure(x: Interval, scale: float = 1.0) -> str:
     if not math.isfinite(half):
         return _rounded(mean, places)
     places = min(places, 1 - _decade(half)) if half else places
+    unit = 10.0**-places
+    half = math.ceil(half / unit - 1e-9) * unit if half > 0.01 * unit else 0.0
     return f'{_rounded(mean, places)} +- {_rounded(half, places)}'
 
 
