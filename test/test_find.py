@@ -116,3 +116,14 @@ def test_goals_that_are_none_are_refused(args, said):
 def test_a_path_that_is_none_is_refused():
     with pytest.raises(InputError):
         find(rotor(), ('links.bar.lenth', '1', '2'), read_goal(None, 'mean(drive_torque)'))
+
+
+def test_a_figure_without_a_value_is_no_figure():
+    """The cycle of a bar is one turn: a window in the second is not reached."""
+    goal = read_goal('mean(drive_torque, from 1 revolutions to 2 revolutions) = 1 N m', None)
+    with pytest.raises(InputError, match='before the window begins'):
+        find(rotor(), ('drive.speed', '10 rad/s', '20 rad/s'), goal, 3)
+    late = read_goal('mean(drive_torque, from 0.5 s) = 1 N m', None)  # turns of 0.63 s and 0.42 s
+    finding = find(rotor(), ('drive.speed', '10 rad/s', '15 rad/s'), late, 2)
+    assert [value for value, _ in finding.failed] == [15.0]
+    assert 'has no finite value' in finding.failed[0][1]

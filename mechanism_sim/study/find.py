@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ import scipy
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.cycles.measure_text import read
-from mechanism_sim.cycles.measures import Measurement
+from mechanism_sim.cycles.measures import EXACT, Measurement
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
@@ -135,6 +136,9 @@ def find(
         measured.add(one.solution)
         (found,) = measured.found()
         units.append(found.unit)
+        if not math.isfinite(found.value):
+            why = f': {found.resolution}' if found.resolution != EXACT else ''
+            raise RunError(f"'{text}' has no finite value{why}")
         return found.value
 
     ends = parameter.to_scale(parameter.low), parameter.to_scale(parameter.high)
