@@ -469,7 +469,9 @@ class Ranges:
         self._function = compiled.function([hy.expression(0.0) + x for x in outputs], inputs)
         self._count = len(expressions)
 
-    def __call__(self, course: Course, begin: Array, width: float) -> tuple[Array, Array, Array]:
+    def __call__(
+        self, course: Course, begin: Array, width: float
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Values in the middles of parts; the least in them; whether there is none inside.
 
         Each (g, N), of parts of a width from 0 to 1. The least is below what is there; it lies at
@@ -672,7 +674,7 @@ def _off(own: Array, parts: Parts, span: Array) -> Array:
     found = np.maximum(parts.middle + parts.radius - most, least - parts.middle + parts.radius)
     found = np.maximum(found, np.abs(own[1] - 0.5 * (own[0] + own[2])))
     steps = np.where(most - least > _MOST_OF_RANGE * span, most - least, 0.0)
-    return np.maximum(found, steps)
+    return np.asarray(np.maximum(found, steps))
 
 
 def _halved(begin: Array, width: float, own: Array) -> tuple[Array, Array]:
