@@ -14,10 +14,14 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.curves import Curve
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Vector2
+
+_WIDE = 0.25 * math.pi  # parts of a turn that no piece of a motion steps over
+
+_NARROW = 0.01  # parts of a turn at whose ends cosines hardly differ
 
 LinkPoint = tuple[str, Vector2]
 """A link, and a point in its frame [m]."""
@@ -211,10 +215,31 @@ class CycleRange:
         frame, offset = mechanism.frame(self.coordinate)
         width = (end - begin) % (2.0 * math.pi)
         middle = begin + 0.5 * width - offset
+        if _WIDE < width < 2.0 * math.pi - _WIDE:
+            frames.wide.add(name)
         p, q = frames.parameters, frames.q[frame]
+        if width < _NARROW or width > 2.0 * math.pi - _NARROW:
+            return _beside(p, name, q, middle, width)
         c, s = p(f'{name}.middle.x', math.cos(middle)), p(f'{name}.middle.y', math.sin(middle))
         along = add(mul(c, hy.cos(q)), mul(s, hy.sin(q)))
         return dense(add(along, neg(p(f'{name}.half', math.cos(0.5 * width)))))
+
+
+def _beside(
+    parameters: Parameters, name: str, q: hy.expression, middle: float, width: float
+) -> hy.expression:
+    """Positive within a narrow part of a turn, or outside of one, whose cosines would round alike.
+
+    ``1 - (sin((q - middle)/2)/sin(width/4))^2``, as of the rows of a table.
+    """
+    within = width < math.pi
+    if not within:
+        middle, width = middle + math.pi, 2.0 * math.pi - width
+    c = parameters.reserve(f'{name}.middle.x', math.cos(0.5 * middle))
+    s = parameters.reserve(f'{name}.middle.y', math.sin(0.5 * middle))
+    steep = parameters.reserve(f'{name}.half', 1.0 / math.sin(0.25 * width))
+    share = steep * (hy.sin(0.5 * q) * c - hy.cos(0.5 * q) * s)
+    return 1.0 - share * share if within else share * share - 1.0
 
 
 @dataclass(frozen=True)

@@ -122,8 +122,12 @@ class ResolvedLoads:
     def _longest(self, course: Course, places: Array, floor: Array) -> float:
         """The last of places, from 0 on, whose interpolant is right at all of them before it."""
         values = self._values(course, places)
-        low, high = 1, len(places) + 1
-        tried = len(places)  # mostly it is all of it
+        finite: NDArray[np.bool_] = np.isfinite(values).all(axis=0)
+        if not finite[0]:  # whoever asks for forces there is told so
+            return 1.0
+        count = len(places) if finite.all() else int(finite.argmin())
+        low, high = 1, count + 1
+        tried = count  # mostly it is all of it
         while high - low > 1:
             if self._is_resolved(course, places[:tried], values[:, :tried], floor):
                 low = tried

@@ -469,7 +469,9 @@ class Ranges:
         self._function = compiled.function([hy.expression(0.0) + x for x in outputs], inputs)
         self._count = len(expressions)
 
-    def __call__(self, course: Course, begin: Array, width: float) -> tuple[Array, Array, Array]:
+    def __call__(
+        self, course: Course, begin: Array, width: float
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Values in the middles of parts; the least in them; whether there is none inside.
 
         Each (g, N), of parts of a width from 0 to 1. The least is below what is there; it lies at
@@ -481,19 +483,23 @@ class Ranges:
         both[:v] = series
         both[v:, :-1] = series[:, 1:] * np.arange(1, order + 1)
         count = len(begin)
-        given = np.empty((4 * v + len(fixed), count))
+        given = np.zeros((4 * v + len(fixed), 2 * count))  # of parts, then of their middles
         if width == 1.0:
             halves, rest = _halves(order + 1)
-            given[: 2 * v, 0], given[2 * v : 4 * v, 0] = both @ halves, np.abs(both) @ rest
+            middle, radius = (both @ halves)[:, None], (np.abs(both) @ rest)[:, None]
         else:
             shift = _shift(order, begin + 0.5 * width)
-            given[: 2 * v], given[2 * v : 4 * v] = _on_parts(both, shift, 0.5 * width)
+            middle, radius = _on_parts(both, shift, 0.5 * width)
+        given[: 2 * v, :count] = given[: 2 * v, count:] = middle
+        given[2 * v : 4 * v, :count] = radius
         given[4 * v :] = fixed[:, None]
-        known = np.repeat(parameters[: self._function.nparams, None], count, axis=1)
-        values, slope, reach, spread = self._function(given, pars=known).reshape(4, -1, count)
+        known = np.repeat(parameters[: self._function.nparams, None], 2 * count, axis=1)
+        found = self._function(given, pars=known).reshape(4, -1, 2 * count)
+        middle, slope, reach, spread = found[:, :, :count]
+        values = found[0, :, count:]
         with np.errstate(all='ignore'):
-            off = np.fmin(reach, 0.5 * width * (np.abs(slope) + spread))
-            return values, values - off, np.abs(slope) > spread
+            least = np.fmax(middle - reach, values - 0.5 * width * (np.abs(slope) + spread))
+            return values, least, np.abs(slope) > spread
 
 
 def falls(ranges: Ranges, course: Course) -> list[float]:
@@ -527,12 +533,12 @@ def _program(
 
 _FIRST = 8  # parts, in which most motions are known at once
 _DEEPEST = 48  # halvings: less than rounding of the place itself
-_MOST = 4096  # parts that may be unknown at the same time
+_MOST = 1024  # parts that may be unknown at the same time
 _SOUND = 0.01  # of a fault: less is far from one
 FEW = np.array([0.25, 0.5, 0.75, 1.0])
 """Places to look at where nothing is steep."""
 _ENDS = np.linspace(0.0, 1.0, _FIRST + 1)
-_OF_RANGE, _OF_SIZE = 0.05, 0.01
+_OF_RANGE, _MOST_OF_RANGE, _OF_SIZE = 0.05, 0.5, 0.01
 """How far a function may go beyond its samples in a part: of what it varies by, and of its size.
 The former for what is between two samples of a curve, the latter for overestimation."""
 
@@ -622,22 +628,21 @@ def reach_of(
         if depth == 0:
             ends[:, 0], ends[:, 1] = values[:, count:-1], values[:, count + 1 :]
         own = np.stack([ends[:, 0], values[:, :count], ends[:, 1]])
-        lowest = np.minimum(lowest, values.min(axis=1, initial=np.inf))
-        highest = np.maximum(highest, values.max(axis=1, initial=-np.inf))
+        lowest = np.fmin(lowest, np.fmin.reduce(values, axis=1))
+        highest = np.fmax(highest, np.fmax.reduce(values, axis=1))
         # the start itself is as it is
         places = places[places > 0.0]
         found = defect(places)
         fault = min(fault, places[~(found <= 1.0)].min(initial=np.inf))
         sound.append(places[found <= _SOUND])
-        allowed = _OF_RANGE * (highest - lowest)
-        allowed += _OF_SIZE * np.maximum(np.abs(lowest), np.abs(highest))
+        size = np.maximum(np.abs(lowest), np.abs(highest))[:, None]
         with np.errstate(all='ignore'):  # what is not finite is not known
-            beyond = np.maximum(
-                parts.middle + parts.radius - own.max(axis=0),
-                own.min(axis=0) - (parts.middle - parts.radius),
-            )
-            small = beyond * parts.weight * (width * course.length) <= 1.0
-        unknown = ~((beyond <= allowed[:, None]) | small).all(axis=0) & (begin < fault)
+            span = (highest - lowest)[:, None]
+            off = _off(own, parts, span)
+            known = off <= _OF_RANGE * span + _OF_SIZE * size
+            known |= off * parts.weight * (width * course.length) <= 1.0
+        known |= ~np.isfinite(own).all(axis=0)  # no halving tells more of what is no number
+        unknown = ~known.all(axis=0) & (begin < fault)
         if not unknown.any():
             break
         if unknown.sum() > _MOST:
@@ -652,6 +657,24 @@ def reach_of(
         return WHOLE
     every = np.concatenate(sound)
     return Reach(float(every[every < fault].max(initial=0.0)), float(fault))
+
+
+def _off(own: Array, parts: Parts, span: Array) -> Array:
+    """How far functions (K, N) in parts are off what samples tell of them.
+
+    It is how far they may go beyond all samples, or bend between them; or how much they change at
+    all, if that is half of what they change in the whole piece.
+
+    Parameters
+    ----------
+    own : (3, K, N) values where parts begin, in their middles and at their ends
+    span : (K, 1) change in the whole piece
+    """
+    least, most = own.min(axis=0), own.max(axis=0)
+    found = np.maximum(parts.middle + parts.radius - most, least - parts.middle + parts.radius)
+    found = np.maximum(found, np.abs(own[1] - 0.5 * (own[0] + own[2])))
+    steps = np.where(most - least > _MOST_OF_RANGE * span, most - least, 0.0)
+    return np.asarray(np.maximum(found, steps))
 
 
 def _halved(begin: Array, width: float, own: Array) -> tuple[Array, Array]:
@@ -684,4 +707,6 @@ def _enclosed(
         np.concatenate([middle, at], axis=1),
         np.concatenate([radius, np.zeros_like(at)], axis=1),
     )
-    return Parts(*(x[:, :count] for x in parts)), parts.middle[:, count:]
+    values = parts.middle[:, count:]
+    values[~np.isfinite(values)] = np.nan
+    return Parts(*(x[:, :count] for x in parts)), values

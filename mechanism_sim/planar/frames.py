@@ -67,6 +67,8 @@ class Frames:
         ``COORDINATE.turns``, the whole turns that its symbol leaves out.
     switches : dict
         What changes from one part of the cycle to another, by name.
+    wide : set
+        Names of the switches that hold, or do not hold, over a good part of a turn each time.
     formulas : set
         Names of the loads that formulas give, which may be steep anywhere.
     """
@@ -85,6 +87,7 @@ class Frames:
         self.outside: dict[str, hy.expression] = {}
         self.switches: dict[str, Switch | Table] = {}
         self.slips: set[str] = set()
+        self.wide: set[str] = set()
         self.formulas: set[str] = set()
 
     @property

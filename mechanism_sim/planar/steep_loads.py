@@ -82,7 +82,7 @@ class SteepLoads:
 
         Of a load that holds both branches count.
         """
-        chosen = symbols[self.symbols]
+        chosen: Array = symbols[self.symbols]
         for row, holds in self._held:
             if symbols[holds] > 0.0:
                 chosen[row] = 0.5

@@ -174,15 +174,19 @@ class Edges:
     def ranges(self, driven: Sequence[int]) -> GuardRanges | None:
         """Enclosures of what falls below zero where rows end; None if nothing can hide.
 
-        Rows of a table follow each other along a coordinate that is driven: the next one is left
-        no sooner than at another edge.
+        Of closures nothing does. Rows of a table follow each other along a coordinate that is
+        driven: the next one is left no sooner than at another edge.
         """
         frames = self._frames
-        steady = {str(list(frames.q.values())[i]) for i in driven}
+        steady = {str([*frames.q.values()][i]) for i in driven}
         guards = [
             s.guard
-            for s in self._every
-            if isinstance(s, Switch) or not steady.issuperset(hy.get_variables(s.place))
+            for name, s in frames.switches.items()
+            if ':' in name
+            and not (
+                (isinstance(s, Table) or name in frames.wide)
+                and steady.issuperset(hy.get_variables(s.place))
+            )
         ]
         if not guards:
             return None

@@ -116,7 +116,7 @@ class Machine(DynamicModel):
                 fastest=self.fastest,
             )
         else:
-            run = self.nominal(first)
+            run = self.nominal(first, loads=True)
         for later in sorted(
             (x for c in system_order for x in laws[c][1:]), key=lambda x: x.valid_from
         ):

@@ -189,8 +189,12 @@ class NominalModel(MachineModel):
             efforts,
         )
 
-    def nominal(self, laws: Sequence[Law]) -> NominalRun:
+    def nominal(self, laws: Sequence[Law], loads: bool = False) -> NominalRun:
         """A run of the mechanism without clearance under prescribed drives.
+
+        Parameters
+        ----------
+        loads : whether its pieces must be short enough for loads, too
 
         Raises
         ------
@@ -201,7 +205,8 @@ class NominalModel(MachineModel):
         if len(prescribed) < len(laws):
             raise TypeError('a mechanism that a torque moves has equations of motion')
         at, ideal = self.assembly, self.plan.ideal
-        steep = self.inverse_dynamics.steep if self.level is Level.INVERSE_DYNAMICS else None
+        acts = loads and self.level is Level.INVERSE_DYNAMICS
+        steep = self.inverse_dynamics.steep if acts else None
         return NominalRun(
             self.ideal, prescribed, at.q, ideal.size, self._edges(), slope=at.slope, steep=steep,
             turns=[self.turned.get(c, 0) for c in ideal.coordinates],
