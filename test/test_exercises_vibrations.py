@@ -29,7 +29,9 @@ def made(name, *changes):
     """A scene that the page makes by `new NAME --from SCENE --set ...`, changed."""
     (line,) = re.findall(rf'^mechanism-sim new {name} .*$', PAGE, re.MULTILINE)
     words = shlex.split(line)
+    changed = {change.partition('=')[0] for change in changes}
     own = [words[i + 1] for i, word in enumerate(words) if word == '--set']
+    own = [x for x in own if x.partition('=')[0] not in changed]  # one path, one value
     return ms.load_scene(words[words.index('--from') + 1], [*own, *changes])
 
 
