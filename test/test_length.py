@@ -7,12 +7,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from far_from_start import LATE, OFTEN, far_from_start
 from long_runs import Revolutions
 from running import run_json
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
+from mechanism_sim.bench.grid.length import LATE, OFTEN, far_from_start
 from mechanism_sim.cycles.columns import columns_of
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.digest import MotionDigest

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.bench.grid.jams import confirm_jam
+from mechanism_sim.bench.grid.length import defects
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.scene import Level, Machine
@@ -161,7 +162,11 @@ def _judge(machine: Machine, draft: Draft) -> tuple[dict[str, float], str]:
     end = machine.time_of(draft.revolutions) if draft.revolutions else draft.duration
     if end is not None and not math.isclose(solution.duration, end, rel_tol=1e-12):
         raise _Failure('ended early', f'it ended at {solution.duration:.9g} of {end:.9g} s')
-    return _figures(machine, solution), ''
+    figures = _figures(machine, solution)
+    with _limit_time():
+        for reason in defects(machine):
+            raise _Failure('length', reason)
+    return figures, ''
 
 
 @contextmanager
