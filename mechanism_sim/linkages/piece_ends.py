@@ -122,7 +122,7 @@ class ResolvedLoads:
     def _longest(self, course: Course, places: Array, floor: Array) -> float:
         """The last of places, from 0 on, whose interpolant is right at all of them before it."""
         values = self._values(course, places)
-        finite: NDArray[np.bool_] = np.isfinite(values).all(axis=0)
+        finite = np.asarray(np.isfinite(values).all(axis=0))
         if not finite[0]:  # whoever asks for forces there is told so
             return 1.0
         count = len(places) if finite.all() else int(finite.argmin())

@@ -62,6 +62,7 @@ class Family:
     refusals : what `check` is right to refuse, parts of sentences; such a draft is no case
     structures : cases whose numbers are equal modulo this have equations of one structure; they
         are run one after the other, so that what is compiled is shared
+    judge : compares a run with a second route, and gives figures; of a generator as that of `make`
     """
 
     name: str
@@ -69,6 +70,7 @@ class Family:
     make: Callable[[Random, int], Draft]
     refusals: tuple[str, ...] = ()
     structures: int = 1
+    judge: Callable[[Random, int, Machine, Solution], dict[str, float]] | None = None
 
 
 @dataclass(frozen=True)
@@ -86,9 +88,18 @@ class GridCase:
 
     def draft(self) -> Draft:
         """Its scene; the same whatever else is run."""
-        key = (self.seed, *self.family.name.encode(), self.number)
-        draft = self.family.make(np.random.default_rng(key), self.number)
+        draft = self.family.make(self.random, self.number)
         return draft._replace(scene=_to_plain(draft.scene))
+
+    @property
+    def random(self) -> Random:
+        """Its generator, at its beginning."""
+        return np.random.default_rng((self.seed, *self.family.name.encode(), self.number))
+
+    def judged(self, machine: Machine, solution: Solution) -> dict[str, float]:
+        """Figures by which its run differs from a second route, if there is one."""
+        judge = self.family.judge
+        return judge(self.random, self.number, machine, solution) if judge else {}
 
 
 @dataclass(frozen=True)
@@ -107,7 +118,7 @@ class Outcome:
     cpu_time: float = 0.0  #: [s]
 
 
-class _Failure(Exception):  # noqa: N818 - of a case, not of the program
+class Failure(Exception):  # noqa: N818 - of a case, not of the program
     """A case that is not as it must be."""
 
     def __init__(self, kind: str, reason: str) -> None:
@@ -128,11 +139,11 @@ def run_case(case: GridCase) -> Outcome:
             run_length(machine, draft.revolutions, draft.duration)
         except InputError as error:
             if not any(re.search(text, str(error)) for text in case.family.refusals):
-                raise _Failure('refused', str(error)) from error
+                raise Failure('refused', str(error)) from error
             ok, kind, reason = None, 'refused', str(error)
         else:
-            figures, reason = _judge(machine, draft)
-    except _Failure as failure:
+            figures, reason = _judge(case, machine, draft)
+    except Failure as failure:
         ok, kind, reason = False, failure.kind, failure.reason
     except Exception as error:
         ok, kind = False, 'exception'
@@ -141,31 +152,31 @@ def run_case(case: GridCase) -> Outcome:
     return Outcome(name, case.family.name, ok, kind, reason, figures, spent)
 
 
-def _judge(machine: Machine, draft: Draft) -> tuple[dict[str, float], str]:
+def _judge(case: GridCase, machine: Machine, draft: Draft) -> tuple[dict[str, float], str]:
     """Figures of a run that is as it must be, and why it ended before its end if it jammed."""
 
     def count_steps(at: float, _impacts: int) -> None:
         steps['now'] = steps['now'] + 1
         if steps['now'] * 8192 > MOST_STEPS:
-            raise _Failure('no progress', f'more than {MOST_STEPS} steps up to t = {at:.9g} s')
+            raise Failure('no progress', f'more than {MOST_STEPS} steps up to t = {at:.9g} s')
 
     steps = {'now': 0}
     try:
         with _limit_time():
             solution = simulate(machine, draft.revolutions, draft.duration, count_steps)
     except InputError as error:
-        raise _Failure('refused late', f'check accepts it, the run does not: {error}') from error
+        raise Failure('refused late', f'check accepts it, the run does not: {error}') from error
     except RunError as error:
         if confirm_jam(machine, error):
             return {}, f'jam, confirmed: {error}'
-        raise _Failure('ended early', str(error)) from error
+        raise Failure('ended early', str(error)) from error
     end = machine.time_of(draft.revolutions) if draft.revolutions else draft.duration
     if end is not None and not math.isclose(solution.duration, end, rel_tol=1e-12):
-        raise _Failure('ended early', f'it ended at {solution.duration:.9g} of {end:.9g} s')
-    figures = _figures(machine, solution)
+        raise Failure('ended early', f'it ended at {solution.duration:.9g} of {end:.9g} s')
+    figures = _figures(machine, solution) | case.judged(machine, solution)
     with _limit_time():
         for reason in defects(machine):
-            raise _Failure('length', reason)
+            raise Failure('length', reason)
     return figures, ''
 
 
@@ -174,7 +185,7 @@ def _limit_time() -> Iterator[None]:
     """Ends what is done within when it has used up `MOST_TIME` of the processor."""
 
     def hang(*_: object) -> None:
-        raise _Failure('no progress', f'more than {MOST_TIME} s of the processor')
+        raise Failure('no progress', f'more than {MOST_TIME} s of the processor')
 
     before = signal.signal(signal.SIGPROF, hang)
     signal.setitimer(signal.ITIMER_PROF, MOST_TIME)
@@ -191,20 +202,20 @@ def _figures(machine: Machine, solution: Solution) -> dict[str, float]:
     for name, x in values.items():
         if not np.isfinite(x).all():
             at = end * float(np.argmin(np.isfinite(x))) / (_INSTANTS - 1)
-            raise _Failure('not finite', f'{name} at t = {at:.9g} s')
+            raise Failure('not finite', f'{name} at t = {at:.9g} s')
     found = {'penetration': solution.max_penetration, 'closure': solution.max_closure_error}
     if solution.max_penetration > machine.allowed_penetration:
-        raise _Failure('penetration', f'{solution.max_penetration:.3g} m')
+        raise Failure('penetration', f'{solution.max_penetration:.3g} m')
     bound = _CLOSED * max(machine.mechanism.size, machine.mechanism.reach)
     if machine.level is not Level.COMPLIANT and solution.max_closure_error > bound:
-        raise _Failure('closure', f'{solution.max_closure_error:.3g} m, allowed {bound:.3g} m')
+        raise Failure('closure', f'{solution.max_closure_error:.3g} m, allowed {bound:.3g} m')
     if solution.energy is not None:
         exchanged = exchanged_energy(solution, values['energy.kinetic'])
         # of a machine that sticks there is nothing but the rounding of what it stores
         exchanged = max(exchanged, 1e-6 * float(np.abs(values['energy.potential']).max()))
         found['residual'] = abs(solution.energy.residual) / max(exchanged, _NOTHING)
         if not found['residual'] <= RESIDUAL:
-            raise _Failure(
+            raise Failure(
                 'energy',
                 f'residual {solution.energy.residual:.3g} J of {exchanged:.3g} J exchanged',
             )

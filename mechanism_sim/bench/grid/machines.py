@@ -291,7 +291,7 @@ FAMILIES = (
     Family('geneva', 36, wheel),
     Family('rack', 15, rack),
     Family('slot', 40, _slot, (), 20),
-    Family('loads', 30, _loads, NOT_SEATED),
+    Family('ranges', 30, _loads, NOT_SEATED),
     Family('steps', 60, _steps, NOT_SEATED),
     Family('rubbing', 100, _rubbing, (), len(RUBBING)),
     Family('guide', 40, _guide, (), len(GUIDED)),

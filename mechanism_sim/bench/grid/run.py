@@ -15,6 +15,7 @@ from mechanism_sim.bench.grid import (
     elastic,
     four_bars,
     linkages,
+    loads,
     machines,
     rotors,
     rubbing,
@@ -30,7 +31,18 @@ _CHUNK = 6  # neighbouring cases that one process runs, for what it has compiled
 
 FAMILIES: tuple[Family, ...] = tuple(
     family
-    for module in (four_bars, machines, linkages, cams, trains, elastic, rotors, tilted, rubbing)
+    for module in (
+        four_bars,
+        machines,
+        linkages,
+        cams,
+        trains,
+        elastic,
+        rotors,
+        tilted,
+        rubbing,
+        loads,
+    )
     for family in module.FAMILIES
 )
 
