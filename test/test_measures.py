@@ -234,6 +234,16 @@ def test_a_window_that_the_run_does_not_reach_says_so(nominal, rattling, window,
         assert bool(said) == ('the run' in found.resolution)
 
 
+def test_a_measure_whose_text_may_be_narrow_says_what_it_may_miss():
+    machine = ms.load_scene('four_bar_nominal')
+    run = ms.simulate(machine, revolutions=1)
+    pulse, plain = measure(
+        machine, run, 'integral(exp(-((t-0.05 s)/(1e-6 s))**2))', 'mean(drive_torque)'
+    )
+    assert 'narrower than' in pulse.resolution
+    assert plain.resolution == EXACT
+
+
 def test_windows_and_names_are_read():
     m = read('rms(motor.torque, from 300 ms to 2 s) / 2')
     (figure,) = m.figures

@@ -21,6 +21,8 @@ from mechanism_sim.numerics.quadrature import parts_of
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 
+_NODES = 5  # of the fewest looks into a step: what is narrower than one of them may hide
+
 _FORMS = {'mean': 'value', 'integral': 'value', 'rms': 'square', 'work': 'power'}
 """Of what figures are integrals over time: an argument, its square, or the power it is part of."""
 
@@ -80,6 +82,7 @@ class Tally:
             f.argument: [] for f in figures if f.function == 'percentile'
         }
         self._largest: dict[str, float] = {}  # magnitudes so far of what is cut into parts
+        self._longest = 0.0  # [s] of the parts that are looked at
         self._first: Array | None = None
         self._last: Array | None = None
 
@@ -105,6 +108,7 @@ class Tally:
         start, end = curve.spans(since, until)
         if not len(start):
             return
+        self._longest = max(self._longest, float((end - start).max()))
         k = curve.locate(0.5 * (start + end))
         if self._extreme:
             self._search.add(
@@ -195,7 +199,19 @@ class Tally:
         return values
 
     def result(self, f: Figure) -> tuple[Value, str]:
-        """The value of a figure of this window, and its resolution."""
+        """The value of a figure of this window, and its resolution.
+
+        Steps are as short as the machine's own loads ask for; what the text of a measure makes of
+        the motion may be narrower.
+        """
+        value, note = self._result(f)
+        if note == EXACT and f.may_be_narrow and f.function not in ('change', 'initial', 'final'):
+            note = (
+                f'what the text makes narrower than {self._longest / _NODES:.1g} s may be missed'
+            )
+        return value, note
+
+    def _result(self, f: Figure) -> tuple[Value, str]:
         name, unit, kind = f.argument, self._units[f.argument], f.function
         note = EXACT
         if kind in EXTREMES:

@@ -110,6 +110,21 @@ class Figure:
         """Whether it is of events or samples."""
         return any(name.partition('.')[0] in SERIES for name in self.names)
 
+    @property
+    def may_be_narrow(self) -> bool:
+        """Whether its own text may make peaks that are narrower than the motion: by exp or tanh, or
+        a quotient whose divisor varies.
+        """
+        nodes = [*ast.walk(ast.parse(self.argument, mode='eval'))]
+        called = {n.func.id for n in nodes if isinstance(n, ast.Call) and hasattr(n.func, 'id')}
+        divisors = [
+            n.right for n in nodes if isinstance(n, ast.BinOp) and isinstance(n.op, ast.Div)
+        ]
+        varies = any(
+            isinstance(x, ast.Name | ast.Attribute) for d in divisors for x in ast.walk(d)
+        )
+        return bool({'exp', 'tanh'} & called) or varies
+
     def evaluate(self, value_of: Callable[[str], Value]) -> Value:
         """The expression, by what its names stand for.
 

@@ -235,9 +235,9 @@ def _beside(
     within = width < math.pi
     if not within:
         middle, width = middle + math.pi, 2.0 * math.pi - width
-    c = parameters.reserve(f'{name}.middle.x', math.cos(0.5 * middle))
-    s = parameters.reserve(f'{name}.middle.y', math.sin(0.5 * middle))
-    steep = parameters.reserve(f'{name}.half', 1.0 / math.sin(0.25 * width))
+    c = parameters.reserve(f'{name}.halfway.x', math.cos(0.5 * middle))
+    s = parameters.reserve(f'{name}.halfway.y', math.sin(0.5 * middle))
+    steep = parameters.reserve(f'{name}.narrow', 1.0 / math.sin(0.25 * width))
     share = steep * (hy.sin(0.5 * q) * c - hy.cos(0.5 * q) * s)
     return 1.0 - share * share if within else share * share - 1.0
 
