@@ -112,8 +112,9 @@ class Figure:
 
     @property
     def may_be_narrow(self) -> bool:
-        """Whether its own text may make peaks that are narrower than the motion: by exp or tanh, or
-        a quotient whose divisor varies.
+        """Whether its own text may make peaks that are narrower than those of the motion.
+
+        By exp or tanh, or by a quotient whose divisor varies.
         """
         nodes = [*ast.walk(ast.parse(self.argument, mode='eval'))]
         called = {n.func.id for n in nodes if isinstance(n, ast.Call) and hasattr(n.func, 'id')}
