@@ -164,7 +164,7 @@ def _judge(machine: Machine, draft: Draft) -> tuple[dict[str, float], str]:
         raise _Failure('ended early', f'it ended at {solution.duration:.9g} of {end:.9g} s')
     figures = _figures(machine, solution)
     with _limit_time():
-        for reason in defects(machine):
+        for reason in defects(machine, solution.duration):
             raise _Failure('length', reason)
     return figures, ''
 
