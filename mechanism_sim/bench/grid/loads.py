@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -188,11 +189,11 @@ def _judge_ideal(ideal: _Ideal, machine: Machine, solution: Solution) -> dict[st
     nodes = np.unique(nodes)
     found = sum(
         quad_vec(integrand, a, b, epsabs=1e-14, epsrel=1e-11, limit=20000, norm='max')[0]
-        for a, b in zip(nodes[:-1], nodes[1:], strict=True)
+        for a, b in pairwise(nodes.tolist())
     )
     mean, square, size = found[:3] / period
     t = np.unique(np.concatenate([
-        np.linspace(a, b, 3000) for a, b in zip(nodes[:-1], nodes[1:], strict=True)
+        np.linspace(a, b, 3000) for a, b in pairwise(nodes.tolist())
     ]))  # fmt: skip
     T = ideal.torque(t)
     wanted = {
