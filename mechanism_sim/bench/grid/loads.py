@@ -124,7 +124,8 @@ def _crank(random: Random, _: int) -> tuple[Draft, _Ideal]:
     terms = _terms(random, [('crank', 0.0, turn), ('t', 0.0, turn / speed)], 5.0)
     scene: Scene = {
         'title': 'a crank', 'mechanism': 'linkage', 'gravity': [0.0, -9.81], 'tables': TRIANGLE,
-        'links': {'ground': {}, 'crank': {'mass': mass, 'inertia': 0.01, 'cog': arm, 'length': 0.2}},
+        'links': {'ground': {},
+                  'crank': {'mass': mass, 'inertia': 0.01, 'cog': arm, 'length': 0.2}},
         'joints': {'O': {'revolute': ['ground', 'crank.start']}},
         'loads': {'f': {'at': 'crank', 'torque': _formula(terms)}},
         'drive': {'coordinate': 'crank', 'speed': f'{speed} rad/s', 'start_angle': 0.0},
