@@ -24,7 +24,7 @@ from mechanism_sim.scene.files import check_scene
 # of each family so many neighbours, whose equations have one structure: little is compiled
 SAMPLE = {
     'four_bar_ideal': 3, 'four_bar_rigid': 6, 'four_bar_friction': 4, 'geneva': 2, 'slot': 2,
-    'loads': 1, 'package': 6, 'cam': 2, 'train': 2, 'train_rattle': 3,
+    'ranges': 1, 'loads': 4, 'package': 6, 'cam': 2, 'train': 2, 'train_rattle': 3,
     'elastic': 1, 'rotor': 2, 'tilted': 1, 'belt': 1, 'walls_rubbing': 1,
 }  # fmt: skip
 # a start that parts at once, depths of minus a rounding, two ends of slip in one step, a recovery

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.bench.grid.jams import confirm_jam
+from mechanism_sim.bench.grid.jams import confirm_bending, confirm_jam
 from mechanism_sim.bench.grid.length import defects
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.solution import Solution
@@ -169,6 +169,8 @@ def _judge(case: GridCase, machine: Machine, draft: Draft) -> tuple[dict[str, fl
     except RunError as error:
         if confirm_jam(machine, error):
             return {}, f'jam, confirmed: {error}'
+        if confirm_bending(machine, error):
+            return {}, f'mass matrix singular, confirmed: {error}'
         raise Failure('ended early', str(error)) from error
     end = machine.time_of(draft.revolutions) if draft.revolutions else draft.duration
     if end is not None and not math.isclose(solution.duration, end, rel_tol=1e-12):

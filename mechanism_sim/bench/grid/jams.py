@@ -18,10 +18,13 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.bench.grid.joint_jams import no_forces
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.scene import Machine
 
 _NEAR = 1e-9  # of the size, and of the fastest speed: what touches, and what does not slip
 _BEFORE = 1e-9  # of the time: how long before the jam the state is taken
+_BEHIND = 1e-7  # of the time: how long behind it, along its rates, no forces go on
+_SINGULAR = 0.1  # of what the least eigenvalue was a hundredth of the time before
 _SLACK = 1e-9  # of the largest term: rounding of an inequality
 
 
@@ -43,6 +46,14 @@ def confirm_jam(machine: Machine, error: RunError) -> bool:
                           for i in touching])  # fmt: skip
         slips[np.abs(slips) < _NEAR * max(speed, 1.0)] = 0.0
         friction = np.minimum(terms.friction[touching], 1e4)
+        if no_forces(run, machine.system, touching, slips, friction):
+            return True
+        # the engine ends where forces grow a thousandfold: shortly before there are none
+        moved = run.state
+        ahead = _BEHIND * max(at, 1e-3)
+        q = [x + ahead * v for x, v in zip(moved.q, moved.v, strict=True)]
+        run._state[: len(q)] = q
+        run._ta.time += ahead
         return no_forces(run, machine.system, touching, slips, friction)
     rows = [*touching, *(count + i for i in touching)]
     A = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
@@ -50,6 +61,33 @@ def confirm_jam(machine: Machine, error: RunError) -> bool:
     v = np.array([terms.rate[r] for r in rows])
     v[np.abs(v) < _NEAR * max(speed, 1.0)] = 0.0
     return jams(A, b, v, [min(machine.system.gaps[i].friction, 1e4) for i in touching])
+
+
+def confirm_bending(machine: Machine, error: RunError) -> bool:
+    """Whether a run of elastic links broke down where their mass matrix became singular.
+
+    Their kinetic energy is of second order in bends and their rates: it is positive only while
+    these are small. It is so here by the expressions of the matrix, from which no step was made.
+    """
+    said = re.search(r'broke down at t = ([-+.\de]+) s', str(error))
+    if not said or not machine.dynamic or not machine.mechanism.beams:
+        return False
+    at = float(said[1])
+    near, before = (_definite(machine, at * (1.0 - share)) for share in (1e-6, 1e-2))
+    return near < _SINGULAR * before
+
+
+def _definite(machine: Machine, at: float) -> float:
+    """Least eigenvalue of the mass matrix of free coordinates at a time, scaled to ones."""
+    run, system = machine.start(), machine.system
+    assert isinstance(run, EventLoop)  # noqa: S101 - the machine is dynamic
+    run.advance(at, final=True)
+    free = [system.coordinates.index(c) for c in system.free]
+    M = system.equations.M
+    terms = [dense(M[i][k]) for i in free for k in free]
+    seen = run._contacts._at_present(system._on_now(terms)).reshape(len(free), -1)
+    scale = 1.0 / np.sqrt(np.abs(np.diag(seen)))
+    return float(np.linalg.eigvalsh(seen * scale * scale[:, None])[0])
 
 
 def jams(A: Array, b: Array, v: Array, friction: Sequence[float]) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -123,7 +124,8 @@ def _crank(random: Random, _: int) -> tuple[Draft, _Ideal]:
     terms = _terms(random, [('crank', 0.0, turn), ('t', 0.0, turn / speed)], 5.0)
     scene: Scene = {
         'title': 'a crank', 'mechanism': 'linkage', 'gravity': [0.0, -9.81], 'tables': TRIANGLE,
-        'links': {'ground': {}, 'crank': {'mass': mass, 'inertia': 0.01, 'cog': arm, 'length': 0.2}},
+        'links': {'ground': {},
+                  'crank': {'mass': mass, 'inertia': 0.01, 'cog': arm, 'length': 0.2}},
         'joints': {'O': {'revolute': ['ground', 'crank.start']}},
         'loads': {'f': {'at': 'crank', 'torque': _formula(terms)}},
         'drive': {'coordinate': 'crank', 'speed': f'{speed} rad/s', 'start_angle': 0.0},
@@ -188,11 +190,11 @@ def _judge_ideal(ideal: _Ideal, machine: Machine, solution: Solution) -> dict[st
     nodes = np.unique(nodes)
     found = sum(
         quad_vec(integrand, a, b, epsabs=1e-14, epsrel=1e-11, limit=20000, norm='max')[0]
-        for a, b in zip(nodes[:-1], nodes[1:], strict=True)
+        for a, b in pairwise(nodes.tolist())
     )
     mean, square, size = found[:3] / period
     t = np.unique(np.concatenate([
-        np.linspace(a, b, 3000) for a, b in zip(nodes[:-1], nodes[1:], strict=True)
+        np.linspace(a, b, 3000) for a, b in pairwise(nodes.tolist())
     ]))  # fmt: skip
     T = ideal.torque(t)
     wanted = {
