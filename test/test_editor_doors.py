@@ -91,6 +91,23 @@ def test_a_name_under_which_nothing_can_be_saved_is_a_sentence(name, page, tmp_p
     assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.parametrize('name', ['away/x', 'link', 'away/under/x', '../x', '/tmp/x'])
+def test_nothing_is_saved_outside_the_folder(name, tmp_path, monkeypatch):
+    """Not by links in it either, which may be another's."""
+    outside, inside = tmp_path / 'outside', tmp_path / 'inside'
+    for folder in (outside, outside / 'under', inside):
+        folder.mkdir()
+    (outside / 'link.yaml').write_text('not: yours\n')
+    (inside / 'away').symlink_to(outside)
+    (inside / 'link.yaml').symlink_to(outside / 'link.yaml')
+    monkeypatch.chdir(inside)
+    page = Page('four_bar_nominal')
+    page.ask('save', name=name)
+    assert 'is no name for a scene' in page.said[-1]
+    assert sorted(x.name for x in outside.rglob('*')) == ['link.yaml', 'under']
+    assert (outside / 'link.yaml').read_text() == 'not: yours\n'
+
+
 def test_a_full_disk_is_a_sentence_and_nothing_is_lost(page, tmp_path):
     page.set('title', 'first')
     page.ask('save')

@@ -78,7 +78,7 @@ def _sealed(made: Any) -> Any:
     """
     base = import_module('numba.core.caching').IndexDataCacheFile
 
-    class Sealed(base):  # type: ignore[misc]
+    class Sealed(base):  # type: ignore[misc, valid-type]
         """Files whose first bytes are the digest of all others."""
 
         def _load_index(self) -> Any:

@@ -141,7 +141,7 @@ def _allowed(file: str, folder: Path, name: str) -> Path:
     others = [x for x in os.environ.get(TABLE_FOLDERS, '').split(os.pathsep) if x]
     try:
         found = (folder / name).resolve()
-        folders = [Path(x).resolve() for x in (folder, *others)]
+        folders = [folder.resolve(), *(Path(x).resolve() for x in others)]
     except RuntimeError as error:  # of pathlib, for links in a circle
         raise InputError(f"{file}: '{name}' cannot be read: its links form a circle") from error
     if not any(found.is_relative_to(x) for x in folders):

@@ -218,7 +218,7 @@ class Client:
         if code != 0 or 'Traceback' in said or len(said.splitlines()) > 1:
             self.wrong.append(f'exit code {code}: {said[-500:]}')
         for file, text in self.saved.items():
-            if not file.is_file() or file.read_text(encoding='utf-8') != text:
+            if not file.is_file() or file.read_bytes().decode('utf-8') != text:
                 self.wrong.append(f'{file.name[:50]} is not what was saved')
 
 

@@ -189,7 +189,7 @@ class Document:
         file = self.file or Path('machine.yaml')
         if name:
             file = Path(name if name.endswith(('.yaml', '.yml')) else f'{name}.yaml')
-        inside = not file.is_absolute() and '..' not in file.parts
+        inside = not file.is_absolute() and '..' not in file.parts and _stays(file)
         if file.stem.startswith('.') or not (inside or file == self.file):
             raise InputError(f"'{name}' is no name for a scene: write for example my_machine")
         with output.errors_as_sentences(file):
@@ -203,6 +203,14 @@ class Document:
         self._saved = self._clean = self.text
         self.watch('saved', (self.file, self.name, self._folder, self._saved))
         return file
+
+
+def _stays(file: Path) -> bool:
+    """Whether a name leads to a place below the folder of the program, with all links followed."""
+    try:
+        return file.resolve().is_relative_to(Path().resolve())
+    except (OSError, RuntimeError, ValueError):  # what it is no name for is said when it is opened
+        return True
 
 
 def _nobody(_change: str, _value: Any) -> None:
