@@ -406,13 +406,33 @@ def test_the_command_writes_its_figures_and_prints_tables(bags, tmp_path, monkey
     monkeypatch.setattr(
         experiment_figures, 'draw', lambda _: {n: Figure() for n in ('figure_1', 'figure_2')}
     )
-    done = run('experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3', '--json')
+    page = tmp_path / 'page.md'
+    page.write_text('<!-- experiment: bearings -->\n<!-- /experiment -->\n')
+    done = run(
+        'experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3', '--json',
+        '--page', str(page),
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert [t['restitution'] for t in told['trials']] == [0.5] * 4 + [1.0] * 2
     assert told['trials'][0]['turns'] == [3, TURNS]
     written = {file.stem for file in (tmp_path / 'figures').glob('*.png')}
     assert written == {'figure_1', 'figure_2'}
+    ((name, table),) = MARKED.findall(page.read_text())
+    assert name == 'bearings'
+    assert len(table.splitlines()) == 2 + 3
+
+
+def test_a_page_without_marks_is_refused_before_bags_are_read(bags, tmp_path):
+    page = tmp_path / 'page.md'
+    page.write_text('no marks')
+    for file, said in (
+        (page, 'has no place for a table'),
+        (tmp_path / 'none.md', 'cannot be read'),
+    ):
+        done = run('experiment', str(bags), '--page', str(file))
+        assert done.returncode == 2
+        assert said in done.stderr
 
 
 @pytest.mark.deep
