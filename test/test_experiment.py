@@ -352,6 +352,14 @@ def test_the_page_has_the_tables_of_the_command(found):
             assert heads == made[name].columns
 
 
+def test_no_page_says_that_the_bearing_of_the_thesis_was_measured():
+    files = [*ROOT.glob('docs/**/*.md'), *ROOT.glob('config/**/*.yaml'), ROOT / 'README.md']
+    for file in files:
+        text = ' '.join(file.read_text('utf-8').split())
+        assert not re.search(r'(restitution|friction)( and \w+)? as measured', text), file
+        assert 'Friction explains most' not in text
+
+
 def test_the_verdicts_of_the_page_follow_from_the_figures_printed_beside_them():
     text = (ROOT / 'docs/experiment.md').read_text('utf-8')
     table = dict(MARKED.findall(text))['claims']
