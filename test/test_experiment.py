@@ -352,6 +352,14 @@ def test_the_page_has_the_tables_of_the_command(found):
             assert heads == made[name].columns
 
 
+def test_no_page_says_that_the_bearing_of_the_thesis_was_measured():
+    files = [*ROOT.glob('docs/**/*.md'), *ROOT.glob('config/**/*.yaml'), ROOT / 'README.md']
+    for file in files:
+        text = ' '.join(file.read_text('utf-8').split())
+        assert not re.search(r'(restitution|friction)( and \w+)? as measured', text), file
+        assert 'Friction explains most' not in text
+
+
 def test_the_verdicts_of_the_page_follow_from_the_figures_printed_beside_them():
     text = (ROOT / 'docs/experiment.md').read_text('utf-8')
     table = dict(MARKED.findall(text))['claims']
@@ -406,13 +414,33 @@ def test_the_command_writes_its_figures_and_prints_tables(bags, tmp_path, monkey
     monkeypatch.setattr(
         experiment_figures, 'draw', lambda _: {n: Figure() for n in ('figure_1', 'figure_2')}
     )
-    done = run('experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3', '--json')
+    page = tmp_path / 'page.md'
+    page.write_text('<!-- experiment: bearings -->\n<!-- /experiment -->\n')
+    done = run(
+        'experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3', '--json',
+        '--page', str(page),
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert [t['restitution'] for t in told['trials']] == [0.5] * 4 + [1.0] * 2
     assert told['trials'][0]['turns'] == [3, TURNS]
     written = {file.stem for file in (tmp_path / 'figures').glob('*.png')}
     assert written == {'figure_1', 'figure_2'}
+    ((name, table),) = MARKED.findall(page.read_text())
+    assert name == 'bearings'
+    assert len(table.splitlines()) == 2 + 3
+
+
+def test_a_page_without_marks_is_refused_before_bags_are_read(bags, tmp_path):
+    page = tmp_path / 'page.md'
+    page.write_text('no marks')
+    for file, said in (
+        (page, 'has no place for a table'),
+        (tmp_path / 'none.md', 'cannot be read'),
+    ):
+        done = run('experiment', str(bags), '--page', str(file))
+        assert done.returncode == 2
+        assert said in done.stderr
 
 
 @pytest.mark.deep
