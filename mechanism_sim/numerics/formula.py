@@ -138,7 +138,7 @@ def _coefficients(node: ast.expr, angles: Collection[str]) -> dict[str, float] |
             return {name: one.get(name, 0.0) + two.get(name, 0.0) for name in one | two}
         case ast.BinOp(left=left, op=ast.Mult(), right=right):
             for factor, other in ((left, right), (right, left)):
-                if isinstance(factor, ast.Constant):
+                if isinstance(factor, ast.Constant) and isinstance(factor.value, int | float):
                     return _scaled(_coefficients(other, angles), float(factor.value))
     inside = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
     return None if inside & {*angles} else {}

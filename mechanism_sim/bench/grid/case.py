@@ -175,7 +175,7 @@ def _judge(case: GridCase, machine: Machine, draft: Draft) -> tuple[dict[str, fl
         raise Failure('ended early', f'it ended at {solution.duration:.9g} of {end:.9g} s')
     figures = _figures(machine, solution) | case.judged(machine, solution)
     with _limit_time():
-        for reason in defects(machine):
+        for reason in defects(machine, solution.duration):
             raise Failure('length', reason)
     return figures, ''
 

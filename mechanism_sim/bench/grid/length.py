@@ -7,19 +7,21 @@ the start; and many revolutions of an ideal machine, or a slow drive, leave its 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 
+from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.machine import Run
-from mechanism_sim.scene.simulate import stream
+from mechanism_sim.scene.simulate import run_length, stream
 
 LATE = Fraction(2**20)
 """[s] Some twelve days: a time since then, added to it, loses 20 of its digits in a float."""
@@ -69,11 +71,17 @@ def moved(snapshot: Snapshot, machine: Machine, time: Fraction, turns: int) -> S
     )
 
 
-def defects(machine: Machine) -> Iterator[str]:
-    """What is wrong with a machine far from its start, after many turns, or driven slowly."""
+def defects(machine: Machine, duration: float) -> Iterator[str]:
+    """What is wrong with a machine far from its start, after many turns, or driven slowly.
+
+    Parameters
+    ----------
+    duration : for which it can go its way [s]
+    """
     time, turns = _shifts(machine)
     if time or turns:
-        near, far = _steps(machine.start()), _steps(far_from_start(machine, time, turns))
+        starts = machine.start(), far_from_start(machine, time, turns)
+        near, far = (_steps(run, duration) for run in starts)
         a, b = near.curve, far.curve
         same = a.coefficients.shape == b.coefficients.shape and np.array_equal(
             a.coefficients, b.coefficients
@@ -85,10 +93,10 @@ def defects(machine: Machine) -> Iterator[str]:
         long = stream(machine, duration=REVOLUTIONS * machine.period)
         for _ in long:
             pass
-        slow = Audit(machine.physics)
-        slow.add(
-            _steps(machine.nominal([replace(machine.law, coefficients=_slowed(machine))])), []
-        )
+        slow, law = Audit(machine.physics), machine.law
+        assert isinstance(law, DriveLaw)  # noqa: S101 - it is steady
+        run = machine.nominal([replace(law, coefficients=_slowed(machine))])
+        slow.add(_steps(run, 2.0**20), [])
         for words, x in (
             (f'after {REVOLUTIONS} revolutions', long.max_closure_error),
             (f'at {SLOW:g} rad/s', slow.max_closure_error),
@@ -111,11 +119,16 @@ def _shifts(machine: Machine) -> tuple[Fraction, int]:
 
 
 def _steady(machine: Machine) -> bool:
-    """Whether one drive turns it evenly."""
+    """Whether one drive turns it evenly, for ever."""
     law = machine.law
     alone = len(machine.plan.laws) == 1 and len(machine.laws) == 1
-    turning = isinstance(law, DriveLaw) and law.degree == 1 and not law.straight
-    return alone and turning and machine.period < np.inf and machine.scene.duration is None
+    if not (alone and isinstance(law, DriveLaw) and law.degree == 1 and not law.straight):
+        return False
+    try:
+        run_length(machine, 1.0, None)
+    except InputError:
+        return False
+    return True
 
 
 def _slowed(machine: Machine) -> tuple[float, float]:
@@ -123,7 +136,7 @@ def _slowed(machine: Machine) -> tuple[float, float]:
     return angle, float(np.copysign(SLOW, speed))
 
 
-def _steps(run: Run) -> Motion:
-    """The first steps of a run."""
-    run.advance(run.time + 1e6, most=STEPS)
+def _steps(run: Run, duration: float) -> Motion:
+    """The first steps of a run, within a time [s] that adds up without rounding."""
+    run.advance(run.time + math.floor(duration * 2.0**20) / 2.0**20, most=STEPS)
     return run.drain()[0]
