@@ -403,10 +403,10 @@ def _mounted(joint: Belt, start: Mapping[str, float], turned: Mapping[str, int])
     """An ideal belt fits at many angles of its pulleys; strands that give way remember which."""
     links = joint.first, joint.second, joint.carrier
     a, b, c = (start.get(link, 0.0) for link in links)
-    begun = tuple(turned.get(link, 0) for link in links)
+    one, two, three = (turned.get(link, 0) for link in links)
     step = 2.0 * math.pi / joint.ratio.denominator
     off = (b - c) - joint.phase - float(joint.ratio) * (a - c)
-    return replace(joint, phase=joint.phase + step * round(off / step), begun=begun)
+    return replace(joint, phase=joint.phase + step * round(off / step), begun=(one, two, three))
 
 
 def _notes(_: Any, joint: Belt) -> list[str]:
