@@ -291,7 +291,7 @@ def _slider(random: Random, _: int) -> tuple[Draft, _Free]:
 def _judge_free(free: _Free, solution: Solution) -> dict[str, float]:
     x, v = _integrated(free)
     T = free.duration
-    seen = solution.sample([T])
+    seen = solution.sample(np.array([T]))
     name = free.name
     size = max(abs(free.start[1]), abs(v))
     return {
