@@ -202,7 +202,7 @@ def differences(name: str, old: Any, new: Any, same_bits: bool) -> list[str]:
             if same_bits or not bits:
                 found += differences(f'{name}.{key}', old[key], new[key], same_bits)
         return sorted(found)
-    if isinstance(old, list) and old and all(isinstance(x, int | float) for x in old):
+    if all(isinstance(x, list) and x and _numbers(x) for x in (old, new)):
         a, b = np.array(old, float), np.array(new, float)
         size = max(np.abs(a).max(), 1e-12)
         if a.shape == b.shape and (np.abs(a - b) <= TOLERANCE * size).all():
@@ -213,6 +213,10 @@ def differences(name: str, old: Any, new: Any, same_bits: bool) -> list[str]:
     elif old == new:
         return []
     return [f'{name}: {_shown(old)} before, {_shown(new)} now']
+
+
+def _numbers(values: list[Any]) -> bool:
+    return all(isinstance(x, int | float) for x in values)
 
 
 def _shown(value: Any) -> str:

@@ -143,9 +143,10 @@ class NominalRun:
         first = self.steps
         while most is None or self.steps - first < most:
             end = self._usual_end()
-            if self._coming and self._coming[0].valid_from <= min(end, until):
-                self._add(Fraction(self._coming[0].valid_from))
-                if self._time == self._coming[0].valid_from:
+            change = self._coming[0].valid_from if self._coming else math.inf
+            if change <= end and change <= until:
+                self._add(Fraction(change))
+                if self._time == change:
                     law = self._coming.popleft()
                     names = [known.coordinate for known in self._laws]
                     self._laws[names.index(law.coordinate)] = law
