@@ -31,7 +31,8 @@ IMPORTS = """
 import sys
 
 heavy = {'matplotlib', 'numba', 'pint', 'pyarrow', 'scipy.integrate', 'scipy.interpolate',
-         'scipy.linalg', 'scipy.optimize', 'scipy.signal', 'scipy.spatial', 'scipy.stats'}
+         'scipy.linalg', 'scipy.optimize', 'scipy.signal', 'scipy.spatial', 'scipy.special',
+         'scipy.stats'}
 import mechanism_sim.cli.entry
 assert not {'heyoka', 'numpy', 'pydantic', 'yaml', *heavy} & set(sys.modules)
 import mechanism_sim.analysis, mechanism_sim.nodes.run, mechanism_sim.study.statistics

@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import binom
 
 from mechanism_sim.numerics import compiled
 
@@ -547,7 +547,7 @@ The former for what is between two samples of a curve, the latter for overestima
 def _binomials(order: int) -> Array:
     """``[k, j] = j over k``."""
     index = np.arange(order + 1)
-    return np.asarray(binom(index, index[:, None]))
+    return np.asarray(scipy.special.binom(index, index[:, None]))
 
 
 def _shift(order: int, middle: Array) -> Array:

@@ -16,8 +16,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import spherical_jn
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -87,7 +87,7 @@ def spectrum(
     widths, kind = np.unique(x.width, return_inverse=True)
     turned = (-1j) ** _DEGREES[:, None]
     for n in range(count):
-        bessel = turned * spherical_jn(_DEGREES[:, None], 0.5 * k[n] * w * widths)
+        bessel = turned * scipy.special.spherical_jn(_DEGREES[:, None], 0.5 * k[n] * w * widths)
         own = np.einsum('ckn,nk->ck', x.coefficients, bessel[:, kind])
         amplitudes[:, n] = 2.0 / period * (own @ (x.width * np.exp(-1j * k[n] * w * middle)))
     amplitudes *= np.exp(-1j * k * w * edges[0])

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from mechanism_sim.numerics.polynomials import gauss_nodes
 from mechanism_sim.numerics.quadrature import Parts, Values
@@ -87,7 +87,9 @@ class Monotone(NamedTuple):
         if self.time_below(np.nextafter(most, least)) < wanted - 8.0 * slack:
             return most
         return float(
-            brentq(lambda y: self.time_below(y) - wanted, least, most, xtol=1e-15 * (most - least))
+            scipy.optimize.brentq(
+                lambda y: self.time_below(y) - wanted, least, most, xtol=1e-15 * (most - least)
+            )
         )
 
 

@@ -9,6 +9,7 @@ what was saved is there, and nothing outside the folder is touched.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import random
@@ -122,21 +123,77 @@ def obstruct(folder: Path, outside: Path) -> None:
     (folder / 'second name').hardlink_to(folder / 'two.yaml')
 
 
+class Saves:
+    """What was saved: texts of files, by the messages of the editor in the order they came.
+
+    A state may come at any time, of a run that ended as of a process that began anew. The text
+    that was saved is therefore that of the first state after the sentence that says so: the
+    process that draws sends both, and does nothing in between.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.texts: dict[Path, str] = {}
+        self.wrong: list[str] = []
+        self._said: Path | None = None
+
+    def hear(self, heard: dict) -> None:
+        """A message of the editor; the file that it saved is compared at once."""
+        if heard['type'] == 'said' and heard['text'].startswith('saved: '):
+            if self._said:
+                self.wrong.append(f'no state came after {_short(self._said)} was saved')
+            self._said = (self.folder / heard['text'].removeprefix('saved: ')).resolve()
+        elif heard['type'] == 'state' and self._said:
+            file, self._said = self._said, None
+            self.texts[file] = heard['text']
+            if heard['changed']:
+                self.wrong.append(f'{_short(file)} was saved, and is said to be changed')
+            self._compare(file, 'after it was saved')
+
+    def close(self) -> None:
+        """Compare all files at the end."""
+        if self._said:
+            self.wrong.append(f'no state came after {_short(self._said)} was saved')
+        for file in self.texts:
+            self._compare(file, 'at the end')
+
+    def _compare(self, file: Path, when: str) -> None:
+        there, wanted = file.read_bytes() if file.is_file() else b'', self.texts[file].encode()
+        if there != wanted or not file.is_file():
+            self.wrong.append(
+                f'{_short(file)} is not what was saved, {when}: '
+                f'{len(there)} bytes {_digest(there)}, not {len(wanted)} bytes {_digest(wanted)}'
+            )
+
+
+def _short(file: Path) -> str:
+    return repr(file.name[:50])
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:12]
+
+
 class Client:
     """A page that sends whatever it likes, and looks at what comes of it.
 
     Attributes
     ----------
     worst : [s] that it waited longest for an answer, or for the word that it will come
+    log : a file that gets a line for every message, in the order they went and came
     """
 
-    def __init__(self, folder: Path, dice: random.Random, hang: float) -> None:
+    def __init__(
+        self, folder: Path, dice: random.Random, hang: float, log: Path | None = None
+    ) -> None:
         self.folder, self.dice, self.hang = folder, dice, hang
         self.state: dict = {}
-        self.saved: dict[Path, str] = {}
+        self.saves = Saves(folder)
         self.counts: Counter[str] = Counter()
         self.wrong: list[str] = []
         self.worst = self.memory = 0.0
+        self._log = log.open('w', buffering=1) if log else None
+        self._messages = self._asked = 0
         self.process = subprocess.Popen(
             command('edit', 'four_bar_nominal', '--port', '0', '--json'), cwd=folder,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -146,61 +203,88 @@ class Client:
             text += self.process.stdout.readline()
         self.address = json.loads(text)['address']
         self._connect()
-        self.answer(20.0 * hang)
+        self.answer(patience=20.0 * hang)
         self.worst = 0.0  # it had to start
 
     def _connect(self) -> None:
         place = self.address.replace('http', 'ws').replace('/?', '/live?')
         self.socket = connect(place, max_size=None).__enter__()  # until the process ends
 
-    def answer(self, patience: float = 0.0) -> None:
-        """Wait for the next state of the document, or for the word that it is computed."""
+    def _note(self, way: str, text: str) -> None:
+        """A line of the log: when, number, which way, and what, texts by their digests."""
+        self._messages += 1
+        if self._log is None:
+            return
+        said = json.loads(text)
+        kind, inner, path = '', '', ''
+        if isinstance(said, dict):
+            kind, inner, path = said.get('type'), said.get('text'), said.get('path')
+        if kind != 'said' and isinstance(inner, str):
+            inner = _digest(inner.encode('utf-8', 'surrogatepass'))
+        line = [round(time.monotonic(), 3), self._messages, way, kind, inner, path, len(text)]
+        print(json.dumps(line), file=self._log)
+
+    def answer(self, path: list[str] | None = None, patience: float = 0.0) -> None:
+        """Wait for the next state of the document, or for the word that it is computed.
+
+        `path` : that the state has to show as chosen; of others there may be some before it
+        """
         begun, working, patience = time.monotonic(), False, patience or self.hang
         while True:
             try:
-                heard = json.loads(self.socket.recv(timeout=patience))
+                text = self.socket.recv(timeout=patience)
             except TimeoutError:
                 self.wrong.append(f'no answer after {patience} s')
                 return
+            self._note('from', text)
+            heard = json.loads(text)
             if not working:
-                self.worst = max(self.worst, time.monotonic() - begun)
+                waited = time.monotonic() - begun
+                if waited > self.hang:
+                    self._note('slow', json.dumps({'type': f'{waited:.1f} s', 'path': path}))
+                self.worst = max(self.worst, waited)
             kind = heard['type']
             self.counts[kind] += 1
+            self.saves.hear(heard)
             if kind == 'said':
                 self._look_at(heard['text'])
             if kind == 'busy':
                 working, patience = heard['busy'], 24.0 * self.hang
+                begun = time.monotonic()
             if kind == 'state':
                 self.state = heard
-                return
+                if path is None or heard['path'] == path:
+                    return
+
+    def catch_up(self) -> None:
+        """Wait until all that was asked for is done: for the state of a path of its own."""
+        self._asked += 1
+        path = ['asked', str(self._asked)]
+        self._send({'type': 'select', 'path': path})
+        self.answer(path)
+
+    def _send(self, given: object) -> None:
+        text = json.dumps(given)
+        self._note('to', text)
+        self.socket.send(text)
 
     def _look_at(self, said: str) -> None:
         if not 0 < len(said) < 2000 or 'Traceback' in said:
             self.wrong.append(f'no sentence: {said[:200]}')
-        if said.startswith('saved: '):
-            self.saved[(self.folder / said.removeprefix('saved: ')).resolve()] = ''
 
     def send(self, given: object) -> None:
         """Send something, and wait until it is done."""
-        before = set(self.saved)
         kind = given.get('type') if isinstance(given, dict) else ''
         try:
-            self.socket.send(json.dumps(given))
-            if isinstance(kind, str) and kind not in ('drag', 'pull') and kind in KINDS:
-                self.answer()
-                if kind == 'save':  # a run that ended may have shown a state, too
-                    self.socket.send(json.dumps({'type': 'select', 'path': []}))
-                    self.answer()
-            elif self.dice.random() < 0.2:
-                self.socket.send(json.dumps({'type': 'select', 'path': []}))
+            self._send(given)
+            if kind == 'save' or self.dice.random() < 0.2:
+                self.catch_up()
+            elif isinstance(kind, str) and kind not in ('drag', 'pull') and kind in KINDS:
                 self.answer()
         except ConnectionClosed:
             self.counts['cut off'] += 1
             self._connect()
-            self.answer()
-        if kind == 'save':
-            for file in [f for f, text in self.saved.items() if f not in before or not text]:
-                self.saved[file] = self.state['text']
+            self.catch_up()
         for pid in children(self.process.pid):
             self.memory = max(self.memory, resident(pid))
 
@@ -208,6 +292,9 @@ class Client:
         """End the editor, and compare what was saved."""
         if self.process.poll() is not None:
             self.wrong.append(f'the server ended with {self.process.returncode}')
+        else:
+            with suppress(ConnectionClosed):
+                self.catch_up()
         self.process.send_signal(signal.SIGINT)
         try:
             code = self.process.wait(60)
@@ -217,9 +304,8 @@ class Client:
         said = self.process.stderr.read()
         if code != 0 or 'Traceback' in said or len(said.splitlines()) > 1:
             self.wrong.append(f'exit code {code}: {said[-500:]}')
-        for file, text in self.saved.items():
-            if not file.is_file() or file.read_bytes().decode('utf-8') != text:
-                self.wrong.append(f'{file.name[:50]} is not what was saved')
+        self.saves.close()
+        self.wrong += self.saves.wrong
 
 
 def children(pid: int) -> list[int]:
@@ -240,7 +326,9 @@ def resident(pid: int) -> float:
     return 0.0
 
 
-def edit(folder: Path, messages: int, seed: int, hang: float = HANG) -> Client:
+def edit(
+    folder: Path, messages: int, seed: int, hang: float = HANG, log: Path | None = None
+) -> Client:
     """Send so many messages to an editor in a new folder; what came of it.
 
     `hang` [s] is longer where the machine is busy with other things.
@@ -252,7 +340,7 @@ def edit(folder: Path, messages: int, seed: int, hang: float = HANG) -> Client:
         own = folder / 'disk'
         obstruct(own, outside)
         before = {x: x.stat().st_mtime_ns for x in [*outside.iterdir(), *folder.iterdir()]}
-        client = Client(own, dice, hang)
+        client = Client(own, dice, hang, log)
         try:
             for k in range(messages):
                 if small and k % 500 == 250:
@@ -262,7 +350,8 @@ def edit(folder: Path, messages: int, seed: int, hang: float = HANG) -> Client:
                     (own / 'fill').unlink(missing_ok=True)
                 client.send(message(dice, client.state))
                 if k % 1000 == 999:
-                    print(k + 1, dict(client.counts), client.wrong[-3:], file=sys.stderr)
+                    wrong = [*client.wrong, *client.saves.wrong][-3:]
+                    print(k + 1, dict(client.counts), wrong, file=sys.stderr)
         finally:
             (own / 'fill').unlink(missing_ok=True)
             client.close()
@@ -305,10 +394,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--messages', type=int, default=20_000)
     parser.add_argument('--seed', type=int, default=0)
+    parser.add_argument('--log', type=Path, help='file for a line of every message')
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        found = edit(Path(folder) / 'editor', options.messages, options.seed)
-    print(dict(found.counts), f'{len(found.saved)} files saved')
+        found = edit(Path(folder) / 'editor', options.messages, options.seed, log=options.log)
+    print(dict(found.counts), f'{len(found.saves.texts)} files saved')
     print(f'longest without a word {found.worst:.2f} s, memory {found.memory:.0f} MiB')
     for wrong in found.wrong:
         print('WRONG:', wrong)
