@@ -8,7 +8,11 @@ import signal
 import subprocess
 import time
 from contextlib import contextmanager
+from multiprocessing import spawn
+from multiprocessing.connection import wait
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread
 
 import pytest
 from running import TIMEOUT, command
@@ -17,6 +21,7 @@ from test_output import full_disk
 from websockets.sync.client import connect
 
 from mechanism_sim.pages.edit import session, worker
+from mechanism_sim.pages.edit.background import Background, Job
 from mechanism_sim.pages.edit.document import Document
 from mechanism_sim.pages.edit.recovery import Recovery, place
 from mechanism_sim.pages.edit.serving import Desk
@@ -243,13 +248,84 @@ def test_a_picture_that_takes_too_long_is_given_up(tmp_path, monkeypatch):
     found = worker.Worker(document, send, print)
     try:
         while found.busy:
-            found.link.poll(0.05)
+            wait(found.links, 0.05)
             found.take()
         found.ask('page', {'type': 'text', 'text': chain(60)})
         while not (states and 'takes longer' in states[-1]['problem']):
-            found.link.poll(0.05)
+            wait(found.links, 0.05)
             found.take()
             found.look(outdated=False)
         assert document.text == chain(60)
+    finally:
+        found.close()
+
+
+@pytest.fixture
+def deaf(tmp_path):
+    """Processes that start, and never take what they are given."""
+    file, before = tmp_path / 'deaf', spawn.get_executable()
+    file.write_text('#!/bin/sh\nexec sleep 600\n')
+    file.chmod(0o755)
+    spawn.set_executable(str(file))
+    yield
+    spawn.set_executable(before)
+
+
+def ends(act) -> bool:
+    """Whether something comes to its end; it is waited for only if it does not."""
+    thread = Thread(target=act, daemon=True)
+    thread.start()
+    thread.join(20.0)
+    return not thread.is_alive()
+
+
+@pytest.mark.usefixtures('deaf')
+def test_whoever_serves_waits_for_no_process_that_begins():
+    """It may import for half a minute; a document is more than a pipe holds."""
+    document, found = Document('a: 1\n'), []
+    for k in range(100):
+        document.replace(f'a: {k} # {"x" * 50_000}\n')
+    assert ends(lambda: found.append(worker.Worker(document, print, print)))
+    found[0].close()
+
+
+@pytest.mark.usefixtures('deaf')
+def test_whoever_serves_waits_for_no_run_to_take_its_document():
+    runs = Background(print)
+    try:
+        assert ends(lambda: runs.submit(Job(1, 'a', {'a': 'x' * 5_000_000})))
+        assert ends(lambda: runs.submit(Job(2, 'a', {'a': 'x' * 5_000_000})))
+    finally:
+        runs.close()
+
+
+def test_where_no_process_starts_the_editor_says_so_and_goes_on_when_one_does(monkeypatch):
+    said, document = [], Document()
+    context = type(worker.get_context('spawn').Process(target=print))
+    start, runs = context.start, SimpleQueue()
+
+    def refuse(_self):
+        raise BlockingIOError(11, 'Resource temporarily unavailable')
+
+    monkeypatch.setattr(context, 'start', refuse)
+    monkeypatch.setattr(worker, 'RETRY', 0.0)
+    found = worker.Worker(document, lambda *x: said.append(x), print)
+    try:
+        for _ in range(3):
+            found.take()
+            found.look(outdated=True)
+        assert found.busy  # nothing is given to it
+        assert [kind for kind, _, _ in said] == ['said']  # once
+        assert 'cannot be started (BlockingIOError: [Errno 11] Resource' in said[0][2]
+        Background(lambda *x: runs.put(x)).submit(Job(5, 'a', {}))
+        number, kind, text = runs.get()
+        assert (number, kind) == (5, 'problem')
+        assert 'cannot be started (BlockingIOError: [Errno 11] Resource' in text
+        monkeypatch.setattr(context, 'start', start)
+        while found.busy:
+            wait(found.links, 0.05)
+            found.take()
+            found.look(outdated=False)
+        assert 'state' in [kind for kind, _, _ in said]
     finally:
         found.close()

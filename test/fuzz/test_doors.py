@@ -11,7 +11,7 @@ import random
 import time
 
 import pytest
-from doors import edit, message, table
+from doors import Saves, edit, message, table
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -66,3 +66,57 @@ def test_a_table_is_read_or_refused_in_a_sentence(tmp_path_factory, seed):
         said = str(error)
     assert 0 < len(said.splitlines()[0]) < 2000
     assert time.process_time() - begun < 5.0
+
+
+def state(text: str, path: str = '') -> dict:
+    return {'type': 'state', 'text': text, 'changed': False, 'path': [path]}
+
+
+def test_states_that_others_asked_for_are_not_taken_for_what_was_saved(tmp_path):
+    """A run that ended has sent a state: all that follow are late by one."""
+    saves, folder = Saves(tmp_path), tmp_path.resolve()
+    (tmp_path / 'a.yaml').write_text('first\n')
+    heard = state('older\n'), {'type': 'said', 'text': 'saved: a.yaml'}, state('first\n')
+    for each in (*heard, state('newer\n')):
+        saves.hear(each)
+    saves.close()
+    assert (saves.texts, saves.wrong) == ({folder / 'a.yaml': 'first\n'}, [])
+
+
+@pytest.mark.parametrize('there', [None, '', 'firs', 'older\n'])
+@pytest.mark.parametrize('late', [False, True])
+def test_a_file_that_is_lost_is_noticed(there, late, tmp_path):
+    saves, file = Saves(tmp_path), tmp_path / 'a.yaml'
+
+    def lose() -> None:
+        file.unlink(missing_ok=True)
+        if there is not None:
+            file.write_text(there)
+
+    file.write_text('first\n')
+    saves.hear({'type': 'said', 'text': 'saved: a.yaml'})
+    if not late:
+        lose()
+    saves.hear(state('first\n'))
+    if late:
+        lose()
+    saves.close()
+    assert len(saves.wrong) == (1 if late else 2)
+    assert "'a.yaml' is not what was saved" in saves.wrong[0]
+
+
+LOSES = """
+from mechanism_sim import output
+write = output.write_text
+def lose(path, text, devices=True):
+    write(path, text[:-1] if path.suffix == '.yaml' else text, devices)
+output.write_text = lose
+"""
+
+
+@pytest.mark.deep
+def test_an_editor_that_loses_a_letter_is_noticed(tmp_path, monkeypatch):
+    (tmp_path / 'sitecustomize.py').write_text(LOSES)
+    monkeypatch.setenv('PYTHONPATH', f'{tmp_path}{os.pathsep}{os.environ.get("PYTHONPATH", "")}')
+    found = edit(tmp_path / 'editor', 150, 0, hang=60.0)
+    assert any('is not what was saved' in x for x in found.wrong)

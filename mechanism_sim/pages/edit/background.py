@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from queue import SimpleQueue
 from threading import Thread
 from typing import Any, NamedTuple
 
 from mechanism_sim import ending, strict_json
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.packages import reason
 
 PATIENCE = 2.0
 """[s] for a run to notice that it is not wanted any more; then its process is ended."""
@@ -44,17 +47,22 @@ class Background:
     def __init__(self, hear: Callable[[int, str, str], None]) -> None:
         self._hear = hear
         self._process: Any = None
-        self._link: Connection | None = None
+        self._jobs: SimpleQueue[Job | None] = SimpleQueue()
         self._since: float | None = None
         self._busy = False
 
     def submit(self, job: Job) -> None:
         """Let this be run instead of whatever is running."""
         if self._process is None or not self._process.is_alive():
-            self._start()
-        assert self._link is not None  # noqa: S101 - it was started
+            try:
+                self._start()
+            except (OSError, RuntimeError) as error:  # no memory, no processes, no threads
+                self.close()
+                text = f'it is not checked and run, for that cannot be started ({reason(error)})'
+                self._hear(job.number, 'problem', strict_json.dumps(text))
+                return
         self._since, self._busy = (time.monotonic() if self._busy else None), True
-        self._link.send(job)
+        self._jobs.put(job)
 
     def look(self, newest: Callable[[], Job | None]) -> None:
         """End a process that goes on with what is not wanted, and begin with the newest."""
@@ -72,12 +80,15 @@ class Background:
 
     def _start(self) -> None:
         context = get_context('spawn')
-        self._link, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        with ending.signals_held():
-            self._process.start()
-        theirs.close()
-        Thread(target=self._listen, args=(self._link,), daemon=True).start()
+        link, theirs = context.Pipe()
+        process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        with theirs, ending.signals_held():
+            process.start()
+        self._process = process
+        self._jobs.put(None)  # for those who came before
+        self._jobs = SimpleQueue()
+        Thread(target=_give, args=(link, self._jobs), daemon=True).start()
+        Thread(target=self._listen, args=(link,), daemon=True).start()
 
     def _listen(self, link: Connection) -> None:
         try:
@@ -91,6 +102,13 @@ class Background:
                     self._hear(number, kind, text)
         except (EOFError, OSError):
             pass  # it was ended
+
+
+def _give(link: Connection, jobs: SimpleQueue[Job | None]) -> None:
+    """Send jobs to a process, which may be long in taking them, until there is none."""
+    with suppress(OSError):  # it was ended
+        while job := jobs.get():
+            link.send(job)
 
 
 class _NotWanted(Exception):  # noqa: N818 - no error: the job is dropped

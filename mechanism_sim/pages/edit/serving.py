@@ -140,7 +140,7 @@ class Desk:
         runs = Background(self._ran_so_far)
         try:
             while True:
-                wait([worker.link, self._awake], _LOOK)
+                wait([*worker.links, self._awake], _LOOK)
                 worker.take()
                 self._sort()
                 worker.look(any(m.get('type') in _ANEW for k, m in self._todo if k == 'page'))
@@ -183,9 +183,6 @@ class Desk:
             return
         if self._todo:
             kind, item = self._todo.popleft()
-            if kind == 'found':
-                number, what, text = item
-                item = number, what, strict_json.loads(text)
             worker.ask(kind, item)
             return
         if worker.job is not None and self._ran != worker.job.number == worker.number:

@@ -27,6 +27,13 @@ _BUSY = 4.0  # [s] of a busy machine, for a second of CPU time
 OUTDATED = 1.0
 """[s] after which a picture is given up for one of a newer document."""
 
+RETRY = 2.0
+"""[s] until a process that could not be started is tried again."""
+
+NOT_STARTED = (
+    'nothing is drawn, for its process cannot be started ({}): it is tried again; what is edited '
+    'meanwhile waits for it'
+)
 TOO_LONG = (
     f'it is not drawn, for that takes longer than {PATIENCE:g} s: take parts away, or use the '
     'commands check and solve, which take their time'
@@ -58,13 +65,15 @@ class Worker:
         self._since: float | None = None
         self._asked: tuple[str, Any] | None = None  # of which nothing has come yet
         self._retried: tuple[str, Any] | None = None
-        self._tried = False
+        self._tried = self._refused = False
+        self._process: Any = None
+        self._link: Any = None
         self._start()
 
     @property
-    def link(self) -> Connection:
-        """What becomes readable when there is something for `take`."""
-        return self._link
+    def links(self) -> list[Connection]:
+        """What becomes readable when there is something for `take`; none if it has no process."""
+        return [self._link] if self._link else []
 
     @property
     def busy(self) -> float:
@@ -89,13 +98,15 @@ class Worker:
     def take(self) -> None:
         """Take in what it has to say."""
         try:
-            while self._link.poll():
+            while self._link and self._link.poll():
                 self._hear(*self._link.recv())
         except (EOFError, OSError):  # it has ended, by a fault of a library or of the memory
             self._again('it is not drawn, for its process has ended: it may be too large', True)
 
     def look(self, outdated: bool) -> None:
         """End what takes too long, or is wanted no more."""
+        if self._process is None and self.busy > RETRY:
+            self._start()
         if not self._begun:
             return
         if self.busy > PATIENCE and self._spends() > PATIENCE:
@@ -110,36 +121,49 @@ class Worker:
 
     def close(self) -> None:
         """End its process."""
-        self._process.kill()
-        self._process.join()
-        self._link.close()
+        if self._process and self._link:
+            self._process.kill()
+            self._process.join()
+            self._link.close()
 
     def _start(self) -> None:
-        context = get_context('spawn')
-        self._link, theirs = context.Pipe()
-        heavy = {text: why for text, why in self._heavy.items() if text == self.document.text}
-        arguments = theirs, self.document, self.number, heavy
-        # not a daemon in multiprocessing's sense, which `ending.follow` makes of it
-        self._process = context.Process(target=_work, args=arguments, daemon=True)
         self._since, self._before, self._begun = time.monotonic(), 0.0, False
-        with ending.signals_held():
-            self._process.start()
-        theirs.close()
+        self._process = self._link = None
+        context, ours = get_context('spawn'), []
+        # It gets the document when it is there to take it: until then nobody reads, and a document
+        # with all texts before is more than a pipe holds.
+        # not a daemon in multiprocessing's sense, which `ending.follow` makes of it
+        try:
+            ours += context.Pipe()
+            process = context.Process(target=_work, args=(ours[1],), daemon=True)
+            with ending.signals_held():
+                process.start()
+        except OSError as error:  # no memory, no processes, no files: that may pass
+            for end in ours:
+                end.close()
+            if not self._refused:
+                text = NOT_STARTED.format(reason(error))
+                self._send('said', -1, strict_json.dumps({'type': 'said', 'text': text}))
+            self._refused = True
+            return
+        self._process, self._link, self._refused = process, ours[0], False
+        ours[1].close()
 
     def _again(self, why: str, retry: bool = False) -> None:
         """Begin anew with the document as far as it came.
 
         `retry` : what was asked for is asked for once more, if nothing came of it
         """
-        self._process.kill()
-        self._process.join()
+        process, link = self._process, self._link
+        process.kill()
+        process.join()
         self._retried = None
         try:
-            while self._link.poll():
-                self._hear(*self._link.recv())
+            while link.poll():
+                self._hear(*link.recv())
         except (EOFError, OSError):
             pass  # that was all
-        self._link.close()
+        link.close()
         self.number += 1
         if why:
             self._heavy = {self.document.text: why}
@@ -163,6 +187,8 @@ class Worker:
             (self.job,) = items
         elif kind == 'begun':  # its modules are there; from here on it draws
             self._since, self._begun = time.monotonic(), True
+            heavy = {text: why for text, why in self._heavy.items() if text == self.document.text}
+            self._link.send((self.document, self.number, heavy))
         else:
             (self.number,) = items
             self._since = self._asked = None
@@ -181,7 +207,7 @@ def _cpu_time(pid: int | None) -> float | None:
         return None
 
 
-def _work(link: Connection, document: Document, number: int, heavy: dict[str, str]) -> None:
+def _work(link: Connection) -> None:
     """Do what is asked for until nobody asks."""
     from mechanism_sim.pages.edit.session import Session  # noqa: PLC0415 - here it is loaded
 
@@ -194,6 +220,7 @@ def _work(link: Connection, document: Document, number: int, heavy: dict[str, st
 
     try:
         link.send(('begun',))
+        document, number, heavy = link.recv()
         document.watch = lambda change, value: link.send(('document', change, value))
         session = Session(document, send, number, heavy)
         for message in session.greeting:
@@ -203,7 +230,8 @@ def _work(link: Connection, document: Document, number: int, heavy: dict[str, st
                 if kind == 'page':
                     session.handle(item)
                 elif kind == 'found':
-                    session.found(*item)
+                    number, what, text = item
+                    session.found(number, what, strict_json.loads(text))
                 elif kind == 'pause':
                     session.pause()
                 else:
