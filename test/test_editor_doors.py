@@ -12,7 +12,8 @@ from multiprocessing import spawn
 from multiprocessing.connection import wait
 from pathlib import Path
 from queue import SimpleQueue
-from threading import Thread
+from threading import Event, Thread
+from types import SimpleNamespace
 
 import pytest
 from running import TIMEOUT, command
@@ -329,3 +330,21 @@ def test_where_no_process_starts_the_editor_says_so_and_goes_on_when_one_does(mo
         assert 'state' in [kind for kind, _, _ in said]
     finally:
         found.close()
+
+
+def test_whoever_serves_waits_for_no_disk(tmp_path, monkeypatch):
+    """What is not saved is kept by a thread; at the end it is there."""
+    monkeypatch.chdir(tmp_path)
+    free, sync = Event(), os.fsync
+    monkeypatch.setattr(os, 'fsync', lambda number: (free.wait(TIMEOUT), sync(number)))
+    document = Document('title: old\n', Path('m.yaml'), 'm')
+    desk, asked = Desk(document), []
+    idle = SimpleNamespace(busy=0.0, job=None, number=0, document=document, ask=asked.append)
+    desk._worker, desk._since = idle, 0.0
+    document.replace('title: new\n')
+    assert ends(lambda: [desk._work(idle, None) for _ in range(3)])
+    assert asked == ['job', 'pause']
+    free.set()
+    document.replace('title: newest\n')
+    assert desk.keep() == ''
+    assert place(document).read_text() == 'title: newest\n'

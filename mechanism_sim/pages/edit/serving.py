@@ -5,6 +5,7 @@ This process holds the document and speaks with pages; it computes nothing that 
 
 from __future__ import annotations
 
+import copy
 import os
 import queue
 import secrets
@@ -13,6 +14,8 @@ import time
 import webbrowser
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for
 from contextlib import suppress
 from multiprocessing.connection import wait
 from typing import Any
@@ -98,6 +101,9 @@ class Desk:
         for end in (self._awake, self._wake):
             os.set_blocking(end, False)
         self._recovery = Recovery()
+        self._keeper = ThreadPoolExecutor(1)  # a disk may take long, and nobody waits for it
+        self._keeping: Future[str] | None = None
+        self._kept: tuple[Any, ...] | None = None
         self._found: dict[str, str] = {}
         self._number = -1
         self._busy = False
@@ -130,7 +136,8 @@ class Desk:
         return True
 
     def keep(self) -> str:
-        """Keep what is not saved; a sentence if that is not possible."""
+        """Keep what is not saved, at the end; a sentence if that is not possible."""
+        self._keeper.shutdown()
         return self._recovery.keep(self.document)
 
     def serve(self, send: Callable[[str], None]) -> None:
@@ -190,14 +197,28 @@ class Desk:
             runs.submit(worker.job)
         if time.monotonic() < self._since + PAUSE:
             return
-        if said := self.keep():
-            self._say(said)
+        self._keep_meanwhile()
         if self._asked != worker.number:
             self._asked = worker.number
             worker.ask('job')
         elif self._paused != worker.number:
             self._paused = worker.number
             worker.ask('pause')
+
+    def _keep_meanwhile(self) -> None:
+        """Keep what is not saved, in a thread; say so if the last time it was not possible."""
+        if self._keeping:
+            if not self._keeping.done():
+                return
+            if said := self._keeping.result():
+                self._say(said)
+            self._keeping = None
+        document = self.document
+        now = document.file, document.text, document.changed
+        if now != self._kept:
+            with suppress(RuntimeError):  # there is no thread to be had: later
+                self._keeping = self._keeper.submit(self._recovery.keep, copy.copy(document))
+                self._kept = now
 
     def _tell(self, kind: str, number: int, text: str) -> None:
         """Send what the worker found to all pages, and to those that come."""
@@ -220,6 +241,8 @@ class Desk:
 
     def _opened(self, document: Document) -> None:
         """Another document was opened by a page."""
+        if self._keeping:
+            wait_for([self._keeping])  # it is of the document before
         text = self._recovery.give_back(document)
         self._notice = ''
         if text:
