@@ -348,3 +348,22 @@ def test_whoever_serves_waits_for_no_disk(tmp_path, monkeypatch):
     document.replace('title: newest\n')
     assert desk.keep() == ''
     assert place(document).read_text() == 'title: newest\n'
+
+
+@pytest.mark.parametrize('message', [
+    {'type': 'text', 'text': 'title: a\nb: \ud800\n'},
+    {'type': 'set', 'path': ['title'], 'text': 'x\udfff'},
+    {'type': 'rename', 'path': ['links', 'crank'], 'name': 'x\udfff'},
+    {'type': 'save', 'name': '\ud800'},
+])  # fmt: skip
+def test_half_a_character_is_refused_before_it_has_to_be_kept(message, tmp_path, monkeypatch):
+    """It came to the process that serves, which ended when it wrote what is not saved."""
+    monkeypatch.chdir(tmp_path)
+    heard, document = [], Document.open('four_bar_nominal')
+    before = document.text
+    session.Session(document, heard.append).handle(message)
+    said = [m['text'] for m in heard if m['type'] == 'said']
+    assert len(said) == 1
+    assert document.text == before
+    if message['type'] == 'text':
+        assert said == ['four_bar_nominal:2: half a character (U+D800), which no file can hold']

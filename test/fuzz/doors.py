@@ -43,7 +43,8 @@ NAMES = (
     'é' * 126, '../out', '../../out.yaml', '/tmp/out_of_the_folder.yaml', '/etc/passwd',
     '.hidden', 'sub/x',
     'none/x.yaml', 'sub', 'sub.yaml', 'pipe.yaml', 'link.yaml', 'loop.yaml', 'a\0b', 'a\nb', '-rf',
-    '=1+1', '~', '..', '.', '/', 'x/../../out', 'away/x.yaml', 'two.yaml', 'CON', ' ', 'a b.yml',
+    '=1+1', '~', '..', '\udc80', '.', '/', 'x/../../out', 'away/x.yaml', 'two.yaml', 'CON', ' ',
+    'a b.yml',
 )  # fmt: skip
 """Of files; of some of them there is something in the way."""
 
@@ -79,7 +80,7 @@ def message(dice: random.Random, state: dict) -> object:
         'handle': dice.choice(handles), 'x': dice.uniform(-0.5, 0.5), 'y': dice.uniform(-0.5, 0.5),
         'step': 1e-3, 'what': dice.choice(('revolute', 'prismatic', 'link', 'spring', 'cam')),
         'from': spot(), 'to': spot(), 'path': dice.choice(paths), 'point': 'crank.end',
-        'text': dice.choice(('0.3 kg', '64 mm', '350 rpm', 'x', *TEXTS))[:5000],
+        'text': dice.choice(('0.3 kg', '64 mm', '350 rpm', 'x', 'x: \ud800', *TEXTS))[:5000],
         'name': dice.choice(NAMES),
     }  # fmt: skip
     if kind == 'text':

@@ -142,9 +142,22 @@ class Document:
         self.replace(renamed(text, path, name))
 
     def replace(self, text: str) -> None:
-        """Take another text."""
+        """Take another text.
+
+        Raises
+        ------
+        InputError
+            If it is too large, or cannot be written to a file.
+        """
         if text == self.text:
             return
+        try:
+            text.encode()
+        except UnicodeEncodeError as error:
+            where, half = text.count('\n', 0, error.start) + 1, ord(text[error.start])
+            raise InputError(
+                f'{self.name}:{where}: half a character (U+{half:04X}), which no file can hold'
+            ) from error
         if len(text) > documents.LARGEST:
             raise InputError(f'{self.name}: is larger than {documents.LARGEST} bytes')
         self._before = [*self._before, self.text][-_KEPT:]
