@@ -55,6 +55,6 @@ class Recovery:
         self._kept = file, document.text  # not again and again, where it is not possible
         try:
             output.write_text(file, document.text, devices=False)
-        except (InputError, RunError, OSError) as error:
+        except (InputError, RunError, OSError, ValueError) as error:
             return f'what is not saved is not kept either: {error}'
         return ''
