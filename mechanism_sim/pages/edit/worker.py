@@ -129,7 +129,8 @@ class Worker:
     def _start(self) -> None:
         self._since, self._before, self._begun = time.monotonic(), 0.0, False
         self._process = self._link = None
-        context, ours = get_context('spawn'), []
+        context = get_context('spawn')
+        ours: list[Connection] = []
         # It gets the document when it is there to take it: until then nobody reads, and a document
         # with all texts before is more than a pipe holds.
         # not a daemon in multiprocessing's sense, which `ending.follow` makes of it
