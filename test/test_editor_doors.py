@@ -318,6 +318,9 @@ def test_where_no_process_starts_the_editor_says_so_and_goes_on_when_one_does(mo
         assert found.busy  # nothing is given to it
         assert [kind for kind, _, _ in said] == ['said']  # once
         assert 'cannot be started (BlockingIOError: [Errno 11] Resource' in said[0][2]
+        desk = Desk(document)
+        desk._worker = found
+        assert desk.greeting == [said[0][2]]  # whoever comes later is told, too
         Background(lambda *x: runs.put(x)).submit(Job(5, 'a', {}))
         number, kind, text = runs.get()
         assert (number, kind) == (5, 'problem')
@@ -328,6 +331,7 @@ def test_where_no_process_starts_the_editor_says_so_and_goes_on_when_one_does(mo
             found.take()
             found.look(outdated=False)
         assert 'state' in [kind for kind, _, _ in said]
+        assert not found.trouble
     finally:
         found.close()
 

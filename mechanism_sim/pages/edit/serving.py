@@ -122,7 +122,8 @@ class Desk:
     def greeting(self) -> list[str]:
         """What a page is told that has just been opened."""
         busy = [_busy(True)] if self._busy else []
-        said = [strict_json.dumps({'type': 'said', 'text': x}) for x in [self._notice] if x]
+        texts = self._notice, self._worker.trouble if self._worker else ''
+        said = [strict_json.dumps({'type': 'said', 'text': x}) for x in texts if x]
         return [*self._found.values(), *busy, *said]
 
     def put(self, message: Any) -> bool:

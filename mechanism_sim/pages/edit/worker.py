@@ -55,6 +55,7 @@ class Worker:
     Attributes
     ----------
     number : of the state of the document, as of `Session`
+    trouble : why it has no process, if it could not be started
     job : what is to be checked and run, as it was when it was asked for last
     """
 
@@ -65,7 +66,7 @@ class Worker:
         self._since: float | None = None
         self._asked: tuple[str, Any] | None = None  # of which nothing has come yet
         self._retried: tuple[str, Any] | None = None
-        self._tried = self._refused = False
+        self._tried, self.trouble = False, ''
         self._process: Any = None
         self._link: Any = None
         self._start()
@@ -142,12 +143,11 @@ class Worker:
         except OSError as error:  # no memory, no processes, no files: that may pass
             for end in ours:
                 end.close()
-            if not self._refused:
-                text = NOT_STARTED.format(reason(error))
-                self._send('said', -1, strict_json.dumps({'type': 'said', 'text': text}))
-            self._refused = True
+            before, self.trouble = self.trouble, NOT_STARTED.format(reason(error))
+            if not before:
+                self._send('said', -1, strict_json.dumps({'type': 'said', 'text': self.trouble}))
             return
-        self._process, self._link, self._refused = process, ours[0], False
+        self._process, self._link, self.trouble = process, ours[0], ''
         ours[1].close()
 
     def _again(self, why: str, retry: bool = False) -> None:
