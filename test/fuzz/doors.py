@@ -353,6 +353,8 @@ def edit(
                 if k % 1000 == 999:
                     wrong = [*client.wrong, *client.saves.wrong][-3:]
                     print(k + 1, dict(client.counts), wrong, file=sys.stderr)
+        except KeyboardInterrupt:  # what was found so far is told
+            client.wrong.append(f'stopped after {k} messages of {messages}')
         finally:
             (own / 'fill').unlink(missing_ok=True)
             client.close()
