@@ -126,14 +126,15 @@ def test_the_cost_of_the_gate_does_not_grow_with_the_length_of_the_run(
 
 
 @pytest.mark.parametrize(
-    ('scene', 'change', 'said'),
+    ('scene', 'change', 'said', 'most'),
     [
-        ('slider_crank', {'links.crank.length': '5 m'}, 'it may be at a dead point'),
-        ('scotch_yoke', {'joints.crank_yoke.axis': '9e-5 deg'}, 'closures hardly determine it'),
+        ('slider_crank', {'links.crank.length': '5 m'}, 'it may be at a dead point', 30_000),
+        # followed for half a turn, up to where yoke and crank are in line
+        ('scotch_yoke', {'joints.crank_yoke.axis': '9e-5 deg'}, r't = 0\.499', 150_000),
     ],
 )
 def test_what_cannot_be_followed_is_given_up_soon(
-    monkeypatch: pytest.MonkeyPatch, scene: str, change: dict[str, str], said: str
+    monkeypatch: pytest.MonkeyPatch, scene: str, change: dict[str, str], said: str, most: int
 ) -> None:
     tried = 0
     closure = Kinematics.closure
@@ -146,7 +147,7 @@ def test_what_cannot_be_followed_is_given_up_soon(
     monkeypatch.setattr(Kinematics, 'closure', counted)
     with pytest.raises(InputError, match=said):
         ms.load_scene(scene, change)
-    assert 10 < tried < 30_000
+    assert 10 < tried < most
 
 
 @pytest.mark.parametrize('mass', ['1e-20 kg', '0 kg'])

@@ -97,6 +97,7 @@ class Work(NamedTuple):
     drive: Array  #: (m,) done by the drives
     friction: Array  #: (m,) lost in joints, contacts, dampers, or taken by loads
     error: Array  #: (m,) what both may be off together, by an estimate
+    gross: Array  #: (m,) magnitudes of what drives, joints and loads exchange, each by itself
 
 
 class Audit:
@@ -152,7 +153,7 @@ class Audit:
             every = parts_of(motion.curve)
             work, self._powers = work_in(self._physics, motion, every, self._powers, look=look)
         else:
-            work = Work(*np.zeros((3, len(motion))))
+            work = Work(*np.zeros((4, len(motion))))
             for first in range(0, len(motion), _BLOCK):
                 k = np.arange(first, min(first + _BLOCK, len(motion)))
                 look(self._physics.account(motion, k, SMOOTH.places), k, SMOOTH.places)
@@ -164,7 +165,7 @@ class Audit:
         drive, lost = struck.sum(axis=0).tolist()
         self.drive_work += float(work.drive.sum()) + drive
         self.dissipated += float(work.friction.sum()) + lost
-        self._exchanged += float(np.abs(work.drive).sum() + np.abs(work.friction).sum())
+        self._exchanged += float(work.gross.sum())
         self._exchanged += float(np.abs(struck).sum())
         self._error += float(work.error.sum())
         self._segments += len(motion)
@@ -286,14 +287,16 @@ def work_in(
     flags, known = recovers(motion, parts.segment), np.zeros(3) if largest is None else largest
     own = integrate(powers, parts, flags, known[:2], in_order, alike=True)
     (drive, friction), error, largest = own.value, own.error.sum(axis=0), own.largest
+    gross = np.abs(drive) + np.abs(friction)
     if physics.takes_power:
         load = integrate(
             lambda k, dt: physics.load_power(motion, k, dt)[None],
             parts, flags, known[2:], in_order, smooth=SECOND,
         )  # fmt: skip
+        gross = gross + np.abs(load.value[0])
         friction, error = friction + load.value[0], error + load.error[0]
         largest = np.append(largest, load.largest)
-    return Work(drive, friction, error), np.append(largest, known[len(largest) :])
+    return Work(drive, friction, error, gross), np.append(largest, known[len(largest) :])
 
 
 def _vertices(samples: Array) -> Array:
