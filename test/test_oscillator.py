@@ -395,7 +395,7 @@ def test_wrong_scenes_with_frames_are_refused(overrides, says):
 
 
 def test_a_load_much_faster_than_the_machine_is_followed():
-    """Pieces are as short as the load asks for; the frame beside DOP853 under forces read densely."""
+    """Pieces are as short as the load asks for: DOP853 under forces that are read densely."""
     load = {'at': 'rod.end', 'force': ['10*sin(40000*t)', 0.0]}
     machine = on_frame('slider_crank', {'loads.buzz': load})
     end = 0.004
