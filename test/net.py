@@ -17,6 +17,7 @@ Digests are compared where processor and compilers are those of the record
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import math
 import sys
@@ -83,7 +84,7 @@ def environment() -> dict[str, str]:
     known = dict(line.split(':', 1) for line in lines if ':' in line)
     names = {key.strip(): value.strip() for key, value in known.items()}
     return {
-        'processor': names.get('model name', ''),
+        'processor': hashlib.sha256(names.get('model name', '').encode()).hexdigest()[:12],
         'heyoka': version('heyoka'),
         'numpy': version('numpy'),
         'python': '.'.join(map(str, sys.version_info[:2])),
