@@ -83,8 +83,9 @@ def environment() -> dict[str, str]:
     lines = cpu.read_text(encoding='utf-8').splitlines() if cpu.exists() else []
     known = dict(line.split(':', 1) for line in lines if ':' in line)
     names = {key.strip(): value.strip() for key, value in known.items()}
+    own = ' '.join(names.get(x, '') for x in ('model name', 'cpu family', 'model', 'flags'))
     return {
-        'processor': hashlib.sha256(names.get('model name', '').encode()).hexdigest()[:12],
+        'processor': hashlib.sha256(own.encode()).hexdigest()[:12],
         'heyoka': version('heyoka'),
         'numpy': version('numpy'),
         'python': '.'.join(map(str, sys.version_info[:2])),
