@@ -20,7 +20,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def differences(part: str, name: str, new: object) -> str:
     """What differs, a line each; empty if nothing does."""
     same = net.same_bits(RECORD)
-    return '\n'.join(net.differences(name, RECORD[part][name], new, same))
+    return '\n'.join(net.compare(part, name, RECORD[part][name], new, same))
 
 
 def test_the_record_is_of_all_scenes_and_commands():
@@ -54,3 +54,13 @@ def test_a_changed_figure_or_key_is_seen():
     assert net.differences('x', old, lost, same_bits=False) == ['x.level: lost']
     assert net.differences('x', old, {**old, 'digest': ''}, same_bits=False) == []
     assert len(net.differences('x', old, {**old, 'digest': ''}, same_bits=True)) == 1
+
+
+def test_figures_behind_many_impacts_are_compared_on_one_processor_only():
+    name = f'statistics {net.LOOSE} --revolutions 24 --skip 2'
+    old = RECORD['commands'][name]
+    key = 'means.impacts.mean'
+    other = {**old, 'leaves': {**old['leaves'], key: [1, 60.0, 60.0]}}
+    assert not net.compare('commands', name, old, other, same_bits=False)
+    assert len(net.compare('commands', name, old, other, same_bits=True)) == 1
+    assert net.compare('commands', name, old, {**old, 'leaves': {}}, same_bits=False)
