@@ -360,6 +360,7 @@ def _names(node: ast.AST) -> Iterator[str]:
             yield from _names(child)
 
 
+@np.errstate(all='ignore')  # what has no value is NaN, and said so
 def evaluate(node: ast.expr, value_of: Callable[[str], Value], text: str) -> Value:
     """An expression of numbers or arrays, with its unit.
 
