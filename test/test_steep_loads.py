@@ -335,7 +335,7 @@ def fixed(series, length=1.0):
     return Course(np.atleast_2d(series), length, np.zeros(0), np.zeros(1))
 
 
-@pytest.mark.parametrize('name', [*FUNCTIONS, 'square', 'cube', 'reciprocal', 'product'])
+@pytest.mark.parametrize('name', [*FUNCTIONS, 'square', 'cube', 'reciprocal', 'product', 'direction'])
 def test_an_enclosure_holds_all_values(name):
     x = hy.make_vars('x')
     known = {
@@ -343,6 +343,7 @@ def test_an_enclosure_holds_all_values(name):
         'square': lambda y: y**2.0 * y**4.0 * y**4.0,
         'cube': lambda y: (y * y * y) ** 3.0,
         'reciprocal': lambda y: 1.0 / (y - 0.5),
+        'direction': lambda y: hy.atan2(hy.sin(y), 5.0 + y),
         'product': lambda y: hy.exp(y) * hy.sin(3.0 * y) * hy.tanh(y - 1.0),
     }
     enclosure = Enclosure([hy.expression(1.0) * known[name](1.0 * x + 0.25)], [], [x], [])
