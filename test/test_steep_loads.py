@@ -335,7 +335,9 @@ def fixed(series, length=1.0):
     return Course(np.atleast_2d(series), length, np.zeros(0), np.zeros(1))
 
 
-@pytest.mark.parametrize('name', [*FUNCTIONS, 'square', 'cube', 'reciprocal', 'product', 'direction'])
+@pytest.mark.parametrize(
+    'name', [*FUNCTIONS, 'square', 'cube', 'reciprocal', 'product', 'direction']
+)
 def test_an_enclosure_holds_all_values(name):
     x = hy.make_vars('x')
     known = {
