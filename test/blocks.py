@@ -163,7 +163,7 @@ def _command(command: str) -> subprocess.CompletedProcess[str]:
     args, filtered = _split(command)
     if args is None:
         return _shell(command)
-    done = running.run(*args, env=dict(os.environ) if args[0] in running.APART else None)
+    done = running.run(*args, env=dict(os.environ) if running.goes_apart(args) else None)
     return _shell(filtered, done.stdout) if filtered and done.returncode == 0 else done
 
 

@@ -10,7 +10,7 @@ import socket
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -33,11 +33,13 @@ def ros_found() -> bool:
     return all(find_spec(name) is not None for name in ('rclpy', 'mechanism_sim.msg'))
 
 
-APART = {
-    'topic', 'param', 'service', 'action', 'bag', 'edit', 'identify', 'node', 'run', 'sweep',
-    'view',
-}  # fmt: skip
+APART = {'topic', 'param', 'service', 'action', 'bag', 'edit', 'node', 'run', 'sweep', 'view'}
 """Commands that start processes, speak to others or take over signals."""
+
+
+def goes_apart(args: Sequence[str]) -> bool:
+    """Whether a command needs a process of its own; `--fit` starts workers, too."""
+    return bool(APART.intersection(args[:1])) or '--fit' in args
 
 
 _worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 5
@@ -87,7 +89,7 @@ def run(*args: str, env: dict[str, str] | None = None) -> subprocess.CompletedPr
     In this process where that makes no difference: starting one costs more than most commands. An
     exception that gets out of it, or a warning that its user would see, fails the test.
     """
-    if env is None and not APART.intersection(args[:1]):
+    if env is None and not goes_apart(args):
         return _here(*args)
     return subprocess.run(
         command(*args), env=ending.owned(env or environment()), capture_output=True, text=True,

@@ -31,7 +31,7 @@ READERS = {
     'report': ['-o', 'x.html'],
     'plot': ['velocity.crank', '-o', 'x.svg'],
     'animate': ['-o', 'x.gif', '--fps', '5'],
-    'sound': ['-o', 'x.wav'],
+    'animate -o x.wav': [],
     'experiment': [],
 }
 
@@ -234,9 +234,12 @@ EXPECTED = {
     'late': dict.fromkeys(READERS, '')
     | {'experiment': 'no sensor reads accelerations across the coupler'},
     'one': dict.fromkeys(READERS, '')
-    | {'sound': 'nothing to hear', 'experiment': 'whole turns of crank'},
+    | {'animate -o x.wav': 'nothing to hear', 'experiment': 'whole turns of crank'},
     'failed': dict.fromkeys(READERS, '')
-    | {'sound': 'nothing to hear', 'experiment': 'the experiment is that of a four_bar'},
+    | {
+        'animate -o x.wav': 'nothing to hear',
+        'experiment': 'the experiment is that of a four_bar',
+    },
 }
 
 
@@ -247,12 +250,12 @@ def test_every_command_reads_it_or_says_why_not(states, state, reader, tmp_path)
     if reader == 'experiment':
         (tmp_path / path.name).write_bytes(path.read_bytes())
     source = str(tmp_path if reader == 'experiment' else path)
-    done = command(reader, source, *_within(tmp_path, READERS[reader]))
+    done = command(*reader.split(), source, *_within(tmp_path, READERS[reader]))
     assert done.returncode == (2 if expected else 0), done.stderr
     told = done.stderr.splitlines()
     if expected:
         assert expected in told[-1]
-        assert path.name in told[-1] or reader == 'sound'
+        assert path.name in told[-1] or reader == 'animate -o x.wav'
     elif state == 'late' and reader not in {'info', 'analyze'}:
         assert 'was cut short' in told[0]
 
@@ -267,7 +270,9 @@ def test_what_was_said_before_a_failure_is_in_the_bag(states):
 
 def test_a_signal_that_is_too_short_is_named(states):
     for state, words in (('empty', NOTHING), ('late', 'samples of rocker_accelerometer are too')):
-        done = command('identify', str(states[state]), '--rounds', '16', '--workers', '1')
+        done = command(
+            'analyze', str(states[state]), '--fit', 'radial', '--rounds', '16', '--workers', '1'
+        )
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
         assert f'{states[state]}' in done.stderr
         assert words in done.stderr

@@ -356,7 +356,7 @@ PATH = re.compile(r'(/[\w/]+)(?:\{(\w+)=="([^"]+)"\})?\.([\w.]+)(\[(?:\d+|:)\])?
 def layout(tmp_path, scene, viewer, *options) -> str:
     file = tmp_path / 'layout'
     with pytest.raises(SystemExit) as ended:
-        cli.main(['layout', scene, '--for', viewer, '-o', str(file), *options])
+        cli.main(['export', scene, '--format', viewer, '-o', str(file), *options])
     assert not ended.value.code
     return file.read_text(encoding='utf-8')
 
@@ -450,7 +450,7 @@ def test_names_of_a_second_machine_have_its_namespace_and_prefix(tmp_path, capsy
     rviz = layout(tmp_path, 'four_bar_nominal', 'rviz', *options)
     assert rviz.count('/left/shop/') == 3
     with pytest.raises(SystemExit) as ended:
-        cli.main(['layout', 'four_bar_nominal', '--for', 'rviz', '--namespace', '1 2'])
+        cli.main(['export', 'four_bar_nominal', '--format', 'rviz', '--namespace', '1 2'])
     assert ended.value.code == 2
     assert "'1 2' is no namespace" in capsys.readouterr().err
 

@@ -438,7 +438,10 @@ def test_export_says_what_is_left_out(tmp_path, capsys):
     ('args', 'says'),
     [
         (('--format', 'sdf', '-o', 'no/such/folder.sdf'), 'cannot be written'),
-        (('--format', 'mjcf', '--prefix', 'left/'), '--prefix is for --format urdf'),
+        (
+            ('--format', 'mjcf', '--frame-prefix', 'left/'),
+            '--frame-prefix is for --format urdf, foxglove and rviz',
+        ),
         (('--format', 'urdf', '--set', 'links.crank.length=-1 m'), 'links.crank.length'),
     ],
 )

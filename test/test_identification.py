@@ -131,8 +131,9 @@ def test_the_command_takes_bags_of_several_speeds(tmp_path):
         scenes += ['--scene', str(scene)]
     options = [x for name, (a, b) in LIMITS.items() for x in ('--range', f'{name}={a}:{b}')]
     found = run_json(
-        'identify', *bags, *scenes, *options, '--rounds', '32,16', '--seed', '1', '--workers', '1'
-    )
+        'analyze', *bags, '--fit', 'restitution,friction,radial', *scenes, *options,
+        '--rounds', '32,16', '--seed', '1', '--workers', '1',
+    )  # fmt: skip
     assert found['simulations'] == 48
     assert found['plausible']
     for path, value in TRUTH.items():
@@ -174,7 +175,7 @@ def test_signals_that_cannot_be_identified_are_refused(tmp_path, options, words)
 
 
 def test_the_command_refuses_in_one_sentence(tmp_path):
-    done = run('identify', str(tmp_path / 'none.mcap'), '--rounds', '8')
+    done = run('analyze', str(tmp_path / 'none.mcap'), '--fit', 'radial', '--rounds', '8')
     assert done.returncode == 2
     assert done.stderr.count('\n') == 1
     assert '--rounds' in done.stderr

@@ -488,7 +488,7 @@ def test_the_efficiency_is_said():
 
 def test_the_equations_show_it():
     """The wedge with its pin pressed across the slot, and rubbing along it."""
-    shown = ' '.join(run('equations', 'wedge').stdout.split())
+    shown = ' '.join(run('check', 'wedge', '--equations').stdout.split())
     assert 'lambda1_face*nx_face + T_bed - T_face*ux_face + F_wedge' in shown
     assert '|T_guide| <= 0.1 times the force across guide' in shown
 

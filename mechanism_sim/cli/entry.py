@@ -94,6 +94,10 @@ def make_parser() -> Overview:
         description='Simulator of real (loose, rattling, vibrating) planar machines.',
     )
     parser.add_argument('--version', action='store_true', help='print the version')
+    parser.add_argument(
+        '--completion', metavar='SHELL', choices=first.SHELLS,
+        help='print the script by which a shell completes names: ' + ', '.join(first.SHELLS),
+    )  # fmt: skip
     parser.set_defaults(run=_start, parser=parser)
     commands = parser.add_subparsers(dest='command', metavar='COMMAND', parser_class=Parser)
 
@@ -115,6 +119,10 @@ def make_parser() -> Overview:
 def _read(parser: Parser, args: Sequence[str]) -> argparse.Namespace:
     own, ros_args = split_ros_args(args)
     options, rest = parser.parse_known_args(own)
+    if options.command:  # options of the program itself, which go without a command
+        refuse = ('version', options.version), ('completion', options.completion)
+        for name in (name for name, given in refuse if given):
+            parser.error(f"--{name} goes without a command; '{options.command}' was given, too")
     if ros_args and options.command not in ('run', 'node', 'view'):
         options.parser.error('--ros-args is for the commands run, node and view')
     several = 'words' if hasattr(options, 'words') else 'what' if options.command == 'plot' else ''
@@ -133,6 +141,8 @@ def _start(options: argparse.Namespace) -> int:
 
         version = installed_version()
         print(f'mechanism-sim {version}' if version else 'mechanism-sim, not installed')
+    elif options.completion:
+        print(first.completion_script(options.completion))
     else:
         echo(render_start())
     return 0

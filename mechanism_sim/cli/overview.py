@@ -9,12 +9,12 @@ from mechanism_sim.errors import nearest
 from mechanism_sim.nodes.arguments import Parser
 
 GROUPS = {
-    'A machine': ('new', 'edit', 'scenes', 'check', 'equations'),
+    'A machine': ('new', 'edit', 'scenes', 'check'),
     'Run it': ('solve', 'run', 'node'),
-    'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view', 'layout', 'sound'),
+    'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view'),
     'Talk to what runs': ('topic', 'param', 'service', 'action', 'bag'),
     'How it vibrates': ('modes', 'response'),
-    'Recorded runs': ('info', 'recover', 'analyze', 'identify', 'experiment'),
+    'Recorded runs': ('info', 'recover', 'analyze', 'experiment'),
     'Many runs': (
         'sweep',
         'find',
@@ -22,14 +22,22 @@ GROUPS = {
         'starts',
         'periodic',
         'contact-loss',
-        'lift-off',
     ),
-    'For the workshop and other programs': ('profile', 'teeth', 'export'),
-    'The program itself': ('bench', 'completion'),
+    'For other programs': ('export',),
+    'The program itself': ('bench',),
 }
 """All commands by purpose, in the order in which `--help` lists them."""
 
-RENAMED: dict[str, str] = {}
+RENAMED: dict[str, str] = {
+    'completion': 'mechanism-sim --completion',
+    'equations': 'mechanism-sim check --equations',
+    'identify': 'mechanism-sim analyze --fit',
+    'layout': 'mechanism-sim export --format foxglove|rviz',
+    'lift-off': 'mechanism-sim find --lift-off',
+    'profile': 'mechanism-sim draw --profile',
+    'sound': 'mechanism-sim animate -o FILE.wav',
+    'teeth': 'mechanism-sim find --teeth',
+}
 """Names that commands had, and what is to be typed instead, beginning with the program."""
 
 START = (
@@ -71,7 +79,7 @@ class Overview(Parser):
     def format_help(self) -> str:
         """All commands, each with one line."""
         texts = {a.dest: a.help or '' for a in self.commands()._choices_actions}
-        width = max(map(len, texts))
+        width = max(map(len, (*texts, '--completion')))
         lines = ['usage: mechanism-sim COMMAND ...', '', str(self.description)]
         for purpose, names in GROUPS.items():
             here = [name for name in names if name in texts]
@@ -81,6 +89,7 @@ class Overview(Parser):
             'Options:',
             f'  {"--help":{width}}  this list; of a command, after its name, its options',
             f'  {"--version":{width}}  print the version',
+            f'  {"--completion":{width}}  SHELL: print the script by which it completes names',
             '',
             "'mechanism-sim' alone says how to begin.",
         ]

@@ -18,10 +18,13 @@ from mechanism_sim.cli.options import (
     option,
     print_json,
     print_result,
+    quantity,
     read_machine,
     read_measures,
     refuse_options,
     scene_options,
+    skip_option,
+    skipped_turns,
     tables_option,
     turns_of,
 )
@@ -37,28 +40,28 @@ def add(command: Command) -> None:
     sub = command('statistics', _statistics, 'figures per revolution, with confidence intervals')
     scene_options(sub)
     length_options(sub, '200 if not given')
-    option(sub, '--skip', 'K', 'revolutions to leave out at the beginning', 20)
+    skip_option(sub, '20 if not given')
     measure_option(sub)
     sub = command('contact-loss', _contact_loss, 'criteria of contact loss, beside what happens')
     scene_options(sub)
     length_options(sub, '3 if not given')
-    sub = command('lift-off', _lift_off, 'from which speed on followers leave their cams')
-    scene_options(sub)
     sub = command('starts', _starts, 'how long a seated pin follows, by start angle')
     scene_options(sub)
     option(sub, '--angles', 'N', 'how many start angles around the turn', 24)
     length_options(sub, '3 from each if not given')
     sub = command('find', _find, 'find the value of a key for which a figure is as wanted')
-    scene_options(sub)
+    scene_options(sub, count='?')
     option(sub, '--vary', 'PATH=LOW:HIGH', 'the key, and between which values to look')
     option(sub, '--so-that', 'GOAL', "as 'largest(reaction.ram_pin) = 20 kN'")
     option(sub, '--minimise', 'MEASURE', "instead: as 'rms(drive_torque)'")
-    option(sub, '--samples', 'N', 'values at which the curve is computed', 17)
+    option(sub, '--values', 'N', 'values at which the curve is computed', 17)
     option(
         sub, '--duration', 'S', 'length of a cycle; a turn of a steady drive if not given', float
     )
     option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     option(sub, '-o --output', 'FILE', 'draw the curve')
+    flag(sub, '--lift-off', 'instead: from which speed on followers leave their cams')
+    _teeth_options(sub)
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
     option(
@@ -132,7 +135,8 @@ def _statistics(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     turns = math.floor(turns_of(options, machine, 200) * (1.0 + 1e-12))
     with progress.bar('statistics', turns * machine.period, quiet=options.json) as show:
-        found = statistics(machine, turns, options.skip, show, read_measures(options, machine))
+        skip = skipped_turns(options, 20)
+        found = statistics(machine, turns, skip, show, read_measures(options, machine))
     return print_result(options, found, study.statistics_json, study.statistics)
 
 
@@ -151,7 +155,7 @@ def _lift_off(options: argparse.Namespace) -> int:
     from mechanism_sim.study.lift_off import lift_offs  # noqa: PLC0415
 
     machine = read_machine(options)
-    with progress.busy('lift-off', options.json) as say:
+    with progress.busy('find', options.json) as say:
         found = lift_offs(machine, say)
     return print_result(options, found, study.lift_offs_json, study.lift_offs)
 
@@ -166,7 +170,29 @@ def _starts(options: argparse.Namespace) -> int:
     return print_result(options, found, study.starts_json, study.starts)
 
 
+_SEARCH = 'vary', 'so-that', 'minimise', 'values', 'duration', 'revolutions', 'output'
+_SCENE = 'set', 'tables-from', 'rtol', 'atol'
+_TEETH = 'stages', 'tolerance', 'teeth-range', 'centre-distance', 'modules'
+
+
 def _find(options: argparse.Namespace) -> int:
+    """Search for a value of a key, for a speed of lift-off, or for numbers of teeth."""
+    if options.teeth is not None:
+        own = 'is for a scene, and --teeth goes without one'
+        refuse_options(options, ['lift-off', *_SEARCH, *_SCENE], own)
+        if options.scene is not None:
+            raise InputError(f"find --teeth goes without a scene; '{options.scene}' was given")
+        return _teeth(options)
+    refuse_options(options, _TEETH, 'goes with --teeth')
+    if options.scene is None:
+        raise InputError('find: SCENE is missing; see --help')
+    if options.lift_off:
+        refuse_options(options, _SEARCH, 'does not apply to --lift-off')
+        return _lift_off(options)
+    return _find_value(options)
+
+
+def _find_value(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report import find as report  # noqa: PLC0415
     from mechanism_sim.study.find import find, read_goal  # noqa: PLC0415
@@ -174,19 +200,57 @@ def _find(options: argparse.Namespace) -> int:
 
     goal = read_goal(options.so_that, options.minimise)
     file = figures.check_picture('--output', options.output) if options.output else None
-    if options.samples < 2:
-        raise InputError('--samples must be at least 2')
+    if options.values < 2:
+        raise InputError('--values must be at least 2')
     ((path, limits),) = ranges([options.vary or ''], '--vary').items()
     machine = read_machine(options)
     with progress.busy('find', options.json) as say:
         finding = find(
-            machine, (path, *limits), goal, options.samples, lambda n: say(f'{n} cycles'),
+            machine, (path, *limits), goal, options.values, lambda n: say(f'{n} cycles'),
             duration=options.duration,
             **({} if options.revolutions is None else {'periods': options.revolutions}),
         )  # fmt: skip
     if file:
         figures.save(figures.paint(report.chart(finding, machine.scene.title)), file)
     return print_result(options, finding, report.to_json, report.text)
+
+
+def _teeth_options(sub: argparse.ArgumentParser) -> None:
+    more = sub.add_argument_group('numbers of teeth, without a scene')
+    option(more, '--teeth', 'RATIO', "of speeds, without sign, as 3.5 or '7/2'; the best first")
+    option(more, '--stages', 'N', 'pairs of gears in series', 1)
+    option(more, '--tolerance', 'X', 'largest relative error of the ratio', 0.0)
+    option(more, '--teeth-range', 'A:B', 'fewest and most teeth of a gear', '18:120')
+    option(more, '--centre-distance', 'C', "of every stage, as '60 mm'; with --modules")
+    option(more, '--modules', 'M,...', "to choose from, as '2 mm,2.5 mm'")
+
+
+def _teeth(options: argparse.Namespace) -> int:
+    from mechanism_sim.gears.teeth import choose, just_outside, limits, ratio_of  # noqa: PLC0415
+    from mechanism_sim.report import teeth  # noqa: PLC0415
+
+    fewest, colon, most = options.teeth_range.partition(':')
+    if not (colon and fewest.isdecimal() and most.isdecimal()):
+        raise InputError(f"--teeth-range '{options.teeth_range}': write for example 18:120")
+    count = int(fewest), int(most)
+    distance = (
+        quantity('--centre-distance', options.centre_distance, 'm')[0]
+        if options.centre_distance
+        else None
+    )
+    listed = options.modules.split(',') if options.modules else ()
+    modules = [quantity('--modules', m, 'm')[0] for m in listed]
+    ratio, stages, tolerance = ratio_of(options.teeth), options.stages, options.tolerance
+    found = choose(
+        ratio, stages=stages, tolerance=tolerance, teeth=count, centre_distance=distance,
+        modules=modules,
+    )  # fmt: skip
+    search = teeth.Search(
+        found,
+        limits(count, stages, tolerance, distance, modules),
+        just_outside(ratio, tolerance, count, distance, modules) if stages == 1 else None,
+    )
+    return print_result(options, search, teeth.to_json, teeth.render)
 
 
 def _sweep(options: argparse.Namespace) -> int:
