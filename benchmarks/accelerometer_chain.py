@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
+from benchmarks.problem import Answer
+from benchmarks.stages import State, connect_in_series, lead, low_pass, resonator
 from mechanism_sim.arrays import Array
-from mechanism_sim.bench.problem import Answer
-from mechanism_sim.bench.stages import State, connect_in_series, lead, low_pass, resonator
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import chebyshev_nodes, fit_powers, shift_powers
 from mechanism_sim.scene import Machine, load_scene, simulate

@@ -5,39 +5,35 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from mechanism_sim.bench.hard import Case, cases
-from mechanism_sim.bench.problem import Problem, problems
+from benchmarks.problem import Problem, problems
 from mechanism_sim.errors import InputError, nearest
 
 SCALING, LOOSE_JOINTS, MIDDLEWARE = 'scaling', 'loose_joints', 'middleware'
-GRID = 'grid'
+TABLES = SCALING, LOOSE_JOINTS, MIDDLEWARE
+ALL = 'all'
+_TESTS = 'hard', 'grid'
 
 
-def choose(names: Sequence[str]) -> tuple[list[Problem], list[Case], set[str]]:
-    """Problems, hard cases and which other measurements, by their names; ``hard``: all cases.
+def choose(names: Sequence[str]) -> tuple[list[Problem], set[str]]:
+    """Problems, and which other measurements, by their names; ``all``: everything.
 
     Raises
     ------
     InputError
-        For an unknown name, with the nearest, or for hard cases beside anything else.
+        For an unknown name, with the nearest.
     """
-    hard, known = {case.name: case for case in cases()}, problems()
-    tables = (SCALING, LOOSE_JOINTS, MIDDLEWARE)
-    words = ('hard', GRID, *tables, *known, *hard)
+    known = problems()
+    words = (*known, *TABLES)
     for name in names:
-        if name not in words:
+        if name in _TESTS:
+            raise InputError(f"'{name}' is not a benchmark but a test: 'python -m test.{name}'")
+        if name not in (*words, ALL):
             raise InputError(
-                f"there is no problem or case '{name}'{nearest(name, words)}; known are: "
-                f'{", ".join((*known, *tables))}, grid, hard (all cases), {", ".join(hard)}'
+                f"there is no problem '{name}'{nearest(name, words)}; known are: "
+                f'{", ".join(words)}, all'
             )
-    if GRID in names and set(names) != {GRID}:
-        other = next(n for n in names if n != GRID)
-        raise InputError(f"the grid is run by itself: leave out '{other}'")
-    chosen = list(hard.values()) if 'hard' in names else [hard[n] for n in names if n in hard]
-    others = [n for n in dict.fromkeys(names) if n in known or n in tables]
-    if chosen and others:
-        raise InputError(f"hard cases are run by themselves: leave out '{others[0]}'")
-    return [known[n] for n in others if n in known], chosen, {n for n in others if n in tables}
+    chosen = words if ALL in names else dict.fromkeys(names)
+    return [known[n] for n in chosen if n in known], {n for n in chosen if n in TABLES}
 
 
 def methods(chosen: Sequence[Problem], text: str | None) -> set[str] | None:

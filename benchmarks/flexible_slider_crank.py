@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mechanism_sim.bench.problem import Answer
+from benchmarks.problem import Answer
 
 L1, L2, M2, M3, J1 = 0.15, 0.30, 0.151104, 0.075552, 0.002727
 E, SIDE, DENSITY, SPEED = 2e11, 0.008, 7870.0, 150.0

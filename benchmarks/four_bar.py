@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.bench.problem import (
+from benchmarks.problem import (
     Answer,
     Method,
     Outcome,
@@ -19,7 +19,7 @@ from mechanism_sim.bench.problem import (
     find_instances,
     nothing_missing,
 )
-from mechanism_sim.bench.tree import Tree
+from benchmarks.tree import Tree
 from mechanism_sim.scene import load_scene
 
 
@@ -149,8 +149,8 @@ def scene_overrides(start: str, e: float) -> dict[str, Any]:
 
 
 def reference(name: str) -> dict[str, Any]:
-    """A file of `mechanism_sim/bench/references`; numbers are decimal strings."""
-    text = files('mechanism_sim.bench').joinpath('references', f'{name}.json').read_text('utf-8')
+    """A file of `benchmarks/references`; numbers are decimal strings."""
+    text = files('benchmarks').joinpath('references', f'{name}.json').read_text('utf-8')
     content: dict[str, Any] = json.loads(text)
     return content
 
@@ -186,5 +186,5 @@ class Peer:
 
 @cache
 def peers() -> tuple[Peer, ...]:
-    """All peers of the modules in `mechanism_sim.bench.peers`, in the order of their files."""
-    return tuple(find_instances('mechanism_sim.bench.peers', Peer))
+    """All peers of the modules in `benchmarks.peers`, in the order of their files."""
+    return tuple(find_instances('benchmarks.peers', Peer))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from mechanism_sim.bench.problem import Answer, Method, Outcome, Run, run_once
+from benchmarks.problem import Answer, Method, Outcome, Run, run_once
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Impact

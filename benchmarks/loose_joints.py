@@ -17,9 +17,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mechanism_sim.bench.peers import exudyn, mujoco
-from mechanism_sim.bench.problem import OURS, Answer
-from mechanism_sim.bench.tree import Tree
+from benchmarks.peers import exudyn, mujoco
+from benchmarks.problem import OURS, Answer
+from benchmarks.tree import Tree
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Solution

@@ -15,7 +15,7 @@ from statistics import median
 import heyoka as hy
 import numpy as np
 
-from mechanism_sim.bench.problem import Method, Outcome, Problem, Run
+from benchmarks.problem import Method, Outcome, Problem, Run
 from mechanism_sim.errors import RunError
 
 BUDGET = 3.0

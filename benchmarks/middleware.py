@@ -34,7 +34,8 @@ REVOLUTIONS = 20, 220
 RUNS = 3
 """At most so many repeats of a whole run."""
 
-TRAFFIC = 'mechanism_sim.bench.traffic'
+TRAFFIC = 'benchmarks.traffic'
+_ROOT = str(Path(__file__).parents[1])  # where processes find it: it is not installed
 
 WAIT = 600.0
 """[s] after which a measurement has failed."""
@@ -139,6 +140,7 @@ def network(backend: str) -> dict[str, str]:
         'MECHANISM_SIM_MIDDLEWARE': backend,
         'MECHANISM_SIM_ROUTER': f'tcp/127.0.0.1:{port}',
         'ROS_DOMAIN_ID': str(1 + port % 100),
+        'PYTHONPATH': os.pathsep.join(filter(None, (_ROOT, os.environ.get('PYTHONPATH')))),
     }
 
 

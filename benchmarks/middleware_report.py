@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 
+from benchmarks.middleware import Delay, Figure, Stream, WholeRun
 from mechanism_sim import text_table
-from mechanism_sim.bench.middleware import Delay, Figure, Stream, WholeRun
 
 
 def render(figures: Sequence[Figure]) -> str:

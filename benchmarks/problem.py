@@ -55,9 +55,14 @@ def run_once(work: Callable[[], Outcome]) -> Run:
 
 
 def find_instances(package: str, kind: type[Instance]) -> list[Instance]:
-    """All things of a kind in the modules of a package, in the order of their files."""
+    """All things of a kind in the modules of a package, in the order of their files.
+
+    Programs and tests beside them, ``__main__`` and ``test_...``, hold none.
+    """
     found: list[Instance] = []
     for module in iter_modules(import_module(package).__path__):
+        if module.name.startswith(('_', 'test_')):
+            continue
         content = vars(import_module(f'{package}.{module.name}'))
         found += [thing for thing in content.values() if isinstance(thing, kind)]
     return found
@@ -116,5 +121,5 @@ OURS = 'mechanism_sim'
 
 @cache
 def problems() -> dict[str, Problem]:
-    """All problems of the modules in `mechanism_sim.bench.problems` by name, in their order."""
-    return {p.name: p for p in find_instances('mechanism_sim.bench.problems', Problem)}
+    """All problems of the modules in `benchmarks.problems` by name, in their order."""
+    return {p.name: p for p in find_instances('benchmarks.problems', Problem)}

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechanism_sim.bench.four_bar import reference
-from mechanism_sim.bench.problem import Answer
+from benchmarks.four_bar import reference
+from benchmarks.problem import Answer
 
 HARD = 0.01
 """Impacts count whose approach is faster than this part of the fastest."""

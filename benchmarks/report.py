@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import middleware_report as middleware
+from benchmarks.loose_joints import LooseCost, StretchCost
+from benchmarks.measure import Measurement, Row
+from benchmarks.middleware import Figure
+from benchmarks.problem import OURS
+from benchmarks.scaling import Cost
 from mechanism_sim import output, strict_json, text_table
-from mechanism_sim.bench.loose_joints import LooseCost, StretchCost
-from mechanism_sim.bench.measure import Measurement, Row
-from mechanism_sim.bench.middleware import Figure
-from mechanism_sim.bench.problem import OURS
-from mechanism_sim.bench.scaling import Cost
 from mechanism_sim.export.palette import INK
-from mechanism_sim.report import middleware
 from mechanism_sim.report.charts.chart import DASHES, MARKERS, Axis, Chart, Curve, Panel
 from mechanism_sim.report.figures import paint, save
 
@@ -192,7 +192,7 @@ def listing(listed: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
     lines.append('scaling: cost against links, sample rate, sensors and length of the run')
     lines.append('loose_joints: machines by how many of their joints are loose, beside peers')
     lines.append('middleware: messages, round trips and runs of nodes on every middleware found')
-    lines.append("hard: the hard cases, see 'mechanism-sim bench hard'")
+    lines.append('all: everything')
     return '\n'.join(lines)
 
 

@@ -17,8 +17,8 @@ from typing import Any
 import heyoka as hy
 import numpy as np
 
+from benchmarks.chains import SPEED, chain
 from mechanism_sim import ending
-from mechanism_sim.bench.chains import SPEED, chain
 from mechanism_sim.errors import RunError
 from mechanism_sim.scene import Machine, load_scene, simulate
 
@@ -171,7 +171,7 @@ def _nodes(revolutions: int, *options: str) -> tuple[float, int]:
     child = ending.start(command, stdout=subprocess.DEVNULL, env=env)
     peak = 0
     while True:
-        peak = max(peak, _peak_memory(child.pid))
+        peak = max(peak, peak_memory(child.pid))
         done, status, used = os.wait4(child.pid, os.WNOHANG)
         if done:
             break
@@ -182,7 +182,7 @@ def _nodes(revolutions: int, *options: str) -> tuple[float, int]:
     return used.ru_utime + used.ru_stime, peak
 
 
-def _peak_memory(pid: int) -> int:
+def peak_memory(pid: int) -> int:
     """What a running process has held at most [B]; its rusage would count ours before exec."""
     status = Path(f'/proc/{pid}/status').read_text(encoding='utf-8')
     sizes = [line.split()[1] for line in status.splitlines() if line.startswith('VmHWM')]

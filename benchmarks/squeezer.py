@@ -11,7 +11,7 @@ from math import cos, hypot, sin
 
 import numpy as np
 
-from mechanism_sim.bench.problem import Answer
+from benchmarks.problem import Answer
 
 Squeezer = namedtuple(
     'Squeezer',

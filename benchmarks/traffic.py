@@ -1,6 +1,6 @@
 """One end of a line between two nodes: a process that `middleware` starts and reads.
 
-``python -m mechanism_sim.bench.traffic ROLE ...`` joins the network as its environment says and
+``python -m benchmarks.traffic ROLE ...`` joins the network as its environment says and
 writes what it measured to standard output, as JSON.
 """
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import heyoka as hy
 import numpy as np
 
-from mechanism_sim.bench.problem import Answer
+from benchmarks.problem import Answer
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.numerics.formula import Words, expression, names
 from mechanism_sim.planar.drive import DriveLaw

@@ -16,24 +16,25 @@ from running import run, run_json
 from scipy.integrate import DOP853, solve_ivp
 
 import mechanism_sim as ms
+from benchmarks import loose_joints as loosened
+from benchmarks import measure as measuring
+from benchmarks import middleware as lines
+from benchmarks import report
+from benchmarks import scaling as sizes
+from benchmarks.accelerometer_chain import SensorRun
+from benchmarks.command import main
+from benchmarks.four_bar import LooseFourBar, peers, reference
+from benchmarks.loose_joints import Stretch, loose_joints, stretches
+from benchmarks.measure import machine, measure
+from benchmarks.peers import numba_dop853
+from benchmarks.peers.scipy_compliant import damping_ratio
+from benchmarks.problem import OURS, Method, Outcome, Problem, missing, problems
+from benchmarks.problems import measured
 from mechanism_sim import strict_json
-from mechanism_sim.bench import loose_joints as loosened
-from mechanism_sim.bench import measure as measuring
-from mechanism_sim.bench import middleware as lines
-from mechanism_sim.bench import scaling as sizes
-from mechanism_sim.bench.accelerometer_chain import SensorRun
-from mechanism_sim.bench.four_bar import LooseFourBar, peers, reference
-from mechanism_sim.bench.hard import cases
-from mechanism_sim.bench.loose_joints import Stretch, loose_joints, stretches
-from mechanism_sim.bench.measure import machine, measure
-from mechanism_sim.bench.peers import numba_dop853
-from mechanism_sim.bench.peers.scipy_compliant import damping_ratio
-from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, missing, problems
-from mechanism_sim.bench.problems import measured
 from mechanism_sim.errors import RunError
-from mechanism_sim.report import bench as report
 from mechanism_sim.report.charts.chart import MARKERS
 from mechanism_sim.sensing.channel import Channel
+from test.hard.case import cases
 
 STARTS = {
     'four_bar_clearance': ('centred', 0.5),
@@ -185,7 +186,7 @@ def test_peers_know_their_names_and_settings():
 @pytest.mark.deep
 def test_the_numba_loop_counts_the_impacts_of_the_reference():
     pytest.importorskip('numba')
-    from mechanism_sim.bench.kernels.loose_four_bar import revolve  # noqa: PLC0415
+    from benchmarks.kernels.loose_four_bar import revolve  # noqa: PLC0415
 
     for name in ('centred_e05', 'centred_e01', 'seated_e05', 'centred_e1'):
         start, e = name.split('_')
@@ -205,7 +206,7 @@ def test_the_numba_loop_counts_the_impacts_of_the_reference():
 
 def test_dop853_of_the_kernels_is_that_of_scipy():
     numba = pytest.importorskip('numba')
-    from mechanism_sim.bench.kernels import dop853  # noqa: PLC0415
+    from benchmarks.kernels import dop853  # noqa: PLC0415
 
     @numba.njit(error_model='numpy')
     def pendulum(t, y, p, out):
@@ -272,8 +273,8 @@ def test_the_nominal_mechanism_and_the_driven_crank_agree_with_their_references(
 
 def test_one_problem_as_json_and_files(tmp_path):
     content = run_json(
-        'bench', 'torque_crank', '--methods', 'mechanism_sim', '--tolerances', '1e-4,1e-9',
-        '--repeats', '1', '--output', str(tmp_path),
+        'torque_crank', '--methods', 'mechanism_sim', '--tolerances', '1e-4,1e-9',
+        '--repeats', '1', '--output', str(tmp_path), program=main,
     )  # fmt: skip
     rows = content['rows']
     assert [(r['method'], r['tolerance']) for r in rows] == [(OURS, 1e-4), (OURS, 1e-9)]
@@ -287,10 +288,11 @@ def test_one_problem_as_json_and_files(tmp_path):
 
 
 @pytest.mark.deep
-def test_bench_as_json_and_files(tmp_path):
+def test_problems_as_json_and_files(tmp_path):
     content = run_json(
-        'bench', 'torque_crank', 'four_bar_nominal', '--methods', 'mechanism_sim,SciPy LSODA',
+        'torque_crank', 'four_bar_nominal', '--methods', 'mechanism_sim,SciPy LSODA',
         '--tolerances', '1e-6,1e-9', '--repeats', '2', '--output', str(tmp_path),
+        program=main,
     )  # fmt: skip
     rows = content['rows']
     assert all(
@@ -517,10 +519,10 @@ def test_no_two_methods_look_alike_in_a_picture():
     assert most <= len(set(MARKERS))
 
 
-def test_bench_without_a_name_lists_what_there_is():
-    listed = run_json('bench')['problems']
+def test_without_a_name_there_is_a_list_of_what_can_be_measured():
+    listed = run_json(program=main)['problems']
     assert {p['name'] for p in listed} >= {*STARTS, 'four_bar_nominal', 'torque_crank'}
-    text = run('bench').stdout
+    text = run(program=main).stdout
     assert 'four_bar_clearance' in text
     assert 'scaling' in text
     assert 'middleware' in text
@@ -547,11 +549,13 @@ def test_every_hard_case_is_in_the_site_with_figures_that_keep_their_bounds(monk
         (('torque_crank', '--methods', 'SciPy LSODE'), ["'SciPy LSODA'"]),
         (('torque_crank', '--tolerances', '1e-6,tight'), ["'tight'", 'between 0 and 1']),
         (('torque_crank', '--repeats', '0'), ['--repeats']),
-        (('hard', 'torque_crank'), ['by themselves', 'torque_crank']),
+        (('torque_crank', 'hard'), ["'hard' is not a benchmark", 'python -m test.hard']),
+        (('grid',), ['python -m test.grid']),
+        (('--repeats', '3'), ['--repeats needs names']),
     ],
 )
 def test_bad_input_gets_one_sentence_and_code_2(args, words):
-    done = run('bench', *args)
+    done = run(*args, program=main)
     assert done.returncode == 2
     assert done.stdout == ''
     assert len(done.stderr.strip().splitlines()) == 1

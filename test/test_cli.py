@@ -132,10 +132,6 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
     [
         ('run slider_crank --overwrite', '--overwrite goes with --record'),
         ('equations slider_crank --json --latex', '--latex and --json exclude each other'),
-        ('bench grid --repeats 2', '--repeats does not apply to grid: it is for problems'),
-        ('bench hard --only x', '--only does not apply to hard: it is for grid'),
-        ('bench four_bar_nominal --markdown x', '--markdown does not apply to four_bar_nominal'),
-        ('bench --sample 3', '--sample needs names'),
         ('analyze x.mcap --band 1:2', '--band goes with --envelope'),
         ('analyze x.mcap --pin-radius 1', '--pin-radius goes with --wear'),
         ('analyze x.mcap --skip 3', '--skip goes with a detail'),

@@ -15,8 +15,8 @@ from math import atan2
 import numpy as np
 from numba import njit
 
-from mechanism_sim.bench.kernels.dop853 import ROWS, resize, stepper
-from mechanism_sim.bench.kernels.loose_equations import (
+from benchmarks.kernels.dop853 import ROWS, resize, stepper
+from benchmarks.kernels.loose_equations import (
     bearing,
     close_loop,
     fly,

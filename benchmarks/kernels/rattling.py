@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from mechanism_sim.bench.kernels.dop853 import ROWS, STAGES, resize, stepper
+from benchmarks.kernels.dop853 import ROWS, STAGES, resize, stepper
 
 LOOK = 8  #: points of a step at which the way is looked at
 

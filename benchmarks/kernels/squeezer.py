@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from mechanism_sim.bench.kernels.dop853 import ROWS, STAGES, resize, stepper
-from mechanism_sim.bench.squeezer import rates
+from benchmarks.kernels.dop853 import ROWS, STAGES, resize, stepper
+from benchmarks.squeezer import rates
 
 _rate = njit(error_model='numpy')(rates)
 _step, _, _ = stepper(_rate, 14)

@@ -14,8 +14,8 @@ from functools import partial
 import heyoka as hy
 import numpy as np
 
-from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Answer, Outcome, Run
+from benchmarks.four_bar import LooseFourBar, Peer
+from benchmarks.problem import Answer, Outcome, Run
 from mechanism_sim.errors import RunError
 
 FORCE = 1e-6  #: [m/N] what a force counts beside a gap in the event

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.peers.exudyn import damping
-from mechanism_sim.bench.problem import Outcome, Run, missing
+from benchmarks.four_bar import LooseFourBar, Peer
+from benchmarks.peers.exudyn import damping
+from benchmarks.problem import Outcome, Run, missing
 
 FLYWHEEL = 1e9  #: [kg m^2] of the crank: its speed stays the same to 1e-10 rad/s
 ACCURACY = 1e-4  #: of the error control; a smaller one costs time and changes nothing

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Outcome, Run, missing
+from benchmarks.four_bar import LooseFourBar, Peer
+from benchmarks.problem import Outcome, Run, missing
 
 LONGEST_STEP = 1e-3  #: [s] longer trial steps of the Runge-Kutta method leave its bounds
 RETURN = 300.0  #: [1/s] at which an error of the closed gap is taken back

@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from mechanism_sim.bench.four_bar import Peer
-from mechanism_sim.bench.problem import Answer, Outcome, Run, missing
-from mechanism_sim.bench.tree import Link, Tree
+from benchmarks.four_bar import Peer
+from benchmarks.problem import Answer, Outcome, Run, missing
+from benchmarks.tree import Link, Tree
 from mechanism_sim.errors import RunError
 from mechanism_sim.planar.mechanism import GROUND, Vector2
 

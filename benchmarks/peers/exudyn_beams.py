@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.bench import flexible_slider_crank as simeon
-from mechanism_sim.bench.problem import Answer, Method, Outcome, Run, missing
+from benchmarks import flexible_slider_crank as simeon
+from benchmarks.problem import Answer, Method, Outcome, Run, missing
 
 Course = Callable[[float], float]
 

@@ -12,9 +12,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import ceil, sqrt
 
-from mechanism_sim.bench.four_bar import Peer
-from mechanism_sim.bench.problem import Outcome, Run, missing
-from mechanism_sim.bench.tree import HINGE, SLIDE_X, SLIDE_Y, Link, Tree
+from benchmarks.four_bar import Peer
+from benchmarks.problem import Outcome, Run, missing
+from benchmarks.tree import HINGE, SLIDE_X, SLIDE_Y, Link, Tree
 from mechanism_sim.errors import RunError
 from mechanism_sim.planar.mechanism import GROUND
 

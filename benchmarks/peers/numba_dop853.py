@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Answer, Outcome, Run, missing, run_once
+from benchmarks.four_bar import LooseFourBar, Peer
+from benchmarks.problem import Answer, Outcome, Run, missing, run_once
 
 if TYPE_CHECKING:
-    from mechanism_sim.bench.kernels.loose_equations import Constants
+    from benchmarks.kernels.loose_equations import Constants
 
 
 def constants(four_bar: LooseFourBar) -> Constants:
     """The mechanism as its compiled loop takes it."""
-    from mechanism_sim.bench.kernels.loose_equations import Constants  # noqa: PLC0415
+    from benchmarks.kernels.loose_equations import Constants  # noqa: PLC0415
 
     f = four_bar
     I3, I4 = f.inertias
@@ -46,7 +46,7 @@ def initial(four_bar: LooseFourBar) -> Answer:
 
 def prepare(four_bar: LooseFourBar, rtol: float) -> Run:
     """Compile, and be ready to run."""
-    from mechanism_sim.bench.kernels.loose_four_bar import revolve  # noqa: PLC0415
+    from benchmarks.kernels.loose_four_bar import revolve  # noqa: PLC0415
 
     p, start, times = constants(four_bar), initial(four_bar), np.empty(0)
     seated, end = four_bar.seated, four_bar.duration

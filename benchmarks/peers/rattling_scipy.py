@@ -13,8 +13,8 @@ import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 from scipy.optimize import brentq
 
-from mechanism_sim.bench.problem import Answer, Outcome, Run, run_once
-from mechanism_sim.bench.rattling import Rattling
+from benchmarks.problem import Answer, Outcome, Run, run_once
+from benchmarks.rattling import Rattling
 
 LOWEST = 1e-12  #: [m] bounces that count as contact
 NODES = np.linspace(0.0, 1.0, 9)[1:]

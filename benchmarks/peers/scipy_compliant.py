@@ -9,10 +9,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from benchmarks.four_bar import LooseFourBar, Peer
+from benchmarks.peers.scipy_events import Equations, Rates
+from benchmarks.problem import Outcome, Run, run_once
 from mechanism_sim.arrays import Array
-from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.peers.scipy_events import Equations, Rates
-from mechanism_sim.bench.problem import Outcome, Run, run_once
 from mechanism_sim.errors import RunError
 
 

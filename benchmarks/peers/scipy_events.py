@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from benchmarks.four_bar import LooseFourBar, Peer
+from benchmarks.problem import Outcome, Run, run_once
 from mechanism_sim.arrays import Array
-from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Outcome, Run, run_once
 
 Rates = tuple[float, float, float, float]
 

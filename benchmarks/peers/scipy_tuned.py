@@ -28,9 +28,9 @@ import numpy as np
 from scipy.integrate import DOP853
 from scipy.optimize import brentq, minimize_scalar
 
+from benchmarks.four_bar import LooseFourBar, Peer
+from benchmarks.problem import Outcome, run_once
 from mechanism_sim.arrays import Array
-from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Outcome, run_once
 
 # Table 6.1 in SI, crank = 2, coupler = 3, rocker = 4, frame = 1; S: joint to mass centre
 l1, l2, l3, l4, c = 0.387, 0.064, 0.309, 0.312, 0.000254

@@ -19,8 +19,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Outcome, Run
+from benchmarks.four_bar import LooseFourBar, Peer
+from benchmarks.problem import Outcome, Run
 
 PROCESS = Path(__file__).with_name('siconos_process.py')
 

@@ -1,1 +1,1 @@
-"""The problems of the benchmark, one module each: what `mechanism_sim.bench.problem` finds."""
+"""The problems of the benchmark, one module each: what `benchmarks.problem` finds."""

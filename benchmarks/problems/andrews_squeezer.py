@@ -6,9 +6,9 @@ from math import pi
 
 import numpy as np
 
-from mechanism_sim.bench.four_bar import reference
-from mechanism_sim.bench.integration import event_loop, positions, run_solve_ivp, solve_ivp_methods
-from mechanism_sim.bench.problem import (
+from benchmarks.four_bar import reference
+from benchmarks.integration import event_loop, positions, run_solve_ivp, solve_ivp_methods
+from benchmarks.problem import (
     OURS,
     Answer,
     Method,
@@ -18,7 +18,7 @@ from mechanism_sim.bench.problem import (
     missing,
     run_once,
 )
-from mechanism_sim.bench.squeezer import Squeezer, rates
+from benchmarks.squeezer import Squeezer, rates
 from mechanism_sim.scene import load_scene
 
 ANGLES = ('beta', 'Theta', 'gamma', 'phi', 'delta', 'Omega', 'epsilon')
@@ -58,7 +58,7 @@ def load_problem() -> tuple[Squeezer, Answer]:
 
 def run_numba(rtol: float) -> Run:
     """DOP853 on the same equations, all of it compiled by numba."""
-    from mechanism_sim.bench.kernels.squeezer import integrate  # noqa: PLC0415
+    from benchmarks.kernels.squeezer import integrate  # noqa: PLC0415
 
     p, start = load_problem()
     integrate(p, start, 1e-9, rtol)

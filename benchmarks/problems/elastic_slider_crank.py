@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.bench import flexible_slider_crank as simeon
-from mechanism_sim.bench.four_bar import reference
-from mechanism_sim.bench.integration import event_loop, run_solve_ivp, solve_ivp_methods
-from mechanism_sim.bench.peers.exudyn_beams import method, prepare_slider_crank
-from mechanism_sim.bench.problem import OURS, Answer, Method, Problem, Run
+from benchmarks import flexible_slider_crank as simeon
+from benchmarks.four_bar import reference
+from benchmarks.integration import event_loop, run_solve_ivp, solve_ivp_methods
+from benchmarks.peers.exudyn_beams import method, prepare_slider_crank
+from benchmarks.problem import OURS, Answer, Method, Problem, Run
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.scene import Machine, load_scene
 

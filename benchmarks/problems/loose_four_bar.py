@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from functools import partial
 
-from mechanism_sim.bench.four_bar import LooseFourBar, peers, scene_overrides
-from mechanism_sim.bench.integration import event_loop, positions
-from mechanism_sim.bench.problem import OURS, Method, Problem, Run
+from benchmarks.four_bar import LooseFourBar, peers, scene_overrides
+from benchmarks.integration import event_loop, positions
+from benchmarks.problem import OURS, Method, Problem, Run
 from mechanism_sim.scene import load_scene
 
 TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)

@@ -13,9 +13,9 @@ from numpy.polynomial.polynomial import polyval
 from scipy.integrate import solve_ivp
 from scipy.signal import bilinear_zpk, lsim, sosfilt, zpk2sos
 
+from benchmarks.accelerometer_chain import SENSOR, SensorRun
+from benchmarks.problem import OURS, Method, Outcome, Problem, Run, run_once
 from mechanism_sim.arrays import Array
-from mechanism_sim.bench.accelerometer_chain import SENSOR, SensorRun
-from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run, run_once
 from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
 from mechanism_sim.sensing.channel import Channel
@@ -121,7 +121,7 @@ MEASURED = Problem(
     RUN.revolutions,
     'm/s^2',
     'All samples, by power series of the state equations of the chain in steps of 10 microseconds '
-    '(mechanism_sim/bench/accelerometer_chain.py). The largest sample is 708 m/s^2.',
+    '(benchmarks/accelerometer_chain.py). The largest sample is 708 m/s^2.',
     RUN.error,
     (
         Method(

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mechanism_sim.bench.four_bar import LooseFourBar, reference
-from mechanism_sim.bench.problem import OURS, Answer, Method, Outcome, Problem, Run
+from benchmarks.four_bar import LooseFourBar, reference
+from benchmarks.problem import OURS, Answer, Method, Outcome, Problem, Run
 from mechanism_sim.scene import load_scene
 
 SAMPLES = 2**14

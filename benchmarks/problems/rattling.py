@@ -1,7 +1,7 @@
 """A valve that leaves its cam and bounces, and gears that rattle: times of the impacts.
 
 Our method is the event loop of `simulate`, which gets these scenes from their files.
-The peers are written for their one coordinate alone, `mechanism_sim.bench.rattling`.
+The peers are written for their one coordinate alone, `benchmarks.rattling`.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from functools import partial
 
 import numpy as np
 
-from mechanism_sim.bench.integration import event_loop
-from mechanism_sim.bench.peers import rattling_scipy
-from mechanism_sim.bench.problem import (
+from benchmarks.integration import event_loop
+from benchmarks.peers import rattling_scipy
+from benchmarks.problem import (
     OURS,
     Answer,
     Method,
@@ -22,7 +22,7 @@ from mechanism_sim.bench.problem import (
     Run,
     missing,
 )
-from mechanism_sim.bench.rattling import GEARS, VALVE, Rattling
+from benchmarks.rattling import GEARS, VALVE, Rattling
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.scene import load_scene
@@ -43,7 +43,7 @@ def ours(rattling: Rattling, rtol: float) -> Run:
 
 def run_numba(rattling: Rattling, rtol: float) -> Run:
     """The loop compiled by numba."""
-    from mechanism_sim.bench.kernels.rattling import bouncer  # noqa: PLC0415
+    from benchmarks.kernels.rattling import bouncer  # noqa: PLC0415
 
     revolve, (low, high) = bouncer(rattling.pull), rattling.walls
     times, speeds = np.empty(10_000), np.empty(10_000)

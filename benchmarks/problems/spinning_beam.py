@@ -6,10 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from mechanism_sim.bench.four_bar import reference
-from mechanism_sim.bench.integration import event_loop, positions
-from mechanism_sim.bench.peers.exudyn_beams import method, prepare_spinning_beam
-from mechanism_sim.bench.problem import OURS, Answer, Method, Problem, Run
+from benchmarks.four_bar import reference
+from benchmarks.integration import event_loop, positions
+from benchmarks.peers.exudyn_beams import method, prepare_spinning_beam
+from benchmarks.problem import OURS, Answer, Method, Problem, Run
 from mechanism_sim.scene import load_scene
 
 END = 8.0  #: [s] near the largest deflection

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import cos, sin, sqrt
 
-from mechanism_sim.bench.four_bar import LooseFourBar, reference
-from mechanism_sim.bench.integration import event_loop, positions, run_solve_ivp, solve_ivp_methods
-from mechanism_sim.bench.problem import OURS, Answer, Method, Problem, Run
+from benchmarks.four_bar import LooseFourBar, reference
+from benchmarks.integration import event_loop, positions, run_solve_ivp, solve_ivp_methods
+from benchmarks.problem import OURS, Answer, Method, Problem, Run
 from mechanism_sim.scene import load_scene
 
 TORQUE, DURATION = 0.1, 0.5  #: [N m], [s]: about three revolutions

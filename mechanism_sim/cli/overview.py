@@ -25,11 +25,11 @@ GROUPS = {
         'lift-off',
     ),
     'For the workshop and other programs': ('profile', 'teeth', 'export'),
-    'The program itself': ('bench', 'completion'),
+    'The program itself': ('completion',),
 }
 """All commands by purpose, in the order in which `--help` lists them."""
 
-RENAMED: dict[str, str] = {}
+RENAMED: dict[str, str] = {'bench': 'python -m benchmarks'}
 """Names that commands had, and what is to be typed instead, beginning with the program."""
 
 START = (

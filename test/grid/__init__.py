@@ -4,11 +4,3 @@ A case is drawn from a family; it runs for a few turns, and then there must be n
 early end but a jam that a second route confirms, no number that is not finite, no penetration,
 and no energy that does not add up.
 """
-
-from mechanism_sim.bench.grid.case import Family, GridCase, Outcome, run_case
-from mechanism_sim.bench.grid.run import FAMILIES, SEED, grid, run_grid, write_scenes
-
-__all__ = [
-    'FAMILIES', 'SEED', 'Family', 'GridCase', 'Outcome', 'grid', 'run_case', 'run_grid',
-    'write_scenes',
-]  # fmt: skip

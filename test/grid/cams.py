@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, rotate, variant
-from mechanism_sim.bench.grid.four_bars import LAWS, RESTITUTIONS, RIGID, decades, drive, pick
+from test.grid.case import Draft, Family, Random, Scene, rotate, variant
+from test.grid.four_bars import LAWS, RESTITUTIONS, RIGID, decades, drive, pick
 
 CURVES = (
     'cycloidal', 'harmonic', 'four_spline', 'modified_trapezoid', 'modified_sine',

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.bench.grid import four_bars as bars
-from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, variant
-from mechanism_sim.bench.grid.machines import WAYS, rub
+from test.grid import four_bars as bars
+from test.grid.case import Draft, Family, Random, Scene, variant
+from test.grid.machines import WAYS, rub
 
 # links that may bend, the driven one first, and pins that may be loose
 MACHINES = (

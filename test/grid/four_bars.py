@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, variant
 from mechanism_sim.linkages.four_bar import FourBar
+from test.grid.case import Draft, Family, Random, Scene, variant
 
 JOINTS = ('ground_crank', 'crank_coupler', 'coupler_rocker', 'rocker_ground')
 DRIVES = ('constant', 'ramp', 'smooth', 'torque', 'motor', 'free')

@@ -15,11 +15,11 @@ from itertools import product
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.bench.grid.joint_jams import no_forces
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.scene import Machine
+from test.grid.joint_jams import no_forces
 
 _NEAR = 1e-9  # of the size, and of the fastest speed: what touches, and what does not slip
 _BEFORE = 1e-9  # of the time: how long before the jam the state is taken
@@ -80,7 +80,7 @@ def confirm_bending(machine: Machine, error: RunError) -> bool:
 def _definite(machine: Machine, at: float) -> float:
     """Least eigenvalue of the mass matrix of free coordinates at a time, scaled to ones."""
     run, system = machine.start(), machine.system
-    assert isinstance(run, EventLoop)  # noqa: S101 - the machine is dynamic
+    assert isinstance(run, EventLoop)
     run.advance(at, final=True)
     free = [system.coordinates.index(c) for c in system.free]
     M = system.equations.M

@@ -94,7 +94,7 @@ def defects(machine: Machine, duration: float) -> Iterator[str]:
         for _ in long:
             pass
         slow, law = Audit(machine.physics), machine.law
-        assert isinstance(law, DriveLaw)  # noqa: S101 - it is steady
+        assert isinstance(law, DriveLaw)
         run = machine.nominal([replace(law, coefficients=_slowed(machine))])
         slow.add(_steps(run, 2.0**20), [])
         for words, x in (

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, rotate
-from mechanism_sim.bench.grid.four_bars import NOT_SEATED, clearance
-from mechanism_sim.bench.grid.machines import rub
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
 from mechanism_sim.scene import schema
 from mechanism_sim.scene.plan import plan_of
+from test.grid.case import Draft, Family, Random, Scene, rotate
+from test.grid.four_bars import NOT_SEATED, clearance
+from test.grid.machines import rub
 
 SPAN = 0.3  # [s] of a run
 REFUSED = 'too many', 'cannot move', 'follow from the others', 'cannot follow its drive'

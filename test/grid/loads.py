@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import quad_vec, solve_ivp
 
-from mechanism_sim.bench.grid.case import Draft, Failure, Family, Random, Scene
 from mechanism_sim.cycles.measures import measure
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.numerics.fourier import spectrum
 from mechanism_sim.scene import Machine
+from test.grid.case import Draft, Failure, Family, Random, Scene
 
 Array = NDArray[np.float64]
 
@@ -211,7 +211,7 @@ def _judge_ideal(ideal: _Ideal, machine: Machine, solution: Solution) -> dict[st
         **dict.fromkeys(('highest', 'lowest'), largest),
     }
     off = {f'off.{name}': abs(seen[name] - wanted[name]) / scale[name] for name in _FIGURES}
-    assert solution.energy is not None  # noqa: S101 - masses are known
+    assert solution.energy is not None
     work = solution.energy.drive_work
     off['off.work'] = max(abs(work - mean * period * w) - solution.energy.error, 0.0) / (
         size * period * w

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, variant
-from mechanism_sim.bench.grid.four_bars import (
+from mechanism_sim.catalogue import scene_names
+from test.grid.case import Draft, Family, Random, Scene, variant
+from test.grid.four_bars import (
     LAWS,
     NOT_SEATED,
     RESTITUTIONS,
@@ -17,7 +18,6 @@ from mechanism_sim.bench.grid.four_bars import (
     drive,
     pick,
 )
-from mechanism_sim.catalogue import scene_names
 
 WAYS = ('constant', 'ramp', 'smooth', 'torque', 'motor')
 # pins that may be loose, with a speed [rad/s] of the drive that suits the machine

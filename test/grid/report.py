@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from mechanism_sim.bench.grid import Outcome
+from test.grid.case import Outcome
 
 
 def render(outcome: Outcome) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, variant
-from mechanism_sim.bench.grid.four_bars import NOT_SEATED, clearance, decades, drive, pick
-from mechanism_sim.bench.grid.machines import WAYS
+from test.grid.case import Draft, Family, Random, Scene, variant
+from test.grid.four_bars import NOT_SEATED, clearance, decades, drive, pick
+from test.grid.machines import WAYS
 
 
 def _rotor(random: Random, k: int) -> Draft:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from mechanism_sim.bench.grid import cams, machines, trains
-from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, rotate
-from mechanism_sim.bench.grid.four_bars import RESTITUTIONS, RIGID, decades, drive, pick
+from test.grid import cams, machines, trains
+from test.grid.case import Draft, Family, Random, Scene, rotate
+from test.grid.four_bars import RESTITUTIONS, RIGID, decades, drive, pick
 
 WAYS = ('constant', 'ramp', 'smooth', 'torque', 'motor', 'free')
 

@@ -1,16 +1,16 @@
-"""The whole grid, parts of it, and their runs on all cores."""
+"""The whole grid, and parts of it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import groupby
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import yaml
 
 from mechanism_sim import output
-from mechanism_sim.bench.grid import (
+from mechanism_sim.errors import InputError, nearest
+from test.grid import (
     cams,
     elastic,
     four_bars,
@@ -22,12 +22,9 @@ from mechanism_sim.bench.grid import (
     tilted,
     trains,
 )
-from mechanism_sim.bench.grid.case import Family, GridCase, Outcome, run_case
-from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.study.workers import run_local
+from test.grid.case import Family, GridCase
 
 SEED = 19
-_CHUNK = 6  # neighbouring cases that one process runs, for what it has compiled
 
 FAMILIES: tuple[Family, ...] = tuple(
     family
@@ -71,32 +68,6 @@ def grid(seed: int = SEED, only: Sequence[str] = (), sample: int | None = None) 
         chosen = np.random.default_rng(seed).permutation(len(cases))[:sample]
         cases = [cases[i] for i in sorted(chosen.tolist())]
     return cases
-
-
-def run_grid(cases: Sequence[GridCase], workers: int) -> Iterator[Outcome]:
-    """Outcomes as they come, by so many processes; by this one alone for a single worker.
-
-    Raises
-    ------
-    RunError
-        If a process dies.
-    """
-    if workers == 1:
-        yield from map(run_case, cases)
-        return
-    chunks = [
-        part[i : i + _CHUNK]
-        for _, group in groupby(cases, lambda case: case.family.name)
-        for part in ([*group],)
-        for i in range(0, len(part), _CHUNK)
-    ]
-    for outcomes in run_local(chunks, workers, run_chunk):
-        yield from outcomes
-
-
-def run_chunk(cases: Sequence[GridCase]) -> list[Outcome]:
-    """Outcomes of neighbouring cases."""
-    return [run_case(case) for case in cases]
 
 
 def write_scenes(cases: Sequence[GridCase], folder: Path) -> None:

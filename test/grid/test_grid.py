@@ -1,17 +1,13 @@
 """The grid of valid runs: a sample of it, and that it would see what it looks for."""
 
+import os
+
 import numpy as np
 import pytest
 import yaml
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.bench.grid import FAMILIES, Family, GridCase, grid, run_case
-from mechanism_sim.bench.grid import jams as jams_module
-from mechanism_sim.bench.grid.case import Draft, exchanged_energy, variant
-from mechanism_sim.bench.grid.jams import confirm_jam, jams, solutions
-from mechanism_sim.bench.grid.joint_jams import no_forces
-from mechanism_sim.bench.grid.run import write_scenes
 from mechanism_sim.contact.problem import Rest
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid import contacts as contacts_module
@@ -20,6 +16,13 @@ from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
+from test.grid import jams as jams_module
+from test.grid.case import Draft, Family, GridCase, exchanged_energy, run_case, variant
+from test.grid.command import main
+from test.grid.jams import confirm_jam, jams, solutions
+from test.grid.joint_jams import no_forces
+from test.grid.run import FAMILIES, grid, write_scenes
+from test.grid.shards import Shards
 
 # of each family so many neighbours, whose equations have one structure: little is compiled
 SAMPLE = {
@@ -166,7 +169,7 @@ def test_what_is_exchanged_is_the_integral_of_power():
 def test_the_command(tmp_path):
     names = [c.name for c in grid(only=['train'])[:2]]
     content = run_json(
-        'bench', 'grid', '--only', ','.join(names), '--workers', '1', '--output', str(tmp_path)
+        '--only', ','.join(names), '--workers', '1', '--output', str(tmp_path), program=main
     )
     assert [(c['name'], c['ok'], c['reason']) for c in content['cases']] == [
         (name, True, '') for name in names
@@ -178,11 +181,61 @@ def test_the_command(tmp_path):
     for arguments, said in (
         (('--only', 'trian'), "did you mean 'train'"),
         (('--sample', '0'), '--sample must be at least 1'),
-        (('hard',), "leave out 'hard'"),
+        (('train',), "'train' is one word too many"),
     ):
-        done = run('bench', 'grid', *arguments)
+        done = run(*arguments, program=main)
         assert done.returncode == 2
         assert said in done.stderr
+
+
+def outcomes_of(shards):
+    return {o.name: (o.ok, o.kind, dict(o.figures)) for o in shards.outcomes()}
+
+
+def test_a_process_holds_no_more_than_it_may_and_cases_do_not_depend_on_it():
+    cases = grid(only=['slot'])[:3]
+    one, each = Shards(cases), Shards(cases, memory=1)
+    assert (
+        outcomes_of(one)
+        == outcomes_of(each)
+        == {o.name: (True, '', dict(o.figures)) for o in map(run_case, cases)}
+    )
+    assert (one.ended, each.ended) == (1, 3)
+    assert one.peak_memory > 2**26
+
+
+def test_a_process_that_dies_costs_the_case_that_it_was_at(monkeypatch, tmp_path):
+    """It is started with a module that ends Python at the second case."""
+    (tmp_path / 'sitecustomize.py').write_text(
+        'import os, sys\n'
+        'def deadly(event, arguments):\n'
+        "    if event == 'resource.setrlimit':\n"
+        '        deadly.count += 1\n'
+        '        if deadly.count == 2:\n'
+        '            os.kill(os.getpid(), 9)\n'
+        'deadly.count = 0\n'
+        "if 'slot_001' in sys.orig_argv:\n"
+        '    sys.addaudithook(deadly)\n'
+    )
+    monkeypatch.setenv('PYTHONPATH', str(tmp_path), prepend=os.pathsep)
+    cases = grid(only=['slot'])[:3]
+    names = [case.name for case in cases]
+    assert 'slot_001' in names
+    shards = Shards(cases)
+    found = {o.name: (o.ok, o.reason) for o in shards.outcomes()}
+    dead = [name for name in names if found[name] != (True, '')]
+    assert found[dead[0]] == (False, 'its process ended by SIGKILL')
+    assert set(found) == set(names)
+
+
+def test_whoever_stops_looking_ends_all_processes():
+    shards = Shards(grid(only=['slot', 'geneva']), workers=2)
+    outcomes = shards.outcomes()
+    assert next(outcomes).ok
+    processes = [shard.process for shard in shards._running]
+    outcomes.close()
+    assert processes
+    assert all(process.returncode == -9 for process in processes)
 
 
 @pytest.mark.parametrize('friction', [0.3, 0.9])

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, variant
-from mechanism_sim.bench.grid.four_bars import LAWS, NOT_SEATED, clearance, decades, drive, pick
-from mechanism_sim.bench.grid.machines import WAYS
 from mechanism_sim.units import to_si
+from test.grid.case import Draft, Family, Random, Scene, variant
+from test.grid.four_bars import LAWS, NOT_SEATED, clearance, decades, drive, pick
+from test.grid.machines import WAYS
 
 # the links that may lean, and pins that may be loose
 MACHINES = (

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from functools import partial
 
-from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, rotate, variant
-from mechanism_sim.bench.grid.four_bars import LAWS, RESTITUTIONS, RIGID, decades, drive, pick
+from test.grid.case import Draft, Family, Random, Scene, rotate, variant
+from test.grid.four_bars import LAWS, RESTITUTIONS, RIGID, decades, drive, pick
 
 MODULE = 2e-3
 

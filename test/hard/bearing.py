@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from mechanism_sim.bench.hard.bodies import SPEED, TURN, relative_residual, thesis
-from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.audit import Energy
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.scene import load_scene, simulate
+from test.hard.bodies import SPEED, TURN, relative_residual, thesis
+from test.hard.case import Figure, hard_case
 
 FIRST_LOSS = 1.77569122303540473e-01 / TURN
 """Revolutions until a seated pin first lets go; by a 256-bit computation of other formulation

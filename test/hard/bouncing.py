@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from mechanism_sim.bench.hard.bodies import GRAVITY, SIZE, Floor, ThrownBody, residual
-from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.hybrid.events import Mode
+from test.hard.bodies import GRAVITY, SIZE, Floor, ThrownBody, residual
+from test.hard.case import Figure, hard_case
 
 
 @hard_case(

@@ -8,9 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.bench.hard.bodies import relative_residual, residual
-from mechanism_sim.bench.hard.case import Figure, hard_case
-from mechanism_sim.bench.hard.singular import linkage
 from mechanism_sim.cams.laws import Measured
 from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.gears.mesh import GearMesh
@@ -18,6 +15,9 @@ from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene import Machine, load_scene, simulate, stream
+from test.hard.bodies import relative_residual, residual
+from test.hard.case import Figure, hard_case
+from test.hard.singular import linkage
 
 TURN = 2.0 * math.pi
 MASS, STIFFNESS, PRELOAD, ECCENTRICITY = 0.2, 5000.0, 60.0, 5e-3
@@ -153,7 +153,7 @@ def turning_back_on_a_break() -> list[Figure]:
     t = np.linspace(0.0, solution.duration, 2001)
     seen = solution.samples(t).observed
     contact = machine.mechanism.joint('contact')
-    assert isinstance(contact, CamPair)  # noqa: S101 - for its law
+    assert isinstance(contact, CamPair)
     law = contact.cam.law
     angle, rate, acceleration = seen.position[0], seen.velocity[0], seen.acceleration[0]
     place = BASE + law(angle)
@@ -261,7 +261,7 @@ def hundred_thousand_revolutions() -> list[Figure]:
         c = piece.motion.curve
     angles = [Fraction(float(x)) for x in c.coefficients[-1, :2, 0]]
     mesh = machine.mechanism.joint('mesh')
-    assert isinstance(mesh, GearMesh)  # noqa: S101 - for its phase
+    assert isinstance(mesh, GearMesh)
     phase = sum(n * x for n, x in zip(teeth, angles, strict=True)) - Fraction(mesh.phase)
     # whole turns of both are whole teeth, and count for nothing
     off = math.remainder(float(phase), TURN)
@@ -367,7 +367,7 @@ def flank_to_flank() -> list[Figure]:
     times = np.array([i.t for i in solution.impacts])
     exact = (np.arange(len(times)) + 0.5) * every
     law = machine.laws[0]
-    assert isinstance(law, DriveLaw)  # noqa: S101 - a steady drive
+    assert isinstance(law, DriveLaw)
     return [
         Figure('impacts, less 1000', len(times) - 1000, 0.0),
         Figure('times over the interval', float(np.abs(times - exact).max()) / every, 1e-8),

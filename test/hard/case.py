@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 
-from mechanism_sim.bench.problem import find_instances
+from benchmarks.problem import find_instances
 from mechanism_sim.errors import RunError
 
 
@@ -75,7 +75,7 @@ def hard_case(hard: str, truth: str) -> Callable[[Callable[[], list[Figure]]], C
 @cache
 def cases() -> tuple[Case, ...]:
     """All cases of the modules beside this one, in the order of their files."""
-    return tuple(find_instances('mechanism_sim.bench.hard', Case))
+    return tuple(find_instances('test.hard', Case))
 
 
 def run(chosen: tuple[Case, ...]) -> Iterator[Outcome]:

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.bench.hard.bodies import SPEED, TURN, residual, thesis
-from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.scene import load_scene, simulate
+from test.hard.bodies import SPEED, TURN, residual, thesis
+from test.hard.case import Figure, hard_case
 
 FLYWHEEL = {'speed': SPEED, 'torque': {'constant': 0.1}, 'flywheel': 0.01}
 

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from mechanism_sim.bench.hard.bodies import TURN, thesis
-from mechanism_sim.bench.hard.case import Figure, hard_case
-from mechanism_sim.bench.hard.joints import JOINTS, loose
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.scene import Machine
+from test.hard.bodies import TURN, thesis
+from test.hard.case import Figure, hard_case
+from test.hard.joints import JOINTS, loose
 
 
 def _fingerprint(motion: Motion, since: float = -math.inf) -> str:
@@ -126,7 +126,7 @@ def to_the_last_bit() -> list[Figure]:
 @hard_case(
     'A start 1e-15 rad off: impacts multiply it, and after a while only statistics mean anything.',
     'A 256-bit computation of the growth: 4e6 in half a revolution for e = 1 '
-    '(mechanism_sim/bench/references/four_bar_centred_e1.json).',
+    '(benchmarks/references/four_bar_centred_e1.json).',
 )
 def divergence() -> list[Figure]:
     """Growth of a tiny change of the start."""

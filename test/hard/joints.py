@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.bench.hard.bodies import TURN, residual, thesis
-from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.hybrid.events import Mode, gains
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.scene import Machine, simulate
+from test.hard.bodies import TURN, residual, thesis
+from test.hard.case import Figure, hard_case
 
 JOINTS = ('coupler_rocker', 'crank_coupler', 'rocker_ground', 'ground_crank')
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from scipy.special import ellipk
 
-from mechanism_sim.bench.hard.bodies import residual
-from mechanism_sim.bench.hard.case import Figure, hard_case
-from mechanism_sim.bench.hard.singular import linkage
 from mechanism_sim.scene import load_scene, simulate, stream
+from test.hard.bodies import residual
+from test.hard.case import Figure, hard_case
+from test.hard.singular import linkage
 
 QUARTER = 0.5 * math.pi
 

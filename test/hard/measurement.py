@@ -11,10 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
-from mechanism_sim.arrays import Array
-from mechanism_sim.bench.hard.bodies import SPEED, TURN, thesis
-from mechanism_sim.bench.hard.case import Figure, hard_case
-from mechanism_sim.bench.stages import (
+from benchmarks.stages import (
     State,
     connect_in_series,
     integral,
@@ -23,6 +20,7 @@ from mechanism_sim.bench.stages import (
     low_pass,
     resonator,
 )
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial, exact_sum
 from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic
@@ -40,6 +38,8 @@ from mechanism_sim.sensing.chain import (
 from mechanism_sim.sensing.channel import Block, Channel
 from mechanism_sim.sensing.point import PointOnLink
 from mechanism_sim.sensing.sampling import Passage
+from test.hard.bodies import SPEED, TURN, thesis
+from test.hard.case import Figure, hard_case
 
 ROUNDING = 1e-16
 RATE = 2000.0  # [Hz]

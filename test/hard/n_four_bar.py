@@ -15,9 +15,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.bench.hard.case import Figure, hard_case
-from mechanism_sim.bench.hard.singular import linkage
 from mechanism_sim.scene import Machine, simulate
+from test.hard.case import Figure, hard_case
+from test.hard.singular import linkage
 
 GRAVITY = 9.81
 DURATION = 10.0  # [s]

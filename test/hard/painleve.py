@@ -12,8 +12,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.bench.hard.bodies import GRAVITY, Floor, ThrownBody, residual
-from mechanism_sim.bench.hard.case import Figure, hard_case
+from test.hard.bodies import GRAVITY, Floor, ThrownBody, residual
+from test.hard.case import Figure, hard_case
 
 HALF = 1.0  # [m] half the length of the rod, of 1 kg
 INERTIA = HALF**2 / 3.0

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from mechanism_sim import strict_json
-from mechanism_sim.bench.hard import Figure, Outcome
+from test.hard.case import Figure, Outcome
 
 
 def render(outcome: Outcome) -> str:
@@ -44,7 +44,7 @@ def markdown(outcomes: Sequence[Outcome]) -> str:
         '# Hard cases',
         '',
         'Where simulators of machines and of contact break. Made by',
-        '`mechanism-sim bench hard --markdown FILE`; `test/hard` runs the same.',
+        '`python -m test.hard --markdown FILE`; the tests run the same.',
         '',
     ]
     for o in outcomes:

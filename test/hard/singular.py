@@ -9,12 +9,12 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.bench.hard.bodies import residual
-from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.scene import Machine, simulate
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
+from test.hard.bodies import residual
+from test.hard.case import Figure, hard_case
 
 EPS = float(np.finfo(float).eps)
 CRANK, ROD = 0.05, 0.2  # [m] of the slider-crank

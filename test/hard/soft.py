@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mechanism_sim.bench.hard.bodies import TURN, residual, thesis
-from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.scene import simulate
+from test.hard.bodies import TURN, residual, thesis
+from test.hard.case import Figure, hard_case
 
 
 @hard_case(

@@ -7,9 +7,9 @@ from fractions import Fraction
 
 import numpy as np
 
-from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.vibration.single import Oscillator
 from mechanism_sim.vibration.torsional import disks
+from test.hard.case import Figure, hard_case
 
 ROUNDING = 2.0**-53
 TERMS = 110  # of power series: 24^110/110! < 1e-26

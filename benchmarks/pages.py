@@ -1,27 +1,19 @@
-"""The measurements of the benchmarks: ``python docs/benchmarks.py [NAME...]``.
-
-Measures the problems named; all of them, the costs by size and those of nodes if none is (half an
-hour). The results go to docs/pictures; the site makes its tables from them. Run it on a quiet
-machine.
-"""
+"""Sections of the page of the benchmarks in the site, made of what `make bench` has measured."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
-from mechanism_sim.bench.choose import LOOSE_JOINTS, MIDDLEWARE, SCALING
-from mechanism_sim.bench.problem import problems
+from benchmarks.choose import LOOSE_JOINTS, MIDDLEWARE, SCALING
+from benchmarks.problem import problems
 
-HERE = Path(__file__).parent
-PICTURES = HERE / 'pictures'
+PICTURES = Path(__file__).parents[1] / 'docs' / 'pictures'
 
 SIZES = """\
 ## Cost against size
 
 Links: a crank and pairs of coupler and rocker, each driven by the rocker before it
-(`mechanism_sim/bench/chains.py`), three revolutions; the number of links counts the ground. With
+(`benchmarks/chains.py`), three revolutions; the number of links counts the ground. With
 positions only, with all joint forces, by equations of motion with a free crank, and with one loose
 joint at the far end. Getting ready is building and compiling its equations for the first time;
 heyoka keeps the code on disk, so the next process is faster.
@@ -97,7 +89,7 @@ def section(title: str, name: str, words: str) -> str:
     table = (PICTURES / f'{name}.txt').read_text(encoding='utf-8')
     picture = (PICTURES / f'{name}.svg').exists()
     shown = f'![{title}](pictures/{name}.svg)\n\n' if picture else ''
-    command = f'`mechanism-sim bench {name} --output docs/pictures`'
+    command = f'`make bench BENCH={name}`'
     return f'{words}{command}\n\n{shown}```\n{table}```\n'
 
 
@@ -116,14 +108,3 @@ def page() -> str:
     if (PICTURES / f'{MIDDLEWARE}.txt').exists():
         parts.append(section('Nodes and middleware', MIDDLEWARE, NODES + '\n') + GIL)
     return '\n'.join(parts)
-
-
-def main() -> None:
-    """Measure, and write the page."""
-    names = sys.argv[1:] or [*problems(), SCALING, LOOSE_JOINTS, MIDDLEWARE]
-    command = [sys.executable, '-m', 'mechanism_sim', 'bench', *names, '--output', PICTURES]
-    subprocess.run(command, check=True)  # noqa: S603 - our own command
-
-
-if __name__ == '__main__':
-    main()
