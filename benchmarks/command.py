@@ -22,6 +22,11 @@ _OPTIONS = 'output', 'repeats', 'methods', 'tolerances'
 
 def main(args: Sequence[str] | None = None) -> None:
     """Measure; exit code 0 done, 1 if a method failed, 2 bad input, 130 interrupted."""
+    run_program(make_parser(), _measure, args)
+
+
+def make_parser() -> Parser:
+    """The parser of its command line."""
     parser = Parser(
         prog='benchmarks',
         usage='python -m benchmarks [NAME ...] [options]',
@@ -36,7 +41,7 @@ def main(args: Sequence[str] | None = None) -> None:
     option(parser, '--repeats', 'N', 'how often to repeat every run', 7)
     option(parser, '--methods', 'NAME,...', 'only these methods')
     option(parser, '--tolerances', 'R,...', 'relative tolerances, instead of the usual ones')
-    run_program(parser, _measure, args)
+    return parser
 
 
 def _measure(options: argparse.Namespace) -> int:

@@ -20,6 +20,11 @@ from test.grid.shards import Shards
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the grid; exit code 0 if no case failed, else 1; 2 bad input, 130 interrupted."""
+    run_program(make_parser(), _run, args)
+
+
+def make_parser() -> Parser:
+    """The parser of its command line."""
     parser = Parser(
         prog='grid',
         usage='python -m test.grid [options]',
@@ -31,7 +36,7 @@ def main(args: Sequence[str] | None = None) -> None:
     option(parser, '--sample', 'N', 'so many cases, drawn', int)
     option(parser, '--seed', 'K', 'of another grid', SEED)
     option(parser, '--workers', 'N', 'processes at a time; one for each core if not given', int)
-    run_program(parser, _run, args)
+    return parser
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -18,6 +18,11 @@ from test.hard.case import Case, cases, run
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run hard cases; exit code 0 if all bounds are kept, else 1; 2 bad input, 130 interrupted."""
+    run_program(make_parser(), _run, args)
+
+
+def make_parser() -> Parser:
+    """The parser of its command line."""
     parser = Parser(
         prog='hard',
         usage='python -m test.hard [CASE ...] [options]',
@@ -28,7 +33,7 @@ def main(args: Sequence[str] | None = None) -> None:
     )
     flag(parser, '--json', 'JSON to standard output')
     option(parser, '--markdown', 'FILE', 'write the cases as a page of Markdown')
-    run_program(parser, _run, args)
+    return parser
 
 
 def _run(options: argparse.Namespace) -> int:
