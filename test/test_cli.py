@@ -132,10 +132,6 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
     [
         ('run slider_crank --overwrite', '--overwrite goes with --record'),
         ('check slider_crank --equations --json --latex', '--latex and --json exclude each other'),
-        ('bench grid --repeats 2', '--repeats does not apply to grid: it is for problems'),
-        ('bench hard --only x', '--only does not apply to hard: it is for grid'),
-        ('bench four_bar_nominal --markdown x', '--markdown does not apply to four_bar_nominal'),
-        ('bench --sample 3', '--sample needs names'),
         ('analyze x.mcap --band 1:2', '--band goes with --envelope'),
         ('analyze x.mcap --pin-radius 1', '--pin-radius goes with --wear'),
         ('analyze x.mcap --skip 3', '--skip goes with a detail'),
@@ -170,7 +166,7 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
         ('statistics slider_crank --skip 2s', "--skip '2s' is no number of whole turns"),
         ('animate slider_crank -o x.wav --fps 5', '--fps is of a film'),
         ('animate slider_crank --pulse 1', '--pulse is of a sound'),
-        ('export slider_crank --format urdf --namespace a', '--namespace is for --format foxglove'),
+        ('export slider_crank --format urdf --namespace a', '--namespace is for --format'),
         ('cycle four_bar_crossed --local', 'its level has no forces'),
     ],
 )  # fmt: skip

@@ -8,12 +8,12 @@ import pytest
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.bench.grid.case import variant
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.gears.pair import Pair
 from mechanism_sim.planar.switches import HOLDS
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
+from test.grid.case import variant
 
 G = 9.81
 

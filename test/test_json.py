@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from running import run as command
 
+from benchmarks.command import main as benchmarks
 from mechanism_sim import strict_json
 from mechanism_sim.cli import main
 from mechanism_sim.cli.entry import make_parser
 from mechanism_sim.errors import RunError
+from test.grid.command import main as grid
+from test.hard.command import main as hard
 
 SHORT = ('--duration', '0.03')
 LOOSE = 'four_bar_clearance'
@@ -85,7 +88,6 @@ GOOD = {
     'response': ('half_car', '--torque', 'body', '--frequencies', '1 Hz:9 Hz:3'),
     'analyze --fit restitution': ('{}/run.mcap', '--rounds', '16', '--workers', '1'),
     'export': ('four_bar_nominal', '--format', 'urdf', '-o', '{}/machine.urdf'),
-    'bench': (),
 }
 
 # the good end of one is in test_experiment.py; the others want somebody who looks on
@@ -129,6 +131,27 @@ def test_refusals_are_strict_json(capsys, files, name):
     found = strict(said.out)
     assert found['code'] == 2
     assert said.err == f'mechanism-sim: {found["error"]}\n'
+
+
+@pytest.mark.parametrize(
+    ('program', 'good'),
+    [
+        (benchmarks, ()),
+        (hard, ('critical_damping', 'free_shaft')),
+        (grid, ('--only', 'slot_001,geneva_001', '--workers', '1')),
+    ],
+)
+def test_other_programs_print_strict_json(capsys, program, good):
+    def said(*args):
+        with pytest.raises(SystemExit) as ended:
+            program([*args, '--json'])
+        return ended.value.code, capsys.readouterr()
+
+    code, found = said(*good)
+    assert code == 0, found.err
+    assert strict(found.out)
+    code, found = said('--no-such-option')
+    assert (code, strict(found.out)['code']) == (2, 2)
 
 
 def test_what_numpy_computes_is_written():

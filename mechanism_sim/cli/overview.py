@@ -24,11 +24,11 @@ GROUPS = {
         'contact-loss',
     ),
     'For other programs': ('export',),
-    'The program itself': ('bench',),
 }
 """All commands by purpose, in the order in which `--help` lists them."""
 
 RENAMED: dict[str, str] = {
+    'bench': 'python -m benchmarks',
     'completion': 'mechanism-sim --completion',
     'equations': 'mechanism-sim check --equations',
     'identify': 'mechanism-sim analyze --fit',

@@ -1,15 +1,12 @@
-"""Studies of many runs, and measurements of speed."""
+"""Studies of many runs."""
 
 from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-from mechanism_sim import ending, output
+from mechanism_sim import ending
 from mechanism_sim.cli.options import (
     Command,
     flag,
@@ -81,30 +78,6 @@ def add(command: Command) -> None:
     option(sub, '--plot', 'FILE', 'draw the figures over the last swept value')
     option(sub, '--over', 'PATH', 'with --plot: over this swept value')
     option(sub, '--effects', 'FILE', 'draw the main effects of swept values on measures')
-    sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
-    sub.add_argument(
-        'names', nargs='*', metavar='NAME',
-        help='problems; scaling; loose_joints; middleware; grid; hard, or hard cases; '
-        'nothing lists all',
-    )  # fmt: skip
-    option(sub, '-o --output', 'DIR', 'folder for picture, JSON and table')
-    option(sub, '--repeats', 'N', 'how often to repeat every run', 7)
-    option(sub, '--methods', 'NAME,...', 'only these methods')
-    option(sub, '--tolerances', 'R,...', 'relative tolerances, instead of the usual ones')
-    option(sub, '--markdown', 'FILE', 'write the hard cases as a page of Markdown')
-    option(sub, '--only', 'NAME,...', 'of the grid: these families or cases')
-    option(sub, '--sample', 'N', 'of the grid: so many cases, drawn', int)
-    option(sub, '--seed', 'K', 'of the grid: another one', int)
-    option(sub, '--workers', 'N', 'of the grid: processes; one for each core', int)
-
-
-_BENCH_OPTIONS = {
-    'output': ('problems', 'grid'),
-    **dict.fromkeys(('repeats', 'methods', 'tolerances'), ('problems',)),
-    'markdown': ('hard',),
-    **dict.fromkeys(('only', 'sample', 'seed', 'workers'), ('grid',)),
-}
-"""To which kinds of names the options of `bench` apply."""
 
 
 def _periodic(options: argparse.Namespace) -> int:
@@ -284,106 +257,3 @@ def _sweep(options: argparse.Namespace) -> int:
     else:
         print(report.render(summary, plan, rows))
     return 0
-
-
-def _bench(options: argparse.Namespace) -> int:
-    from mechanism_sim.bench import choose  # noqa: PLC0415
-    from mechanism_sim.bench.loose_joints import loose_joints, stretches  # noqa: PLC0415
-    from mechanism_sim.bench.measure import machine, measure  # noqa: PLC0415
-    from mechanism_sim.bench.middleware import middleware  # noqa: PLC0415
-    from mechanism_sim.bench.scaling import scaling  # noqa: PLC0415
-    from mechanism_sim.report import bench, progress  # noqa: PLC0415
-
-    if not options.names:
-        refuse_options(options, _BENCH_OPTIONS, 'needs names of what is measured')
-        return print_result(options, choose.listing(), dict, bench.listing)
-    problems, cases, tables = choose.choose(options.names)
-    kind = 'grid' if choose.GRID in options.names else 'hard' if cases else 'problems'
-    for name, kinds in _BENCH_OPTIONS.items():
-        if kind not in kinds:
-            reason = (
-                f'does not apply to {" ".join(options.names)}: it is for {" and ".join(kinds)}'
-            )
-            refuse_options(options, [name], reason)
-    if choose.GRID in options.names:
-        return _bench_grid(options)
-    if cases:
-        return _bench_hard(options, cases)
-    methods = choose.methods(problems, options.methods)
-    tolerances = choose.tolerances(options.tolerances)
-    if options.repeats < 1:
-        raise InputError('--repeats must be at least 1')
-    here, content = machine(), bench.Pages(options.output)
-
-    @contextmanager
-    def entry() -> Iterator[Callable[[str], None]]:
-        with progress.busy('bench', options.json) as say:
-            yield say
-        if not options.json:
-            print(content.text[-1], flush=True)
-
-    for problem in problems:
-        with entry() as say:
-            content.add(measure(problem, options.repeats, methods, tolerances, say), here)
-    if choose.SCALING in tables:
-        with entry() as say:
-            content.add_scaling(scaling(say), here)
-    if choose.LOOSE_JOINTS in tables:
-        with entry() as say:
-            costs = loose_joints(options.repeats, say)
-            content.add_loose_joints(costs, here, *stretches(options.repeats, say))
-    if choose.MIDDLEWARE in tables:
-        with entry() as say:
-            content.add_middleware(middleware(options.repeats, say), here)
-    if options.json:
-        print_json(content.to_json(here))
-    return 1 if any(row.failure for m in content.found for row in m.rows) else 0
-
-
-def _bench_hard(options: argparse.Namespace, cases: Sequence[Any]) -> int:
-    from mechanism_sim.bench.hard import run  # noqa: PLC0415
-    from mechanism_sim.report import hard, progress  # noqa: PLC0415
-
-    if options.markdown and not Path(options.markdown).resolve().parent.is_dir():
-        raise InputError(f'--markdown {options.markdown}: there is no such folder')
-    outcomes = []
-    for k, case in enumerate(cases):
-        with progress.busy(f'bench: case {k + 1} of {len(cases)}', options.json) as say:
-            say(case.name)
-            (outcome,) = run((case,))
-        outcomes.append(outcome)
-        if not options.json:
-            print(hard.render(outcome), flush=True)
-    if options.markdown:
-        output.write_text(options.markdown, hard.markdown(outcomes))
-    if options.json:
-        print_json(hard.to_json(outcomes))
-    return 0 if all(outcome.ok for outcome in outcomes) else 1
-
-
-def _bench_grid(options: argparse.Namespace) -> int:
-    import os  # noqa: PLC0415
-
-    from mechanism_sim.bench.grid import SEED, grid, run_grid, write_scenes  # noqa: PLC0415
-    from mechanism_sim.report import grid as report  # noqa: PLC0415
-    from mechanism_sim.report import progress  # noqa: PLC0415
-
-    only = [name.strip() for name in (options.only or '').split(',') if name.strip()]
-    for name in ('sample', 'workers'):
-        if getattr(options, name) is not None and getattr(options, name) < 1:
-            raise InputError(f'--{name} must be at least 1')
-    cases = grid(SEED if options.seed is None else options.seed, only, options.sample)
-    if options.output:
-        write_scenes(cases, Path(options.output))
-    outcomes, workers = [], options.workers or len(os.sched_getaffinity(0))
-    with progress.count('bench grid', len(cases), quiet=options.json) as show:
-        for outcome in run_grid(cases, min(workers, len(cases))):
-            outcomes.append(outcome)
-            show(len(outcomes), sum(o.ok is False for o in outcomes))
-            if outcome.ok is False and not options.json:
-                print(report.render(outcome), flush=True)
-    if options.json:
-        print_json(report.to_json(outcomes))
-    else:
-        print(report.summary(outcomes))
-    return 0 if all(outcome.ok is not False for outcome in outcomes) else 1
