@@ -21,11 +21,11 @@ from test_edit import Page
 from test_output import full_disk
 from websockets.sync.client import connect
 
-from mechanism_sim.pages.edit import session, worker
-from mechanism_sim.pages.edit.background import Background, Job
-from mechanism_sim.pages.edit.document import Document
-from mechanism_sim.pages.edit.recovery import Recovery, place
-from mechanism_sim.pages.edit.serving import Desk
+from mechanism_sim.editor import session, worker
+from mechanism_sim.editor.background import Background, Job
+from mechanism_sim.editor.document import Document
+from mechanism_sim.editor.recovery import Recovery, place
+from mechanism_sim.editor.serving import Desk
 
 
 def chain(count: int) -> str:

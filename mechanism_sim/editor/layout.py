@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.editor.sketch import ORIGIN, Pose, Poses, point
 from mechanism_sim.planar.mechanism import (
     GROUND,
     Mechanism,
@@ -14,7 +15,6 @@ from mechanism_sim.planar.mechanism import (
     rotate,
 )
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.scene.sketch import ORIGIN, Pose, Poses, point
 
 
 def placed(scene: Scene, before: Mapping[str, Pose]) -> Poses:
