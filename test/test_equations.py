@@ -26,7 +26,8 @@ from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Revolute
+from mechanism_sim.planar.mechanism import Body, Mechanism, Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.reactions import energies
 
 RNG = np.random.default_rng(11)

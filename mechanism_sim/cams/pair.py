@@ -27,20 +27,11 @@ from mechanism_sim.planar.configuration import turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench, moment_of
-from mechanism_sim.planar.mechanism import (
-    GROUND,
-    Equation,
-    HigherPair,
-    LinkPoint,
-    Mechanism,
-    Pose,
-    Side,
-    Vector2,
-    rotate,
-)
+from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose
+from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.rails import chord
 from mechanism_sim.planar.touch import Touch
-from mechanism_sim.planar.view import Charted, Draft, View
+from mechanism_sim.planar.view import Charted, Draft, Side, View
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.cams.followers import FlatFaced, OscillatingFlat
 from mechanism_sim.cams.profiles import drawing_angles, extent
-from mechanism_sim.planar.mechanism import rotate
+from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.view import circle
 
 if TYPE_CHECKING:

@@ -10,9 +10,11 @@ from mechanism_sim.numerics.symbolic import add, dense
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.loads import moment_of
-from mechanism_sim.planar.mechanism import GROUND, Prismatic
+from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.planar.unknowns import Unknowns
+from mechanism_sim.planar.virtual_work import located
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]
@@ -129,7 +131,7 @@ class _OnGround:
                 *(
                     moment_of((dense(x.value), dense(y.value)), load.force)
                     for load in loads
-                    for x, y in [load.place(frames, mechanism)]
+                    for x, y in [located(load, frames, mechanism)]
                 ),
             ),
         ]

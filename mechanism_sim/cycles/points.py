@@ -12,7 +12,8 @@ from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Point, Vector2, product
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND, Point, Vector2, product
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from mechanism_sim.export.scale import scale_bar
 from mechanism_sim.export.shapes import COIL, Shape, around
 from mechanism_sim.export.skeleton import bounds, skeleton_of
 from mechanism_sim.export.stage import written
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.view import Kind
 from mechanism_sim.scene.schema import Scene
 

@@ -11,7 +11,7 @@ from mechanism_sim.editor.document import texts_of
 from mechanism_sim.editor.rounding import degrees, place, rounded
 from mechanism_sim.editor.sketch import GONE, Edit, Grid, Handle, Pose, Poses, Sketch, point
 from mechanism_sim.editor.tools import REFITS
-from mechanism_sim.planar.mechanism import GROUND, Vector2
+from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene.schema import DrivePart, Scene
 
 _ON_AXIS = 0.02

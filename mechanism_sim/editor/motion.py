@@ -19,7 +19,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.planar.configuration import poses as poses_of
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Vector2
+from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 

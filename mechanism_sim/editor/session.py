@@ -32,7 +32,7 @@ from mechanism_sim.editor.sketch import (
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.packages import reason
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import Scene
 

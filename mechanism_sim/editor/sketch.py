@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 
 from mechanism_sim.editor.rounding import degrees, place, rounded
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import GROUND, Vector2, rotate
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.schema import Scene
 
 GONE: Final = object()

@@ -16,15 +16,8 @@ from mechanism_sim.export.scale import round_below, scale_bar
 from mechanism_sim.export.shapes import BOX, Shape, inside
 from mechanism_sim.linkages.forces import Spring
 from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.mechanism import (
-    GROUND,
-    HigherPair,
-    Mechanism,
-    Prismatic,
-    Revolute,
-    Vector2,
-    rotate,
-)
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.planar.view import Kind, circle
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.contact_keys import Clearance

@@ -23,7 +23,7 @@ from mechanism_sim.gears.pair import Path
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.loads import Load, Wrench
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 
 if TYPE_CHECKING:
     from mechanism_sim.gears.mesh import MeshClosure

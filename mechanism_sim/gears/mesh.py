@@ -31,16 +31,8 @@ from mechanism_sim.planar.configuration import off_line, turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, moment_of
-from mechanism_sim.planar.mechanism import (
-    Equation,
-    HigherPair,
-    LinkPoint,
-    Mechanism,
-    Pose,
-    Prismatic,
-    Vector2,
-    rotate,
-)
+from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose, Prismatic
+from mechanism_sim.planar.points import LinkPoint, Vector2, rotate
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.touch import TurningTouch
 from mechanism_sim.planar.view import Array, Charted, Draft, ToothLoad, View, circle

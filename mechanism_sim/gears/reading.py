@@ -13,7 +13,8 @@ from mechanism_sim.planar.view import Array, View
 
 if TYPE_CHECKING:
     from mechanism_sim.gears.mesh import GearMesh
-    from mechanism_sim.planar.mechanism import HigherPair, Vector2
+    from mechanism_sim.planar.mechanism import HigherPair
+    from mechanism_sim.planar.points import Vector2
 
 
 class MeshMode(IntEnum):

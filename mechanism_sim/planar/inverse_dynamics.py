@@ -17,7 +17,6 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.numerics.symbolic import Term, add, dense, dot, neg
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.joint_friction import JointFriction, rubs, solve_friction, with_friction
-from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
@@ -25,6 +24,7 @@ from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
 from mechanism_sim.planar.switches import REST
 from mechanism_sim.planar.unknowns import Effort, UnknownLoad, Unknowns
+from mechanism_sim.planar.virtual_work import generalised
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import HigherPair, Prismatic, Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.doubts import doubts
 from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import admit

@@ -12,7 +12,8 @@ from typing import Annotated, Any, Protocol
 from pydantic import Field
 
 from mechanism_sim.planar.joint_friction import JointFriction
-from mechanism_sim.planar.mechanism import GROUND, Joint, LinkPoint, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import Joint, Mechanism
+from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.contact_keys import Clearance, Friction, Play
 from mechanism_sim.scene.quantities import Part

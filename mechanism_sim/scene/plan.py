@@ -14,11 +14,11 @@ from mechanism_sim.planar.mechanism import (
     HigherPair,
     Joint,
     Mechanism,
-    Vector2,
     bending_guides,
     closing_joints,
 )
 from mechanism_sim.planar.motor import Motor
+from mechanism_sim.planar.points import Vector2
 from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.drives import drive_key, is_straight, read_drives, read_laws, read_motor
 from mechanism_sim.scene.elastic_links import read_beams

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import JointFriction
-from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import Body, Joint, Mechanism
+from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.kinds import KINDS

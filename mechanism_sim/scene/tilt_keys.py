@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field, model_validator
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Revolute
+from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.tilt import Tilt
 from mechanism_sim.scene.quantities import Inertia, Length, Part, si
 

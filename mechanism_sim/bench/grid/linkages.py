@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, rotate
 from mechanism_sim.bench.grid.four_bars import NOT_SEATED, clearance
 from mechanism_sim.bench.grid.machines import rub
-from mechanism_sim.planar.mechanism import GROUND, Prismatic
+from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import schema
 from mechanism_sim.scene.plan import plan_of
 

@@ -10,7 +10,7 @@ from mechanism_sim.editor.rounding import exactly
 from mechanism_sim.editor.sketch import Edit, Shaft, Sketch, Spot, point
 from mechanism_sim.editor.tool import Draw, Tool, register
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import GROUND, rotate
+from mechanism_sim.planar.points import GROUND, rotate
 from mechanism_sim.scene.kinds.mesh import MeshKeys
 
 

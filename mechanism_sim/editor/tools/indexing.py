@@ -8,7 +8,7 @@ from mechanism_sim.editor.rounding import degrees, exactly, place
 from mechanism_sim.editor.sketch import Edit, Shaft, Sketch, Spot, point
 from mechanism_sim.editor.tool import Tool, register
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import GROUND, Vector2, rotate
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.kinds.geneva import GenevaKeys
 from mechanism_sim.scene.kinds.rack import RackKeys
 

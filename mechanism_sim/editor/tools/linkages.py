@@ -8,7 +8,7 @@ from mechanism_sim.editor.rounding import degrees
 from mechanism_sim.editor.sketch import GONE, ORIGIN, Edit, Pose, Sketch, Spot, referred
 from mechanism_sim.editor.tool import Tool, register
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import GROUND, Vector2
+from mechanism_sim.planar.points import GROUND, Vector2
 
 
 def _pin(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:

@@ -8,7 +8,7 @@ from mechanism_sim.editor.rounding import degrees, rounded
 from mechanism_sim.editor.sketch import ORIGIN, Edit, Sketch, Spot
 from mechanism_sim.editor.tool import Tool, register
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 
 
 def _spring(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:

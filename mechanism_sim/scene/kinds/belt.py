@@ -38,7 +38,8 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.joint_friction import FlankFriction
 from mechanism_sim.planar.loads import Load, Wrench, moment_of
-from mechanism_sim.planar.mechanism import GROUND, LinkPoint, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.view import Draft, circle
 from mechanism_sim.scene.contact_keys import Friction, Play

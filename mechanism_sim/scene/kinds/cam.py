@@ -31,7 +31,8 @@ from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.cams.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import ContactFriction
-from mechanism_sim.planar.mechanism import Mechanism, Vector2, rotate
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.scene.contact_keys import Contact, Friction, Play
 from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds._cam_guides import Guide, along, around, find_guide

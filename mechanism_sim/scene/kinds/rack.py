@@ -6,7 +6,7 @@ import math
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.indexing import SlottedRack
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds.prismatic import contact_friction
 from mechanism_sim.scene.quantities import Length

@@ -11,7 +11,8 @@ from pydantic import Field
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import GROUND, Revolute
+from mechanism_sim.planar.mechanism import Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import SLOPE, Lump, Rotor, Rows, Support
 from mechanism_sim.scene.elastic_keys import MATERIALS
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.transmission import Transmission
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.gear_keys import MOST_TEETH
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Angle, Quantity

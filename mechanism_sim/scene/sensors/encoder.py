@@ -13,7 +13,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.numerics.rational import Array, Modes, Rational
-from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.quantities import Angle
 from mechanism_sim.scene.sensor_keys import OnLinkKeys, SensorKind, register
 from mechanism_sim.scene.sensors._places import check_link
