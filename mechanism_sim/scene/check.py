@@ -18,7 +18,7 @@ from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.nominal_model import Level
 from mechanism_sim.scene.oscillators import oscillator_notes
-from mechanism_sim.scene.tilt_keys import tilt_notes
+from mechanism_sim.scene.tilted_links import tilt_notes
 from mechanism_sim.scene.unused import unused
 from mechanism_sim.units import Measure
 

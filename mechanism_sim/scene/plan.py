@@ -31,7 +31,7 @@ from mechanism_sim.scene.loads.applied import read_effort
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.structure import read_bodies, read_frictions, read_joints, read_rotors
-from mechanism_sim.scene.tilt_keys import check_tilts, without_mass
+from mechanism_sim.scene.tilted_links import check_tilts, without_mass
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 

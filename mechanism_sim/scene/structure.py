@@ -14,7 +14,7 @@ from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import DrivePart, JointPart
-from mechanism_sim.scene.tilt_keys import tilted
+from mechanism_sim.scene.tilted_links import tilted
 
 
 def read_joints(places: Places) -> tuple[Joint, ...]:
