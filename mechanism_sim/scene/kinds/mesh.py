@@ -12,8 +12,9 @@ from pydantic import BeforeValidator, Field
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.compliance import Elasticity, middle, touching
 from mechanism_sim.gears.involute import rounded_up
-from mechanism_sim.gears.mesh import GearMesh, Harmonic, Teeth
+from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.gears.pair import Pair, sliding_arm
+from mechanism_sim.gears.placement import Harmonic, Teeth
 from mechanism_sim.planar.joint_friction import TeethFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
 from mechanism_sim.scene.contact_keys import Contact, Friction, Play
