@@ -386,4 +386,5 @@ class InverseDynamics:
 
 def power(torque: Array, speed: Array) -> Array:
     """Power (N,) of drives (p, N) [W]: none at rest, even if the torque is not determined."""
-    return np.asarray(np.where(speed == 0.0, 0.0, torque * speed).sum(axis=0))
+    none = np.zeros(np.broadcast_shapes(torque.shape, speed.shape))
+    return np.asarray(np.multiply(torque, speed, out=none, where=speed != 0.0).sum(axis=0))
