@@ -12,7 +12,7 @@ NODES = (
 
 setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'pages/assets/*']},
+    package_data={NAME: ['py.typed', 'pages/assets/*', 'editor/assets/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

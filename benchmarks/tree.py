@@ -15,7 +15,8 @@ from benchmarks.problem import Answer
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.numerics.formula import Words, expression, names
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic, Revolute, Vector2, rotate
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.contact_keys import Play
 

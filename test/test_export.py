@@ -20,7 +20,8 @@ from mechanism_sim.export.urdf import closing, to_urdf
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.messages import TFMessage, deserialize
 from mechanism_sim.nodes.publications import transforms
-from mechanism_sim.planar.mechanism import GROUND, Prismatic
+from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.points import GROUND
 
 SCENES = ms.scene_names()
 

@@ -17,7 +17,8 @@ from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.linkages.guide import corners
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from test.grid.case import variant

@@ -25,9 +25,9 @@ from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.observer import Instants, Observer
 from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.drive import DriveLaw, TorqueLaw
-from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.reactions import generalized_forces
 from mechanism_sim.planar.switches import Table
+from mechanism_sim.planar.virtual_work import generalised
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 

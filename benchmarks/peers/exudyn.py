@@ -27,7 +27,7 @@ from benchmarks.four_bar import Peer
 from benchmarks.problem import Answer, Outcome, Run, missing
 from benchmarks.tree import Link, Tree
 from mechanism_sim.errors import RunError
-from mechanism_sim.planar.mechanism import GROUND, Vector2
+from mechanism_sim.planar.points import GROUND, Vector2
 
 SLOWEST_IMPACT = 70.0  #: [m/s sqrt(N/m)] slower ones, over lambda/sqrt(K), are taken as this fast
 SLOWEST_SLIP = 10.0  #: [m/s sqrt(N/m)] slower ones, over the root of the stiffness, grip less

@@ -16,7 +16,7 @@ from benchmarks.four_bar import Peer
 from benchmarks.problem import Outcome, Run, missing
 from benchmarks.tree import HINGE, SLIDE_X, SLIDE_Y, Link, Tree
 from mechanism_sim.errors import RunError
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 
 RIGIDITY = 0.9999  #: the share of the acceleration asked for that a limit keeps, at most
 

@@ -20,17 +20,15 @@ from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import (
-    GROUND,
     Body,
     HigherPair,
     Joint,
     Mechanism,
     Prismatic,
     Revolute,
-    Vector2,
     closing_joints,
-    rotate,
 )
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.machine import Machine
 
 WORLD = 'world'

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,9 +25,7 @@ from mechanism_sim.linkages.periodic import (
     tip,
     with_tips,
 )
-
-if TYPE_CHECKING:
-    from mechanism_sim.planar.inverse_dynamics import InverseDynamics
+from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 
 _EPS = float(np.finfo(float).eps)
 _FEWEST_SAMPLES = 8

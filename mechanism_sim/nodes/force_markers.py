@@ -24,8 +24,9 @@ from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
 from mechanism_sim.nodes.markers import STEEL, Colour, frame_of, marker, painted, sways
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import GROUND, Joint
+from mechanism_sim.planar.mechanism import Joint
 from mechanism_sim.planar.play import gaps_of
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
 
 FORCE: Colour = (0.80, 0.10, 0.10, 1.0)

@@ -15,7 +15,7 @@ from mechanism_sim.export.shapes import OPEN, Shape, Style
 from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.export.triangles import triangles
 from mechanism_sim.messages import ColorRGBA, Marker, MarkerArray, Point
-from mechanism_sim.planar.mechanism import GROUND, Vector2
+from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.view import Kind
 
 Array = NDArray[np.float64]

@@ -30,7 +30,8 @@ from mechanism_sim.messages import (
 )
 from mechanism_sim.messages.layout import Layout
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]

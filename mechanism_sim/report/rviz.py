@@ -9,7 +9,7 @@ import yaml
 from mechanism_sim.nodes.force_markers import Preview
 from mechanism_sim.nodes.markers import frame_of
 from mechanism_sim.nodes.topics import topics_of
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report.plot_paths import resolve
 
 _WINDOW = 1200, 846

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.planar.mechanism import GROUND, Prismatic
+from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import schema
 from mechanism_sim.scene.plan import plan_of
 from test.grid.case import Draft, Family, Random, Scene, rotate

@@ -25,7 +25,8 @@ from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, contact_wrench
-from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Point
+from mechanism_sim.planar.mechanism import Body, Mechanism
+from mechanism_sim.planar.points import GROUND, Point
 from mechanism_sim.planar.protocols import ForceLaw
 from mechanism_sim.scene import Machine, load_scene
 

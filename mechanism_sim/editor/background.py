@@ -129,15 +129,27 @@ def _serve(link: Connection) -> None:
                 job = link.recv()
             link.send((job.number, 'begun', ''))
             try:
-                _work(job, link)
+                if problem := _problem(job, link):
+                    link.send((job.number, 'problem', strict_json.dumps(problem)))
             except _NotWanted:
                 continue
-            except (InputError, RunError) as error:
-                link.send((job.number, 'problem', strict_json.dumps(str(error))))
             link.send((job.number, 'idle', ''))
             job = link.recv()
     except (EOFError, BrokenPipeError):
         return
+
+
+def _problem(job: Job, link: Connection) -> str:
+    """Do a job; why it cannot be done, whatever it raises, or nothing."""
+    try:
+        _work(job, link)
+    except (_NotWanted, EOFError, BrokenPipeError):
+        raise
+    except (InputError, RunError) as error:
+        return str(error)
+    except Exception as error:
+        return f'it cannot be checked and run ({reason(error)})'
+    return ''
 
 
 def _work(job: Job, link: Connection) -> None:

@@ -1,18 +1,20 @@
-"""The palette: tools for links and drives, and those that kinds of parts bring with them."""
+"""The palette: tools for links and drives, and those of the kinds of joints, loads and sensors."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
+from mechanism_sim.editor.rounding import degrees, rounded
+from mechanism_sim.editor.sketch import GONE, PLAY, Edit, Sketch, Spot, point
+from mechanism_sim.editor.tool import Draw, Tool
+from mechanism_sim.editor.tools import TOOLS
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.loads import LOADS
-from mechanism_sim.scene.rounding import degrees, rounded
 from mechanism_sim.scene.sensors import SENSORS
-from mechanism_sim.scene.sketch import GONE, PLAY, Edit, Sketch, Spot, Tool, point
 
 
 def _link(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
@@ -147,8 +149,8 @@ _FIRST = 'revolute', 'prismatic', 'slot', 'mesh', 'cam', 'belt'
 """The kinds of joints that are most common."""
 
 
-def _of_kinds(kinds: dict[str, Any], first: Iterable[str] = ()) -> tuple[Tool, ...]:
-    return tuple(tool for name in dict.fromkeys((*first, *kinds)) for tool in kinds[name].tools)
+def _of_kinds(kinds: Iterable[str], first: Iterable[str] = ()) -> tuple[Tool, ...]:
+    return tuple(tool for name in dict.fromkeys((*first, *kinds)) for tool in TOOLS.get(name, ()))
 
 
 GROUPS: dict[str, tuple[Tool, ...]] = {
@@ -159,9 +161,7 @@ GROUPS: dict[str, tuple[Tool, ...]] = {
 }
 """All tools that draw, in the order of the palette."""
 
-_DRAWS: dict[str, Callable[[Sketch, Spot, Spot], list[Edit]]] = {
-    tool.name: tool.draw for tools in GROUPS.values() for tool in tools
-}
+_DRAWS: dict[str, Draw] = {tool.name: tool.draw for tools in GROUPS.values() for tool in tools}
 
 
 def to_json() -> list[dict[str, Any]]:

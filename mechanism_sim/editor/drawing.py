@@ -8,18 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.editor.motion import Turn
+from mechanism_sim.editor.sketch import Handle, Pose, Poses, point, points_of
+from mechanism_sim.editor.tools import TOOLS
 from mechanism_sim.export.palette import index
 from mechanism_sim.export.scale import scale_bar
 from mechanism_sim.export.shapes import COIL, Shape, around
 from mechanism_sim.export.skeleton import bounds, skeleton_of
 from mechanism_sim.export.stage import written
-from mechanism_sim.pages.edit.motion import Turn
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.view import Kind
-from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.scene.sensors import SENSORS
-from mechanism_sim.scene.sketch import Handle, Pose, Poses, point, points_of
 
 SMALLEST = 0.25
 """[m] a machine that is begun is not drawn as if it were smaller."""
@@ -51,7 +50,7 @@ def handles(scene: Scene, poses: Mapping[str, Pose]) -> list[Handle]:
 
 def marks(scene: Scene) -> list[dict[str, Any]]:
     """What loads and sensors look like: a sign at a point of a link, of a force an arrow [m]."""
-    force, torque = (tool.icon for tool in LOADS['loads'].tools)
+    force, torque = (tool.icon for tool in TOOLS['loads'])
     found = []
     for name, load in scene.loads.items():
         along = [1e-3 * x if isinstance(x, float) else 0.0 for x in load.force]
@@ -59,11 +58,11 @@ def marks(scene: Scene) -> list[dict[str, Any]]:
         sign = {'arrow': along, 'turned': load.frame == 'link'} if any(along) else {}
         found.append(_mark(scene, ['loads', name], load.at, torque if turns else force) | sign)
     for name, sensor in scene.sensors.items():
-        kind = SENSORS[sensor.kind]
+        tools = TOOLS.get(sensor.kind)
         at: Any = getattr(sensor, 'link', None) or ''
         if (joint := scene.joints.get(sensor.joint or '')) and joint.kind not in ('mesh', 'belt'):
             at = joint.points[1]
-        mark = _mark(scene, ['sensors', name], at, kind.tools[0].icon if kind.tools else '')
+        mark = _mark(scene, ['sensors', name], at, tools[0].icon if tools else '')
         if (own := getattr(sensor, 'at', None)) and mark['link']:
             mark['at'] = list(own) if isinstance(own, tuple) else [own, 0.0]
         found.append(mark)

@@ -7,14 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.planar.mechanism import (
-    GROUND,
-    Mechanism,
-    Prismatic,
-    rotate,
-)
+from mechanism_sim.editor.sketch import ORIGIN, Pose, Poses, point
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic
+from mechanism_sim.planar.points import GROUND, rotate
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.scene.sketch import ORIGIN, Pose, Poses, point
 
 
 def placed(scene: Scene, before: Mapping[str, Pose]) -> Poses:

@@ -1,19 +1,20 @@
-"""A scene under a pencil: where its links lie, and the tools by which parts are drawn into it.
+"""A scene to which parts are drawn: where its links lie, and what tools find and make there.
 
-A kind of joints, loads or sensors brings its tools with it; whatever lists tools finds them there.
-What a tool makes are edits of the scene's keys; the part that is chosen then comes first.
+What a tool makes are edits of the scene's keys, as from the panel, so that undo, checks and the
+text of the file know nothing of tools; the part that is chosen then comes first.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, NamedTuple
 
+from mechanism_sim.editor.rounding import degrees, place, rounded
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import GROUND, Vector2, rotate
-from mechanism_sim.scene.rounding import degrees, place, rounded
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
+from mechanism_sim.scene.schema import Scene
 
 GONE: Final = object()
 """Instead of a value: the key is removed."""
@@ -61,7 +62,7 @@ def points_of(link: Any) -> dict[str, Vector2]:
     return found | (dict(link.points) if link is not None else {})
 
 
-def point(scene: Any, reference: str) -> tuple[str, str, Vector2] | None:
+def point(scene: Scene, reference: str) -> tuple[str, str, Vector2] | None:
     """Link, name and place in the link's frame [m] of ``LINK.POINT`` or ``LINK``."""
     link, _, name = reference.partition('.')
     name = name or 'start'
@@ -144,42 +145,10 @@ class Way(NamedTuple):
     axis: float  #: [rad] in the world
 
 
-@dataclass(frozen=True)
-class Tool:
-    """What draws a part.
-
-    Attributes
-    ----------
-    name : in the palette
-    key : on the keyboard, as ``B`` or ``Shift+B``
-    icon : the path of an SVG of 16 by 16
-    hint : what to do
-    draw : from a sketch and the places where a gesture begins and ends to edits; raises InputError
-        if the part cannot be there: what it needs
-    gesture : a ``band`` from one place to another, a ``click``, or done ``now``
-    """
-
-    name: str
-    key: str
-    icon: str
-    hint: str
-    draw: Callable[[Sketch, Spot, Spot], list[Edit]]
-    gesture: Literal['band', 'click', 'now'] = 'click'
-
-    def to_json(self) -> dict[str, str]:
-        """For the page."""
-        return {x: getattr(self, x) for x in ('name', 'key', 'icon', 'hint', 'gesture')}
-
-
 class Sketch:
-    """A scene to which parts are added.
+    """A scene to which parts are added."""
 
-    Parameters
-    ----------
-    scene : a `Scene`, whose kinds bring the tools and so cannot be imported here
-    """
-
-    def __init__(self, scene: Any, poses: Mapping[str, Pose], grid: Grid) -> None:
+    def __init__(self, scene: Scene, poses: Mapping[str, Pose], grid: Grid) -> None:
         self.scene, self.poses, self.grid = scene, dict(poses), grid
         sections = 'links', 'joints', 'springs', 'loads', 'sensors', 'gears'
         self._taken = {name for key in sections for name in getattr(scene, key, {})}
@@ -405,32 +374,3 @@ class Sketch:
 def referred(link: str, name: str) -> str:
     """LINK.POINT, or LINK of the point at its origin."""
     return f'{link}.{name}' if name != 'start' or link == GROUND else link
-
-
-def round_axis(a: Vector2, b: Vector2) -> float:
-    """The direction from one place to another, to a whole degree [rad]."""
-    return math.radians(round(math.degrees(math.atan2(b[1] - a[1], b[0] - a[0]))))
-
-
-def between(
-    kind: str, stem: str, keys: Callable[[Sketch, Shaft, Shaft], dict[str, Any]]
-) -> Callable[[Sketch, Spot, Spot], list[Edit]]:
-    """What draws a joint of a kind between two links that turn: found, or made.
-
-    Parameters
-    ----------
-    kind : of the joint
-    stem : of the names of links that are made
-    keys : of the joint beside what it connects
-    """
-
-    def draw(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
-        one, two = sketch.shafts(start, end, stem, f'a {kind}')
-        path = sketch.named(one.link, two.link)
-        joint = {kind: [one.own, two.own], **keys(sketch, one, two)}
-        if one.on == two.on != GROUND:
-            joint['carrier'] = one.on
-        driven = sketch.driven(one.link) if one.edits else []
-        return [Edit(path, joint), *one.edits, *two.edits, *driven]
-
-    return draw

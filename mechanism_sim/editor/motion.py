@@ -13,14 +13,15 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.editor.layout import coordinates
+from mechanism_sim.editor.sketch import ORIGIN, Pose, Poses
 from mechanism_sim.errors import InputError
-from mechanism_sim.pages.edit.layout import coordinates
 from mechanism_sim.planar.configuration import poses as poses_of
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Vector2
+from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.sketch import ORIGIN, Pose, Poses
 from mechanism_sim.sensing.joint_view import JointView
 
 INSTANTS = 73

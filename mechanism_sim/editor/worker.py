@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from mechanism_sim import ending, strict_json
+from mechanism_sim.editor.document import Document
 from mechanism_sim.packages import reason
-from mechanism_sim.pages.edit.document import Document
 
 PATIENCE = 15.0
 """[s] of CPU time for what a page asks for; then its process is ended, and that is not drawn."""
@@ -210,7 +210,7 @@ def _cpu_time(pid: int | None) -> float | None:
 
 def _work(link: Connection) -> None:
     """Do what is asked for until nobody asks."""
-    from mechanism_sim.pages.edit.session import Session  # noqa: PLC0415 - here it is loaded
+    from mechanism_sim.editor.session import Session  # noqa: PLC0415 - here it is loaded
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is for the one who edits
     ending.follow(os.getppid())

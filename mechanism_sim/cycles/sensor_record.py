@@ -18,7 +18,7 @@ STRETCHES = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Measurement:
+class SensorRecord:
     """The signal of a sensor of a machine in one experiment.
 
     Attributes

@@ -8,8 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from mechanism_sim import documents, output
+from mechanism_sim.editor.document import Document
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.pages.edit.document import Document
 
 _LONGEST = 200  # bytes of a name to which something is added
 

@@ -7,12 +7,12 @@ import re
 from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
-from mechanism_sim.pages.edit.document import texts_of
-from mechanism_sim.planar.mechanism import GROUND, Vector2
-from mechanism_sim.scene.kinds import KINDS
-from mechanism_sim.scene.rounding import degrees, place, rounded
+from mechanism_sim.editor.document import texts_of
+from mechanism_sim.editor.rounding import degrees, place, rounded
+from mechanism_sim.editor.sketch import GONE, Edit, Grid, Handle, Pose, Poses, Sketch, point
+from mechanism_sim.editor.tools import REFITS
+from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene.schema import DrivePart, Scene
-from mechanism_sim.scene.sketch import GONE, Edit, Grid, Handle, Pose, Poses, Sketch, point
 
 _ON_AXIS = 0.02
 """Of the frame's length: a joint so near its axis stays on it."""
@@ -129,7 +129,7 @@ def fitting(scene: Scene, poses: Poses, grid: Grid) -> list[Edit]:
     """What joints whose parts must fit each other change when their links have been moved."""
     sketch, edits = None, []
     for name, joint in scene.joints.items():
-        if refit := KINDS[joint.kind].refit:
+        if refit := REFITS.get(joint.kind):
             sketch = sketch or Sketch(scene, poses, grid)
             edits += refit(sketch, name, joint)
     return edits

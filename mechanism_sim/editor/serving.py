@@ -22,13 +22,13 @@ from typing import Any
 
 from mechanism_sim import ending, strict_json
 from mechanism_sim.catalogue import scene_names
+from mechanism_sim.editor import palette
+from mechanism_sim.editor.background import Background
+from mechanism_sim.editor.document import Document
+from mechanism_sim.editor.recovery import Recovery
+from mechanism_sim.editor.worker import Worker
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.assets import contents_of, embedded
-from mechanism_sim.pages.edit import palette
-from mechanism_sim.pages.edit.background import Background
-from mechanism_sim.pages.edit.document import Document
-from mechanism_sim.pages.edit.recovery import Recovery
-from mechanism_sim.pages.edit.worker import Worker
 from mechanism_sim.pages.server import HOST, Server
 
 MODULES = 'svg', 'stage', 'lens', 'player', 'canvas', 'fields', 'edit'
@@ -63,7 +63,7 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
     key = secrets.token_urlsafe(16)
     desk = Desk(document)
     server = Server(
-        contents_of('edit', MODULES, scenes=scene_names(),
+        contents_of('edit', MODULES, __package__, scenes=scene_names(),
                     tools=embedded(palette.to_json())),
         PORT if port is None else port, lambda: desk.greeting, desk.put,
         read=lambda data: data if isinstance(data, dict) else None, key=key, largest=_COMMAND,

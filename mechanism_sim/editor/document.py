@@ -10,11 +10,11 @@ from typing import Any
 
 from mechanism_sim import documents, output
 from mechanism_sim.catalogue import config_folder
+from mechanism_sim.editor.scene_text import renamed, with_value, without
+from mechanism_sim.editor.sketch import GONE, Edit
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.files import check_scene, find_scene
-from mechanism_sim.scene.scene_text import renamed, with_value, without
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.scene.sketch import GONE, Edit
 from mechanism_sim.scene.table_keys import with_files
 
 NEW = 'title: A new machine\nmechanism: linkage\nlinks: {}\njoints: {}\n'

@@ -6,7 +6,7 @@ import math
 import re
 from typing import Any
 
-from mechanism_sim.planar.mechanism import Vector2
+from mechanism_sim.planar.points import Vector2
 from mechanism_sim.units import to_si
 
 

@@ -12,19 +12,13 @@ import numpy as np
 from mechanism_sim import documents
 from mechanism_sim.arrays import Array
 from mechanism_sim.catalogue import scene_names
-from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.packages import reason
-from mechanism_sim.pages.edit import drawing, gestures, palette, panel
-from mechanism_sim.pages.edit.background import Job
-from mechanism_sim.pages.edit.document import Document
-from mechanism_sim.pages.edit.layout import coordinates, placed
-from mechanism_sim.pages.edit.motion import Forces, Turn
-from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND
-from mechanism_sim.scene import Machine
-from mechanism_sim.scene.rounding import degrees, unit_of
-from mechanism_sim.scene.schema import Scene
-from mechanism_sim.scene.sketch import (
+from mechanism_sim.editor import drawing, gestures, palette, panel
+from mechanism_sim.editor.background import Job
+from mechanism_sim.editor.document import Document
+from mechanism_sim.editor.layout import coordinates, placed
+from mechanism_sim.editor.motion import Forces, Turn
+from mechanism_sim.editor.rounding import degrees, unit_of
+from mechanism_sim.editor.sketch import (
     GONE,
     ORIGIN,
     Edit,
@@ -35,6 +29,12 @@ from mechanism_sim.scene.sketch import (
     Spot,
     points_of,
 )
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.packages import reason
+from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.planar.points import GROUND
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.schema import Scene
 
 Send = Callable[[dict[str, Any]], None]
 
