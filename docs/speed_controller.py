@@ -17,8 +17,9 @@ try:
     from std_msgs.msg import Float64
 except ImportError:  # without ROS the same over Zenoh
     import mechanism_sim.middleware as rclpy
+
     from mechanism_sim.messages import Float64, JointState
-    from mechanism_sim.middleware import ExternalShutdownException, Node
+    from mechanism_sim.nodes.middleware import ExternalShutdownException, Node
 
 
 class SpeedController(Node):

@@ -16,7 +16,6 @@ from mechanism_sim.cli import (
     drawings,
     first,
     machines,
-    network,
     pages,
     pictures,
     runs,
@@ -106,7 +105,7 @@ def make_parser() -> Overview:
         return sub
 
     for module in (
-        first, machines, runs, network, bags, pages, pictures, drawings, studies, vibrations,
+        first, machines, runs, bags, pages, pictures, drawings, studies, vibrations,
     ):  # fmt: skip
         module.add(command)
     return parser
@@ -117,9 +116,8 @@ def _read(parser: Parser, args: Sequence[str]) -> argparse.Namespace:
     options, rest = parser.parse_known_args(own)
     if ros_args and options.command not in ('run', 'node', 'view'):
         options.parser.error('--ros-args is for the commands run, node and view')
-    several = 'words' if hasattr(options, 'words') else 'what' if options.command == 'plot' else ''
-    if several and not any(word.startswith('-') for word in rest):  # argparse looks in one place
-        setattr(options, several, [*getattr(options, several), *rest])
+    if options.command == 'plot' and not any(word.startswith('-') for word in rest):
+        options.what = [*options.what, *rest]  # argparse looks in one place
         rest = []
     if rest and options.command != 'node':
         options.parser.refuse(rest)

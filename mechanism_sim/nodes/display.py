@@ -8,10 +8,10 @@ from typing import Any
 from mechanism_sim.export.stage import Swaying
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import Impact, MarkerArray
-from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes import markers
 from mechanism_sim.nodes.following import Following
 from mechanism_sim.nodes.force_markers import Picture, preview
+from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode

@@ -8,8 +8,8 @@ from typing import Any
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import OscillatorState, stamp
-from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.following import Following
+from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mechanism_sim.middleware import (
+from mechanism_sim.nodes.middleware import (
     DurabilityPolicy,
     HistoryPolicy,
     QoSProfile,

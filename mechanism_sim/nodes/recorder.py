@@ -12,8 +12,8 @@ from typing import Any
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.messages import Progress, serialize, type_name
-from mechanism_sim.middleware import Parameter, QoSProfile, Timer
 from mechanism_sim.nodes.described_node import Diagnosis
+from mechanism_sim.nodes.middleware import Parameter, QoSProfile, Timer
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.nodes.topics import topics_of

@@ -9,10 +9,10 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from mechanism_sim import ending
-from mechanism_sim.middleware import Parameter, backend
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.nodes.display import Display
 from mechanism_sim.nodes.linkage import Linkage
+from mechanism_sim.nodes.middleware import Parameter, backend
 from mechanism_sim.nodes.monitor import Monitor, Show
 from mechanism_sim.nodes.oscillator import Oscillator
 from mechanism_sim.nodes.part import Cam, GearTrain, Geneva

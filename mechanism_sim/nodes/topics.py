@@ -24,7 +24,7 @@ from mechanism_sim.messages import (
     TFMessage,
     WrenchStamped,
 )
-from mechanism_sim.middleware import QoSProfile
+from mechanism_sim.nodes.middleware import QoSProfile
 from mechanism_sim.nodes.oscillator import TOPIC as OSCILLATOR_STATE
 from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
