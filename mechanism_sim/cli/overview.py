@@ -29,6 +29,9 @@ GROUPS = {
 }
 """All commands by purpose, in the order in which `--help` lists them."""
 
+RENAMED: dict[str, str] = {}
+"""Names that commands had, and what is to be typed instead, beginning with the program."""
+
 START = (
     ('Run a machine whose bearing rattles', ('solve four_bar_clearance --revolutions 10',)),
     (
@@ -89,6 +92,8 @@ class Overview(Parser):
         if action.dest != 'command' or value in known:
             super()._check_value(action, value)
             return
+        if value in RENAMED:
+            self.error(f"'{value}' is now '{RENAMED[value]}'")
         if value in scene_names() or str(value).endswith(('.yaml', '.yml')):
             self.error(
                 f"'{value}' is a scene, not a command: try 'mechanism-sim check {value}' or "
