@@ -34,8 +34,7 @@ def ros_found() -> bool:
 
 
 APART = {
-    'topic', 'param', 'service', 'action', 'bag', 'edit', 'identify', 'node', 'run', 'sweep',
-    'view',
+    'bag', 'edit', 'identify', 'node', 'run', 'sweep', 'view',
 }  # fmt: skip
 """Commands that start processes, speak to others or take over signals."""
 

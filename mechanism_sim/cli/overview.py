@@ -10,9 +10,8 @@ from mechanism_sim.nodes.arguments import Parser
 
 GROUPS = {
     'A machine': ('new', 'edit', 'scenes', 'check', 'equations'),
-    'Run it': ('solve', 'run', 'node'),
+    'Run it': ('solve', 'run', 'node', 'bag'),
     'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view', 'layout', 'sound'),
-    'Talk to what runs': ('topic', 'param', 'service', 'action', 'bag'),
     'How it vibrates': ('modes', 'response'),
     'Recorded runs': ('info', 'recover', 'analyze', 'identify', 'experiment'),
     'Many runs': (
@@ -29,7 +28,9 @@ GROUPS = {
 }
 """All commands by purpose, in the order in which `--help` lists them."""
 
-RENAMED: dict[str, str] = {}
+RENAMED: dict[str, str] = {
+    **{group: f'zros {group}' for group in ('topic', 'param', 'service', 'action')},
+}
 """Names that commands had, and what is to be typed instead, beginning with the program."""
 
 START = (
