@@ -22,8 +22,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.gears.reading import MeshMode
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages import float64_array
+from mechanism_sim.messages.part_states import KINDS, integrator_of, kinds_of
 from mechanism_sim.messages.segments import motion_of, pack
-from mechanism_sim.nodes.parts import KINDS, integrator_of, kinds_of
 from mechanism_sim.nodes.run import NODES, Plan
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.recording import read_bag

@@ -173,7 +173,7 @@ def _draw(options: argparse.Namespace) -> int:
 def _layout(options: argparse.Namespace) -> int:
     from pathlib import Path  # noqa: PLC0415
 
-    from mechanism_sim.nodes.force_markers import preview  # noqa: PLC0415
+    from mechanism_sim.export.preview import preview  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.report.foxglove import to_foxglove  # noqa: PLC0415
     from mechanism_sim.report.rviz import to_rviz  # noqa: PLC0415

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.nodes.parts import kinds_of
+from mechanism_sim.messages.part_states import kinds_of
 from mechanism_sim.scene import Machine
 from ros_interfaces.names import InvalidNameError, resolve_namespace
 
