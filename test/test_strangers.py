@@ -33,10 +33,10 @@ from mechanism_sim.messages import (
 )
 from mechanism_sim.messages import Parameter as ParameterMessage
 from mechanism_sim.nodes.middleware import MiddlewareError, Node, spin_once
-from mechanism_sim.nodes.middleware import inbox as inboxes
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from ros_interfaces import checks
 from ros_interfaces.refusals import Refusals
+from zenoh_rclpy import inbox as inboxes
 
 STRANGER = """
 import sys, time, zenoh
@@ -324,8 +324,8 @@ def test_a_partner_of_another_version_ends_the_run_in_a_sentence(tmp_path):
     """Two installations, one of them with another Motion."""
     other = tmp_path / 'other'
     source = Path(mechanism_sim.__file__).parent
-    shutil.copytree(source, other / source.name)
-    shutil.copytree(source.parent / 'msg', other / 'msg')
+    for name in (source.name, 'ros_interfaces', 'zenoh_rclpy', 'msg'):
+        shutil.copytree(source.parent / name, other / name)
     with (other / 'msg' / 'Motion.msg').open('a') as definition:
         definition.write('float64 novelty\n')
     nodes = 'linkage', 'sensors'
