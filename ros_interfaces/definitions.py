@@ -178,7 +178,9 @@ def _check_name(name: str) -> None:
 def _learn(package: str) -> None:
     """Take in the messages of a package, and of those that they are made of."""
     folder = definition_folder(package)
-    for short in messages_of(package) if folder is not None else ():
+    if folder is None:
+        return
+    for short in messages_of(package):
         _register(typestore(), f'{package}/msg/{short}', (folder / f'{short}.msg').read_text())
     for short in messages_of(package):
         for nested in _dependencies(f'{package}/msg/{short}'):

@@ -41,7 +41,7 @@ def make_parser() -> argparse.ArgumentParser:
         prog='zros', description='Topics, parameters, services and actions of what runs.'
     )
     groups = parser.add_subparsers(dest='group', metavar='GROUP', required=True)
-    common = argparse.ArgumentParser(add_help=False)
+    common = Parser(add_help=False)
     common.add_argument('--json', action='store_true', help='JSON to standard output')
     common.add_argument(
         '--timeout', metavar='S', type=_positive, default=10.0,
@@ -191,7 +191,7 @@ def _echo(node: CommandNode, options: argparse.Namespace) -> None:
         nonlocal count
         count += 1
         _print(options, field(message, options.field) if options.field else message, '---')
-        return count == options.count
+        return bool(count == options.count)
 
     node.listen(options.topic, heard, options.type, end=end)
 
