@@ -26,7 +26,7 @@ from mechanism_sim.messages import (
     int64_array,
     serialize,
 )
-from mechanism_sim.middleware import (
+from mechanism_sim.nodes.middleware import (
     HistoryPolicy,
     Node,
     QoSProfile,

@@ -28,6 +28,8 @@ import running
 
 ROOT = Path(__file__).parents[1]
 RUN = ('sh', 'python', 'console')
+PROGRAMS = ('mechanism-sim', '-m mechanism_sim '), ('zros', '-m zenoh_rclpy '), ('python', '')
+"""Programs that a shell of a page finds, and arguments of Python that start them."""
 BLOCK = re.compile(
     r'(?:^ *<!-- (?P<mark>not run|numbers vary|file): (?P<reason>[^\n]+?) -->\n)?'
     r'^(?P<indent> *)```(?P<language>\S*)[^\n]*\n(?P<text>.*?)^(?P=indent)```$',
@@ -188,7 +190,7 @@ def workplace(folder: Path) -> dict[str, str]:
         (folder / name).symlink_to(ROOT / name)
     programs = folder / '.bin'
     programs.mkdir()
-    for name, start in (('mechanism-sim', '-m mechanism_sim '), ('python', '')):
+    for name, start in PROGRAMS:
         program = programs / name
         program.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} {start}"$@"\n', 'utf-8')
         program.chmod(0o755)

@@ -33,7 +33,7 @@ def ros_found() -> bool:
     return all(find_spec(name) is not None for name in ('rclpy', 'mechanism_sim.msg'))
 
 
-APART = {'topic', 'param', 'service', 'action', 'bag', 'edit', 'node', 'run', 'sweep', 'view'}
+APART = {'bag', 'edit', 'node', 'run', 'sweep', 'view'}
 """Commands that start processes, speak to others or take over signals."""
 
 

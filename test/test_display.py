@@ -18,16 +18,17 @@ from running import environment, run_json
 
 import mechanism_sim as ms
 from mechanism_sim import cli
+from mechanism_sim.analysis.preview import preview
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import seconds
-from mechanism_sim.messages.definitions import field_descriptions
-from mechanism_sim.nodes.force_markers import SHORTEST, Picture, preview
-from mechanism_sim.nodes.topics import topics_of
+from mechanism_sim.messages.topics import topics_of
+from mechanism_sim.nodes.force_markers import SHORTEST, Picture
 from mechanism_sim.planar.mechanism import HigherPair, Revolute
 from mechanism_sim.planar.play import ENDS
 from mechanism_sim.report.foxglove import to_foxglove
 from mechanism_sim.report.plot_paths import plots
 from mechanism_sim.report.rviz import to_rviz
+from ros_interfaces.definitions import field_descriptions
 
 ARROW, CUBE, SPHERE, CYLINDER, STRIP, LINES, TRIANGLES = (
     0,

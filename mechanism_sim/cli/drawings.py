@@ -214,7 +214,7 @@ def _export(options: argparse.Namespace) -> int:
 def _exported(options: argparse.Namespace, machine: Machine) -> tuple[str, list[str]]:
     """A machine in the format that is asked for, and what of it the format has no words for."""
     if options.format in ('foxglove', 'rviz'):
-        from mechanism_sim.nodes.force_markers import preview  # noqa: PLC0415
+        from mechanism_sim.analysis.preview import preview  # noqa: PLC0415
         from mechanism_sim.report.foxglove import to_foxglove  # noqa: PLC0415
         from mechanism_sim.report.rviz import to_rviz  # noqa: PLC0415
 

@@ -14,7 +14,6 @@ from mechanism_sim.cli import (
     drawings,
     first,
     machines,
-    network,
     pages,
     pictures,
     runs,
@@ -74,7 +73,7 @@ def make_parser() -> Overview:
         return sub
 
     for module in (
-        first, machines, runs, network, bags, pages, pictures, drawings, studies, vibrations,
+        first, machines, runs, bags, pages, pictures, drawings, studies, vibrations,
     ):  # fmt: skip
         module.add(command)
     return parser
@@ -89,9 +88,8 @@ def _read(parser: Parser, args: Sequence[str]) -> argparse.Namespace:
             parser.error(f"--{name} goes without a command; '{options.command}' was given, too")
     if ros_args and options.command not in ('run', 'node', 'view'):
         options.parser.error('--ros-args is for the commands run, node and view')
-    several = 'words' if hasattr(options, 'words') else 'what' if options.command == 'plot' else ''
-    if several and not any(word.startswith('-') for word in rest):  # argparse looks in one place
-        setattr(options, several, [*getattr(options, several), *rest])
+    if options.command == 'plot' and not any(word.startswith('-') for word in rest):
+        options.what = [*options.what, *rest]  # argparse looks in one place
         rest = []
     if rest and options.command != 'node':
         options.parser.refuse(rest)

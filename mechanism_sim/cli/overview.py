@@ -10,9 +10,8 @@ from mechanism_sim.nodes.arguments import Parser
 
 GROUPS = {
     'A machine': ('new', 'edit', 'scenes', 'check'),
-    'Run it': ('solve', 'run', 'node'),
+    'Run it': ('solve', 'run', 'node', 'bag'),
     'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view'),
-    'Talk to what runs': ('topic', 'param', 'service', 'action', 'bag'),
     'How it vibrates': ('modes', 'response'),
     'Recorded runs': ('info', 'recover', 'analyze', 'experiment'),
     'Many runs': (
@@ -37,6 +36,7 @@ RENAMED: dict[str, str] = {
     'profile': 'mechanism-sim draw --profile',
     'sound': 'mechanism-sim animate -o FILE.wav',
     'teeth': 'mechanism-sim find --teeth',
+    **{group: f'zros {group}' for group in ('topic', 'param', 'service', 'action')},
 }
 """Names that commands had, and what is to be typed instead, beginning with the program."""
 

@@ -159,7 +159,7 @@ def _compare(options: argparse.Namespace) -> int:
 
 
 def _view(options: argparse.Namespace) -> int:
-    from mechanism_sim.middleware import Parameter  # noqa: PLC0415
+    from mechanism_sim.nodes.middleware import Parameter  # noqa: PLC0415
     from mechanism_sim.pages.viewing import view  # noqa: PLC0415
 
     given = {'port': options.port, 'open': options.open or None}

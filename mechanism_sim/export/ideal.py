@@ -43,6 +43,11 @@ COMPACT = 0.1
 STEPS, LONGEST = 4000, 1e-3
 
 
+def frame_of(link: str, prefix: str) -> str:
+    """The frame of a link in ``/tf``; that of the ground is the world."""
+    return f'{prefix}{WORLD if link == GROUND else link}'
+
+
 @dataclass(frozen=True)
 class Ideal:
     """The ideal mechanism of a machine, put together at its start.

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim import strict_json
-from mechanism_sim.nodes.force_markers import Preview
-from mechanism_sim.nodes.markers import frame_of
+from mechanism_sim.analysis.preview import Preview
+from mechanism_sim.export.ideal import frame_of
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report.plot_paths import Plot, plots, resolve
 
