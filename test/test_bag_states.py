@@ -32,7 +32,7 @@ READERS = {
     'plot': ['velocity.crank', '-o', 'x.svg'],
     'animate': ['-o', 'x.gif', '--fps', '5'],
     'sound': ['-o', 'x.wav'],
-    'experiment': [],
+    'thesis experiment': [],
 }
 
 
@@ -232,11 +232,11 @@ EXPECTED = {
     'empty': dict.fromkeys(READERS, NOTHING) | {'info': '', 'analyze': ''},
     'early': dict.fromkeys(READERS, NOTHING) | {'info': '', 'analyze': ''},
     'late': dict.fromkeys(READERS, '')
-    | {'experiment': 'no sensor reads accelerations across the coupler'},
+    | {'thesis experiment': 'no sensor reads accelerations across the coupler'},
     'one': dict.fromkeys(READERS, '')
-    | {'sound': 'nothing to hear', 'experiment': 'whole turns of crank'},
+    | {'sound': 'nothing to hear', 'thesis experiment': 'whole turns of crank'},
     'failed': dict.fromkeys(READERS, '')
-    | {'sound': 'nothing to hear', 'experiment': 'the experiment is that of a four_bar'},
+    | {'sound': 'nothing to hear', 'thesis experiment': 'the experiment is that of a four_bar'},
 }
 
 
@@ -244,10 +244,10 @@ EXPECTED = {
 @pytest.mark.parametrize('state', EXPECTED)
 def test_every_command_reads_it_or_says_why_not(states, state, reader, tmp_path):
     path, expected = states[state], EXPECTED[state][reader]
-    if reader == 'experiment':
+    if reader == 'thesis experiment':
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    source = str(tmp_path if reader == 'experiment' else path)
-    done = command(reader, source, *_within(tmp_path, READERS[reader]))
+    source = str(tmp_path if reader == 'thesis experiment' else path)
+    done = command(*reader.split(), source, *_within(tmp_path, READERS[reader]))
     assert done.returncode == (2 if expected else 0), done.stderr
     told = done.stderr.splitlines()
     if expected:
@@ -326,7 +326,7 @@ def test_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
         words = ['bag', 'play', str(source)] if reader == 'play' else [reader, str(source)]
         done = command(*words, *_within(tmp_path, READERS.get(reader, [])))
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
-        assert 'is a bag in SQLite (.db3)' in done.stderr or reader == 'experiment'
+        assert 'is a bag in SQLite (.db3)' in done.stderr or reader == 'thesis experiment'
 
 
 def test_a_bag_without_messages_is_not_played(states):

@@ -182,7 +182,7 @@ def test_keys_without_effect_and_odd_units_are_said_beside_the_result():
 def test_no_option_takes_the_last_of_two_values_in_silence():
     """Every option of every command that takes a value takes one, or collects all of them."""
     tried = 0
-    for name, sub in make_parser().commands().choices.items():
+    for name, sub in make_parser().leaves().items():
         for action in sub._actions:
             if not action.option_strings or action.nargs == 0:
                 continue

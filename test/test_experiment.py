@@ -418,8 +418,8 @@ def test_the_command_writes_its_figures_and_prints_tables(bags, tmp_path, monkey
     page = tmp_path / 'page.md'
     page.write_text('<!-- experiment: bearings -->\n<!-- /experiment -->\n')
     done = run(
-        'experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3', '--json',
-        '--page', str(page),
+        'thesis', 'experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3',
+        '--json', '--page', str(page),
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
@@ -439,14 +439,16 @@ def test_a_page_without_marks_is_refused_before_bags_are_read(bags, tmp_path):
         (page, 'has no place for a table'),
         (tmp_path / 'none.md', 'cannot be read'),
     ):
-        done = run('experiment', str(bags), '--page', str(file))
+        done = run('thesis', 'experiment', str(bags), '--page', str(file))
         assert done.returncode == 2
         assert said in done.stderr
 
 
 @pytest.mark.deep
 def test_the_command_writes_figures_and_prints_tables(bags, tmp_path):
-    done = run('experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3', '--json')
+    done = run(
+        'thesis', 'experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3', '--json'
+    )
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert [t['restitution'] for t in told['trials']] == [0.5] * 4 + [1.0] * 2

@@ -168,7 +168,7 @@ def test_commands_print_json():
     scene = ('four_bar_clearance', '--set', 'drive.speed=480 rpm')
     assert run_json('periodic', *scene)['period'] == 2
     assert run_json('statistics', *scene, '--revolutions', '40')['means']['impacts']['mean'] > 10.0
-    (joint,) = run_json('contact-loss', *scene)
+    (joint,) = run_json('thesis', 'contact-loss', *scene)
     assert joint['lost_at_revolutions']
 
 

@@ -78,21 +78,6 @@ def add(command: Command) -> None:
     option(sub, '--seed', 'N', 'of the random numbers of the search', 0)
     option(sub, '--rounds', 'N,...', 'simulations in each round; 128,48,48,48 if not given')
     option(sub, '--workers', 'N', 'processes; one for each core if not given', int)
-    sub = command(
-        'experiment', _experiment, "the thesis's figures and tables, from bags of a sweep"
-    )
-    sub.add_argument(
-        'folders', nargs='+', metavar='DIR', help='folders of bags, as sweep --bags writes them'
-    )
-    option(sub, '-o --output', 'DIR|FILE', 'draw the figures: a folder, .pdf or .svg')
-    option(sub, '--page', 'FILE.md', 'renew the tables of a page between its marks')
-    option(
-        sub,
-        '--skip',
-        'K',
-        'whole turns to leave out at the beginning; the first half if not given',
-        int,
-    )
 
 
 def _info(options: argparse.Namespace) -> int:
@@ -197,33 +182,6 @@ def _identify(options: argparse.Namespace) -> int:
     )
     with progress.count('identify', sum(rounds), quiet=options.json) as show:
         found = Identification(signals, wanted, options.seed, workers, show).find(rounds)
-    return print_result(options, found, report.to_json, report.render)
-
-
-def _experiment(options: argparse.Namespace) -> int:
-    from mechanism_sim.analysis.experiment import (  # noqa: PLC0415
-        bags_of,
-        read_experiment,
-        with_limits,
-        with_orders,
-    )
-    from mechanism_sim.report import experiment as report  # noqa: PLC0415
-    from mechanism_sim.report import experiment_page, figures, progress  # noqa: PLC0415
-
-    if options.skip is not None and options.skip < 0:
-        raise InputError('--skip must be at least 0')
-    place = figures.check_picture('--output', options.output, True) if options.output else None
-    page = experiment_page.read_page('--page', options.page) if options.page else None
-    bags = bags_of([Path(folder) for folder in options.folders])
-    with progress.count('experiment', len(bags), quiet=options.json) as show:
-        found = with_orders(with_limits(read_experiment(bags, options.skip, show)))
-    if page:
-        file, text = page
-        output.write_text(file, experiment_page.renewed(text, found))
-    if place:
-        from mechanism_sim.report.experiment_figures import draw  # noqa: PLC0415
-
-        figures.save_all(draw(found), place)
     return print_result(options, found, report.to_json, report.render)
 
 

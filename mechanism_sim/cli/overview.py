@@ -14,22 +14,28 @@ GROUPS = {
     'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view', 'layout', 'sound'),
     'Talk to what runs': ('topic', 'param', 'service', 'action', 'bag'),
     'How it vibrates': ('modes', 'response'),
-    'Recorded runs': ('info', 'recover', 'analyze', 'identify', 'experiment'),
+    'Recorded runs': ('info', 'recover', 'analyze', 'identify'),
     'Many runs': (
         'sweep',
         'find',
         'statistics',
-        'starts',
         'periodic',
-        'contact-loss',
         'lift-off',
+        'thesis',
     ),
     'For the workshop and other programs': ('profile', 'teeth', 'export'),
     'The program itself': ('bench', 'completion'),
 }
 """All commands by purpose, in the order in which `--help` lists them."""
 
-RENAMED: dict[str, str] = {}
+VERBS = {'thesis': "the thesis's experiment, criteria of contact loss, and start angles"}
+"""Commands that consist of others, `thesis starts` and so on."""
+
+RENAMED = {
+    'contact-loss': 'mechanism-sim thesis contact-loss',
+    'experiment': 'mechanism-sim thesis experiment',
+    'starts': 'mechanism-sim thesis starts',
+}
 """Names that commands had, and what is to be typed instead, beginning with the program."""
 
 START = (
@@ -107,3 +113,11 @@ class Overview(Parser):
         """What argparse keeps of the commands; their parsers by name are its `choices`."""
         assert self._subparsers is not None  # noqa: S101 - `make_parser` has added them
         return self._subparsers._group_actions[0]
+
+    def leaves(self) -> dict[str, Any]:
+        """The parsers of all commands that do something by their words, as `thesis starts`."""
+        found: dict[str, Any] = {}
+        for name, sub in self.commands().choices.items():
+            of = sub._subparsers._group_actions[0].choices if name in VERBS else {'': sub}
+            found |= {f'{name} {verb}'.strip(): leaf for verb, leaf in of.items()}
+        return found
