@@ -15,7 +15,26 @@ from running import run
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.deviation import alpha, deviation
-from mechanism_sim.analysis.experiment import (
+from mechanism_sim.analysis.record import read_record
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene import Level
+from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Instrument
+from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.sensing.point import PointOnLink
+from mechanism_sim.sweep.plan import Extent, read_plan
+from mechanism_sim.sweep.row import DONE, Task, compute
+from mechanism_sim.thesis import experiment_figures
+from mechanism_sim.thesis.angular_acceleration import TurningLink
+from mechanism_sim.thesis.claims import (
+    LESS,
+    MORE,
+    SAME,
+    UNDECIDED,
+    Claim,
+    Comparison,
+    claims,
+)
+from mechanism_sim.thesis.experiment import (
     CONFIDENCE,
     JOINT,
     Bearing,
@@ -27,28 +46,9 @@ from mechanism_sim.analysis.experiment import (
     with_limits,
     with_orders,
 )
-from mechanism_sim.analysis.record import read_record
-from mechanism_sim.analysis.thesis_claims import (
-    LESS,
-    MORE,
-    SAME,
-    UNDECIDED,
-    Claim,
-    Comparison,
-    claims,
-)
-from mechanism_sim.errors import InputError
-from mechanism_sim.report import experiment_figures
-from mechanism_sim.report.experiment import figure, render, summary, tables, to_json
-from mechanism_sim.report.experiment_figures import draw
-from mechanism_sim.report.experiment_page import renewed
-from mechanism_sim.scene import Level
-from mechanism_sim.sensing.angular_acceleration import TurningLink
-from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Instrument
-from mechanism_sim.sensing.channel import Channel
-from mechanism_sim.sensing.point import PointOnLink
-from mechanism_sim.sweep.plan import Extent, read_plan
-from mechanism_sim.sweep.row import DONE, Task, compute
+from mechanism_sim.thesis.experiment_figures import draw
+from mechanism_sim.thesis.experiment_page import renewed
+from mechanism_sim.thesis.experiment_tables import figure, render, summary, tables, to_json
 
 TURNS = 6
 MESH = 0.1

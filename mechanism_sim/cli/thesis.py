@@ -45,14 +45,15 @@ def add(command: Command) -> None:
 
 
 def _experiment(options: argparse.Namespace) -> int:
-    from mechanism_sim.analysis.experiment import (  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress  # noqa: PLC0415
+    from mechanism_sim.thesis import experiment_page  # noqa: PLC0415
+    from mechanism_sim.thesis import experiment_tables as report  # noqa: PLC0415
+    from mechanism_sim.thesis.experiment import (  # noqa: PLC0415
         bags_of,
         read_experiment,
         with_limits,
         with_orders,
     )
-    from mechanism_sim.report import experiment as report  # noqa: PLC0415
-    from mechanism_sim.report import experiment_page, figures, progress  # noqa: PLC0415
 
     if options.skip is not None and options.skip < 0:
         raise InputError('--skip must be at least 0')
@@ -65,27 +66,27 @@ def _experiment(options: argparse.Namespace) -> int:
         file, text = page
         output.write_text(file, experiment_page.renewed(text, found))
     if place:
-        from mechanism_sim.report.experiment_figures import draw  # noqa: PLC0415
+        from mechanism_sim.thesis.experiment_figures import draw  # noqa: PLC0415
 
         figures.save_all(draw(found), place)
     return print_result(options, found, report.to_json, report.render)
 
 
 def _contact_loss(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.study.losses import losses  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.thesis.losses import losses, render, to_json  # noqa: PLC0415
 
     machine = read_machine(options)
     with progress.busy('contact-loss', options.json):
         found = losses(machine, turns_of(options, machine, 3.0))
-    return print_result(options, found, study.losses_json, study.losses)
+    return print_result(options, found, to_json, render)
 
 
 def _starts(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.study.starts import starts  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.thesis.starts import render, starts, to_json  # noqa: PLC0415
 
     machine = read_machine(options)
     with progress.count('starts', max(options.angles, 1), quiet=options.json) as show:
         found = starts(machine, options.angles, turns_of(options, machine, 3.0), show)
-    return print_result(options, found, study.starts_json, study.starts)
+    return print_result(options, found, to_json, render)

@@ -7,8 +7,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
-from mechanism_sim.analysis.angular_reconstruction import LINKS
-from mechanism_sim.analysis.experiment import (
+from mechanism_sim.strict_json import plain
+from mechanism_sim.thesis.angular_reconstruction import LINKS
+from mechanism_sim.thesis.claims import (
+    UNDECIDED,
+    Claim,
+    Comparison,
+    claims,
+    spans_of_turns,
+)
+from mechanism_sim.thesis.experiment import (
     CONFIDENCE,
     QUANTITIES,
     Condition,
@@ -18,15 +26,7 @@ from mechanism_sim.analysis.experiment import (
     Repeats,
     Trial,
 )
-from mechanism_sim.analysis.swing import MESHES
-from mechanism_sim.analysis.thesis_claims import (
-    UNDECIDED,
-    Claim,
-    Comparison,
-    claims,
-    spans_of_turns,
-)
-from mechanism_sim.strict_json import plain
+from mechanism_sim.thesis.swing import MESHES
 
 _METHODS = {
     'thesis': 'as [SB]',

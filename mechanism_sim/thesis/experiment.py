@@ -19,11 +19,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.analysis.angular_reconstruction import LINKS, Estimate
 from mechanism_sim.analysis.deviation import deviation, ideal_machine
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
-from mechanism_sim.analysis.swing import (
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.batch_means import quotient, ratio
+from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.sensing.chain import Instrument
+from mechanism_sim.sensing.orders import Turns
+from mechanism_sim.thesis.angular_acceleration import TurningLink
+from mechanism_sim.thesis.angular_reconstruction import LINKS, Estimate
+from mechanism_sim.thesis.reconstruction import Error
+from mechanism_sim.thesis.swing import (
     MESHES,
     Severity,
     Swing,
@@ -34,14 +42,6 @@ from mechanism_sim.analysis.swing import (
     swings,
     under_limit,
 )
-from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError
-from mechanism_sim.numerics.batch_means import quotient, ratio
-from mechanism_sim.scene import Machine, simulate
-from mechanism_sim.sensing.angular_acceleration import TurningLink
-from mechanism_sim.sensing.chain import Instrument
-from mechanism_sim.sensing.orders import Turns
-from mechanism_sim.sensing.reconstruction import Error
 
 JOINT = 'coupler_rocker'
 CONFIDENCE = 0.99

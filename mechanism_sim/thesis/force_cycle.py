@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.four_bar import FourBar
-from mechanism_sim.linkages.periodic import (
+from mechanism_sim.thesis.periodic_functions import (
     TURN,
     Clock,
     Curve,

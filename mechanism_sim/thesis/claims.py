@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from mechanism_sim.analysis.experiment import Experiment, Interval, Repeats
+from mechanism_sim.thesis.experiment import Experiment, Interval, Repeats
 
 MORE, LESS, UNDECIDED = 'more', 'less', 'not decided'
 SAME = 'the same'
