@@ -32,7 +32,7 @@ READERS = {
     'plot': ['velocity.crank', '-o', 'x.svg'],
     'animate': ['-o', 'x.gif', '--fps', '5'],
     'animate -o x.wav': [],
-    'experiment': [],
+    'thesis experiment': [],
 }
 
 
@@ -232,13 +232,13 @@ EXPECTED = {
     'empty': dict.fromkeys(READERS, NOTHING) | {'info': '', 'analyze': ''},
     'early': dict.fromkeys(READERS, NOTHING) | {'info': '', 'analyze': ''},
     'late': dict.fromkeys(READERS, '')
-    | {'experiment': 'no sensor reads accelerations across the coupler'},
+    | {'thesis experiment': 'no sensor reads accelerations across the coupler'},
     'one': dict.fromkeys(READERS, '')
-    | {'animate -o x.wav': 'nothing to hear', 'experiment': 'whole turns of crank'},
+    | {'animate -o x.wav': 'nothing to hear', 'thesis experiment': 'whole turns of crank'},
     'failed': dict.fromkeys(READERS, '')
     | {
         'animate -o x.wav': 'nothing to hear',
-        'experiment': 'the experiment is that of a four_bar',
+        'thesis experiment': 'the experiment is that of a four_bar',
     },
 }
 
@@ -247,9 +247,9 @@ EXPECTED = {
 @pytest.mark.parametrize('state', EXPECTED)
 def test_every_command_reads_it_or_says_why_not(states, state, reader, tmp_path):
     path, expected = states[state], EXPECTED[state][reader]
-    if reader == 'experiment':
+    if reader == 'thesis experiment':
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    source = str(tmp_path if reader == 'experiment' else path)
+    source = str(tmp_path if reader == 'thesis experiment' else path)
     done = command(*reader.split(), source, *_within(tmp_path, READERS[reader]))
     assert done.returncode == (2 if expected else 0), done.stderr
     told = done.stderr.splitlines()
@@ -320,7 +320,7 @@ def test_topics_that_cannot_be_read_are_said_beside_those_that_can(tmp_path):
     assert 'topics that cannot be read are left out: /msg/rx/need_ack' in done.stderr
 
 
-@pytest.mark.parametrize('reader', [*READERS, 'recover', 'play'])
+@pytest.mark.parametrize('reader', [*READERS, 'bag recover', 'bag play'])
 def test_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
     """SQLite, alone and in its folder; what is refused is not taken for a scene."""
     file = tmp_path / 'bag' / 'bag_0.db3'
@@ -328,10 +328,9 @@ def test_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
     file.write_bytes(b'SQLite format 3\0' + bytes(100))
     (file.parent / 'metadata.yaml').write_text('rosbag2_bagfile_information: {version: 4}')
     for source in (file, file.parent):
-        words = ['bag', 'play', str(source)] if reader == 'play' else [reader, str(source)]
-        done = command(*words, *_within(tmp_path, READERS.get(reader, [])))
+        done = command(*reader.split(), str(source), *_within(tmp_path, READERS.get(reader, [])))
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
-        assert 'is a bag in SQLite (.db3)' in done.stderr or reader == 'experiment'
+        assert 'is a bag in SQLite (.db3)' in done.stderr or reader == 'thesis experiment'
 
 
 def test_a_bag_without_messages_is_not_played(states):

@@ -217,8 +217,8 @@ def test_a_torque_driven_machine_needs_a_duration():
     ('arguments', 'words'),
     [
         (('--points', 'coupler.ned'), "did you mean 'coupler.end'"),
-        (('--from', '30'), "write for example '30 deg'"),
-        (('--from', '30 mm'), "'30 mm' is not a quantity with a unit"),
+        (('--at', '30'), "write for example '30 deg'"),
+        (('--at', '30 mm'), "'30 mm' is not a quantity with a unit"),
         (('--samples', '1'), 'at least 2 samples'),
         (('--revolutions', '2', '--duration', '1'), 'periods or a duration, not both'),
         (('--output', 'table.txt'), 'the ending must be .parquet, .csv, .xlsx, .mat or .npz'),

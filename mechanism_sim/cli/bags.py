@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import os
-from pathlib import Path
+import time
 from typing import TYPE_CHECKING, Any
 
-from mechanism_sim import output
 from mechanism_sim.cli.options import (
     Command,
     option,
+    print_json,
     print_result,
     quantity,
     refuse_options,
@@ -30,7 +30,17 @@ def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('info', _info, 'list what a bag holds')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
-    sub = command('recover', _recover, 'close a bag whose recorder was killed')
+    sub = command('bag play', _play, 'publish what a bag holds, as its nodes did')
+    sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
+    option(sub, '--rate', 'R', 'recorded seconds in a second; 0: as fast as possible', 1.0)
+    option(sub, '--from', 'S', 'begin at this time after the first message', 0.0)
+    option(sub, '--delay', 'S', 'wait before the first message', 0.0)
+    sub.add_argument(
+        '--topics', nargs='+', action='extend', default=[], metavar='TOPIC', help='only these'
+    )
+    option(sub, '--clock', 'HZ', 'publish /clock, too, if the bag has none', float)
+    option(sub, '--timeout', 'S', 'look at most so long for subscriptions', 10.0)
+    sub = command('bag recover', _recover, 'close a bag whose recorder was killed')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
     sub = command('analyze', _analyze, 'summarise a recorded run, or fit a bearing to it')
     sub.add_argument(
@@ -39,21 +49,6 @@ def add(command: Command) -> None:
     namespace_option(sub)
     _detail_options(sub)
     _fit_options(sub)
-    sub = command(
-        'experiment', _experiment, "the thesis's figures and tables, from bags of a sweep"
-    )
-    sub.add_argument(
-        'folders', nargs='+', metavar='DIR', help='folders of bags, as sweep --bags writes them'
-    )
-    option(sub, '-o --output', 'DIR|FILE', 'draw the figures: a folder, .pdf or .svg')
-    option(sub, '--page', 'FILE.md', 'renew the tables of a page between its marks')
-    option(
-        sub,
-        '--skip',
-        'K',
-        'whole turns to leave out at the beginning; the first half if not given',
-        int,
-    )
 
 
 def _info(options: argparse.Namespace) -> int:
@@ -73,6 +68,31 @@ _DETAILS = (
     'spectrum', 'orders', 'envelope', 'average', 'impacts-on', 'wear', 'deviation', 'against',
     'band', 'pin-radius', 'plots', 'namespace',
 )  # fmt: skip
+
+
+def _play(options: argparse.Namespace) -> int:
+    if options.rate < 0.0 or options.delay < 0.0:
+        raise InputError('--rate and --delay must not be negative')
+    if not options.timeout > 0.0:
+        raise InputError('--timeout must be positive')
+    from mechanism_sim.nodes.player import player  # noqa: PLC0415
+    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+
+    bag = read_bag(options.bag)
+    if not any(topic.count for topic in bag.topics.values()):
+        raise InputError(f'{options.bag} holds nothing that can be played: it has no messages')
+    with player(options.timeout) as node:
+        time.sleep(options.delay)
+        with progress.bar('play', (bag.end - bag.start) / 1e9, quiet=options.json) as show:
+            count = node.play(
+                bag, options.topics, options.rate, getattr(options, 'from'), options.clock, show
+            )
+    if options.json:
+        print_json({'bag': options.bag, 'messages': count})
+    else:
+        print(f'{count} messages of {options.bag} published')
+    return 0
 
 
 def _analyze(options: argparse.Namespace) -> int:
@@ -149,33 +169,6 @@ def _fit(options: argparse.Namespace) -> int:
     )
     with progress.count('fit', sum(rounds), quiet=options.json) as show:
         found = Identification(signals, wanted, options.seed, workers, show).find(rounds)
-    return print_result(options, found, report.to_json, report.render)
-
-
-def _experiment(options: argparse.Namespace) -> int:
-    from mechanism_sim.analysis.experiment import (  # noqa: PLC0415
-        bags_of,
-        read_experiment,
-        with_limits,
-        with_orders,
-    )
-    from mechanism_sim.report import experiment as report  # noqa: PLC0415
-    from mechanism_sim.report import experiment_page, figures, progress  # noqa: PLC0415
-
-    if options.skip is not None and options.skip < 0:
-        raise InputError('--skip must be at least 0')
-    place = figures.check_picture('--output', options.output, True) if options.output else None
-    page = experiment_page.read_page('--page', options.page) if options.page else None
-    bags = bags_of([Path(folder) for folder in options.folders])
-    with progress.count('experiment', len(bags), quiet=options.json) as show:
-        found = with_orders(with_limits(read_experiment(bags, options.skip, show)))
-    if page:
-        file, text = page
-        output.write_text(file, experiment_page.renewed(text, found))
-    if place:
-        from mechanism_sim.report.experiment_figures import draw  # noqa: PLC0415
-
-        figures.save_all(draw(found), place)
     return print_result(options, found, report.to_json, report.render)
 
 

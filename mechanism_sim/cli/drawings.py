@@ -35,7 +35,6 @@ def add(command: Command) -> None:
     sub.add_argument(
         '--at',
         metavar='ANGLE',
-        dest='start',
         help="position of the drive to begin at, as '30 deg'",
     )
     option(sub, '--revolutions', 'N', 'how many turns of the drive', 1)
@@ -106,7 +105,7 @@ def _cycle(options: argparse.Namespace) -> int:
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     if options.output:
         tables.check_output(options.output)
-    start = options.start and quantity('--at', options.start, 'rad')[0]
+    start = options.at and quantity('--at', options.at, 'rad')[0]
     machine = read_machine(options)
     with progress.busy('cycle', options.json) as say:
         found = cycle(

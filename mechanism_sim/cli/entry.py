@@ -18,10 +18,11 @@ from mechanism_sim.cli import (
     pictures,
     runs,
     studies,
+    thesis,
     vibrations,
 )
 from mechanism_sim.cli.outcome import carry_out
-from mechanism_sim.cli.overview import Overview, render_start
+from mechanism_sim.cli.overview import VERBS, Overview, render_start
 from mechanism_sim.errors import InputError
 from mechanism_sim.nodes.arguments import Parser, split_ros_args
 from mechanism_sim.terminal import echo
@@ -34,7 +35,7 @@ def main(args: Sequence[str] | None = None) -> None:
     if '_ARGCOMPLETE' in os.environ:
         from mechanism_sim.cli.completion import complete  # noqa: PLC0415
 
-        complete(parser, parser.commands().choices)
+        complete(parser, parser.leaves())
     carry_out(lambda: _command(parser, given), given)
 
 
@@ -62,18 +63,24 @@ def make_parser() -> Overview:
         help='print the script by which a shell completes names: ' + ', '.join(first.SHELLS),
     )  # fmt: skip
     parser.set_defaults(run=_start, parser=parser)
-    commands = parser.add_subparsers(dest='command', metavar='COMMAND', parser_class=Parser)
+    places = {'': parser.add_subparsers(dest='command', metavar='COMMAND', parser_class=Parser)}
 
     def command(name: str, run: Any, text: str) -> argparse.ArgumentParser:
+        group, _, verb = name.rpartition(' ')
+        if group not in places:
+            of = places[''].add_parser(group, help=VERBS[group], description=VERBS[group])
+            places[group] = of.add_subparsers(
+                dest='verb', metavar='VERB', required=True, parser_class=Parser
+            )
         # A node has options of its own, and its own help.
-        sub = commands.add_parser(name, help=text, description=text, add_help=name != 'node')
+        sub = places[group].add_parser(verb, help=text, description=text, add_help=name != 'node')
         sub.set_defaults(run=run, parser=sub)
         if name != 'node':
             sub.add_argument('--json', action='store_true', help='JSON to standard output')
         return sub
 
     for module in (
-        first, machines, runs, bags, pages, pictures, drawings, studies, vibrations,
+        first, machines, runs, bags, pages, pictures, drawings, studies, thesis, vibrations,
     ):  # fmt: skip
         module.add(command)
     return parser

@@ -10,21 +10,26 @@ from mechanism_sim.nodes.arguments import Parser
 
 GROUPS = {
     'A machine': ('new', 'edit', 'scenes', 'check'),
-    'Run it': ('solve', 'run', 'node', 'bag'),
+    'Run it': ('solve', 'run', 'node'),
     'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view'),
     'How it vibrates': ('modes', 'response'),
-    'Recorded runs': ('info', 'recover', 'analyze', 'experiment'),
+    'Recorded runs': ('info', 'analyze', 'bag'),
     'Many runs': (
         'sweep',
         'find',
         'statistics',
-        'starts',
         'periodic',
-        'contact-loss',
+        'thesis',
     ),
     'For other programs': ('export',),
 }
 """All commands by purpose, in the order in which `--help` lists them."""
+
+VERBS = {
+    'bag': 'publish what a bag holds, or close one whose recorder was killed',
+    'thesis': "the thesis's experiment, criteria of contact loss, and start angles",
+}
+"""Commands that consist of others, as `thesis starts`."""
 
 RENAMED: dict[str, str] = {
     'bench': 'python -m benchmarks',
@@ -34,8 +39,10 @@ RENAMED: dict[str, str] = {
     'layout': 'mechanism-sim export --format foxglove|rviz',
     'lift-off': 'mechanism-sim find --lift-off',
     'profile': 'mechanism-sim draw --profile',
+    'recover': 'mechanism-sim bag recover',
     'sound': 'mechanism-sim animate -o FILE.wav',
     'teeth': 'mechanism-sim find --teeth',
+    **{verb: f'mechanism-sim thesis {verb}' for verb in ('contact-loss', 'experiment', 'starts')},
     **{group: f'zros {group}' for group in ('topic', 'param', 'service', 'action')},
 }
 """Names that commands had, and what is to be typed instead, beginning with the program."""
@@ -116,3 +123,11 @@ class Overview(Parser):
         """What argparse keeps of the commands; their parsers by name are its `choices`."""
         assert self._subparsers is not None  # noqa: S101 - `make_parser` has added them
         return self._subparsers._group_actions[0]
+
+    def leaves(self) -> dict[str, Any]:
+        """The parsers of all commands that do something by their words, as `thesis starts`."""
+        found: dict[str, Any] = {}
+        for name, sub in self.commands().choices.items():
+            of = sub._subparsers._group_actions[0].choices if name in VERBS else {'': sub}
+            found |= {f'{name} {verb}'.strip(): leaf for verb, leaf in of.items()}
+        return found

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import time
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,18 +71,6 @@ def add(command: Command) -> None:
     flag(sub, '--plan', 'print its nodes, parameters and topics as JSON, and run nothing')
     sub = command('node', _node, 'run one node by itself; NAME --help lists its options')
     sub.add_argument('name', nargs='?', metavar='NAME', help='one of ' + ', '.join(NODE_CLASSES))
-
-    sub = command('bag', _bag, 'replay a bag: publish what it holds, as its nodes did')
-    sub.add_argument('verb', choices=('play',), metavar='play', help='what to do with it')
-    sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
-    option(sub, '--rate', 'R', 'recorded seconds in a second; 0: as fast as possible', 1.0)
-    option(sub, '--from', 'S', 'begin so long after the first message', 0.0)
-    option(sub, '--delay', 'S', 'wait before the first message', 0.0)
-    sub.add_argument(
-        '--topics', nargs='+', action='extend', default=[], metavar='TOPIC', help='only these'
-    )
-    option(sub, '--clock', 'HZ', 'publish /clock, too, if the bag has none', float)
-    option(sub, '--timeout', 'S', 'look at most so long for subscriptions', 10.0)
 
 
 def _solve(options: argparse.Namespace) -> int:
@@ -192,28 +179,3 @@ def _samples(options: argparse.Namespace) -> AbstractContextManager[Writer | Non
 
     tables.check_output(options.output)
     return tables.Writer(options.output, tables.check_rate(options.sample_rate))
-
-
-def _bag(options: argparse.Namespace) -> int:
-    if options.rate < 0.0 or options.delay < 0.0:
-        raise InputError('--rate and --delay must not be negative')
-    if not options.timeout > 0.0:
-        raise InputError('--timeout must be positive')
-    from mechanism_sim.nodes.player import player  # noqa: PLC0415
-    from mechanism_sim.recording import read_bag  # noqa: PLC0415
-    from mechanism_sim.report import progress  # noqa: PLC0415
-
-    bag = read_bag(options.bag)
-    if not any(topic.count for topic in bag.topics.values()):
-        raise InputError(f'{options.bag} holds nothing that can be played: it has no messages')
-    with player(options.timeout) as node:
-        time.sleep(options.delay)
-        with progress.bar('play', (bag.end - bag.start) / 1e9, quiet=options.json) as show:
-            count = node.play(
-                bag, options.topics, options.rate, getattr(options, 'from'), options.clock, show
-            )
-    if options.json:
-        print_json({'bag': options.bag, 'messages': count})
-    else:
-        print(f'{count} messages of {options.bag} published')
-    return 0

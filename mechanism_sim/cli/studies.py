@@ -39,13 +39,6 @@ def add(command: Command) -> None:
     length_options(sub, '200 if not given')
     skip_option(sub, '20 if not given')
     measure_option(sub)
-    sub = command('contact-loss', _contact_loss, 'criteria of contact loss, beside what happens')
-    scene_options(sub)
-    length_options(sub, '3 if not given')
-    sub = command('starts', _starts, 'how long a seated pin follows, by start angle')
-    scene_options(sub)
-    option(sub, '--angles', 'N', 'how many start angles around the turn', 24)
-    length_options(sub, '3 from each if not given')
     sub = command('find', _find, 'find the value of a key for which a figure is as wanted')
     scene_options(sub, count='?')
     option(sub, '--vary', 'PATH=LOW:HIGH', 'the key, and between which values to look')
@@ -113,16 +106,6 @@ def _statistics(options: argparse.Namespace) -> int:
     return print_result(options, found, study.statistics_json, study.statistics)
 
 
-def _contact_loss(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.study.losses import losses  # noqa: PLC0415
-
-    machine = read_machine(options)
-    with progress.busy('contact-loss', options.json):
-        found = losses(machine, turns_of(options, machine, 3.0))
-    return print_result(options, found, study.losses_json, study.losses)
-
-
 def _lift_off(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress, study  # noqa: PLC0415
     from mechanism_sim.study.lift_off import lift_offs  # noqa: PLC0415
@@ -131,16 +114,6 @@ def _lift_off(options: argparse.Namespace) -> int:
     with progress.busy('find', options.json) as say:
         found = lift_offs(machine, say)
     return print_result(options, found, study.lift_offs_json, study.lift_offs)
-
-
-def _starts(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.study.starts import starts  # noqa: PLC0415
-
-    machine = read_machine(options)
-    with progress.count('starts', max(options.angles, 1), quiet=options.json) as show:
-        found = starts(machine, options.angles, turns_of(options, machine, 3.0), show)
-    return print_result(options, found, study.starts_json, study.starts)
 
 
 _SEARCH = 'vary', 'so-that', 'minimise', 'values', 'duration', 'revolutions', 'output'

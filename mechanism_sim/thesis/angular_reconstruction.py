@@ -10,10 +10,10 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.numerics.polynomials import TWO_PI
-from mechanism_sim.sensing import reconstruction as angular
 from mechanism_sim.sensing.chain import Instrument
-from mechanism_sim.sensing.frequency_weights import band_pass, both, fade, invert
-from mechanism_sim.sensing.reconstruction import Error, error
+from mechanism_sim.thesis import reconstruction as angular
+from mechanism_sim.thesis.frequency_weights import band_pass, both, fade, invert
+from mechanism_sim.thesis.reconstruction import Error, error
 
 LINKS = 'coupler', 'rocker'
 _TOP = 0.45  # of the sampling rate: above, nothing is worth keeping

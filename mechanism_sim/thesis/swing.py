@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.analysis.angular_reconstruction import LINKS, Estimate, Rebuilt
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
@@ -21,9 +20,10 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.instruments import source
 from mechanism_sim.scene.schema import SensorPart
-from mechanism_sim.sensing.angular_acceleration import TurningLink
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
 from mechanism_sim.sensing.channel import Channel, Source
+from mechanism_sim.thesis.angular_acceleration import TurningLink
+from mechanism_sim.thesis.angular_reconstruction import LINKS, Estimate, Rebuilt
 
 MESHES = 1.0, 0.1
 """[deg] of the crank: steps over which an acceleration with impacts is averaged."""

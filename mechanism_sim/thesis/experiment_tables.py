@@ -7,8 +7,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
-from mechanism_sim.analysis.angular_reconstruction import LINKS
-from mechanism_sim.analysis.experiment import (
+from mechanism_sim.strict_json import plain
+from mechanism_sim.thesis.angular_reconstruction import LINKS
+from mechanism_sim.thesis.claims import (
+    UNDECIDED,
+    Claim,
+    Comparison,
+    claims,
+    spans_of_turns,
+)
+from mechanism_sim.thesis.experiment import (
+    CONFIDENCE,
     QUANTITIES,
     Condition,
     Errors,
@@ -17,15 +26,7 @@ from mechanism_sim.analysis.experiment import (
     Repeats,
     Trial,
 )
-from mechanism_sim.analysis.swing import MESHES
-from mechanism_sim.analysis.thesis_claims import (
-    UNDECIDED,
-    Claim,
-    Comparison,
-    claims,
-    spans_of_turns,
-)
-from mechanism_sim.strict_json import plain
+from mechanism_sim.thesis.swing import MESHES
 
 _METHODS = {
     'thesis': 'as [SB]',
@@ -80,7 +81,7 @@ def summary(found: Experiment) -> str:
     """Which runs there are, which of them are compared, and why."""
     lines = [
         f'{len(found.trials)} runs of {len(found.groups)} conditions; '
-        f'"+-" is the 95 % confidence interval of means over {_starts(found)}',
+        f'"+-" is the {100.0 * CONFIDENCE:g} % confidence interval of means over {_starts(found)}',
         f'measured is the bearing that most of the runs have, {found.counted[found.bearing]} of '
         f'{len(found.trials)}: {found.bearing}',
         f'it is compared at {found.reference.condition.place}: {_WHY_REFERENCE} '
@@ -375,6 +376,7 @@ def to_json(found: Experiment) -> dict[str, object]:
     alone = found.assumed is found.reference
     return {
         **found.bearing._asdict(),
+        'confidence': CONFIDENCE,
         'why': f'{found.counted[found.bearing]} of {len(found.trials)} runs have this bearing',
         'alpha': None if alone else _interval(found.alpha()),
         'alpha_by_order': [_interval(x) for x in found.orders or ()],

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.strict_json import plain
 
 
 @dataclass(frozen=True)
@@ -65,3 +66,23 @@ def starts(
         if progress:
             progress(k + 1)
     return found
+
+
+def render(found: Sequence[Start]) -> str:
+    """Start angles for people, the best one named."""
+    lines = ['start angle   follows for     loses it at   impacts']
+    for s in found:
+        followed = f'{s.followed:.4f} rev' if math.isfinite(s.followed) else 'all of it'
+        lost = f'{math.degrees(s.lost_at):.1f} deg' if math.isfinite(s.followed) else ''
+        lines.append(
+            f'{math.degrees(s.angle):8.1f} deg  {followed:>12}  {lost:>14}  {s.impacts:8d}'
+        )
+    best = max(found, key=lambda s: s.followed)
+    lines.append(f'of these, contact lasts longest from {math.degrees(best.angle):.1f} deg')
+    return '\n'.join(lines)
+
+
+def to_json(found: Sequence[Start]) -> list[dict[str, object]]:
+    """The same as JSON; ``followed`` and ``lost_at`` are null where contact was kept."""
+    keys = 'angle', 'followed', 'lost_at', 'impacts'
+    return [{key: plain(getattr(s, key)) for key in keys} for s in found]

@@ -1,6 +1,6 @@
 """What [SB] concludes of clearance, speed and restitution, held against means over starts.
 
-Two figures differ if their 95 % confidence intervals do not overlap; otherwise it is not decided
+Two figures differ if their confidence intervals do not overlap; otherwise it is not decided
 which is the larger. So a conclusion that is drawn here holds for other starts and processors.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from mechanism_sim.analysis.experiment import Experiment, Interval, Repeats
+from mechanism_sim.thesis.experiment import Experiment, Interval, Repeats
 
 MORE, LESS, UNDECIDED = 'more', 'less', 'not decided'
 SAME = 'the same'

@@ -9,15 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechanism_sim.analysis.angular_reconstruction import LINKS
-from mechanism_sim.analysis.experiment import (
-    JOINT,
-    Cycle,
-    Experiment,
-    Interval,
-    Repeats,
-    Trial,
-)
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import INK
 from mechanism_sim.report.charts.chart import MARKERS, Axis, Chart, Curve, Panel
@@ -25,6 +16,15 @@ from mechanism_sim.report.charts.lines import turn_of
 from mechanism_sim.report.condition import rose_picture
 from mechanism_sim.report.figures import paint
 from mechanism_sim.sensing.spectra import power
+from mechanism_sim.thesis.angular_reconstruction import LINKS
+from mechanism_sim.thesis.experiment import (
+    JOINT,
+    Cycle,
+    Experiment,
+    Interval,
+    Repeats,
+    Trial,
+)
 
 # number of the colour, or colour, and of the dashes
 _STROKES: dict[str, tuple[int | str, int]] = {'measured': (3, 0), 'no clearance': (INK, 1)}

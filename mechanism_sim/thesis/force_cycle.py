@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.four_bar import FourBar
-from mechanism_sim.linkages.periodic import (
+from mechanism_sim.planar.inverse_dynamics import InverseDynamics
+from mechanism_sim.thesis.periodic_functions import (
     TURN,
     Clock,
     Curve,
@@ -25,7 +26,6 @@ from mechanism_sim.linkages.periodic import (
     tip,
     with_tips,
 )
-from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 
 _EPS = float(np.finfo(float).eps)
 _FEWEST_SAMPLES = 8

@@ -10,9 +10,9 @@ import re
 from pathlib import Path
 
 from mechanism_sim import output
-from mechanism_sim.analysis.experiment import Experiment
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.report.experiment import summary, tables
+from mechanism_sim.thesis.experiment import Experiment
+from mechanism_sim.thesis.experiment_tables import summary, tables
 
 _MARKED = re.compile(
     r'^(?P<begin><!-- experiment: (?P<name>[^\n]+?) -->\n).*?^(?P<end><!-- /experiment -->)$',

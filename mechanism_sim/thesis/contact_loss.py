@@ -49,9 +49,9 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.linkages.force_cycle import ForceCycle, length
 from mechanism_sim.linkages.four_bar import FourBar
-from mechanism_sim.linkages.periodic import (
+from mechanism_sim.thesis.force_cycle import ForceCycle, length
+from mechanism_sim.thesis.periodic_functions import (
     TURN,
     resolve,
     root,

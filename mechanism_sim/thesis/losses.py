@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.linkages.contact_loss import (
+from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.strict_json import plain
+from mechanism_sim.thesis.contact_loss import (
     ClearanceLink,
     Prediction,
     contact_loss,
 )
-from mechanism_sim.linkages.force_cycle import ForceCycle
-from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.thesis.force_cycle import ForceCycle
 
 
 @dataclass(frozen=True)
@@ -66,3 +68,33 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
         ]
         found.append(Losses(joint, tuple(predictions), tuple(turns)))
     return found
+
+
+def render(found: Sequence[Losses]) -> str:
+    """Criteria and reality for people."""
+    lines = []
+    for joint in found:
+        lines.append(f'{joint.joint}: what the ideal mechanism says')
+        for p in joint.predictions:
+            angles = ', '.join(f'{math.degrees(a):.1f}' for a in p.angles[:6])
+            lines.append(
+                f'  {p.criterion:26} {"loss" if p.predicts_loss else "no loss":8} '
+                f'{p.figure:10.4g} {p.unit if p.unit != "1" else ""} (limit {p.threshold:g})'
+                + (f', at {angles} deg' if angles else '')
+            )
+        really = ', '.join(f'{t:.6g}' for t in joint.turns[:8])
+        more = f' and {len(joint.turns) - 8} more' if len(joint.turns) > 8 else ''
+        lines.append(f'  really lost at            {really or "no time"}{more} revolutions')
+    return '\n'.join(lines)
+
+
+def to_json(found: Sequence[Losses]) -> list[dict[str, object]]:
+    """The same as JSON."""
+    return [
+        {
+            'joint': joint.joint,
+            'predictions': plain(joint.predictions),
+            'lost_at_revolutions': list(joint.turns),
+        }
+        for joint in found
+    ]
