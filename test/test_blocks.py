@@ -19,8 +19,7 @@ DEEP = {
         f'docs/{page}.md'
         for page in (
             'analysis',
-            'exercises_forces',
-            'exercises_kinematics',
+            'exercises',
             'faq',
             'linkages',
             'looking',
