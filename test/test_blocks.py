@@ -29,7 +29,7 @@ DEEP = {
     ),
     *(
         f'docs/{page}.md'
-        for page in ('reproducibility', 'studies', 'howto/machine_learning', 'howto/my_mechanism')
+        for page in ('accuracy', 'studies', 'howto/machine_learning', 'howto/my_mechanism')
     ),
 }
 
