@@ -8,6 +8,8 @@
   ``<!-- numbers vary: REASON -->`` where only words can be compared.
 - A block after ``<!-- file: NAME -->`` is written to that file, whatever its language.
 - Blocks within a comment are run like others: what a page needs, but not its reader.
+- Of tables whose last columns are ``command`` and ``answer`` each row is run: its command, in
+  backticks and without ``mechanism-sim``, prints all that is in backticks in its answer.
 """
 
 from __future__ import annotations
@@ -34,6 +36,9 @@ BLOCK = re.compile(
     r'(?:^ *<!-- (?P<mark>not run|numbers vary|file): (?P<reason>[^\n]+?) -->\n)?'
     r'^(?P<indent> *)```(?P<language>\S*)[^\n]*\n(?P<text>.*?)^(?P=indent)```$',
     re.DOTALL | re.MULTILINE,
+)
+TABLE = re.compile(
+    r'^\|.*\| command \| answer \|\n\|[-|]+\|\n(?P<rows>(?:\|.*\|\n)+)', re.MULTILINE
 )
 NUMBER = re.compile(r'[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?')
 BEFOREHAND = f"""
@@ -98,7 +103,18 @@ def blocks(page: str) -> list[Block]:
             end = match.end()
         elif match['language'] == 'text' and found and not text[end : match.start()].strip():
             found[-1] = Block(**{**vars(found[-1]), 'shown': content, 'vary': varies})
-    return found
+    return sorted([*found, *_rows(page, text)], key=lambda block: block.line)
+
+
+def _rows(page: str, text: str) -> Iterator[Block]:
+    """Rows of tables of commands and answers, those without a command left out."""
+    for table in TABLE.finditer(text):
+        first = text.count('\n', 0, table.start('rows')) + 1
+        for line, row in enumerate(table['rows'].splitlines(), first):
+            *_, command, answer = (cell.strip() for cell in row.strip('|').split(' | '))
+            if command.startswith('`'):
+                expected = '\n'.join(re.findall('`([^`]+)`', answer))
+                yield Block(page, line, 'row', command.strip('`'), '', '', expected)
 
 
 def commands(block: Block) -> Iterator[tuple[str, str | None]]:
@@ -139,6 +155,9 @@ def run(block: Block, names: dict[str, Any]) -> None:
     if block.mark == 'file':
         Path(block.reason).write_text(block.text, encoding='utf-8')
         return
+    if block.language == 'row':
+        _check_row(block)
+        return
     if block.language == 'python':
         with contextlib.redirect_stdout(io.StringIO()) as out:
             exec(compile(block.text, block.place, 'exec', dont_inherit=True), names)
@@ -158,6 +177,20 @@ def run(block: Block, names: dict[str, Any]) -> None:
         printed = done.stdout
     if block.shown is not None:
         compare(block.shown, printed, block.vary, block.place)
+
+
+def _check_row(block: Block) -> None:
+    """Run the command of a row of a table; each part of its answer is in a line that it prints."""
+    done = _command(f'mechanism-sim {block.text}')
+    printed = done.stdout + done.stderr
+    lines = [line.split() for line in printed.splitlines()]
+    assert block.shown, f'{block.place}: the answer has nothing that the command prints'
+    for part in block.shown.splitlines():
+        size = len(part.split())
+        windows = (' '.join(w[k : k + size]) for w in lines for k in range(len(w) - size + 1))
+        assert any(_same_line(part, window.rstrip(',:;'), False) for window in windows), (
+            f'{block.place}: {block.text} does not print\n{part}\nbut\n{printed}'
+        )
 
 
 def _command(command: str) -> subprocess.CompletedProcess[str]:

@@ -11,7 +11,7 @@ Three kinds of entries:
 - ``topics``: types, numbers and first messages of the topics of three recorded runs.
 
 Digests are compared where processor and compilers are those of the record
-(docs/reproducibility.md), figures everywhere, to `TOLERANCE`.
+(docs/accuracy.md), figures everywhere, to `TOLERANCE`.
 """
 
 from __future__ import annotations

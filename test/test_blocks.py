@@ -22,8 +22,7 @@ DEEP = {
         f'docs/{page}.md'
         for page in (
             'analysis',
-            'exercises_forces',
-            'exercises_kinematics',
+            'exercises',
             'faq',
             'linkages',
             'looking',
@@ -33,7 +32,7 @@ DEEP = {
     ),
     *(
         f'docs/{page}.md'
-        for page in ('reproducibility', 'studies', 'howto/machine_learning', 'howto/my_mechanism')
+        for page in ('accuracy', 'studies', 'howto/machine_learning', 'howto/my_mechanism')
     ),
 }
 

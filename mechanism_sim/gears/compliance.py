@@ -1,4 +1,17 @@
-"""Stiffness of teeth in mesh, which changes as pairs of teeth come and go."""
+"""Teeth that give way: mesh stiffness, which changes as pairs of teeth come and go.
+
+Seen along the line of action a mesh is a spring and a damper. With the way x by which a flank is
+pressed in and the phase u of the teeth,
+
+    k(u) = k0 (1 + sum_j a_j cos(j u))
+
+where u = 0 is the middle of the part with most pairs of teeth in contact. The force follows from
+the potential k(u) x^2/2: beside k x along the line of action there is the couple -k'(u) x^2/2
+between first gear and carrier, without which a turning gear would gain energy from nothing.
+
+Elastic flanks are switched force elements, not contacts: their stiffness depends on the angle, and
+they may drive loose rigid bearings, of which a scene has one kind only.
+"""
 
 from __future__ import annotations
 

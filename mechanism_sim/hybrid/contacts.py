@@ -1,4 +1,9 @@
-"""What an event does to the contacts: who strikes, who follows, who slips, who lets go."""
+"""Contact transitions at an event: impact, sticking, sliding, separation.
+
+One set of equations with a flag for each gap serves every pattern of contact: the pattern changes
+by parameters, and nothing is compiled at an event. Compliant contacts run by the same flags: with
+an event at the touch all pieces are smooth, where friction smoothed over a slip would be stiff.
+"""
 
 from __future__ import annotations
 

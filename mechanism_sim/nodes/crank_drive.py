@@ -24,6 +24,9 @@ BEHIND = 0.95
 class CrankDrive(SimulationNode):
     """Announces the law of the crank ahead of the slowest partner, by credit.
 
+    A law and not samples, which would bring a delay of a tick; credit and not a common clock, so
+    that a slow node delays the run and loses nothing.
+
     It is the simulator of the standard `simulation_interfaces`, see `Control`, and takes commands,
     see `Commands`. Parameters of the node, besides those of every node: ``lead`` [s], how far the
     law is announced ahead of the slowest partner; ``realtime_factor``, simulated seconds per

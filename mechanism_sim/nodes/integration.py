@@ -1,4 +1,8 @@
-"""Integrating a machine under the law of its drive, and publishing all of its motion."""
+"""Integrating a machine under the law of its drive, and publishing all of its motion.
+
+One node integrates the whole machine: cams and gears load the crank, and divided equations would
+have an error of coupling.
+"""
 
 from __future__ import annotations
 

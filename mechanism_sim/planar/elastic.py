@@ -11,7 +11,8 @@ stretch. It is of second order, but the axial force does work on it: a beam that
 stiffened by it, one under thrust softened until it buckles (Kane, Ryan and Banerjee, J. Guidance
 10 (1987) 139-151; [Sh] A. A. Shabana, Dynamics of Multibody Systems, 4th ed., ch. 5). Kinetic
 energy counts up to second order in the elastic coordinates and their rates together, strain energy
-too: to that order the equations are exact for the shapes that are taken.
+too: to that order the equations are exact for the shapes that are taken. Of higher orders the
+foreshortening knows only a part, and they take twice the time with three modes.
 
 Reference conditions say where the frame lies in the beam: `pinned`, its x axis through both ends
 of the axis, which do not move across; or `clamped`, its x axis tangent to the axis where that

@@ -634,6 +634,9 @@ def closing_joints(
 ) -> tuple[str, ...]:
     """The joints to cut so that the rest is a tree: of every loop one, and all that are loose.
 
+    Displacements are coordinates of the tree: so a slider-crank has three coordinates and two
+    closures instead of six and six.
+
     Links are reached breadth first from the ground. Prismatic joints that carry a `driven` link
     come first, since a drive needs its coordinate, and the bearings of higher pairs; then revolute
     joints and guides fixed to the ground; guides on moving links last, because their displacements

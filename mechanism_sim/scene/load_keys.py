@@ -1,6 +1,7 @@
 """What every kind of load registers: its section of a scene, and the force elements it makes.
 
-A kind is a file in `mechanism_sim.scene.loads`; whatever lists kinds or keys finds it there.
+A kind is a file in `mechanism_sim.scene.loads`; whatever lists kinds or keys finds it there. The
+place of a load is the key `at`, because YAML 1.1 reads `on` as a truth value.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""What a machine is like in the mean: figures per revolution, with confidence intervals."""
+"""Means of a machine: figures per revolution, with confidence intervals.
+
+Conclusions about chaotic runs are made from intervals: a single run has other figures on another
+processor.
+"""
 
 from __future__ import annotations
 
