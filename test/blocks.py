@@ -79,7 +79,7 @@ class Block:
 
 def pages() -> list[str]:
     """All pages with blocks, relative to the repository."""
-    files = [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
+    files = [ROOT / 'README.md', ROOT / 'zenoh_rclpy/README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
     return [str(file.relative_to(ROOT)) for file in files if '```' in file.read_text('utf-8')]
 
 
