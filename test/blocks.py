@@ -84,7 +84,8 @@ class Block:
 
 def pages() -> list[str]:
     """All pages with blocks, relative to the repository."""
-    files = [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
+    readmes = ROOT / 'README.md', ROOT / 'zenoh_rclpy' / 'README.md'
+    files = [*readmes, *sorted((ROOT / 'docs').rglob('*.md'))]
     return [str(file.relative_to(ROOT)) for file in files if '```' in file.read_text('utf-8')]
 
 
