@@ -71,7 +71,7 @@ def record(folder, sweep, *numbers):
 def bags(tmp_path_factory):
     """Restitution a half, three starts, and 1, two starts; an oil film."""
     folder = tmp_path_factory.mktemp('bags')
-    record(folder, 'thesis_measurement', 132, 134, 136, 144, 146)
+    record(folder, 'thesis_measurement', 66, 67, 68, 72, 73)
     record(folder, 'thesis_bearings', 64)
     return folder
 
@@ -171,10 +171,10 @@ def test_runs_are_named_that_are_compared_and_why(found):
     assert '6 runs of 3 conditions' in text
     assert '3 of 6: restitution 0.5, friction 0' in text
     assert 'the highest speed of the measured bearing, and there its largest clearance' in text
-    assert 'thesis_measurement_00132.mcap to thesis_measurement_00136.mcap' in text
+    assert 'thesis_measurement_00066.mcap to thesis_measurement_00068.mcap' in text
     assert 'nearest to what [SB] assumes: dry, the least friction' in text
-    assert data['reference']['bags'][0] == 'thesis_measurement_00132.mcap'
-    assert data['assumed']['bags'] == [f'thesis_measurement_0014{k}.mcap' for k in (4, 6)]
+    assert data['reference']['bags'][0] == 'thesis_measurement_00066.mcap'
+    assert data['assumed']['bags'] == [f'thesis_measurement_0007{k}.mcap' for k in (2, 3)]
     assert 'largest clearance' in data['reference']['why']
     assert data['assumed']['restitution'] == 1.0
     assert data['alpha']['half_width'] > 0.0
