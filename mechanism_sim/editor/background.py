@@ -12,7 +12,7 @@ from threading import Thread
 from typing import Any, NamedTuple
 
 from mechanism_sim import ending, strict_json
-from mechanism_sim.editor.processes import LARGEST, resident
+from mechanism_sim.editor.processes import LARGEST, resident, work_unseen
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.packages import reason
 
@@ -126,11 +126,7 @@ class _NotWanted(Exception):  # noqa: N818 - no error: the job is dropped
 
 def _serve(link: Connection) -> None:
     """Do jobs until nobody gives any."""
-    import os  # noqa: PLC0415
-    import signal  # noqa: PLC0415
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is for the one who edits
-    ending.follow(os.getppid())
+    work_unseen()
     try:
         job = link.recv()
         while True:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import os
+import signal
+import warnings
 from pathlib import Path
 from typing import Final
+
+from mechanism_sim import ending
 
 LARGEST: Final = 400.0
 """[MiB] of a process that draws or runs; one that has grown beyond gives way to a new one.
@@ -12,6 +16,17 @@ LARGEST: Final = 400.0
 What is compiled for a machine stays in memory, some 5 MiB for each: whoever opens fifty others is
 beyond.
 """
+
+
+def work_unseen() -> None:
+    """Prepare this process to draw or run what may be half a machine, for a page that shows it.
+
+    An interrupt is for the one who edits, and so is standard error: numbers without a value, which
+    half a machine has, are no matter for it.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    warnings.simplefilter('ignore', RuntimeWarning)
+    ending.follow(os.getppid())
 
 
 def cpu_time(pid: int | None) -> float | None:

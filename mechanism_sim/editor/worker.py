@@ -6,8 +6,6 @@ of hundreds of links. The process that serves pages holds the document and waits
 
 from __future__ import annotations
 
-import os
-import signal
 import time
 from collections.abc import Callable, Iterator
 from multiprocessing import get_context
@@ -16,7 +14,7 @@ from typing import Any
 
 from mechanism_sim import ending, strict_json
 from mechanism_sim.editor.document import Document
-from mechanism_sim.editor.processes import LARGEST, cpu_time, resident
+from mechanism_sim.editor.processes import LARGEST, cpu_time, resident, work_unseen
 from mechanism_sim.packages import reason
 
 PATIENCE = 15.0
@@ -218,8 +216,7 @@ def _work(link: Connection) -> None:
     """Do what is asked for until nobody asks."""
     from mechanism_sim.editor.session import Session  # noqa: PLC0415 - here it is loaded
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is for the one who edits
-    ending.follow(os.getppid())
+    work_unseen()
 
     def send(message: dict[str, Any]) -> None:
         text = strict_json.dumps(message)
