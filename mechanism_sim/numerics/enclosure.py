@@ -34,7 +34,9 @@ _FAR = {'sin': 2.0, 'cos': 2.0, 'exp': 1.5, 'tanh': 0.7, 'atan': 0.5}
 well within the distance of the next pole, and of a function without poles a change of a few."""
 _FAR_FROM_POLE = 0.5  # the same, of the distance from it
 _ENTIRE = 'sin', 'cos', 'exp'
-_NEARER = 0.5  # of the same: there a series converges so fast that its own last terms tell its error
+_NEARER = (
+    0.5  # of the same: there a series converges so fast that its own last terms tell its error
+)
 _LIMITLESS = 1e300  # of what a function may be in a part that holds its pole
 
 
