@@ -388,11 +388,12 @@ class Contacts(Switching):
             if i < len(modes) and modes[i] == 1:
                 if x <= -margin and seen[count + i] < 0.0 and i != seen_now:
                     return i
-            elif i != seen_now and x <= (
-                floor if seen_now is None else _BEYOND * (floor - margin)
+            elif (
+                i != seen_now
+                and x <= (floor if seen_now is None else _BEYOND * (floor - margin))
+                and not self._leads_back(self._system.guards[i].switch)
             ):
-                if not self._leads_back(self._system.guards[i].switch):
-                    return i
+                return i
         return None
 
     def _seat(self) -> None:

@@ -30,6 +30,7 @@ TOLERANCE = 1e-8
 
 _REACH = 9.0  # widths, beyond which a pulse is nothing to rounding
 _HARMONICS = 6
+_LEAST = 1e-9  # [N m, J] of a figure, where a load acts before or after
 _FIGURES = 'mean', 'rms', 'highest', 'lowest'
 
 
@@ -252,18 +253,19 @@ def _judge_ideal(ideal: _Ideal, machine: Machine, solution: Solution) -> dict[st
         scale = {'mean': size, 'rms': wanted['rms'], 'highest': largest, 'lowest': largest}
         seen = measure(machine, solution, *(f'{name}({column})' for name in _FIGURES))
         for name, x in zip(_FIGURES, seen, strict=True):
-            off[f'off.{name}.{drive}'] = abs(float(x.value) - wanted[name]) / scale[name]
+            size_of = max(scale[name], _LEAST)
+            off[f'off.{name}.{drive}'] = abs(float(x.value) - wanted[name]) / size_of
         work, exchanged = work + mean * period * w, exchanged + size * period * abs(w)
         harmonics = found[3 : 3 + _HARMONICS, d] + 1j * found[3 + _HARMONICS :, d]
         own = spectrum(lambda at, c=column: solution.sample(at)[c][None], starts, _HARMONICS)
         amplitudes = np.asarray(own.amplitudes)[0]
-        off[f'off.harmonics.{drive}'] = (
-            float(np.abs(amplitudes - 2.0 * harmonics / period).max()) / size
-        )
+        off[f'off.harmonics.{drive}'] = float(
+            np.abs(amplitudes - 2.0 * harmonics / period).max()
+        ) / max(size, _LEAST)
     assert solution.energy is not None  # noqa: S101 - masses are known
     struck = sum(i.drive_work for i in solution.impacts)
     missing = abs(solution.energy.drive_work - struck - work) - solution.energy.error
-    off['off.work'] = max(missing, 0.0) / exchanged
+    off['off.work'] = max(missing, 0.0) / max(exchanged, _LEAST)
     return off
 
 
