@@ -53,7 +53,7 @@ def _apart(rows: Sequence[R], steep: Collection[str]) -> list[list[R]]:
     for row in rows:
         argument = row if isinstance(row, str) else row[1]
         groups.setdefault(argument if argument in steep else '', []).append(row)
-    return [*groups.values()]
+    return list(groups.values())
 
 
 class Tally:
@@ -127,26 +127,7 @@ class Tally:
             return
         every = parts_of(curve, since, until)
         parts = {a: self._steep_parts(piece, f, every) for a, f in self._steep.items()}
-        for own, search in self._searches:
-            steep = parts.get(own[0])
-            k, a, b = curve.locate(0.5 * (start + end)), start, end
-            if steep is not None:
-                k = steep.segment
-                a, b = (curve.start[k] + (curve.start_low[k] + x) for x in steep[1:3])
-            search.add(
-                lambda t, own=own: self._values(piece, own, *curve.within(t))[0],  # type: ignore[misc]
-                a,
-                b,
-                None
-                if steep
-                else lambda some, k=k, own=own: self._values(piece, own, k[some], GLANCES)[0],  # type: ignore[misc]
-            )
-        if self._extreme:
-            for limit in self._machine.physics.no_limits(motion):
-                if since <= limit.t <= until:
-                    at = self._values(piece, self._extreme, *curve.find(np.array([limit.t])))[0]
-                    lost = ~np.isfinite(at[:, 0])
-                    self._unbounded |= dict.fromkeys(np.array(self._extreme)[lost].tolist(), True)
+        self._look_for_extremes(piece, parts, since, until)
         for rows, integrals in self._integrals:
             integrals.add(
                 lambda k, dt, rows=rows: self._integrands(piece, rows, k, dt),  # type: ignore[misc]
@@ -172,6 +153,39 @@ class Tally:
                     self._last = row
                 elif self._first is None:
                     self._first = row
+
+    def _look_for_extremes(
+        self, piece: Piece, steep: Mapping[str, Parts], since: float, until: float
+    ) -> None:
+        """Enter what is greatest and least, and where there is no limit."""
+        motion, curve = piece.motion, piece.motion.curve
+        for own, search in self._searches:
+
+            def values(t: Array, own: list[str] = own) -> Array:
+                return self._values(piece, own, *curve.within(t))[0]
+
+            if own[0] in steep:
+                k, begin, end, _ = steep[own[0]]
+                start, low = curve.start[k], curve.start_low[k]
+                search.add(values, start + (low + begin), start + (low + end))
+                continue
+            start, last = curve.spans(since, until)
+            k = curve.locate(0.5 * (start + last))
+
+            def glance(
+                some: NDArray[np.intp] | slice,
+                k: NDArray[np.intp] = k,
+                own: list[str] = own,
+            ) -> Array:
+                return self._values(piece, own, k[some], GLANCES)[0]
+
+            search.add(values, start, last, glance)
+        if self._extreme:
+            for limit in self._machine.physics.no_limits(motion):
+                if since <= limit.t <= until:
+                    at = self._values(piece, self._extreme, *curve.find(np.array([limit.t])))[0]
+                    lost = ~np.isfinite(at[:, 0])
+                    self._unbounded |= dict.fromkeys(np.array(self._extreme)[lost].tolist(), True)
 
     def _steep_parts(self, piece: Piece, figure: Figure, parts: Parts) -> Parts:
         """Parts in which what the text of a figure makes steep is found."""

@@ -257,7 +257,11 @@ def _judge_ideal(ideal: _Ideal, machine: Machine, solution: Solution) -> dict[st
             off[f'off.{name}.{drive}'] = abs(float(x.value) - wanted[name]) / size_of
         work, exchanged = work + mean * period * w, exchanged + size * period * abs(w)
         harmonics = found[3 : 3 + _HARMONICS, d] + 1j * found[3 + _HARMONICS :, d]
-        own = spectrum(lambda at, c=column: solution.sample(at)[c][None], starts, _HARMONICS)
+
+        def seen_torque(at: Array, column: str = column) -> Array:
+            return solution.sample(at)[column][None]
+
+        own = spectrum(seen_torque, starts, _HARMONICS)
         amplitudes = np.asarray(own.amplitudes)[0]
         off[f'off.harmonics.{drive}'] = float(
             np.abs(amplitudes - 2.0 * harmonics / period).max()
@@ -308,7 +312,8 @@ class _Ring(NamedTuple):
         """The state after an impact; the crank is driven and does not give way."""
         at, rate = self.relative(t, y)
         normal = at / np.hypot(*at)
-        return y - (1.0 + self.restitution) * (normal @ rate) * np.array([0.0, 0.0, *normal])
+        lost = (1.0 + self.restitution) * (normal @ rate)
+        return np.asarray(y - lost * np.array([0.0, 0.0, *normal]))
 
 
 class _Free(NamedTuple):
@@ -418,7 +423,7 @@ def _judge_free(free: _Free, machine: Machine, solution: Solution) -> dict[str, 
     off = _judge_ideal(free.crank, machine, solution) if free.crank else {}
     if len(struck) != len(solution.impacts):
         raise Failure('impacts', f'{len(solution.impacts)} impacts, not {len(struck)}')
-    size = max(float(np.abs([free.start[n:], state[n:]]).max()), 1e-3)
+    size = max(1e-3, *map(abs, free.start[n:]), float(np.abs(state[n:]).max()))
     for k, name in enumerate(free.names):
         x, v = (float(seen[f'{of}.{name}'][0]) for of in ('position', 'velocity'))
         off[f'off.position.{name}'] = abs(x - state[k]) / (size * T)
