@@ -1,6 +1,7 @@
 """The energy balance of a run: whether gaps are kept, and where the energy went.
 
-Both are read from the finished polynomials, independently of the event loop that made them.
+Both are read from the finished polynomials, independently of the event loop that made them. A run
+whose gaps or energy are violated fails instead of ending with a number.
 """
 
 from __future__ import annotations

@@ -2,6 +2,10 @@
 
 A step is never cut to please a caller: requests read the step's polynomials. What is published,
 and when, therefore cannot change the motion.
+
+Taylor steps of heyoka, because a step is then a polynomial that is sampled, published and searched
+for events exactly. SciPy's DOP853 with a careful event loop takes about ten times the CPU time at
+rtol 1e-12; it is the second route of the tests.
 """
 
 from __future__ import annotations
