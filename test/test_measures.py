@@ -234,14 +234,26 @@ def test_a_window_that_the_run_does_not_reach_says_so(nominal, rattling, window,
         assert bool(said) == ('the run' in found.resolution)
 
 
-def test_a_measure_whose_text_may_be_narrow_says_what_it_may_miss():
+@pytest.mark.parametrize('width', [1e-2, 1e-3, 1e-4, 1e-6])
+def test_a_measure_sees_what_its_text_makes_narrow(width):
     machine = ms.load_scene('four_bar_nominal')
     run = ms.simulate(machine, revolutions=1)
-    pulse, plain = measure(
-        machine, run, 'integral(exp(-((t-0.05 s)/(1e-6 s))**2))', 'mean(drive_torque)'
-    )
-    assert 'narrower than' in pulse.resolution
-    assert plain.resolution == EXACT
+    T = run.duration
+    away, u = f'((t - {0.5 * T!r} s)/({width} s))', 0.5 * T / width
+    known = {
+        f'integral(exp(-{away}**2))': math.sqrt(math.pi) * width * math.erf(u),
+        f'mean(exp(-{away}**2))': math.sqrt(math.pi) * width * math.erf(u) / T,
+        f'rms(1/(1 + {away}**2))': math.sqrt((math.atan(u) + u / (1.0 + u * u)) * width / T),
+        f'integral(1 - tanh({away})**2)': 2.0 * width * math.tanh(u),
+        f'share(exp(-{away}**2) > 0.5)': 2.0 * width * math.sqrt(math.log(2.0)) / T,
+        f'highest(exp(-{away}**2))': 1.0,
+        f'percentile(1/(1 + {away}**2), 50)': 1.0 / (1.0 + 0.25 * u * u),
+    }
+
+    found = measure(machine, run, *known)
+    for m, (text, value) in zip(found, known.items(), strict=True):
+        assert m.value == pytest.approx(value, rel=1e-9 + 1e-15 / width), text
+        assert m.resolution == EXACT, text
 
 
 def test_windows_and_names_are_read():

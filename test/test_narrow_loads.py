@@ -149,3 +149,32 @@ def test_a_load_during_a_narrow_part_of_the_cycle_is_seen_whole(begin, width):
     machine = crank(-10.0, during={'coordinate': 'cr', 'from': begin, 'to': begin + width})
     work = ms.simulate(machine, revolutions=1).energy.drive_work
     assert work == pytest.approx(10.0 * ((begin + width) - begin), rel=1e-9)
+
+
+@pytest.mark.parametrize('ramp', ['linear', 'smooth'])
+def test_a_drive_that_changes_its_speed_within_a_microsecond(ramp):
+    """By a law of degree 1 or ``3 u^2 - 2 u^3``: torque is inertia times its derivative."""
+    width, inertia = 1e-6, 0.01
+    points = [[0, 10.0], [0.05, 10.0], [0.05 + width, 12.0], [0.1, 12.0]]
+    scene = {
+        'title': 'a wheel', 'mechanism': 'linkage', 'gravity': [0, 0],
+        'links': {'ground': {}, 'wheel': {'mass': 1.0, 'inertia': inertia, 'cog': 0.0}},
+        'joints': {'O': {'revolute': ['ground', 'wheel']}},
+        'drive': {'coordinate': 'wheel', 'start_angle': 0.0, 'profile': {
+            'ramp': ramp, 'points': [[t, f'{w} rad/s'] for t, w in points]}},
+        'duration': 0.1,
+    }  # fmt: skip
+    machine = build('wheel', check_scene('wheel', scene))
+    solution, one = ms.simulate(machine), cycle(machine)
+    steep, square = (1.0, 1.0) if ramp == 'linear' else (1.5, 1.2)
+    T = inertia * 2.0 / width
+    peak, rms, mean = T * steep, T * math.sqrt(square * width / 0.1), T * width / 0.1
+    work = 0.5 * inertia * (12.0**2 - 10.0**2)
+    assert solution.energy.drive_work == pytest.approx(work, rel=1e-12)
+    names = 'work', 'highest', 'rms', 'mean'
+    found = measure(machine, solution, *(f'{name}(drive_torque)' for name in names))
+    # the ends of the ramp are known to 7e-18 s
+    assert [m.value for m in found] == pytest.approx([work, peak, rms, mean], rel=1e-10)
+    assert one.rms('drive_torque') == pytest.approx(rms, rel=1e-10)
+    assert one.mean('drive_torque') == pytest.approx(mean, rel=1e-10)
+    assert one.extremes()['drive_torque'].greatest.value == pytest.approx(peak, rel=1e-10)

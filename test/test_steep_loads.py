@@ -176,6 +176,45 @@ def test_a_pulse_lifts_what_hangs_in_a_loose_pin():
     assert solution.energy.final == pytest.approx(0.5 * v * v, rel=1e-9)
 
 
+@pytest.mark.parametrize('width', [1e-3, 7e-6])
+def test_a_load_that_moves_nothing_is_seen(width):
+    """On a crank that is driven, beside a disk that flies in its loose pin."""
+    scene = {
+        'title': 'a disk in a loose pin',
+        'mechanism': 'linkage',
+        'gravity': [0, 0],
+        'links': {
+            'ground': {},
+            'crank': {'mass': 1.0, 'inertia': 0.01, 'cog': 0.0, 'length': 0.2},
+            'disk': {'mass': 0.7, 'inertia': 0.01, 'cog': 0.0, 'length': 0.1},
+        },
+        'joints': {
+            'O': {'revolute': ['ground', 'crank.start']},
+            'P': {
+                'revolute': ['crank.end', 'disk.start'],
+                'clearance': {'radial': 0.1, 'restitution': 1.0},
+            },
+        },
+        'loads': {'g': {'at': 'crank', 'torque': f'-5*exp(-((crank - 0.503)/{width})**2)'}},
+        'drive': {'coordinate': 'crank', 'speed': '10 rad/s', 'start_angle': 0.0},
+        'initial': {'position': {'disk.x': 0.2}, 'velocity': {'disk.x': -0.5, 'disk.y': 1.0}},
+    }
+    machine = build('disk', Scene.model_validate(scene))
+    solution = ms.simulate(machine, duration=0.09)
+    assert not solution.impacts
+    mean, highest = measure(machine, solution, 'mean(drive_torque)', 'highest(drive_torque)')
+    assert mean.value == pytest.approx(5.0 * ROOT * width / 0.9, rel=1e-9)
+    assert highest.value == pytest.approx(5.0, rel=1e-9)
+
+
+@pytest.mark.parametrize('width', [1e-3, 7e-6])
+def test_a_load_across_a_guide_is_seen(width):
+    force = f'3*exp(-((t - 0.503)/{width})**2)'
+    machine = slider('1', loads={'f': {'at': 'block', 'force': ['1', force]}})
+    found = measure(machine, ms.simulate(machine, duration=1.0), 'integral(reaction.guide.y)')
+    assert abs(found[0].value) == pytest.approx(3.0 * ROOT * width, rel=1e-9)
+
+
 def test_a_smooth_load_of_order_500():
     """``I w w' = -a (1 + sin(500 q))``: the work of the load is what the wheel loses."""
     solution = ms.simulate(wheel('-0.1*(1+sin(500*wheel))'), duration=0.3)

@@ -28,6 +28,7 @@ from mechanism_sim.hybrid.physics import each_instant
 from mechanism_sim.hybrid.sampling import table
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.quadrature import parts_of
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.planar.paths import Paths
@@ -276,7 +277,8 @@ class Cycle(plotting.Rich):
                 x = np.array([columns.get(n, np.zeros(len(each))) for n in names])
                 return x * x if form == 'square' else x
 
-            taken.add(values, self.solution.motion, float(self.t[0]), float(self.t[-1]))
+            parts = parts_of(curve, float(self.t[0]), float(self.t[-1]))
+            taken.add(values, self.solution.motion, parts)
             found = [
                 taken.root(i) if form == 'square' else taken.mean(i) for i in range(len(names))
             ]

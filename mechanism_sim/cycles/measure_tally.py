@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import ast
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.measure_text import EXTREMES, Figure, Value, as_row
+from mechanism_sim.cycles.measure_text import EXTREMES, Figure, Value, as_row, evaluate
 from mechanism_sim.cycles.quantities import Quantities
 from mechanism_sim.cycles.time_integrals import EXACT, Estimate, TimeIntegrals
 from mechanism_sim.errors import InputError
@@ -17,11 +19,11 @@ from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.numerics.extremes import GLANCES, ExtremeSearch
 from mechanism_sim.numerics.monotone import Monotone, joined, monotone
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.numerics.quadrature import parts_of
+from mechanism_sim.numerics.quadrature import Parts, Values, parts_of, where_steep
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 
-_NODES = 5  # of the fewest looks into a step: what is narrower than one of them may hide
+R = TypeVar('R', str, tuple[str, str])
 
 _FORMS = {'mean': 'value', 'integral': 'value', 'rms': 'square', 'work': 'power'}
 """Of what figures are integrals over time: an argument, its square, or the power it is part of."""
@@ -43,6 +45,15 @@ def unit_of_figure(quantities: Quantities, f: Figure) -> str:
     """The unit of what a figure is of."""
     with np.errstate(all='ignore'):
         return f.evaluate(lambda name: Value(np.ones(1), quantities.units[name])).unit
+
+
+def _apart(rows: Sequence[R], steep: Collection[str]) -> list[list[R]]:
+    """Arguments, or pairs of a form and an argument: those of each steep one by themselves."""
+    groups: dict[str, list[R]] = {}
+    for row in rows:
+        argument = row if isinstance(row, str) else row[1]
+        groups.setdefault(argument if argument in steep else '', []).append(row)
+    return list(groups.values())
 
 
 class Tally:
@@ -68,21 +79,27 @@ class Tally:
         ]
         self._ends = bool(wanted & {'change', 'initial', 'final'})
         self._works = {f.argument: speed_of(machine, f) for f in figures if f.function == 'work'}
-        self._search = ExtremeSearch([(a, self._units[a]) for a in self._extreme])
+        # what may be steep is looked at in parts of its own, all else together
+        self._steep = {f.argument: f for f in figures if f.steep}
+        self._searches = [
+            (own, ExtremeSearch([(a, self._units[a]) for a in own]))
+            for own in _apart(self._extreme, self._steep)
+        ]
         self._unbounded: dict[str, bool] = {}
         self._rows = list(
             dict.fromkeys(
                 (_FORMS[f.function], f.argument) for f in figures if f.function in _FORMS
             )
         )
-        self._integrals = TimeIntegrals(len(self._rows))
+        self._integrals = [
+            (own, TimeIntegrals(len(own))) for own in _apart(self._rows, self._steep)
+        ]
         self._true, self._span = dict.fromkeys(self._conditions, 0.0), 0.0
         self._struck = dict.fromkeys(self._works, 0.0)  # [J] work in impacts
         self._parts: dict[str, list[Monotone]] = {
             f.argument: [] for f in figures if f.function == 'percentile'
         }
         self._largest: dict[str, float] = {}  # magnitudes so far of what is cut into parts
-        self._longest = 0.0  # [s] of the parts that are looked at
         self._first: Array | None = None
         self._last: Array | None = None
 
@@ -108,30 +125,23 @@ class Tally:
         start, end = curve.spans(since, until)
         if not len(start):
             return
-        self._longest = max(self._longest, float((end - start).max()))
-        k = curve.locate(0.5 * (start + end))
-        if self._extreme:
-            self._search.add(
-                lambda t: self._values(piece, self._extreme, *curve.within(t))[0],
-                start,
-                end,
-                lambda some: self._values(piece, self._extreme, k[some], GLANCES)[0],
-            )
-            for limit in self._machine.physics.no_limits(motion):
-                if since <= limit.t <= until:
-                    at = self._values(piece, self._extreme, *curve.find(np.array([limit.t])))[0]
-                    lost = ~np.isfinite(at[:, 0])
-                    self._unbounded |= dict.fromkeys(np.array(self._extreme)[lost].tolist(), True)
-        self._integrals.add(lambda k, dt: self._integrands(piece, k, dt), motion, since, until)
         every = parts_of(curve, since, until)
+        parts = {a: self._steep_parts(piece, f, every) for a, f in self._steep.items()}
+        self._look_for_extremes(piece, parts, since, until)
+        for rows, integrals in self._integrals:
+            integrals.add(
+                lambda k, dt, rows=rows: self._integrands(piece, rows, k, dt),  # type: ignore[misc]
+                motion,
+                parts.get(rows[0][1], every),
+            )
         for a, kept in self._parts.items():
             part, self._largest[a] = monotone(
                 lambda k, dt, a=a: self._values(piece, [a], k, dt)[0],  # type: ignore[misc]
-                every, self._largest.get(a, 0.0),
+                parts.get(a, every), self._largest.get(a, 0.0),
             )  # fmt: skip
             kept.append(part)
         if self._conditions:
-            self._time_true(piece, since, until)
+            self._time_true(piece, every, parts)
         for impact in piece.impacts if self._struck else ():
             if since <= impact.t < until and len(self._machine.physics.driven) == 1:
                 for a in self._struck:
@@ -144,30 +154,87 @@ class Tally:
                 elif self._first is None:
                     self._first = row
 
-    def _integrands(self, piece: Piece, k: NDArray[np.intp], dt: Array | Nodes) -> Array:
+    def _look_for_extremes(
+        self, piece: Piece, steep: Mapping[str, Parts], since: float, until: float
+    ) -> None:
+        """Enter what is greatest and least, and where there is no limit."""
+        motion, curve = piece.motion, piece.motion.curve
+        for own, search in self._searches:
+
+            def values(t: Array, own: list[str] = own) -> Array:
+                return self._values(piece, own, *curve.within(t))[0]
+
+            if own[0] in steep:
+                k, begin, end, _ = steep[own[0]]
+                start, low = curve.start[k], curve.start_low[k]
+                search.add(values, start + (low + begin), start + (low + end))
+                continue
+            start, last = curve.spans(since, until)
+            k = curve.locate(0.5 * (start + last))
+
+            def glance(
+                some: NDArray[np.intp] | slice,
+                k: NDArray[np.intp] = k,
+                own: list[str] = own,
+            ) -> Array:
+                return self._values(piece, own, k[some], GLANCES)[0]
+
+            search.add(values, start, last, glance)
+        if self._extreme:
+            for limit in self._machine.physics.no_limits(motion):
+                if since <= limit.t <= until:
+                    at = self._values(piece, self._extreme, *curve.find(np.array([limit.t])))[0]
+                    lost = ~np.isfinite(at[:, 0])
+                    self._unbounded |= dict.fromkeys(np.array(self._extreme)[lost].tolist(), True)
+
+    def _steep_parts(self, piece: Piece, figure: Figure, parts: Parts) -> Parts:
+        """Parts in which what the text of a figure makes steep is found."""
+        for name, argument in figure.steep:
+            parts = where_steep(self._of_text(piece, figure, argument), name, parts)
+        return parts
+
+    def _of_text(self, piece: Piece, figure: Figure, node: ast.expr) -> Values:
+        """A part of the text of a figure as a function of time."""
+
+        def values(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
+            seen = self._quantities.at(piece.motion, piece.balance, k, dt)
+            count, units = len(next(iter(seen.values()))), self._quantities.units
+            known = evaluate(node, lambda n: Value(seen[n], units[n]), figure.argument)
+            return as_row(known.x, count)[None]
+
+        return values
+
+    def _integrands(
+        self,
+        piece: Piece,
+        wanted: Sequence[tuple[str, str]],
+        k: NDArray[np.intp],
+        dt: Array | Nodes,
+    ) -> Array:
         """What is integrated, in rows."""
-        arguments = list(dict.fromkeys(a for _, a in self._rows))
+        arguments = list(dict.fromkeys(a for _, a in wanted))
         x, seen = self._values(piece, arguments, k, dt)
         rows = []
-        for form, name in self._rows:
+        for form, name in wanted:
             row = x[arguments.index(name)]
             with np.errstate(invalid='ignore', over='ignore'):
                 speed = seen[self._works[name]] if form == 'power' else 1.0
                 rows.append(row * (row if form == 'square' else speed))
         return np.array(rows)
 
-    def _time_true(self, piece: Piece, since: float, until: float) -> None:
+    def _time_true(self, piece: Piece, all_parts: Parts, steep: Mapping[str, Parts]) -> None:
         """Enter for how long conditions hold; they change where what they compare is equal."""
-        curve = piece.motion.curve
-        every = parts_of(curve, since, until)
-        self._span += float((every.end - every.begin).sum())
+        self._span += float((all_parts.end - all_parts.begin).sum())
         for name in self._true:
+            every = steep.get(name, all_parts)
             figure, places = self._by_argument[name], [every.begin, every.end]
             owners = [every.segment, every.segment]
             for i in range(figure.comparisons):
                 key = f'{name} {i}'
                 part, self._largest[key] = monotone(
-                    self._difference(piece, figure, i), every, self._largest.get(key, 0.0)
+                    self._of_text(piece, figure, figure.difference(i)),
+                    every,
+                    self._largest.get(key, 0.0),
                 )
                 of = np.flatnonzero(np.sign(part.first) * np.sign(part.last) < 0.0)
                 share = 0.5 * (part.crossings(0.0, of) + 1.0)
@@ -184,39 +251,14 @@ class Tally:
             holds = self._values(piece, [name], segment[same], middle[:, None])[0][0] != 0.0
             self._true[name] += float(width[holds].sum())
 
-    def _difference(
-        self, piece: Piece, figure: Figure, i: int
-    ) -> Callable[[NDArray[np.intp], Array | Nodes], Array]:
-        """The left less the right side of a comparison in a condition, as a function."""
-
-        def values(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
-            seen = self._quantities.at(piece.motion, piece.balance, k, dt)
-            count, units = len(next(iter(seen.values()))), self._quantities.units
-            with np.errstate(invalid='ignore', divide='ignore', over='ignore'):
-                x = figure.difference(i, lambda n: Value(seen[n], units[n]))
-                return as_row(x, count)[None]
-
-        return values
-
     def result(self, f: Figure) -> tuple[Value, str]:
-        """The value of a figure of this window, and its resolution.
-
-        Steps are as short as the machine's own loads ask for; what the text of a measure makes of
-        the motion may be narrower.
-        """
-        value, note = self._result(f)
-        if note == EXACT and f.may_be_narrow and f.function not in ('change', 'initial', 'final'):
-            note = (
-                f'what the text makes narrower than {self._longest / _NODES:.1g} s may be missed'
-            )
-        return value, note
-
-    def _result(self, f: Figure) -> tuple[Value, str]:
+        """The value of a figure of this window, and its resolution."""
         name, unit, kind = f.argument, self._units[f.argument], f.function
         note = EXACT
         if kind in EXTREMES:
-            i = self._extreme.index(name)
-            low, high = float(self._search.least[i]), float(self._search.greatest[i])
+            own, search = next(x for x in self._searches if name in x[0])
+            i = own.index(name)
+            low, high = float(search.least[i]), float(search.greatest[i])
             x = {'highest': high, 'lowest': low, 'largest': max(-low, high), 'range': high - low}[
                 kind
             ]
@@ -241,8 +283,9 @@ class Tally:
     def _integrated(self, f: Figure) -> tuple[Value, str]:
         """A figure that is an integral over time, or follows from one."""
         name, unit, kind = f.argument, self._units[f.argument], f.function
-        found = self._integrals
-        i = self._rows.index((_FORMS[kind], name))
+        row = _FORMS[kind], name
+        rows, found = next(x for x in self._integrals if row in x[0])
+        i = rows.index(row)
         if kind == 'work':
             unit, e = 'J', found.integral(i)
             e = e._replace(value=e.value + self._struck[name])

@@ -16,7 +16,7 @@ import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -110,21 +110,25 @@ class Figure:
         """Whether it is of events or samples."""
         return any(name.partition('.')[0] in SERIES for name in self.names)
 
-    @property
-    def may_be_narrow(self) -> bool:
-        """Whether its own text may make peaks that are narrower than those of the motion.
+    @cached_property
+    def steep(self) -> list[tuple[str, ast.expr]]:
+        """What may make peaks that are narrower than those of the motion, innermost first.
 
-        By exp or tanh, or by a quotient whose divisor varies.
+        Names and arguments of exp and tanh, and divisors that vary, as 'over'.
         """
-        nodes = [*ast.walk(ast.parse(self.argument, mode='eval'))]
-        called = {n.func.id for n in nodes if isinstance(n, ast.Call) and hasattr(n.func, 'id')}
-        divisors = [
-            n.right for n in nodes if isinstance(n, ast.BinOp) and isinstance(n.op, ast.Div)
-        ]
-        varies = any(
-            isinstance(x, ast.Name | ast.Attribute) for d in divisors for x in ast.walk(d)
-        )
-        return bool({'exp', 'tanh'} & called) or varies
+        found: list[tuple[str, ast.expr]] = []
+
+        def walk(node: ast.AST) -> None:
+            for child in ast.iter_child_nodes(node):
+                walk(child)
+            match node:
+                case ast.Call(func=ast.Name(id='exp' | 'tanh' as name), args=[x]):
+                    found.append((name, x))
+                case ast.BinOp(op=ast.Div(), right=x):
+                    found.append(('over', x))
+
+        walk(ast.parse(self.argument, mode='eval'))
+        return [(name, x) for name, x in found if any(_names(x))]
 
     def evaluate(self, value_of: Callable[[str], Value]) -> Value:
         """The expression, by what its names stand for.
@@ -148,10 +152,10 @@ class Figure:
         """How many comparisons there are in the expression."""
         return len(self._compared)
 
-    def difference(self, i: int, value_of: Callable[[str], Value]) -> Any:
+    def difference(self, i: int) -> ast.expr:
         """The left less the right side of a comparison, whose sign it depends on."""
-        a, b = (evaluate(side, value_of, self.argument) for side in self._compared[i])
-        return a.x - b.x
+        left, right = self._compared[i]
+        return ast.BinOp(left, ast.Sub(), right)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechanism_sim.hybrid.audit import PROMISED, recovers
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.numerics.quadrature import Values, integrate, parts_of
+from mechanism_sim.numerics.quadrature import Parts, Values, integrate
 
 EXACT = 'of the motion'
 
@@ -42,14 +42,13 @@ class TimeIntegrals:
         self._sums = np.zeros((3, count))  # value, error, size
         self._largest = np.zeros(count)
 
-    def add(self, values: Values, motion: Motion, since: float, until: float) -> None:
-        """Enter what a motion holds of the time from `since` to `until` [s].
+    def add(self, values: Values, motion: Motion, parts: Parts) -> None:
+        """Enter parts of a motion, in the order of time.
 
         Parameters
         ----------
         values : (C, K n) as for `mechanism_sim.numerics.quadrature.integrate`
         """
-        parts = parts_of(motion.curve, since, until)
         if not len(parts.segment) or not len(self._largest):
             return
         found = integrate(values, parts, recovers(motion, parts.segment), self._largest)

@@ -15,8 +15,8 @@ from numpy.polynomial import polynomial
 
 from mechanism_sim.hybrid.system import WATCH_SCALE, Array, System
 from mechanism_sim.numerics.enclosure import FEW, Course, Reach, reach_of
-from mechanism_sim.numerics.polynomials import shift_powers
-from mechanism_sim.planar.steep_loads import SteepLoads
+from mechanism_sim.numerics.polynomials import chebyshev_nodes, shift_powers
+from mechanism_sim.planar.steep_loads import ResolvedLoads, SteepLoads
 
 _ROUNDING = 1e-9  # of an acceleration: what is smaller is no defect
 _FALLEN = 1e-10  # of a guard: more below zero, and below its own series, it has fallen unseen
@@ -46,6 +46,8 @@ class StepCheck:
         self._limit = (limit * size)[:, None]
         loads, guards = _FELT * limit * steep.inertia, steep.enclosure.guards
         self._scales = np.append(loads, np.zeros(guards))
+        self._count = len(loads)
+        self._resolved = ResolvedLoads(steep, chebyshev_nodes(integrator.order + 1))
         self._near = self._scales[len(loads) :]  # of guards: it grows with the step
         self._series, self._pars = integrator.tc, integrator.pars  # as they are at any time
         self._power = np.arange(integrator.order + 1)
@@ -85,10 +87,19 @@ class StepCheck:
         course = Course(self._moving(grown, time + tau, tau, h), h, fixed, pars)
         self._near[:] = _NEAR * h
 
+        looked: list[Array] = []
+
         def defect(places: Array) -> Array:
+            looked.append(places)
             return self._defect(self._series[: self._watch.stop] * grown, tau, h, places)
 
-        return reach_of(steep.enclosure, course, self._scales, defect)
+        reach = reach_of(steep.enclosure, course, self._scales, defect)
+        if not looked or looked[0] is FEW:
+            return reach
+        # of a load on what a drive moves the accelerations tell nothing
+        share = self._resolved.longest(course, looked, reach, self._scales[: self._count] / h)
+        known = 1.0 if reach.fault is None else reach.sound
+        return Reach(share, share) if share < known else reach
 
     def _powers(self, places: Array) -> tuple[Array, Array]:
         """What makes coefficients values at places (N,), and slopes there: (n, N) each."""

@@ -24,7 +24,7 @@ from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.linkages.four_bar import Array
 from mechanism_sim.linkages.ideal import IdealMotion
 from mechanism_sim.linkages.passage import Passage, with_limits
-from mechanism_sim.linkages.piece_ends import SHORTEST, HiddenEdges, Piece, ResolvedLoads
+from mechanism_sim.linkages.piece_ends import HiddenEdges, LoadsOnPieces, Piece
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
     Nodes,
@@ -38,7 +38,7 @@ from mechanism_sim.planar.branch import SAMPLES
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.steep_loads import SteepLoads
+from mechanism_sim.planar.steep_loads import SHORTEST, SteepLoads
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.unknowns import NO_WORK
 
@@ -101,7 +101,7 @@ class NominalRun:
         names, parameters = ideal.coordinates, steep.parameters if steep else ()
         guards = edges.ranges(ideal.driven) if edges else None
         self._hidden = HiddenEdges(guards, names, edges.parameters) if edges and guards else None
-        self._loads = ResolvedLoads(steep, names, parameters, _NODES) if steep else None
+        self._loads = LoadsOnPieces(steep, names, parameters, _NODES) if steep else None
         self._laws = list(laws)
         self._scale = np.array(
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]

@@ -11,17 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.enclosure import MUCH, Course, falls, reach_of
-from mechanism_sim.numerics.polynomials import chebyshev_coefficients
-from mechanism_sim.planar.steep_loads import SteepLoads
+from mechanism_sim.planar.steep_loads import ResolvedLoads, SteepLoads
 from mechanism_sim.planar.switched_functions import GuardRanges
 
 Array = NDArray[np.float64]
 
-_RESOLVED = 1e-8  # of a load's largest size on a piece: what its interpolant may be off
-SHORTEST = 2.0**-30  # of a usual piece: shorter ones would never come past a pole
-_CLOSE = 9  # places that are compared where a load falls right behind the start of a piece
 _FLOOR = 1e-12  # of what moves the lightest link as fast as the drives: no load
 
 
@@ -70,7 +65,7 @@ class Piece:
         return Course(series, self.length, np.concatenate([turns, symbols]), parameters)
 
 
-class ResolvedLoads:
+class LoadsOnPieces:
     """How much of a piece nodes on it resolve all loads.
 
     Parameters
@@ -88,10 +83,9 @@ class ResolvedLoads:
         parameters: Sequence[float],
         nodes: Array,
     ) -> None:
-        self._steep, self._nodes = steep, nodes
+        self._steep, self._resolved = steep, ResolvedLoads(steep, nodes)
         self._parameters = np.array(parameters)
         self._turning = [coordinates.index(x.rpartition('.')[0]) for x in steep.outside]
-        self._loads = compiled.function(steep.loads, steep.variables)
 
     def share(self, piece: Piece, fastest: float) -> float:
         """Share of a piece, from its start, on which the loads are as their nodes have them.
@@ -114,56 +108,7 @@ class ResolvedLoads:
             return np.zeros(len(places))
 
         reach = reach_of(steep.enclosure, course, scales, look)
-        places = np.sort(np.concatenate([[0.0], *found]))
-        if reach.fault is not None:
-            places = places[places <= max(reach.fault, places[1])]
-        return self._longest(course, places, floor)
-
-    def _longest(self, course: Course, places: Array, floor: Array) -> float:
-        """The last of places, from 0 on, whose interpolant is right at all of them before it."""
-        values = self._values(course, places)
-        finite = np.asarray(np.isfinite(values).all(axis=0))
-        if not finite[0]:  # whoever asks for forces there is told so
-            return 1.0
-        count = len(places) if finite.all() else int(finite.argmin())
-        low, high = 1, count + 1
-        tried = count  # mostly it is all of it
-        while high - low > 1:
-            if self._is_resolved(course, places[:tried], values[:, :tried], floor):
-                low = tried
-            else:
-                high = tried
-            tried = (low + high) // 2
-        if low > 1:
-            return float(places[low - 1])
-        # a load that falls steeply right behind the start: there nobody has looked yet
-        end = 0.5 * float(places[1])
-        while end > SHORTEST:
-            places = np.linspace(0.0, end, _CLOSE)
-            if self._is_resolved(course, places, self._values(course, places), floor):
-                return end
-            end *= 0.5
-        return SHORTEST
-
-    def _is_resolved(self, course: Course, places: Array, values: Array, floor: Array) -> bool:
-        end = places[-1]
-        known = self._values(course, end * self._nodes)
-        series = chebyshev_coefficients(known)
-        at = np.polynomial.chebyshev.chebvander(2.0 * places / end - 1.0, series.shape[1] - 1)
-        size = np.maximum(np.abs(values).max(axis=1), np.abs(known).max(axis=1))
-        off = np.abs(series @ at.T - values).max(axis=1)
-        return bool((off <= _RESOLVED * size + floor).all())
-
-    def _values(self, course: Course, places: Array) -> Array:
-        """The loads (l, N) at places."""
-        series, _, fixed, parameters = course
-        count = len(places)
-        given = np.concatenate([
-            series @ places ** np.arange(series.shape[1])[:, None],
-            np.repeat(fixed[:, None], count, axis=1),
-        ])  # fmt: skip
-        known = np.repeat(parameters[: self._loads.nparams, None], count, axis=1)
-        return np.asarray(self._loads(given, pars=known))
+        return self._resolved.longest(course, found, reach, floor)
 
 
 class HiddenEdges:

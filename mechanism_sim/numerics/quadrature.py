@@ -91,6 +91,53 @@ def parts_of(curve: PiecewisePolynomial, since: float = -np.inf, until: float = 
     return Parts(k, begin[k], end[k], whole)
 
 
+_NOTHING, _CONSTANT = 60.0, 20.0
+"""How far below zero exp is nothing, and how far from it tanh constant, but for rounding."""
+_INFINITE = 710.0  # exp of it
+_SEEN = np.linspace(0.0, 1.0, 9)
+_STEADY = 4.0  # change of an argument, or ratio of a divisor, over which few nodes find a function
+
+
+def where_steep(argument: Values, name: str, parts: Parts) -> Parts:
+    """Parts so short that nodes in them find all that a steep function does of an argument.
+
+    An argument is as smooth as the motion is; a function of it may be a pulse of any width.
+
+    Parameters
+    ----------
+    argument : (1, K n), of the function, at places on the parts
+    name : exp, tanh, or 'over' for its reciprocal
+    """
+    done: list[Parts] = []
+    for _ in range(_HALVINGS):
+        width = parts.end - parts.begin
+        places = parts.begin[:, None] + width[:, None] * _SEEN
+        with np.errstate(invalid='ignore', over='ignore', divide='ignore'):
+            u = argument(parts.segment, places).reshape(places.shape)
+            step = np.abs(np.diff(u, axis=1)).max(axis=1)  # beyond its samples it goes no farther
+            low, high = u.min(axis=1), u.max(axis=1)
+            near = np.maximum(np.maximum(low, -high) - step, 0.0)  # the least of its sizes
+            if name == 'over':
+                steep = np.maximum(-low, high) > _STEADY * near
+            else:
+                varies = (high + step > -_NOTHING) & (low - step < _INFINITE)
+                steep = (varies if name == 'exp' else near < _CONSTANT) & (high - low > _STEADY)
+        done.append(parts.of(np.flatnonzero(~steep)))
+        parts = parts.of(np.flatnonzero(steep))
+        if not len(parts.segment):
+            break
+        middle, none = 0.5 * (parts.begin + parts.end), np.zeros(2 * len(parts.begin), bool)
+        parts = Parts(
+            np.tile(parts.segment, 2),
+            np.append(parts.begin, middle),
+            np.append(middle, parts.end),
+            none,
+        )
+    every = [np.concatenate(x) for x in zip(*done, parts, strict=True)]
+    order = np.lexsort((every[1], every[0]))
+    return Parts(*(x[order] for x in every))
+
+
 class Rule(NamedTuple):
     """A quadrature over an interval, with what tells its error from the same values."""
 

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 
 import heyoka as hy
 import numpy as np
 
-from mechanism_sim.numerics.enclosure import Array, Enclosure
+from mechanism_sim.numerics import compiled
+from mechanism_sim.numerics.enclosure import Array, Course, Enclosure, Reach
+from mechanism_sim.numerics.polynomials import chebyshev_coefficients
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.switches import Switch
+
+_RESOLVED = 1e-8  # of a load's largest size in a part: what its interpolant may be off
+SHORTEST = 2.0**-30  # of a usual part: shorter ones would never come past a pole
+_CLOSE = 9  # places that are compared where a load falls right behind the start of a part
 
 
 class SteepLoads:
@@ -87,6 +94,83 @@ class SteepLoads:
             if symbols[holds] > 0.0:
                 chosen[row] = 0.5
         return chosen
+
+
+class ResolvedLoads:
+    """How much of a part of a motion nodes on it resolve all loads.
+
+    Figures are taken at nodes. Where a load moves nothing, for a drive holds what it acts on, it
+    is they alone that must see it.
+
+    Parameters
+    ----------
+    steep : the loads
+    nodes : (m,) from 0 to 1, of which the interpolants are
+    """
+
+    def __init__(self, steep: SteepLoads, nodes: Array) -> None:
+        self._steep, self._nodes = steep, nodes
+
+    @cached_property
+    def _loads(self) -> hy.cfunc_dbl:
+        return compiled.function(self._steep.loads, self._steep.variables)
+
+    def longest(
+        self, course: Course, looked: Sequence[Array], reach: Reach, floor: Array
+    ) -> float:
+        """The last of places from 0 to 1 whose interpolant is right at all of them before it.
+
+        Parameters
+        ----------
+        looked, reach : places at which enclosures have asked for the loads, and how far they came
+        floor : of each load what is none
+        """
+        places = np.sort(np.concatenate([[0.0], *looked]))
+        if reach.fault is not None:
+            places = places[places <= max(reach.fault, places[1])]
+        values = self._values(course, places)
+        finite = np.asarray(np.isfinite(values).all(axis=0))
+        if not finite[0]:  # whoever asks for forces there is told so
+            return 1.0
+        count = len(places) if finite.all() else int(finite.argmin())
+        low, high = 1, count + 1
+        tried = count  # mostly it is all of it
+        while high - low > 1:
+            if self._is_resolved(course, places[:tried], values[:, :tried], floor):
+                low = tried
+            else:
+                high = tried
+            tried = (low + high) // 2
+        if low > 1:
+            return float(places[low - 1])
+        # a load that falls steeply right behind the start: there nobody has looked yet
+        end = 0.5 * float(places[1])
+        while end > SHORTEST:
+            places = np.linspace(0.0, end, _CLOSE)
+            if self._is_resolved(course, places, self._values(course, places), floor):
+                return end
+            end *= 0.5
+        return SHORTEST
+
+    def _is_resolved(self, course: Course, places: Array, values: Array, floor: Array) -> bool:
+        end = places[-1]
+        known = self._values(course, end * self._nodes)
+        series = chebyshev_coefficients(known)
+        at = np.polynomial.chebyshev.chebvander(2.0 * places / end - 1.0, series.shape[1] - 1)
+        size = np.maximum(np.abs(values).max(axis=1), np.abs(known).max(axis=1))
+        off = np.abs(series @ at.T - values).max(axis=1)
+        return bool((off <= _RESOLVED * size + floor).all())
+
+    def _values(self, course: Course, places: Array) -> Array:
+        """The loads (l, N) at places."""
+        series, _, fixed, parameters = course
+        count = len(places)
+        given = np.concatenate([
+            series @ places ** np.arange(series.shape[1])[:, None],
+            np.repeat(fixed[:, None], count, axis=1),
+        ])  # fmt: skip
+        known = np.repeat(parameters[: self._loads.nparams, None], count, axis=1)
+        return np.asarray(self._loads(given, pars=known))
 
 
 def _is_of_formula(name: str, loads: set[str]) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -29,6 +30,7 @@ TOLERANCE = 1e-8
 
 _REACH = 9.0  # widths, beyond which a pulse is nothing to rounding
 _HARMONICS = 6
+_LEAST = 1e-9  # [N m, J] of a figure, where a load acts before or after
 _FIGURES = 'mean', 'rms', 'highest', 'lowest'
 
 
@@ -111,10 +113,11 @@ def _sum(terms: Sequence[Term], known: Mapping[str, Any]) -> Array:
 
 
 class _Ideal(NamedTuple):
-    """A crank that turns steadily, and what its drive must supply at times t (N,)."""
+    """Cranks that turn steadily, and what each of d drives must supply at times t (N,)."""
 
-    speed: float
-    torque: Callable[[Array], Array]
+    duration: float  #: [s]
+    speeds: Mapping[str, float]  #: by the names of the cranks
+    torques: Callable[[Array], Array]  #: (d, N)
     edges: list[float]  #: [s]
 
 
@@ -133,10 +136,10 @@ def _crank(random: Random, _: int) -> tuple[Draft, _Ideal]:
 
     def torque(t: Array) -> Array:
         known = {'crank': speed * t, 't': t}
-        return np.asarray(mass * 9.81 * arm * np.cos(speed * t) - _sum(terms, known))
+        return np.array([mass * 9.81 * arm * np.cos(speed * t) - _sum(terms, known)])
 
     edges = [x / speed if term.of == 'crank' else x for term in terms for x in term.edges]
-    return Draft(scene, revolutions=1.0), _Ideal(speed, torque, edges)
+    return Draft(scene, revolutions=1.0), _Ideal(turn / speed, {'crank': speed}, torque, edges)
 
 
 def _yoke(random: Random, _: int) -> tuple[Draft, _Ideal]:
@@ -163,7 +166,7 @@ def _yoke(random: Random, _: int) -> tuple[Draft, _Ideal]:
         q = speed * t
         x, slope = r * np.cos(q), -r * np.sin(q)
         force = -mass * speed * speed * x - _sum(terms, {'yoke': x, 't': t})
-        return np.asarray(force * slope - _sum(own, {'crank': q}))
+        return np.array([force * slope - _sum(own, {'crank': q})])
 
     edges = [x / speed for term in own for x in term.edges]
     for term in terms:
@@ -173,17 +176,59 @@ def _yoke(random: Random, _: int) -> tuple[Draft, _Ideal]:
             elif abs(x) < r:
                 q = math.acos(x / r)
                 edges += [q / speed, (turn - q) / speed]
-    return Draft(scene, revolutions=1.0), _Ideal(speed, torque, edges)
+    return Draft(scene, revolutions=1.0), _Ideal(turn / speed, {'crank': speed}, torque, edges)
+
+
+def _arm(random: Random, _: int) -> tuple[Draft, _Ideal]:
+    """Two links in a row, each driven steadily; loads of either over both angles and the time."""
+    lengths = random.uniform(0.1, 0.3, 2)
+    masses, centres = random.uniform(0.5, 2.0, 2), lengths * random.uniform(0.0, 1.0, 2)
+    speeds = random.uniform(5.0, 40.0, 2) * random.choice([-1.0, 1.0], 2)
+    starts = random.uniform(0.0, 1.0, 2)
+    T = 2.0 * math.pi / float(np.abs(speeds).max())
+    names = dict(zip(('crank', 'arm'), zip(starts, speeds, strict=True), strict=True))
+    ranges = [(n, *sorted((q, q + w * T))) for n, (q, w) in names.items()]
+    terms = [_terms(random, [*ranges, ('t', 0.0, T)], 5.0) for _ in names]
+    scene: Scene = {
+        'title': 'two driven links in a row', 'mechanism': 'linkage', 'gravity': [0.0, -9.81],
+        'tables': TRIANGLE,
+        'links': {'ground': {}, **{
+            n: {'mass': masses[k], 'inertia': 0.01, 'cog': centres[k], 'length': lengths[k]}
+            for k, n in enumerate(names)}},
+        'joints': {'O': {'revolute': ['ground', 'crank.start']},
+                   'P': {'revolute': ['crank.end', 'arm.start']}},
+        'loads': {n: {'at': n, 'torque': _formula(x)} for n, x in zip(names, terms, strict=True)},
+        'drives': {n: {'speed': f'{w} rad/s', 'start_angle': q} for n, (q, w) in names.items()},
+    }  # fmt: skip
+    weights = 9.81 * (masses * centres + np.array([masses[1] * lengths[0], 0.0]))
+    coupling = masses[1] * lengths[0] * centres[1]
+
+    def torques(t: Array) -> Array:
+        q = starts[:, None] + speeds[:, None] * np.atleast_1d(t)
+        turned = coupling * np.sin(q[0] - q[1])
+        inertia = np.array([turned * speeds[1] ** 2, -turned * speeds[0] ** 2])
+        known = {'crank': q[0], 'arm': q[1], 't': np.atleast_1d(t)}
+        loads = np.array([_sum(x, known) for x in terms])
+        found: Array = inertia + weights[:, None] * np.cos(q) - loads
+        return found.reshape(2, *np.shape(t))
+
+    edges = []
+    for term in (x for of in terms for x in of):
+        q, w = names.get(term.of, (0.0, 1.0))
+        edges += [(x - q) / w for x in term.edges]
+    return Draft(scene, duration=T), _Ideal(
+        T, {n: w for n, (_, w) in names.items()}, torques, edges
+    )
 
 
 def _judge_ideal(ideal: _Ideal, machine: Machine, solution: Solution) -> dict[str, float]:
-    period = 2.0 * math.pi / ideal.speed
+    period = ideal.duration
     inner = sorted({x for x in ideal.edges if 0.0 < x < period})
-    w = ideal.speed
+    base = 2.0 * math.pi / period
 
     def integrand(t: float) -> Array:
-        T = float(ideal.torque(np.array(t)))
-        waves = [np.exp(-1j * k * w * t) * T for k in range(1, _HARMONICS + 1)]
+        T = ideal.torques(np.array(t))
+        waves = [np.exp(-1j * k * base * t) * T for k in range(1, _HARMONICS + 1)]
         return np.array([T, T * T, abs(T), *(x.real for x in waves), *(x.imag for x in waves)])
 
     nodes = np.concatenate([[0.0], inner, np.linspace(0.0, period, 9)[1:]])
@@ -192,35 +237,39 @@ def _judge_ideal(ideal: _Ideal, machine: Machine, solution: Solution) -> dict[st
         quad_vec(integrand, a, b, epsabs=1e-14, epsrel=1e-11, limit=20000, norm='max')[0]
         for a, b in pairwise(nodes.tolist())
     )
-    mean, square, size = found[:3] / period
-    highest = _highest(ideal.torque, nodes)
-    lowest = -_highest(lambda at: -ideal.torque(at), nodes)
-    largest = max(abs(highest), abs(lowest))
-    wanted = {
-        'mean': mean, 'rms': math.sqrt(square), 'highest': highest,
-        'lowest': lowest,
-    }  # fmt: skip
-    names = [f'{name}(drive_torque)' for name in _FIGURES]
-    seen = {
-        name: float(x.value)
-        for name, x in zip(_FIGURES, measure(machine, solution, *names), strict=True)
-    }
-    scale = {
-        'mean': size,
-        'rms': wanted['rms'],
-        **dict.fromkeys(('highest', 'lowest'), largest),
-    }
-    off = {f'off.{name}': abs(seen[name] - wanted[name]) / scale[name] for name in _FIGURES}
-    assert solution.energy is not None
-    work = solution.energy.drive_work
-    off['off.work'] = max(abs(work - mean * period * w) - solution.energy.error, 0.0) / (
-        size * period * w
-    )
-    harmonics = found[3 : 3 + _HARMONICS] + 1j * found[3 + _HARMONICS :]
     starts = np.append(solution.motion.curve.start, period)
-    own = spectrum(lambda at: solution.sample(at)['drive_torque'][None], starts, _HARMONICS)
-    amplitudes = np.asarray(own.amplitudes)[0]
-    off['off.harmonics'] = float(np.abs(amplitudes - 2.0 * harmonics / period).max()) / size
+    off: dict[str, float] = {}
+    work = exchanged = 0.0
+    for d, (drive, w) in enumerate(ideal.speeds.items()):
+        column = f'drive_torque.{drive}' if d else 'drive_torque'
+
+        def torque(t: Array, sign: float = 1.0, d: int = d) -> Array:
+            return np.asarray(sign * ideal.torques(t)[d])
+
+        mean, square, size = found[:3, d] / period
+        highest, lowest = _highest(torque, nodes), -_highest(lambda t: torque(t, -1.0), nodes)
+        wanted = {'mean': mean, 'rms': math.sqrt(square), 'highest': highest, 'lowest': lowest}
+        largest = max(abs(highest), abs(lowest))
+        scale = {'mean': size, 'rms': wanted['rms'], 'highest': largest, 'lowest': largest}
+        seen = measure(machine, solution, *(f'{name}({column})' for name in _FIGURES))
+        for name, x in zip(_FIGURES, seen, strict=True):
+            size_of = max(scale[name], _LEAST)
+            off[f'off.{name}.{drive}'] = abs(float(x.value) - wanted[name]) / size_of
+        work, exchanged = work + mean * period * w, exchanged + size * period * abs(w)
+        harmonics = found[3 : 3 + _HARMONICS, d] + 1j * found[3 + _HARMONICS :, d]
+
+        def seen_torque(at: Array, column: str = column) -> Array:
+            return solution.sample(at)[column][None]
+
+        own = spectrum(seen_torque, starts, _HARMONICS)
+        amplitudes = np.asarray(own.amplitudes)[0]
+        off[f'off.harmonics.{drive}'] = float(
+            np.abs(amplitudes - 2.0 * harmonics / period).max()
+        ) / max(size, _LEAST)
+    assert solution.energy is not None
+    struck = sum(i.drive_work for i in solution.impacts)
+    missing = abs(solution.energy.drive_work - struck - work) - solution.energy.error
+    off['off.work'] = max(missing, 0.0) / max(exchanged, _LEAST)
     return off
 
 
@@ -241,20 +290,49 @@ def _highest(f: Callable[[Array], Array], nodes: Array) -> float:
 # --- machines that are free ----------------------------------------------------------------------
 
 
+class _Ring(NamedTuple):
+    """A bushing at the end of a crank, in which a pin without friction flies and strikes."""
+
+    arm: float
+    speed: float  #: [rad/s] of the crank
+    radial: float
+    restitution: float
+
+    def relative(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Place and rate of the pin, seen from the centre."""
+        c, s = math.cos(self.speed * t), math.sin(self.speed * t)
+        way = np.array([-s, c]) * self.speed
+        return y[:2] - self.arm * np.array([c, s]), y[2:] - self.arm * way
+
+    def gap(self, t: float, y: Array) -> float:
+        """[m]."""
+        return self.radial - float(np.hypot(*self.relative(t, y)[0]))
+
+    def struck(self, t: float, y: Array) -> Array:
+        """The state after an impact; the crank is driven and does not give way."""
+        at, rate = self.relative(t, y)
+        normal = at / np.hypot(*at)
+        lost = (1.0 + self.restitution) * (normal @ rate)
+        return np.asarray(y - lost * np.array([0.0, 0.0, *normal]))
+
+
 class _Free(NamedTuple):
-    """A coordinate that loads move: ``inertia x'' = f(x, x', t)``."""
+    """Coordinates that loads move: ``inertia x'' = f(x, x', t)`` of each of n."""
 
-    name: str
+    names: tuple[str, ...]
     inertia: float
-    start: tuple[float, float]  #: place, rate
+    start: list[float]  #: places, then rates
     duration: float
-    terms: list[Term]
-    names: Mapping[str, str]  #: of variables: x, v or t
+    terms: list[list[Term]]  #: of each
+    variables: tuple[str, ...]  #: their names in formulas: places, then rates, then the time
+    ring: _Ring | None = None
+    crank: _Ideal | None = None  #: that drives the ring
 
-    def force(self, t: Any, x: Any, v: Any) -> Array:
-        """All of the loads."""
-        known = {name: {'x': x, 'v': v, 't': t}[what] for name, what in self.names.items()}
-        return _sum(self.terms, known)
+    def rate(self, t: float, y: Array) -> Array:
+        """Of the state."""
+        known = dict(zip(self.variables, (*y, t), strict=True))
+        forces = [float(_sum(x, known)) / self.inertia if x else 0.0 for x in self.terms]
+        return np.array([*y[len(self.names) :], *forces])
 
 
 def _wheel(random: Random, _: int) -> tuple[Draft, _Free]:
@@ -269,8 +347,10 @@ def _wheel(random: Random, _: int) -> tuple[Draft, _Free]:
         'loads': {f'f{k}': {'at': 'wheel', 'torque': x.text} for k, x in enumerate(terms)},
         'drive': {'coordinate': 'wheel', 'speed': f'{speed} rad/s', 'torque': {}},
     }  # fmt: skip
-    names_of = {'wheel': 'x', 't': 't', 'wheel_rate': 'v'}
-    return Draft(scene, duration=T), _Free('wheel', inertia, (0.0, speed), T, terms, names_of)
+    variables = 'wheel', 'wheel_rate', 't'
+    return Draft(scene, duration=T), _Free(
+        ('wheel',), inertia, [0.0, speed], T, [terms], variables
+    )
 
 
 def _slider(random: Random, _: int) -> tuple[Draft, _Free]:
@@ -284,83 +364,153 @@ def _slider(random: Random, _: int) -> tuple[Draft, _Free]:
         'loads': {'f': {'at': 'block', 'force': [_formula(terms), 0.0]}},
         'drive': {'coordinate': 'block', 'speed': f'{speed} m/s', 'force': {}},
     }  # fmt: skip
-    names_of = {'x': 'x', 't': 't', 'vx': 'v'}
-    return Draft(scene, duration=T), _Free('block', mass, (0.0, speed), T, terms, names_of)
+    variables = 'x', 'vx', 't'
+    return Draft(scene, duration=T), _Free(('block',), mass, [0.0, speed], T, [terms], variables)
 
 
-def _judge_free(free: _Free, solution: Solution) -> dict[str, float]:
-    x, v = _integrated(free)
-    T = free.duration
+def _loose(random: Random, _: int) -> tuple[Draft, _Free]:
+    """A disk whose pin flies in the bushing of a driven crank; it ends amidst a flight."""
+    speed, arm, mass = float(random.uniform(2.0, 20.0)), float(random.uniform(0.05, 0.2)), 0.7
+    ring = _Ring(arm, speed, float(random.uniform(0.005, 0.03)), float(random.uniform(0.4, 1.0)))
+    T = 1.5 / speed
+    own = _terms(random, [('crank', 0.0, 1.5), ('t', 0.0, T)], 5.0)
+    v, c = arm * speed, ring.radial
+    names = [('x', 0.5 * arm, arm), ('y', 0.0, arm), ('vx', -v, v), ('vy', -v, v), ('t', 0.0, T)]
+    terms = [_terms(random, names, mass * v * speed) for _ in 'xy']
+    place = (np.array([arm, 0.0]) + 0.6 * c * random.uniform(-1.0, 1.0, 2)).tolist()
+    rate = (np.array([0.0, v]) + 5.0 * c * speed * random.uniform(-1.0, 1.0, 2)).tolist()
+    scene: Scene = {
+        'title': 'a disk in a loose pin', 'mechanism': 'linkage', 'gravity': [0.0, 0.0],
+        'tables': TRIANGLE,
+        'links': {'ground': {},
+                  'crank': {'mass': 1.0, 'inertia': 0.01, 'cog': 0.0, 'length': arm},
+                  'disk': {'mass': mass, 'inertia': 0.01, 'cog': 0.0, 'length': 0.1}},
+        'joints': {'O': {'revolute': ['ground', 'crank.start']},
+                   'P': {'revolute': ['crank.end', 'disk.start'],
+                         'clearance': {'radial': c, 'restitution': ring.restitution}}},
+        'loads': {'g': {'at': 'crank', 'torque': _formula(own)},
+                  'f': {'at': 'disk', 'force': [_formula(x) for x in terms]}},
+        'drive': {'coordinate': 'crank', 'speed': f'{speed} rad/s', 'start_angle': 0.0},
+        'initial': {
+            'position': {'disk': 0.0, 'disk.x': place[0], 'disk.y': place[1]},
+            'velocity': {'disk': 0.0, 'disk.x': rate[0], 'disk.y': rate[1]}},
+    }  # fmt: skip
+    variables = 'x', 'y', 'vx', 'vy', 't'
+    free = _Free(('disk.x', 'disk.y'), mass, [*place, *rate], T, terms, variables, ring)
+    T = _amidst(free)
+
+    def torque(t: Array) -> Array:
+        return np.array([-_sum(own, {'crank': speed * t, 't': t})])
+
+    edges = [x / speed if term.of == 'crank' else x for term in own for x in term.edges]
+    crank = _Ideal(T, {'crank': speed}, torque, edges)
+    return Draft(scene, duration=T), free._replace(duration=T, crank=crank)
+
+
+def _amidst(free: _Free) -> float:
+    """[s] Within the last flight before the fourth impact, or before one that is short."""
+    _, struck = _integrated(free, 4)
+    ends = [0.0, *struck] if len(struck) == 4 else [0.0, *struck, free.duration]
+    long = [k for k, (a, b) in enumerate(pairwise(ends)) if b - a < 0.01 * free.duration]
+    last = long[0] if long else len(ends) - 1
+    return 0.5 * (ends[last - 1] + ends[last]) if last else ends[1]
+
+
+def _judge_free(free: _Free, machine: Machine, solution: Solution) -> dict[str, float]:
+    state, struck = _integrated(free)
+    T, n = free.duration, len(free.names)
     seen = solution.sample(np.array([T]))
-    name = free.name
-    size = max(abs(free.start[1]), abs(v))
-    return {
-        'off.position': abs(float(seen[f'position.{name}'][0]) - x) / (size * T),
-        'off.velocity': abs(float(seen[f'velocity.{name}'][0]) - v) / size,
-    }
+    off = _judge_ideal(free.crank, machine, solution) if free.crank else {}
+    if len(struck) != len(solution.impacts):
+        raise Failure('impacts', f'{len(solution.impacts)} impacts, not {len(struck)}')
+    size = max(1e-3, *map(abs, free.start[n:]), float(np.abs(state[n:]).max()))
+    for k, name in enumerate(free.names):
+        x, v = (float(seen[f'{of}.{name}'][0]) for of in ('position', 'velocity'))
+        off[f'off.position.{name}'] = abs(x - state[k]) / (size * T)
+        off[f'off.velocity.{name}'] = abs(v - state[n + k]) / size
+    for impact, t in zip(solution.impacts, struck, strict=True):
+        off['off.impact'] = max(off.get('off.impact', 0.0), abs(impact.t - t) / T)
+    return off
 
 
-def _integrated(free: _Free) -> tuple[float, float]:
-    """Place and rate at the end, by DOP853 from one edge of a term to the next."""
-    borders = [(free.names[x.of], edge) for x in free.terms for edge in x.edges]
+def _integrated(free: _Free, most: int | None = None) -> tuple[Array, list[float]]:
+    """State at the end, and times of impacts: by DOP853 from one edge of a term to the next.
 
-    def of(what: str, t: float, y: Array) -> float:
-        return float({'t': t, 'x': y[0], 'v': y[1]}[what])
+    Parameters
+    ----------
+    most : impacts, after which it ends
+    """
+    index = {name: k for k, name in enumerate(free.variables)}
+    terms = [x for of in free.terms for x in of]
+    borders = [(index[x.of], edge) for x in terms for edge in x.edges]
+    ring, struck = free.ring, list[float]()
 
-    def rate(t: float, y: Array) -> list[float]:
-        return [float(y[1]), float(free.force(t, y[0], y[1])) / free.inertia]
-
-    def event(what: str, edge: float) -> Callable[[float, Array], float]:
+    def event(k: int, edge: float) -> Callable[[float, Array], float]:
         def away(t: float, y: Array) -> float:
-            return of(what, t, y) - edge
+            return float((t if k == len(y) else y[k]) - edge)
 
         away.terminal = True  # type: ignore[attr-defined] # read by SciPy
         return away
 
+    def touch(t: float, y: Array) -> float:
+        assert ring is not None
+        return ring.gap(t, y)
+
+    touch.terminal, touch.direction = True, -1.0  # type: ignore[attr-defined]
+    touching = [touch] if ring else []
     t, y = 0.0, np.array(free.start)
-    while t < free.duration:
-        slopes = {'t': 1.0, 'x': abs(y[1]), 'v': abs(rate(t, y)[1])}
-        longest = free.duration
-        for x in free.terms:
-            what = free.names[x.of]
-            near = abs(of(what, t, y) - x.place)
+    while t < free.duration and (most is None or len(struck) < most):
+        now, slopes = [*y, t], [*np.abs(free.rate(t, y)), 1.0]
+        longest = free.duration if ring is None else 0.02 * ring.radial / max(slopes[:2])
+        for x in terms:
+            k = index[x.of]
             if x.kind in ('pulse', 'bell', 'ramp', 'table'):
-                longest = min(longest, max(0.2 * x.width, 0.2 * near) / max(slopes[what], 1e-9))
+                near = 0.2 * max(x.width, abs(now[k] - x.place))
+                longest = min(longest, near / max(slopes[k], 1e-9))
         end = min(free.duration, t + 5.0 * longest)
         events = [
-            event(*b) for b in borders if abs(of(b[0], t, y) - b[1]) > 1e-13 * max(1.0, abs(b[1]))
+            event(*b) for b in borders if abs(now[b[0]] - b[1]) > 1e-13 * max(1.0, abs(b[1]))
         ]
         found = solve_ivp(
-            rate, (t, end), y, 'DOP853', rtol=1e-12, atol=1e-13, max_step=longest, events=events
-        )
+            free.rate, (t, end), y, 'DOP853', rtol=1e-12, atol=1e-13, max_step=longest,
+            events=[*touching, *events],
+        )  # fmt: skip
         t, y = float(found.t[-1]), found.y[:, -1]
-    return float(y[0]), float(y[1])
+        if ring and len(found.t_events[0]):
+            y = ring.struck(t, y)
+            struck.append(t)
+    return y, struck
 
 
-# --- the family ----------------------------------------------------------------------------------
+# --- the families --------------------------------------------------------------------------------
 
-_KINDS = (_crank, _yoke, _wheel, _slider)
-
-
-def _made(random: Random, k: int) -> tuple[Draft, Any]:
-    return _KINDS[k % len(_KINDS)](random, k)
+_Makers = tuple[Callable[[Random, int], tuple[Draft, Any]], ...]
 
 
-def _draft(random: Random, k: int) -> Draft:
-    return _made(random, k)[0]
+def _draft(makers: _Makers, random: Random, k: int) -> Draft:
+    return makers[k % len(makers)](random, k)[0]
 
 
-def _judge(random: Random, k: int, machine: Machine, solution: Solution) -> dict[str, float]:
+def _judge(
+    makers: _Makers, random: Random, k: int, machine: Machine, solution: Solution
+) -> dict[str, float]:
     """Figures against the second route."""
-    _, known = _made(random, k)
-    if isinstance(known, _Ideal):
-        off = _judge_ideal(known, machine, solution)
-    else:
-        off = _judge_free(known, solution)
+    known = makers[k % len(makers)](random, k)[1]
+    of_kind = _judge_ideal if isinstance(known, _Ideal) else _judge_free
+    off = of_kind(known, machine, solution)
     worst = max(off, key=lambda name: off[name])
     if not off[worst] <= TOLERANCE:
         raise Failure('figure', f'{worst.removeprefix("off.")} is off by {off[worst]:.3g}: {off}')
     return off
 
 
-FAMILIES = (Family('loads', 200, _draft, judge=_judge),)
+def _family(name: str, count: int, *makers: Any) -> Family:
+    """Cases of some makers in turn."""
+    return Family(name, count, partial(_draft, makers), judge=partial(_judge, makers))
+
+
+FAMILIES = (
+    _family('loads', 200, _crank, _yoke, _wheel, _slider),
+    _family('loads_drives', 60, _arm),
+    _family('loads_loose', 60, _loose),
+)
