@@ -8,6 +8,8 @@
   ``<!-- numbers vary: REASON -->`` where only words can be compared.
 - A block after ``<!-- file: NAME -->`` is written to that file, whatever its language.
 - Blocks within a comment are run like others: what a page needs, but not its reader.
+- Of tables whose last columns are ``command`` and ``answer`` each row is run: its command, in
+  backticks and without ``mechanism-sim``, prints all that is in backticks in its answer.
 """
 
 from __future__ import annotations
@@ -28,10 +30,15 @@ import running
 
 ROOT = Path(__file__).parents[1]
 RUN = ('sh', 'python', 'console')
+PROGRAMS = ('mechanism-sim', '-m mechanism_sim '), ('zros', '-m zenoh_rclpy '), ('python', '')
+"""Programs that a shell of a page finds, and arguments of Python that start them."""
 BLOCK = re.compile(
     r'(?:^ *<!-- (?P<mark>not run|numbers vary|file): (?P<reason>[^\n]+?) -->\n)?'
     r'^(?P<indent> *)```(?P<language>\S*)[^\n]*\n(?P<text>.*?)^(?P=indent)```$',
     re.DOTALL | re.MULTILINE,
+)
+TABLE = re.compile(
+    r'^\|.*\| command \| answer \|\n\|[-|]+\|\n(?P<rows>(?:\|.*\|\n)+)', re.MULTILINE
 )
 NUMBER = re.compile(r'[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?')
 BEFOREHAND = f"""
@@ -77,7 +84,8 @@ class Block:
 
 def pages() -> list[str]:
     """All pages with blocks, relative to the repository."""
-    files = [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
+    readmes = ROOT / 'README.md', ROOT / 'zenoh_rclpy' / 'README.md'
+    files = [*readmes, *sorted((ROOT / 'docs').rglob('*.md'))]
     return [str(file.relative_to(ROOT)) for file in files if '```' in file.read_text('utf-8')]
 
 
@@ -96,7 +104,18 @@ def blocks(page: str) -> list[Block]:
             end = match.end()
         elif match['language'] == 'text' and found and not text[end : match.start()].strip():
             found[-1] = Block(**{**vars(found[-1]), 'shown': content, 'vary': varies})
-    return found
+    return sorted([*found, *_rows(page, text)], key=lambda block: block.line)
+
+
+def _rows(page: str, text: str) -> Iterator[Block]:
+    """Rows of tables of commands and answers, those without a command left out."""
+    for table in TABLE.finditer(text):
+        first = text.count('\n', 0, table.start('rows')) + 1
+        for line, row in enumerate(table['rows'].splitlines(), first):
+            *_, command, answer = (cell.strip() for cell in row.strip('|').split(' | '))
+            if command.startswith('`'):
+                expected = '\n'.join(re.findall('`([^`]+)`', answer))
+                yield Block(page, line, 'row', command.strip('`'), '', '', expected)
 
 
 def commands(block: Block) -> Iterator[tuple[str, str | None]]:
@@ -137,6 +156,9 @@ def run(block: Block, names: dict[str, Any]) -> None:
     if block.mark == 'file':
         Path(block.reason).write_text(block.text, encoding='utf-8')
         return
+    if block.language == 'row':
+        _check_row(block)
+        return
     if block.language == 'python':
         with contextlib.redirect_stdout(io.StringIO()) as out:
             exec(compile(block.text, block.place, 'exec', dont_inherit=True), names)
@@ -158,12 +180,26 @@ def run(block: Block, names: dict[str, Any]) -> None:
         compare(block.shown, printed, block.vary, block.place)
 
 
+def _check_row(block: Block) -> None:
+    """Run the command of a row of a table; each part of its answer is in a line that it prints."""
+    done = _command(f'mechanism-sim {block.text}')
+    printed = done.stdout + done.stderr
+    lines = [line.split() for line in printed.splitlines()]
+    assert block.shown, f'{block.place}: the answer has nothing that the command prints'
+    for part in block.shown.splitlines():
+        size = len(part.split())
+        windows = (' '.join(w[k : k + size]) for w in lines for k in range(len(w) - size + 1))
+        assert any(_same_line(part, window.rstrip(',:;'), False) for window in windows), (
+            f'{block.place}: {block.text} does not print\n{part}\nbut\n{printed}'
+        )
+
+
 def _command(command: str) -> subprocess.CompletedProcess[str]:
     """In this process where that makes no difference."""
     args, filtered = _split(command)
     if args is None:
         return _shell(command)
-    done = running.run(*args, env=dict(os.environ) if args[0] in running.APART else None)
+    done = running.run(*args, env=dict(os.environ) if running.goes_apart(args) else None)
     return _shell(filtered, done.stdout) if filtered and done.returncode == 0 else done
 
 
@@ -188,7 +224,7 @@ def workplace(folder: Path) -> dict[str, str]:
         (folder / name).symlink_to(ROOT / name)
     programs = folder / '.bin'
     programs.mkdir()
-    for name, start in (('mechanism-sim', '-m mechanism_sim '), ('python', '')):
+    for name, start in PROGRAMS:
         program = programs / name
         program.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} {start}"$@"\n', 'utf-8')
         program.chmod(0o755)

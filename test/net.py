@@ -11,7 +11,7 @@ Three kinds of entries:
 - ``topics``: types, numbers and first messages of the topics of three recorded runs.
 
 Digests are compared where processor and compilers are those of the record
-(docs/reproducibility.md), figures everywhere, to `TOLERANCE`.
+(docs/accuracy.md), figures everywhere, to `TOLERANCE`.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ COMMANDS = {
     ],
     'periodic': [('periodic', LOOSE, '--transient', '3', '--longest', '1')],
     'statistics': [('statistics', LOOSE, '--revolutions', '24', '--skip', '2')],
-    'lift-off': [('lift-off', 'eccentric_cam')],
+    'find --lift-off': [('find', 'eccentric_cam', '--lift-off')],
     'find': [
         ('find', IDEAL, '--vary', 'drive.speed=300 rpm:400 rpm', '--so-that',
          'largest(reaction.coupler_rocker) = 12 N'),

@@ -24,9 +24,7 @@ GALLERY = Path(__file__).parents[1] / 'docs' / 'mechanisms.md'
 SIMPLE = GALLERY.read_text(encoding='utf-8').partition('## Compound')[0]
 ROWS = [
     row
-    for row in re.findall(
-        r'\| \[`(\w+)`\].*?<br>(.+?)<br>.*? \| .+ \| (\d) \|$', SIMPLE, re.MULTILINE
-    )
+    for row in re.findall(r'\| \[`(\w+)`\].*?<br>(.+?) \| .+ \| (\d) \|$', SIMPLE, re.MULTILINE)
     if row[0] not in ('four_bar_clearance', 'four_bar_crossed')  # impacts; no masses
 ]
 TURNING = {

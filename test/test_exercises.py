@@ -1,6 +1,7 @@
 """The exercises of cams and gears by a second route: closed forms, not the program's own."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import mechanism_sim as ms
 from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.report.profile import profile
 
-PAGE = (ROOT / 'docs/exercises_gears_cams.md').read_text('utf-8')
+PAGE = (ROOT / 'docs/exercises.md').read_text('utf-8')
 LAW = 'joints.contact.law'
 R, D, W = 0.03, 0.006, 10.0
 CIRCULAR = {LAW: {'eccentric': D}, 'joints.contact.base_radius': R - D, 'drive.speed': -W}
@@ -129,23 +130,18 @@ def test_sizes_of_gears():
     assert found['ratio'] == pytest.approx(-2.0)
 
 
-def test_every_problem_is_in_the_table():
-    table = PAGE[PAGE.index('## All problems') :]
+def test_every_problem_is_in_the_tables():
     named = set()
-    for row in table.splitlines():
-        cell = row.split('|')[1].strip() if row.startswith('|') else ''
-        for part in cell.removeprefix('exercises ').split(','):
-            first, _, last = part.strip().partition(' to ')
-            if first[:1].isdigit():
-                chapter, a = first.split('.')
-                b = (last or first).split('.')[1]
-                ends = (int(x.rstrip('ab')) for x in (a, b))
-                kind = 'exercise' if cell.startswith('exercises') else 'problem'
-                low, high = ends
-                named |= {(kind, chapter, n) for n in range(low, high + 1)}
-    problems = [('4', 12), ('5', 16)]
-    wanted = {('problem', c, n) for c, most in problems for n in range(1, most + 1)}
-    assert named == wanted | {('exercise', '4', n) for n in range(1, 7)}
+    for cell in re.findall(r'^\| (\d[^|]*) \|', PAGE, re.MULTILINE):
+        for part in cell.split(','):
+            first, _, last = (word.rstrip('abc') for word in part.strip().partition(' to '))
+            *chapter, low = re.split(r'(?<=[.E])(?=\d+$)', first)
+            high = re.split(r'(?<=[.E])(?=\d+$)', last or first)[-1]
+            named |= {f'{"".join(chapter)}{n}' for n in range(int(low), int(high) + 1)}
+    problems = {'1.': 12, '2.': 19, '3.': 12, '4.': 12, '5.': 16, '6.': 20}
+    exercises = {'2.E': 9, '3.E': 7, '4.E': 6, '6.E': 2, '3.5.': 5}
+    counts = problems | exercises
+    assert named == {f'{part}{n}' for part, most in counts.items() for n in range(1, most + 1)}
 
 
 def smoothness(pieces):

@@ -3,6 +3,7 @@
 import math
 import re
 import shlex
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -15,15 +16,12 @@ from mechanism_sim.linkages.mobility import kutzbach
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
 
-MOBILITY, KINEMATICS, FORCES = (
-    (ROOT / f'docs/exercises_{name}.md').read_text('utf-8')
-    for name in ('mobility', 'kinematics', 'forces')
-)
+PAGE = (ROOT / 'docs/exercises.md').read_text('utf-8')
 
 
-def made(page, name):
+def made(name):
     """The scene that a page makes by `new NAME --from SCENE --set ...`."""
-    (line,) = re.findall(rf'^mechanism-sim new {name} .*$', page, re.MULTILINE)
+    (line,) = re.findall(rf'^mechanism-sim new {name} .*$', PAGE, re.MULTILINE)
     words = shlex.split(line)
     changes = [words[i + 1] for i, word in enumerate(words) if word == '--set']
     return ms.load_scene(words[words.index('--from') + 1], changes)
@@ -68,6 +66,33 @@ def test_freedoms_of_links_that_hang_together():
 
 
 @pytest.mark.parametrize(
+    ('name', 'links', 'kinds', 'framed', 'driven'),
+    [
+        ('adjustable_stroke_drive', 5, {'revolute': 4, 'slot': 1, 'prismatic': 1}, 3, ['crank']),
+        ('locking_pliers', 4, {'revolute': 4}, 2, ['handle']),
+        ('constant_velocity_slider', 6, {'revolute': 6, 'prismatic': 1}, 3, ['crank']),
+        ('dump_truck', 6, {'revolute': 6, 'prismatic': 1}, 3, ['piston']),
+    ],
+)
+def test_links_and_joints_are_those_of_the_figures(name, links, kinds, framed, driven):
+    """Problems 1.6 to 1.9; the frame is a link."""
+    machine = ms.load_scene(name)
+    assert len(machine.links) + 1 == links
+    assert Counter(joint.kind for joint in machine.scene.joints.values()) == kinds
+    on_frame = [joint for joint in machine.plan.joints if 'ground' in (joint.first, joint.second)]
+    assert len(on_frame) == framed
+    assert list(machine.plan.prescribed) == driven
+
+
+@pytest.mark.parametrize('name', ['slider_crank', 'scotch_yoke_offset', 'material_handling'])
+def test_equations_and_unknowns_of_forces(name):
+    """Problems 3.10 to 3.12."""
+    machine = ms.load_scene(name)
+    assert 3 * len(machine.links) == 9
+    assert 2 * len(machine.mechanism.joints) + len(machine.plan.prescribed) == 9
+
+
+@pytest.mark.parametrize(
     'name',
     ['adjustable_stroke_drive', 'locking_pliers', 'constant_velocity_slider',
      'double_toggle_punch', 'variable_stroke_drive', 'dump_truck'],
@@ -106,7 +131,7 @@ def test_strokes_jaws_and_wipers():
 
 def test_inverted_slider_cranks():
     """Problems 2.1 and 2.2 by the law of cosines, 2.3 and 2.13 by the angle of the pin."""
-    machine = made(KINEMATICS, 'cylinder_given')
+    machine = made('cylinder_given')
     t = np.linspace(0.0, 0.5, 11)
     seen = ms.simulate(machine, duration=0.5).sample(t)
     D = 0.25 - seen['position.piston']
@@ -176,8 +201,8 @@ def test_wheels_and_racks_that_rest():
     w = abs(machine.start_of_crank[1])
     fastest = -cycle(machine).extremes()['velocity.wheel'].least.value
     assert fastest == pytest.approx(w * 0.05 / (r1 - 0.05), rel=1e-9)
-    assert f'{1e3 * r1:.3f}' in KINEMATICS
-    assert f'{1e3 * (r1 * math.cos(math.pi / 8.0) - (r1 - 0.05)):.2f} mm' in KINEMATICS
+    assert f'{1e3 * r1:.3f}' in PAGE
+    assert f'{1e3 * (r1 * math.cos(math.pi / 8.0) - (r1 - 0.05)):.2f} mm' in PAGE
     rack = cycle(ms.load_scene('linear_intermittent')).extremes()
     w = 2.0 * math.pi
     assert rack['velocity.rack'].greatest.value == pytest.approx(0.04 * w, rel=1e-9)
@@ -229,7 +254,7 @@ def test_a_given_moment_and_the_resistance_do_what_energy_takes(name):
 
 def test_forces_of_links_without_mass():
     """Problems 3.1 to 3.5, 3.7, and [V] 3.25, 3.30 with the page's number."""
-    light = made(FORCES, 'light')
+    light = made('light')
 
     def loaded(loads, **drive):
         content = light.scene.model_dump(exclude_none=True, by_alias=True)
@@ -254,7 +279,7 @@ def test_forces_of_links_without_mass():
     th2, th3 = math.pi / 3.0, -math.asin(0.25 * math.sin(math.pi / 3.0))
     P4 = 12.0 / (0.05 * math.sin(th3 - th2)) * math.cos(th3)
     assert seen['load.r'][0] == pytest.approx(P4, rel=1e-9)
-    assert f'{P4:.3f}' in FORCES
+    assert f'{P4:.3f}' in PAGE
     coupler = {'links.coupler.mass': 0, 'links.coupler.inertia': 0}
     found = cycle(ms.load_scene('punch', coupler), static=True, local=True)
     across, axial = (found[f'reaction.coupler_punch.punch.{x}'] for x in ('across', 'along'))
@@ -265,7 +290,7 @@ def test_forces_of_links_without_mass():
 
 def test_moments_of_the_exercises_by_virtual_power():
     """Exercises 3.1 to 3.7: drives supply what loads, weights and inertia take."""
-    film = cycle(made(FORCES, 'film'), points=['coupler.end'])
+    film = cycle(made('film'), points=['coupler.end'])
     load = film.machine.scene.loads['film']
     v = [film[f'velocity.coupler.end.{axis}'] for axis in 'xy']
     power = load.force[0] * v[0] + load.force[1] * v[1]
@@ -274,18 +299,18 @@ def test_moments_of_the_exercises_by_virtual_power():
     assert acting.any()
     assert not acting.all()
     assert drive[acting] == pytest.approx(-power[acting], rel=1e-9, abs=1e-12)
-    carrier = cycle(made(FORCES, 'carrier'), points=['coupler.A'])
+    carrier = cycle(made('carrier'), points=['coupler.A'])
     v, a = ([carrier[f'{kind}.coupler.A.{axis}'] for axis in 'xy']
             for kind in ('velocity', 'acceleration'))  # fmt: skip
     taken = 5.0 * (a[0] * v[0] + (a[1] + 9.81) * v[1])
     drive = carrier['drive_torque'] * carrier['velocity.crank']
     assert drive == pytest.approx(taken, abs=1e-9)
-    rocker = cycle(made(FORCES, 'rocker'), points=['connecting_link.tracer'])
+    rocker = cycle(made('rocker'), points=['connecting_link.tracer'])
     vx, w = rocker['velocity.connecting_link.tracer.x'], rocker['velocity.left_arm']
     known = np.isfinite(rocker['load.moment']) & (np.abs(vx) > 1e-9)
     expected = np.where(vx > 0.0, 10.0 * vx / w, 0.0)
     assert rocker['load.moment'][known] == pytest.approx(expected[known], rel=1e-7, abs=1e-9)
-    puncher = cycle(made(FORCES, 'puncher'))
+    puncher = cycle(made('puncher'))
     v = puncher['velocity.punch']
     drive = puncher['drive_torque'] * puncher['velocity.crank']
     held = np.abs(drive) > 1e-9

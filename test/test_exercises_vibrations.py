@@ -15,7 +15,7 @@ from mechanism_sim.study.modes import modes
 from mechanism_sim.study.response import read_source, response
 from mechanism_sim.vibration.shafts import shaft_rigidity
 
-NAME = 'docs/exercises_vibrations.md'
+NAME = 'docs/exercises.md'
 PAGE = (ROOT / NAME).read_text('utf-8')
 M, K = 2.0, 500.0
 WN = math.sqrt(K / M)
@@ -47,7 +47,7 @@ def test_free_vibrations():
     t = np.linspace(0.0, 1.0, 21)
     x = ms.simulate(made('free'), duration=1.0).sample(t)['position.mass'] - 0.3
     assert x == pytest.approx(0.01 * np.cos(WN * t), abs=1e-12)
-    x = ms.simulate(made('blow'), duration=1.0).sample(t)['position.mass'] - 0.3
+    x = ms.simulate(made('pushed'), duration=1.0).sample(t)['position.mass'] - 0.3
     assert x == pytest.approx(0.1 / WN * np.sin(WN * t), abs=1e-12)
     for change, factor in (
         ('links.mass.mass=8 kg', 0.5),
@@ -81,7 +81,7 @@ def test_forced_vibrations():
     turning = 20.0 * math.pi
     size = abs(unbalance / (2e4 - 22.0 * turning**2 + 100.0j * turning))
     assert f'{size:.6g}' in PAGE
-    for name in ('free', 'blow'):
+    for name in ('free', 'pushed'):
         load = 'loads={force: {at: mass, force: [0, "3*sin(20*t)"]}}'
         last = ms.simulate(made(name, damping(20.0), load), duration=8.0).sample(8.0)
         steady = (-3.0j / (K - M * 400.0 + 400.0j) * np.exp(160.0j)).real

@@ -2,7 +2,8 @@
 
 The summary of a bag needs one pass and little memory. What is asked for here needs the machine,
 rebuilt from the recorded scene, and all of the motion: then everything that can be asked of a
-simulation can be asked of a bag.
+simulation can be asked of a bag: scene and polynomials are all that a solution consists of, so
+forces and signals need not be recorded.
 """
 
 from __future__ import annotations

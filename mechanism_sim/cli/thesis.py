@@ -13,9 +13,10 @@ from mechanism_sim.cli.options import (
     print_result,
     read_machine,
     scene_options,
+    skip_option,
+    skipped_turns,
     turns_of,
 )
-from mechanism_sim.errors import InputError
 
 
 def add(command: Command) -> None:
@@ -26,13 +27,7 @@ def add(command: Command) -> None:
     )
     option(sub, '-o --output', 'DIR|FILE', 'draw the figures: a folder, .pdf or .svg')
     option(sub, '--page', 'FILE.md', 'renew the tables of a page between its marks')
-    option(
-        sub,
-        '--skip',
-        'K',
-        'whole turns to leave out at the beginning; the first half if not given',
-        int,
-    )
+    skip_option(sub, 'the first half if not given')
     sub = command(
         'thesis contact-loss', _contact_loss, 'criteria of contact loss, beside what happens'
     )
@@ -55,13 +50,12 @@ def _experiment(options: argparse.Namespace) -> int:
         with_orders,
     )
 
-    if options.skip is not None and options.skip < 0:
-        raise InputError('--skip must be at least 0')
+    skip = None if options.skip is None else skipped_turns(options)
     place = figures.check_picture('--output', options.output, True) if options.output else None
     page = experiment_page.read_page('--page', options.page) if options.page else None
     bags = bags_of([Path(folder) for folder in options.folders])
     with progress.count('experiment', len(bags), quiet=options.json) as show:
-        found = with_orders(with_limits(read_experiment(bags, options.skip, show)))
+        found = with_orders(with_limits(read_experiment(bags, skip, show)))
     if page:
         file, text = page
         output.write_text(file, experiment_page.renewed(text, found))

@@ -20,6 +20,8 @@ class ChatterRule:
     asked for; nor one that would not get clear of the depth to which a step's error let the impact
     come too late.
 
+    Heights and not speeds, so that there is no constant to tune for another machine.
+
     Attributes
     ----------
     allowed, resolved : [m] rises that may be left out, and that can be told from rounding

@@ -1,4 +1,7 @@
-"""Where columns of a run are least and greatest: of its motion, not of samples of it."""
+"""Where columns of a run are least and greatest: of its motion, not of samples of it.
+
+A table of 360 rows misses the peaks of a loose bearing altogether.
+"""
 
 from __future__ import annotations
 

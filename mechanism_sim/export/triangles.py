@@ -1,7 +1,8 @@
 """Polygons with holes as triangles, by ear clipping.
 
 G. H. Meisters, "Polygons have ears", Am. Math. Monthly 82 (1975); holes are joined to the outer
-curve by a bridge (D. Eberly, "Triangulation by ear clipping", 2002).
+curve by a bridge (D. Eberly, "Triangulation by ear clipping", 2002). No library that does it comes
+with the packages of a ROS distribution.
 """
 
 from __future__ import annotations

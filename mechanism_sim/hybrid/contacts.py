@@ -1,4 +1,9 @@
-"""What an event does to the contacts: who strikes, who follows, who slips, who lets go."""
+"""Contact transitions at an event: impact, sticking, sliding, separation.
+
+One set of equations with a flag for each gap serves every pattern of contact: the pattern changes
+by parameters, and nothing is compiled at an event. Compliant contacts run by the same flags: with
+an event at the touch all pieces are smooth, where friction smoothed over a slip would be stiff.
+"""
 
 from __future__ import annotations
 
@@ -292,6 +297,7 @@ class Contacts(Switching):
             k, rows = guard.switch, self.switches
             self._count_turns(k)
             after = self._row_after(k)
+            self._turned[k] = self._places()[k], rows[k]
             self.set_switches((*rows[:k], after, *rows[k + 1 :]))
             if self._system.relations and not self.singular_joints():
                 self.project()  # another closure may hold from now on
@@ -387,9 +393,9 @@ class Contacts(Switching):
             if i < len(modes) and modes[i] == 1:
                 if x <= -margin and seen[count + i] < 0.0 and i != seen_now:
                     return i
-            elif i != seen_now and x <= (
-                floor if seen_now is None else _BEYOND * (floor - margin)
-            ):
+                continue
+            beyond = x <= (floor if seen_now is None else _BEYOND * (floor - margin))
+            if beyond and i != seen_now and not self._leads_back(self._system.guards[i].switch):
                 return i
         return None
 

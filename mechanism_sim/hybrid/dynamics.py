@@ -34,10 +34,10 @@ from mechanism_sim.numerics.symbolic import (
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.joint_friction import JointFriction, Rub, rubs
-from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import Motor
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
+from mechanism_sim.planar.virtual_work import generalised
 
 ROUGH = 1e4
 """Coulomb's coefficient of rough contacts while they stay closed; in impacts it is infinite."""
@@ -217,6 +217,8 @@ class Dynamics:
         solved = solve_symmetric(M, [rhs, *J, *G])
         self._unconstrained, W = solved[0], solved[1 : 1 + len(J)]
         self._W_G = solved[1 + len(J) :]
+        # closures are eliminated once, so that contact and impact see one small matrix; minimal
+        # coordinates instead would have to pass a singular point somewhere
         self._S = [[dot(row, w) for w in self._W_G] for row in G]
         self._G = G
         count = len(self.J)
@@ -301,6 +303,7 @@ class Dynamics:
         """
         if not stabilised:
             return None
+        # no projection after every step instead: it would make the published motion jump
         alpha = self._alpha
         if jet.value is None:  # only a rate
             return mul(alpha, jet.rate)

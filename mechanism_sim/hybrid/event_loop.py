@@ -2,6 +2,10 @@
 
 A step is never cut to please a caller: requests read the step's polynomials. What is published,
 and when, therefore cannot change the motion.
+
+Taylor steps of heyoka, because a step is then a polynomial that is sampled, published and searched
+for events exactly. SciPy's DOP853 with a careful event loop takes about ten times the CPU time at
+rtol 1e-12; it is the second route of the tests.
 """
 
 from __future__ import annotations
@@ -102,7 +106,9 @@ class EventLoop:
         limit = _DEFECT * rtol * STEP_SCALE * fastest
         self._quickest = _QUICKEST * fastest
         steep = system.steep
-        self._check = StepCheck(system, steep, self._ta, limit) if steep else None
+        # polynomials of what moves are known as it is
+        checked = steep and steep.enclosure.count
+        self._check = StepCheck(system, steep, self._ta, limit) if checked else None
         quick = (system.lone or not system.guards) and not system.timed
         self._quick = quick and self._check is None
         f, width = len(system.free), self._ta.order + 1

@@ -260,6 +260,7 @@ class System:
         scale : size of the largest rate [rad/s]
         compact : compile slower but smaller code (for many coordinates)
         """
+        # four orders more: 300 instead of 390 steps in a revolution of the thesis scene
         order = math.ceil(5.0 - 0.5 * math.log(rtol))
         tolerance = math.exp(-2.0 * (order - 1.5))
         constant = hy.make_vars('step_constant')

@@ -2,8 +2,9 @@
 
 Slots repeat, so their distance from the pin is written as a periodic function: with N slots on a
 wheel, a sine of N times the pin's direction in the wheel's frame ([V] 2.6). A switch tells whether
-the pin is in a slot. Where it enters and leaves, the distance from the slot and that from the
-locked position agree, and the pin moves along the slot: the motion goes on without an impact.
+the pin is in a slot. Nothing is counted, so that 10^6 turns lose no digit. Where it enters and
+leaves, the distance from the slot and that from the locked position agree, and the pin moves along
+the slot: the motion goes on without an impact.
 """
 
 from __future__ import annotations
@@ -23,16 +24,8 @@ from mechanism_sim.planar.configuration import off_line, turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, moment_of
-from mechanism_sim.planar.mechanism import (
-    GROUND,
-    Equation,
-    HigherPair,
-    LinkPoint,
-    Mechanism,
-    Pose,
-    Vector2,
-    rotate,
-)
+from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose
+from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import (
     SLOT,

@@ -1,11 +1,15 @@
-"""Control of a simulation by the services of the standard `simulation_interfaces`."""
+"""Control of a simulation by the services of the standard `simulation_interfaces`.
+
+A reset is an end and a beginning, each acknowledged by every node, because topics have no order
+among each other. A step of the clock cuts no step of the solver.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.messages import MessageError, action_class, message_class, service_class
-from mechanism_sim.middleware import ActionServer, CancelResponse, ReentrantCallbackGroup
+from mechanism_sim.nodes.middleware import ActionServer, CancelResponse, ReentrantCallbackGroup
 from mechanism_sim.nodes.worlds import Worlds
 
 if TYPE_CHECKING:

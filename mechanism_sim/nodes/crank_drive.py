@@ -8,10 +8,10 @@ from typing import Any
 
 from mechanism_sim.messages import Clock, DiagnosticStatus, DriveLaw, stamp
 from mechanism_sim.messages.events import drive_law
-from mechanism_sim.middleware import Future, Parameter
 from mechanism_sim.nodes.commands import Commands
 from mechanism_sim.nodes.control import Control
 from mechanism_sim.nodes.described_node import Diagnosis
+from mechanism_sim.nodes.middleware import Future, Parameter
 from mechanism_sim.nodes.pace import Pace
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
 from mechanism_sim.nodes.scene_values import ContentPropagation
@@ -23,6 +23,9 @@ BEHIND = 0.95
 
 class CrankDrive(SimulationNode):
     """Announces the law of the crank ahead of the slowest partner, by credit.
+
+    A law and not samples, which would bring a delay of a tick; credit and not a common clock, so
+    that a slow node delays the run and loses nothing.
 
     It is the simulator of the standard `simulation_interfaces`, see `Control`, and takes commands,
     see `Commands`. Parameters of the node, besides those of every node: ``lead`` [s], how far the

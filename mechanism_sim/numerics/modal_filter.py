@@ -8,7 +8,8 @@ Mode by mode, ``z' = p z + u``. On a piece of duration h, with ``x = t / h``, ``
 with any polynomial c that solves it. Where s is large, that is the one of the degree of u, from
 ``s c_j = (j + 1) c_(j + 1) - h u_j`` downwards; where it is small, the power series of the
 response from rest, from ``(j + 1) c_(j + 1) = s c_j + h u_j`` upwards until no more comes. Nothing
-is approximated however fast the mode and however long the piece.
+is approximated however fast the mode and however long the piece. Convolution for each sample took
+five times as long.
 """
 
 from __future__ import annotations

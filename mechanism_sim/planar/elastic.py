@@ -11,7 +11,8 @@ stretch. It is of second order, but the axial force does work on it: a beam that
 stiffened by it, one under thrust softened until it buckles (Kane, Ryan and Banerjee, J. Guidance
 10 (1987) 139-151; [Sh] A. A. Shabana, Dynamics of Multibody Systems, 4th ed., ch. 5). Kinetic
 energy counts up to second order in the elastic coordinates and their rates together, strain energy
-too: to that order the equations are exact for the shapes that are taken.
+too: to that order the equations are exact for the shapes that are taken. Of higher orders the
+foreshortening knows only a part, and they take twice the time with three modes.
 
 Reference conditions say where the frame lies in the beam: `pinned`, its x axis through both ends
 of the axis, which do not move across; or `clamped`, its x axis tangent to the axis where that
@@ -23,15 +24,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement, pairwise
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
 
 from mechanism_sim.planar.beam_sections import Taper
 from mechanism_sim.planar.beam_shapes import Array, Ends, Functions, gauss, shapes, tapered
-
-Vector2: TypeAlias = tuple[float, float]
+from mechanism_sim.planar.points import Vector2
 
 ROUNDING = 1e-13
 """Of a shape function's size: less is rounding, and no term of the equations."""

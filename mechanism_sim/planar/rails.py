@@ -8,6 +8,9 @@ with the deflection w and the elongation u of `mechanism_sim.planar.elastic`: th
 axis to the second order in elastic coordinates. Foreshortening would change it in the third. The
 axis goes straight on beyond the ends of the beam. Derivatives by all coordinates follow, those of
 the curvature of the rail among them: what slides along a bent rail is accelerated across.
+
+Such guides close loops and never belong to the tree: what they carry turns with a cross-section,
+whose angle is no coordinate.
 """
 
 from __future__ import annotations
@@ -23,7 +26,8 @@ import heyoka as hy
 from mechanism_sim.numerics.symbolic import add, dense, mul, polynomial
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.mechanism import Mechanism, Vector2, rotate
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import Vector2, rotate
 
 Pair = tuple[Jet, Jet]
 

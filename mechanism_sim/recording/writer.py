@@ -1,4 +1,7 @@
-"""Writing bags: MCAP, profile `ros2`, that a kill cannot spoil."""
+"""Writing bags: MCAP, profile `ros2`, that a kill cannot spoil.
+
+Log time is simulated time, so that bags of one scene are comparable.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""A scene from start to end in this process, in pieces or whole: no nodes, no middleware."""
+"""A scene from start to end in this process, in pieces or whole: no nodes, no middleware.
+
+A solution is its pieces joined: `stream` is the only way through a run, and its memory is that of
+a piece.
+"""
 
 from __future__ import annotations
 

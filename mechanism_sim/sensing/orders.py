@@ -3,7 +3,8 @@
 Computed order tracking: K. R. Fyfe and E. D. S. Munck, Analysis of computed order tracking, Mech.
 Syst. Signal Process. 11 (1997) 187; synchronous averages: P. D. McFadden, A revised model for the
 extraction of periodic waveforms by time domain averaging, ibid. 1 (1987) 83. Here the angle is
-known at every sample, so that nothing is assumed of the motion between pulses of a tacho.
+known at every sample, so that nothing is assumed of the motion between pulses of a tacho. Samples
+are interpolated by splines: band-limited interpolation fails where signals jump.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Processes of this machine that share work."""
+"""Processes of this machine that share work.
+
+Not heyoka's batch mode: steps are a quarter of a run, so that a batch of eight would save a sixth,
+for a second event loop.
+"""
 
 from __future__ import annotations
 

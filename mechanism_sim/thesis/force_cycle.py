@@ -6,13 +6,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.thesis.periodic_functions import (
     TURN,
     Clock,
@@ -25,9 +26,6 @@ from mechanism_sim.thesis.periodic_functions import (
     tip,
     with_tips,
 )
-
-if TYPE_CHECKING:
-    from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 
 _EPS = float(np.finfo(float).eps)
 _FEWEST_SAMPLES = 8
