@@ -31,6 +31,7 @@ extensions = [
     'keys',
     'mathml',
     'measurements',
+    'mechanisms',
     'messages',
     'motion',
 ]
