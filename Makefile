@@ -3,9 +3,10 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 SCENE ?= four_bar_clearance
+BENCH ?= all
 BAG ?= runs/$(SCENE)-$(shell date +%Y%m%d-%H%M%S).mcap
 
-.PHONY: run test test-all lint docs evidence install clean
+.PHONY: run test test-all lint bench docs evidence install clean
 run: install
 	@mkdir -p runs
 	$(BIN)/mechanism-sim run $(SCENE) --revolutions 10 --processes --record $(BAG)
@@ -24,6 +25,10 @@ lint: install
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache --no-logo
+
+# The tables of docs/benchmarks.md: all of them in an hour of a quiet machine, or BENCH=torque_crank.
+bench: install
+	$(BIN)/python -m benchmarks $(BENCH) --output docs/pictures
 
 docs: $(VENV)/installed-docs
 	$(BIN)/python -m sphinx -W --keep-going -q -c docs . build/site

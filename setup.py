@@ -5,14 +5,20 @@ from glob import glob
 from setuptools import find_packages, setup
 
 NAME = 'mechanism_sim'
+PACKAGES = NAME, 'ros_interfaces', 'zenoh_rclpy'
 NODES = (
     'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'sensors',
     'display', 'recorder',
 )  # fmt: skip
 
 setup(
-    packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'bench/references/*.json', 'pages/assets/*']},
+    packages=find_packages(
+        include=[f'{name}{below}' for name in PACKAGES for below in ('', '.*')]
+    ),
+    package_data={
+        **{name: ['py.typed'] for name in PACKAGES},
+        NAME: ['py.typed', 'pages/assets/*', 'editor/assets/*'],
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -23,6 +29,7 @@ setup(
     entry_points={
         'console_scripts': [
             'mechanism-sim = mechanism_sim.__main__:main',
+            'zros = zenoh_rclpy.__main__:main',
             *(f'{node} = mechanism_sim.__main__:node' for node in (*NODES, 'view')),
         ]
     },

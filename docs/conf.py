@@ -11,7 +11,8 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent / 'site'))
+_DOCS = Path(__file__).parent
+sys.path[:0] = [str(_DOCS / 'site'), str(_DOCS.parent)]  # extensions; benchmarks and tests
 # A pattern of pages that nobody has written yet is no mistake.
 logging.getLogger('sphinx.sphinx.directives.other').addFilter(
     lambda record: 'glob pattern' not in record.getMessage()

@@ -1,4 +1,4 @@
-"""Trials of `mechanism-sim identify`: bags of machines that are known, and what is found in them.
+"""Trials of `mechanism-sim analyze --fit`: bags of known machines, and what is found in them.
 
 Records ten run-ups of the scene `bearing_run_up` as nodes, each with another restitution,
 friction, clearance and noise, identifies them, and puts the table into docs/analysis.md. The

@@ -16,9 +16,9 @@ try:
     from sensor_msgs.msg import JointState
     from std_msgs.msg import Float64
 except ImportError:  # without ROS the same over Zenoh
-    import mechanism_sim.middleware as rclpy
+    import zenoh_rclpy as rclpy
     from mechanism_sim.messages import Float64, JointState
-    from mechanism_sim.middleware import ExternalShutdownException, Node
+    from zenoh_rclpy import ExternalShutdownException, Node
 
 
 class SpeedController(Node):

@@ -16,7 +16,8 @@ from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.linkages.indexing import Geneva, SlottedRack
 from mechanism_sim.linkages.slot import PinInSlot
-from mechanism_sim.planar.mechanism import GROUND, Prismatic
+from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.schema import Scene
 
 STEP = 1e-30

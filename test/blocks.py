@@ -30,6 +30,8 @@ import running
 
 ROOT = Path(__file__).parents[1]
 RUN = ('sh', 'python', 'console')
+PROGRAMS = ('mechanism-sim', '-m mechanism_sim '), ('zros', '-m zenoh_rclpy '), ('python', '')
+"""Programs that a shell of a page finds, and arguments of Python that start them."""
 BLOCK = re.compile(
     r'(?:^ *<!-- (?P<mark>not run|numbers vary|file): (?P<reason>[^\n]+?) -->\n)?'
     r'^(?P<indent> *)```(?P<language>\S*)[^\n]*\n(?P<text>.*?)^(?P=indent)```$',
@@ -82,7 +84,8 @@ class Block:
 
 def pages() -> list[str]:
     """All pages with blocks, relative to the repository."""
-    files = [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
+    readmes = ROOT / 'README.md', ROOT / 'zenoh_rclpy' / 'README.md'
+    files = [*readmes, *sorted((ROOT / 'docs').rglob('*.md'))]
     return [str(file.relative_to(ROOT)) for file in files if '```' in file.read_text('utf-8')]
 
 
@@ -196,7 +199,7 @@ def _command(command: str) -> subprocess.CompletedProcess[str]:
     args, filtered = _split(command)
     if args is None:
         return _shell(command)
-    done = running.run(*args, env=dict(os.environ) if args[0] in running.APART else None)
+    done = running.run(*args, env=dict(os.environ) if running.goes_apart(args) else None)
     return _shell(filtered, done.stdout) if filtered and done.returncode == 0 else done
 
 
@@ -221,7 +224,7 @@ def workplace(folder: Path) -> dict[str, str]:
         (folder / name).symlink_to(ROOT / name)
     programs = folder / '.bin'
     programs.mkdir()
-    for name, start in (('mechanism-sim', '-m mechanism_sim '), ('python', '')):
+    for name, start in PROGRAMS:
         program = programs / name
         program.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} {start}"$@"\n', 'utf-8')
         program.chmod(0o755)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.linkages.mobility import RANK_TOLERANCE
 from mechanism_sim.planar.configuration import Constraints
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 
 Array = NDArray[np.float64]
 

@@ -26,7 +26,7 @@ from browsing import Tab, browsing
 from hypothesis import settings
 from middleware_network import Network
 
-from mechanism_sim import middleware
+from mechanism_sim.nodes import middleware
 from mechanism_sim.numerics import code_cache, kernels
 
 sys.dont_write_bytecode = False

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.grashof import crank_limits
-from mechanism_sim.planar.mechanism import Vector2
+from mechanism_sim.planar.points import Vector2
 
 Array = NDArray[np.float64]
 

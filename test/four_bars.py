@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+import benchmarks
 import mechanism_sim as ms
-import mechanism_sim.bench
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.observer import Observer
@@ -28,7 +28,7 @@ RADIAL = 'joints.coupler_rocker.clearance.radial'
 @cache
 def reference(name):
     """A reference run, its columns of decimal strings as arrays of floats."""
-    folders = Path(mechanism_sim.bench.__file__).parent, Path(__file__).parent
+    folders = Path(benchmarks.__file__).parent, Path(__file__).parent
     path = next(p for f in folders if (p := f / 'references' / f'{name}.json').exists())
     return _numbers(json.loads(path.read_text(encoding='utf-8')))
 

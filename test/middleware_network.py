@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from running import FOLLOW, TIMEOUT, free_port
 
-from mechanism_sim import middleware
+from mechanism_sim.nodes import middleware
 
 PATIENCE = TIMEOUT / 2.0  # [s] that a test may wait twice
 

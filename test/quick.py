@@ -28,6 +28,7 @@ HEAVY = (
 """What takes seconds to compile is deep, whatever the seed."""
 
 CASES = {
+    'grid/test_grid.py::test_a_case_comes_through': 4,
     'hard/test_hard.py::test_hard_case': 12,
     'test_animation.py::test_every_kind_of_machine_makes_a_film': 2,
     'test_bag_states.py::test_every_command_reads_it_or_says_why_not': 8,
@@ -67,7 +68,6 @@ CASES = {
     'test_gear_mesh.py::test_rattle_agrees_with_another_integrator': 1,
     'test_gear_scenes.py::test_drawn_teeth_touch_and_do_not_overlap_while_they_turn': 1,
     'test_gears.py::test_tips_of_internal_gears_meet_where_the_drawn_teeth_overlap': 1,
-    'test_grid.py::test_a_case_comes_through': 4,
     'test_guide.py::test_the_slider_moves_as_in_nine_cartesian_coordinates': 1,
     'test_indexing.py::test_the_wheel_points_at_the_pin_and_rests_between': 5,
     'test_instants.py::test_an_instant_of_change_differs_from_the_one_before_it': 2,

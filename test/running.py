@@ -10,7 +10,7 @@ import socket
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -33,11 +33,13 @@ def ros_found() -> bool:
     return all(find_spec(name) is not None for name in ('rclpy', 'mechanism_sim.msg'))
 
 
-APART = {
-    'topic', 'param', 'service', 'action', 'bag', 'edit', 'identify', 'node', 'run', 'sweep',
-    'view',
-}  # fmt: skip
+APART = {'bag', 'edit', 'node', 'run', 'sweep', 'view'}
 """Commands that start processes, speak to others or take over signals."""
+
+
+def goes_apart(args: Sequence[str]) -> bool:
+    """Whether a command needs a process of its own; `--fit` starts workers, too."""
+    return bool(APART.intersection(args[:1])) or '--fit' in args
 
 
 _worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 5
@@ -81,36 +83,41 @@ def command(*args: str) -> list[str]:
     return [sys.executable, '-m', 'mechanism_sim', *args]
 
 
-def run(*args: str, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end.
+Program = Callable[[Sequence[str]], None]
+
+
+def run(
+    *args: str, env: dict[str, str] | None = None, program: Program = main
+) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end; `program` is another one than the package's, always run here.
 
     In this process where that makes no difference: starting one costs more than most commands. An
     exception that gets out of it, or a warning that its user would see, fails the test.
     """
-    if env is None and not APART.intersection(args[:1]):
-        return _here(*args)
+    if program is not main or (env is None and not goes_apart(args)):
+        return _here(program, args)
     return subprocess.run(
         command(*args), env=ending.owned(env or environment()), capture_output=True, text=True,
         timeout=TIMEOUT, check=False,
     )  # fmt: skip
 
 
-def _here(*args: str) -> subprocess.CompletedProcess[str]:
+def _here(program: Program, args: Sequence[str]) -> subprocess.CompletedProcess[str]:
     out, err = io.StringIO(), io.StringIO()
     with redirect_stdout(out), redirect_stderr(err), warnings.catch_warnings():
         warnings.simplefilter('error')
         for hidden in (DeprecationWarning, PendingDeprecationWarning, ResourceWarning):
             warnings.simplefilter('ignore', hidden)
         with pytest.raises(SystemExit) as ended:
-            main(args)
+            program(args)
     code = ended.value.code
     assert code is None or isinstance(code, int)
     return subprocess.CompletedProcess(args, code or 0, out.getvalue(), err.getvalue())
 
 
-def run_json(*args: str, env: dict[str, str] | None = None) -> Any:
+def run_json(*args: str, env: dict[str, str] | None = None, program: Program = main) -> Any:
     """Run a command with --json and give its result."""
-    done = run(*args, '--json', env=env)
+    done = run(*args, '--json', env=env, program=program)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
@@ -121,8 +128,11 @@ def start(*args: str, env: dict[str, str]) -> subprocess.Popen[str]:
     return ending.start(command(*args), env=env, stdout=pipe, stderr=pipe, text=True)
 
 
-FOLLOW = f'from mechanism_sim.ending import follow; follow({os.getpid()})\n'
-"""Beginning of a program that ends with this process."""
+FOLLOW = (
+    f'import sys; sys.path.insert(1, {str(Path(__file__).parents[1])!r})\n'
+    f'from mechanism_sim.ending import follow; follow({os.getpid()})\n'
+)
+"""Beginning of a program that finds what is not installed, and ends with this process."""
 
 
 def script(path: Path, text: str) -> Path:

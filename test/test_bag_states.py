@@ -31,8 +31,8 @@ READERS = {
     'report': ['-o', 'x.html'],
     'plot': ['velocity.crank', '-o', 'x.svg'],
     'animate': ['-o', 'x.gif', '--fps', '5'],
-    'sound': ['-o', 'x.wav'],
-    'experiment': [],
+    'animate -o x.wav': [],
+    'thesis experiment': [],
 }
 
 
@@ -232,11 +232,14 @@ EXPECTED = {
     'empty': dict.fromkeys(READERS, NOTHING) | {'info': '', 'analyze': ''},
     'early': dict.fromkeys(READERS, NOTHING) | {'info': '', 'analyze': ''},
     'late': dict.fromkeys(READERS, '')
-    | {'experiment': 'no sensor reads accelerations across the coupler'},
+    | {'thesis experiment': 'no sensor reads accelerations across the coupler'},
     'one': dict.fromkeys(READERS, '')
-    | {'sound': 'nothing to hear', 'experiment': 'whole turns of crank'},
+    | {'animate -o x.wav': 'nothing to hear', 'thesis experiment': 'whole turns of crank'},
     'failed': dict.fromkeys(READERS, '')
-    | {'sound': 'nothing to hear', 'experiment': 'the experiment is that of a four_bar'},
+    | {
+        'animate -o x.wav': 'nothing to hear',
+        'thesis experiment': 'the experiment is that of a four_bar',
+    },
 }
 
 
@@ -244,15 +247,15 @@ EXPECTED = {
 @pytest.mark.parametrize('state', EXPECTED)
 def test_every_command_reads_it_or_says_why_not(states, state, reader, tmp_path):
     path, expected = states[state], EXPECTED[state][reader]
-    if reader == 'experiment':
+    if reader == 'thesis experiment':
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    source = str(tmp_path if reader == 'experiment' else path)
-    done = command(reader, source, *_within(tmp_path, READERS[reader]))
+    source = str(tmp_path if reader == 'thesis experiment' else path)
+    done = command(*reader.split(), source, *_within(tmp_path, READERS[reader]))
     assert done.returncode == (2 if expected else 0), done.stderr
     told = done.stderr.splitlines()
     if expected:
         assert expected in told[-1]
-        assert path.name in told[-1] or reader == 'sound'
+        assert path.name in told[-1] or reader == 'animate -o x.wav'
     elif state == 'late' and reader not in {'info', 'analyze'}:
         assert 'was cut short' in told[0]
 
@@ -267,7 +270,9 @@ def test_what_was_said_before_a_failure_is_in_the_bag(states):
 
 def test_a_signal_that_is_too_short_is_named(states):
     for state, words in (('empty', NOTHING), ('late', 'samples of rocker_accelerometer are too')):
-        done = command('identify', str(states[state]), '--rounds', '16', '--workers', '1')
+        done = command(
+            'analyze', str(states[state]), '--fit', 'radial', '--rounds', '16', '--workers', '1'
+        )
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
         assert f'{states[state]}' in done.stderr
         assert words in done.stderr
@@ -315,7 +320,7 @@ def test_topics_that_cannot_be_read_are_said_beside_those_that_can(tmp_path):
     assert 'topics that cannot be read are left out: /msg/rx/need_ack' in done.stderr
 
 
-@pytest.mark.parametrize('reader', [*READERS, 'recover', 'play'])
+@pytest.mark.parametrize('reader', [*READERS, 'bag recover', 'bag play'])
 def test_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
     """SQLite, alone and in its folder; what is refused is not taken for a scene."""
     file = tmp_path / 'bag' / 'bag_0.db3'
@@ -323,10 +328,9 @@ def test_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
     file.write_bytes(b'SQLite format 3\0' + bytes(100))
     (file.parent / 'metadata.yaml').write_text('rosbag2_bagfile_information: {version: 4}')
     for source in (file, file.parent):
-        words = ['bag', 'play', str(source)] if reader == 'play' else [reader, str(source)]
-        done = command(*words, *_within(tmp_path, READERS.get(reader, [])))
+        done = command(*reader.split(), str(source), *_within(tmp_path, READERS.get(reader, [])))
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
-        assert 'is a bag in SQLite (.db3)' in done.stderr or reader == 'experiment'
+        assert 'is a bag in SQLite (.db3)' in done.stderr or reader == 'thesis experiment'
 
 
 def test_a_bag_without_messages_is_not_played(states):

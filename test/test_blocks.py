@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
+import shlex
 
 import pytest
 from blocks import ROOT, Block, blocks, commands, compare, pages, run, words, workplace
 
 from mechanism_sim.cli.entry import make_parser
+from test.grid.command import make_parser as grid_parser
+from zenoh_rclpy.commands import make_parser as zros_parser
 
 PAGES = {page: blocks(page) for page in pages()}
 ELSEWHERE = {'docs/tutorial.md'}  # test_tutorial.py follows it word by word
@@ -67,6 +70,10 @@ def test_commands_that_are_not_run_are_understood(block: Block):
         for command in re.split(r'&&|[;&|]', line):
             if command.strip().startswith('mechanism-sim'):
                 make_parser().parse_known_args(words(command))
+            elif command.strip().startswith('python -m test.grid'):
+                assert not grid_parser().parse_known_args(command.split('#')[0].split()[3:])[1]
+            if command.strip().startswith('zros '):
+                zros_parser().parse_args(shlex.split(command)[1:])
 
 
 def test_make_has_the_targets_that_pages_name():

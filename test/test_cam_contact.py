@@ -117,7 +117,7 @@ def test_a_law_whose_velocity_jumps_runs_as_kinematics(tmp_path):
     given = ['offset_roller_cam', '--set', f'{LAW}.segments=[{segments}]']
     table = tmp_path / 'cam.csv'
     assert 'at 60 deg the velocity jumps' in run('cycle', *given).stdout
-    run('profile', given[0], 'contact', *given[1:], '--table', str(table))
+    run('draw', given[0], '--profile', 'contact', *given[1:], '--table', str(table))
     rows = np.genfromtxt(table, delimiter=',', names=True)
     at = np.isclose(rows['cam'], span, atol=1e-9)  # both sides of the corner
     assert sorted(rows['velocity'][at]) == pytest.approx([0.0, 6e-3], abs=1e-9)  # per radian
@@ -134,6 +134,6 @@ def test_a_law_whose_velocity_jumps_is_refused_where_forces_are_needed(capsys):
     with pytest.raises(InputError, match='no finite force'):
         lift_offs(machine)
     with pytest.raises(SystemExit) as left:
-        main(['profile', 'gear_pair', 'mesh', '--table', 'x.csv'])
+        main(['draw', 'gear_pair', '--profile', 'mesh', '--table', 'x.csv'])
     assert left.value.code == 2
     assert 'for cams, and mesh has none' in capsys.readouterr().err

@@ -12,11 +12,11 @@ from event_solution import Machine, Wall, apart, solve
 from rattling import CycloidalLaw, EccentricLaw, GrooveCam, SprungFollower
 
 import mechanism_sim as ms
-from mechanism_sim.bench.grid.case import variant
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.study.lift_off import lift_offs
+from test.grid.case import variant
 
 TURN = 2 * math.pi
 CYCLOIDAL = CycloidalLaw(8e-3, 1.2, 0.5, 1.4)

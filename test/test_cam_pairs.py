@@ -17,7 +17,7 @@ from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.mechanism import rotate
+from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check

@@ -14,7 +14,7 @@ import mechanism_sim as ms
 from mechanism_sim.cli.entry import make_parser
 from mechanism_sim.errors import InputError
 
-REQUIRED = {'layout': ['--for', 'rviz'], 'export': ['--format', 'urdf']}
+REQUIRED = {'export': ['--format', 'urdf']}
 """Options without which a command is not read."""
 
 NOMINAL_AT = {
@@ -131,15 +131,11 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
     ('line', 'said'),
     [
         ('run slider_crank --overwrite', '--overwrite goes with --record'),
-        ('equations slider_crank --json --latex', '--latex and --json exclude each other'),
-        ('bench grid --repeats 2', '--repeats does not apply to grid: it is for problems'),
-        ('bench hard --only x', '--only does not apply to hard: it is for grid'),
-        ('bench four_bar_nominal --markdown x', '--markdown does not apply to four_bar_nominal'),
-        ('bench --sample 3', '--sample needs names'),
+        ('check slider_crank --equations --json --latex', '--latex and --json exclude each other'),
         ('analyze x.mcap --band 1:2', '--band goes with --envelope'),
         ('analyze x.mcap --pin-radius 1', '--pin-radius goes with --wear'),
         ('analyze x.mcap --skip 3', '--skip goes with a detail'),
-        ('sound x.mcap --duration 0', 'the length does not apply to a bag'),
+        ('animate x.mcap -o x.wav --duration 0', 'the length does not apply to a bag'),
         ('report slider_crank --set-other drive.speed=3 --measure rms(drive_torque)',
          '--measure does not apply to a comparison'),
         ('view --realtime-factor 2', '--realtime-factor is for a run of its own'),
@@ -149,11 +145,28 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
         ('service call /x --types', '--types does not apply to service call'),
         ('action list -f', '--feedback does not apply to action list'),
         ('plot slider_crank --ideal', '--ideal goes with the name of a quantity'),
-        ('plot slider_crank velocity.crank --against angle -o x.csv',
-         '--against is about a picture'),
-        ('profile valve_train contact --friction 0.1', 'no figure of contact depends on friction'),
-        ('profile worm_drive pair --gear x', 'no outline in the plane'),
+        ('plot slider_crank velocity.crank --over angle -o x.csv',
+         '--over is about a picture'),
+        ('draw valve_train --profile contact --friction 0.1',
+         'no figure of contact depends on friction'),
+        ('draw worm_drive --profile pair --gear x', 'no outline in the plane'),
         ('draw slider_crank --magnify 3', '--magnify does not apply: slider_crank has no elastic'),
+        ('draw gear_pair --gear wheel', '--gear goes with --profile'),
+        ('draw gear_pair --profile mesh --positions 3', '--positions does not apply to --profile'),
+        ('check slider_crank --latex', '--latex goes with --equations'),
+        ('find slider_crank --stages 2', '--stages goes with --teeth'),
+        ('find --teeth 3 --values 5', '--values is for a scene'),
+        ('find slider_crank --teeth 3', "goes without a scene; 'slider_crank' was given"),
+        ('find --lift-off', 'SCENE is missing'),
+        ('find valve_train --lift-off --values 5', '--values does not apply to --lift-off'),
+        ('analyze x.mcap --seed 3', '--seed goes with --fit'),
+        ('analyze x.mcap y.mcap', 'analyze reads one bag, not 2'),
+        ('analyze x.mcap --fit radial --wear J', '--wear does not apply to --fit'),
+        ('analyze x.mcap --fit radial --skip 3', "--skip '3' is not a quantity with a unit"),
+        ('statistics slider_crank --skip 2s', "--skip '2s' is no number of whole turns"),
+        ('animate slider_crank -o x.wav --fps 5', '--fps is of a film'),
+        ('animate slider_crank --pulse 1', '--pulse is of a sound'),
+        ('export slider_crank --format urdf --namespace a', '--namespace is for --format'),
         ('cycle four_bar_crossed --local', 'its level has no forces'),
     ],
 )  # fmt: skip
@@ -182,7 +195,7 @@ def test_keys_without_effect_and_odd_units_are_said_beside_the_result():
 def test_no_option_takes_the_last_of_two_values_in_silence():
     """Every option of every command that takes a value takes one, or collects all of them."""
     tried = 0
-    for name, sub in make_parser().commands().choices.items():
+    for name, sub in make_parser().leaves().items():
         for action in sub._actions:
             if not action.option_strings or action.nargs == 0:
                 continue
@@ -248,3 +261,25 @@ def test_info_and_analyze_as_json(tmp_path):
     text = run('analyze', str(bag)).stdout
     for word in ('revolution', 'following', 'energy', 'impulse', 'digest'):
         assert word in text
+
+
+OTHERWISE = {
+    '--from': {'new'},  # the scene that is copied; elsewhere the time at which something begins
+    **{flag: {'plot'} for flag in ('-o', '--output')},  # twice: a picture and numbers
+}
+"""Options that mean something else in these commands."""
+
+
+def test_an_option_is_the_same_in_every_command():
+    kinds = {}
+    for name, command in make_parser().leaves().items():
+        for action in command._actions:
+            for flag in action.option_strings:
+                if name not in OTHERWISE.get(flag, ()):
+                    found = action.nargs, type(action).__name__
+                    kinds.setdefault(flag, {})[name] = found
+    assert {flag: k for flag, k in kinds.items() if len(set(k.values())) > 1} == {}
+
+
+def test_the_first_level_can_be_remembered():
+    assert len(make_parser().commands().choices) <= 24

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from running import TIMEOUT, run, run_json
+from running import TIMEOUT, run
 
 from mechanism_sim.cli.first import SHELLS
 
@@ -43,7 +43,7 @@ ask() {
 """
 
 QUESTIONS = {
-    'mechanism-sim so': {'solve', 'sound'},
+    'mechanism-sim so': {'solve'},
     'mechanism-sim solve four_bar_cl': {'four_bar_clearance'},
     'mechanism-sim solve four_bar_clearance --rev': {'--revolutions'},
     'mechanism-sim analyze r': {'run.mcap', 'recorded/'},
@@ -54,10 +54,10 @@ QUESTIONS = {
         'measured_cam',
         'mesh_stiffness',
     },
-    'mechanism-sim profile valve_train ': {'bearing', 'guide', 'contact'},
+    'mechanism-sim draw valve_train --profile ': {'bearing', 'guide', 'contact'},
     'mechanism-sim draw punch --path punch.': {'punch.start', 'punch.tip'},
     'mechanism-sim node ge': {'gear_train', 'geneva'},
-    'mechanism-sim completion f': {'fish'},
+    'mechanism-sim --completion f': {'fish'},
     'mechanism-sim sweep thesis_m': {'thesis_measurement'},
 }
 
@@ -74,7 +74,7 @@ def test_a_bash_completes_names_without_waiting_for_mechanics(tmp_path):
     (tmp_path / 'run.txt').touch()
     (tmp_path / 'recorded').mkdir()
     (tmp_path / 'mine.yaml').touch()
-    (tmp_path / 'script.bash').write_text(run('completion', 'bash').stdout)
+    (tmp_path / 'script.bash').write_text(run('--completion', 'bash').stdout)
     script = ASK + '\n'.join(f"ask '{question}'" for question in QUESTIONS)
     path = f'{program.parent}{os.pathsep}{os.environ["PATH"]}'
     environment = {**os.environ, 'PATH': path, 'PYTHONPATH': str(ROOT)}
@@ -90,6 +90,14 @@ def test_a_bash_completes_names_without_waiting_for_mechanics(tmp_path):
 
 @pytest.mark.parametrize('shell', SHELLS)
 def test_there_is_a_script_for_every_shell(shell):
-    script = run_json('completion', shell)['script']
+    script = run('--completion', shell).stdout
     assert 'mechanism-sim' in script
-    assert run('completion', shell).stdout.strip() == script.strip()
+
+
+def test_options_of_the_program_go_without_a_command():
+    for option in (['--version'], ['--completion', 'bash']):
+        done = run(*option, 'scenes')
+        assert (done.returncode, done.stdout) == (2, '')
+        assert done.stderr == (
+            f"mechanism-sim: {option[0]} goes without a command; 'scenes' was given, too\n"
+        )

@@ -11,7 +11,6 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import mechanism_sim as ms
-from mechanism_sim.bench.hard.bodies import GRAVITY, Floor, ThrownBody
 from mechanism_sim.contact.compliant import (
     Flores,
     Hertz,
@@ -23,6 +22,7 @@ from mechanism_sim.contact.compliant import (
 from mechanism_sim.contact.film import JournalMotion, ShortBearing
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
+from test.hard.bodies import GRAVITY, Floor, ThrownBody
 
 CLEARANCE = 'joints.coupler_rocker.clearance'
 C = 2.54e-4

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import mechanism_sim as ms
-from mechanism_sim.bench.problems.andrews_squeezer import LINKS, relative_angles
-from mechanism_sim.bench.problems.andrews_squeezer import error as squeezer_error
-from mechanism_sim.bench.problems.andrews_squeezer import scipy as squeezer_by_scipy
+from benchmarks.problems.andrews_squeezer import LINKS, relative_angles
+from benchmarks.problems.andrews_squeezer import error as squeezer_error
+from benchmarks.problems.andrews_squeezer import scipy as squeezer_by_scipy
 
 SQUEEZER = (
     15.81077119629904, -15.75637105984298, 0.04082224013073101, -0.5347301163226948,

@@ -12,7 +12,7 @@ from scipy.integrate import quad
 
 import mechanism_sim as ms
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.linkages.contact_loss import (
+from mechanism_sim.thesis.contact_loss import (
     ClearanceLink,
     contact_loss,
     follow,
@@ -25,7 +25,7 @@ from mechanism_sim.linkages.contact_loss import (
     turning_link,
     unit_turn_over_force,
 )
-from mechanism_sim.linkages.force_cycle import ForceCycle
+from mechanism_sim.thesis.force_cycle import ForceCycle
 
 TURN = 2.0 * np.pi
 W = 30.0  # [rad/s] crank of the synthetic fields

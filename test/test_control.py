@@ -34,7 +34,7 @@ JOINT = f'{PLAY}.restitution'
 CONTROL = """
 import json
 from mechanism_sim.messages import action_class, message_class, service_class
-from mechanism_sim.middleware import (
+from mechanism_sim.nodes.middleware import (
     ActionClient, Node, Parameter, init, shutdown, spin_until_future_complete)
 
 PACKAGE = 'simulation_interfaces'
@@ -162,7 +162,7 @@ def test_a_hundred_single_steps_equal_one_run_to_the_bit(tmp_path):
 END = """
 import json
 from mechanism_sim.messages import Float64, Progress, service_class
-from mechanism_sim.middleware import Node, Parameter, SingleThreadedExecutor, init, leave
+from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor, init, leave
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.nodes.qos import RESULTS
 
@@ -286,7 +286,7 @@ PARAMETERS = (
 drive, linkage = '/crank_drive', '/linkage'
 JOINT = 'joints.coupler_rocker.clearance.restitution'
 from mechanism_sim.messages import DiagnosticArray
-from mechanism_sim.middleware import spin_once
+from mechanism_sim.nodes.middleware import spin_once
 statuses = {}
 def hear(message):
     for status in message.status:

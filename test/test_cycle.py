@@ -217,10 +217,10 @@ def test_a_torque_driven_machine_needs_a_duration():
     ('arguments', 'words'),
     [
         (('--points', 'coupler.ned'), "did you mean 'coupler.end'"),
-        (('--from', '30'), "write for example '30 deg'"),
-        (('--from', '30 mm'), "'30 mm' is not a quantity with a unit"),
+        (('--at', '30'), "write for example '30 deg'"),
+        (('--at', '30 mm'), "'30 mm' is not a quantity with a unit"),
         (('--samples', '1'), 'at least 2 samples'),
-        (('--periods', '2', '--duration', '1'), 'periods or a duration, not both'),
+        (('--revolutions', '2', '--duration', '1'), 'periods or a duration, not both'),
         (('--output', 'table.txt'), 'the ending must be .parquet, .csv, .xlsx, .mat or .npz'),
         (('--plots', 'nowhere/x.png'), 'there is no directory'),
         (('--plots', 'x.gif'), 'the ending must be .png'),
@@ -237,7 +237,7 @@ def test_bad_input_is_one_sentence(arguments, words, capsys):
 
 def test_the_command_writes_the_table_and_the_summary(tmp_path):
     files = {suffix: tmp_path / f'table.{suffix}' for suffix in ('csv', 'npz', 'parquet')}
-    options = ('cycle', 'four_bar_nominal', '--samples', '24', '--from', '90 deg', '--points',
+    options = ('cycle', 'four_bar_nominal', '--samples', '24', '--at', '90 deg', '--points',
                'coupler.cog')  # fmt: skip
     for file in files.values():
         found = run_json(*options, '--output', str(file))

@@ -14,8 +14,8 @@ import pytest
 from running import TIMEOUT, environment, run_json, script, start
 
 import mechanism_sim as ms
-from mechanism_sim import middleware
 from mechanism_sim.analysis import analyze
+from mechanism_sim.nodes import middleware
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.recording import read_bag
 
@@ -34,7 +34,7 @@ SOURCE = (
     MEMORY
     + """
 import struct, time
-from mechanism_sim.bench.traffic import End, RESULTS, motion
+from benchmarks.traffic import End, RESULTS, motion
 from mechanism_sim.messages import Motion, serialize
 end = End('source')
 publisher = end.node.create_publisher(Motion, 'motion', RESULTS)
@@ -53,7 +53,7 @@ SLOW = (
     MEMORY
     + f"""
 import time
-from mechanism_sim.bench.traffic import End, RESULTS
+from benchmarks.traffic import End, RESULTS
 from mechanism_sim.messages import Motion
 end, got, most = End('slow'), [], [0.0]
 def take(message):
@@ -103,7 +103,7 @@ def test_a_burst_of_motion_reaches_a_far_slower_subscriber_in_bounded_memory(
 
 LATE = """
 import json
-from mechanism_sim.bench.traffic import End
+from benchmarks.traffic import End
 from mechanism_sim.messages import MarkerArray, Progress, String
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 end, heard, seen = End('late'), {}, []
@@ -180,7 +180,7 @@ def test_a_machine_in_a_namespace_leaves_the_clock_alone(monkeypatch, home, coun
 
 
 SLEEPER = """
-from mechanism_sim.bench.traffic import End, RESULTS
+from benchmarks.traffic import End, RESULTS
 from mechanism_sim.messages import Motion
 end = End('sleeper')
 end.node.create_subscription(Motion, 'motion', lambda message: None, RESULTS)
@@ -192,7 +192,7 @@ BLOCKED = """
 import time
 from mechanism_sim import ending
 ending.begin()
-from mechanism_sim.bench.traffic import End, RESULTS, motion
+from benchmarks.traffic import End, RESULTS, motion
 from mechanism_sim.messages import Motion, serialize
 end = End('source')
 publisher = end.node.create_publisher(Motion, 'motion', RESULTS)

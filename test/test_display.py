@@ -18,16 +18,17 @@ from running import environment, run_json
 
 import mechanism_sim as ms
 from mechanism_sim import cli
+from mechanism_sim.analysis.preview import preview
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import seconds
-from mechanism_sim.messages.definitions import field_descriptions
-from mechanism_sim.nodes.force_markers import SHORTEST, Picture, preview
-from mechanism_sim.nodes.topics import topics_of
+from mechanism_sim.messages.topics import topics_of
+from mechanism_sim.nodes.force_markers import SHORTEST, Picture
 from mechanism_sim.planar.mechanism import HigherPair, Revolute
 from mechanism_sim.planar.play import ENDS
 from mechanism_sim.report.foxglove import to_foxglove
 from mechanism_sim.report.plot_paths import plots
 from mechanism_sim.report.rviz import to_rviz
+from ros_interfaces.definitions import field_descriptions
 
 ARROW, CUBE, SPHERE, CYLINDER, STRIP, LINES, TRIANGLES = (
     0,
@@ -356,7 +357,7 @@ PATH = re.compile(r'(/[\w/]+)(?:\{(\w+)=="([^"]+)"\})?\.([\w.]+)(\[(?:\d+|:)\])?
 def layout(tmp_path, scene, viewer, *options) -> str:
     file = tmp_path / 'layout'
     with pytest.raises(SystemExit) as ended:
-        cli.main(['layout', scene, '--for', viewer, '-o', str(file), *options])
+        cli.main(['export', scene, '--format', viewer, '-o', str(file), *options])
     assert not ended.value.code
     return file.read_text(encoding='utf-8')
 
@@ -450,7 +451,7 @@ def test_names_of_a_second_machine_have_its_namespace_and_prefix(tmp_path, capsy
     rviz = layout(tmp_path, 'four_bar_nominal', 'rviz', *options)
     assert rviz.count('/left/shop/') == 3
     with pytest.raises(SystemExit) as ended:
-        cli.main(['layout', 'four_bar_nominal', '--for', 'rviz', '--namespace', '1 2'])
+        cli.main(['export', 'four_bar_nominal', '--format', 'rviz', '--namespace', '1 2'])
     assert ended.value.code == 2
     assert "'1 2' is no namespace" in capsys.readouterr().err
 

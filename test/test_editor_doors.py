@@ -21,11 +21,12 @@ from test_edit import Page
 from test_output import full_disk
 from websockets.sync.client import connect
 
-from mechanism_sim.pages.edit import session, worker
-from mechanism_sim.pages.edit.background import Background, Job
-from mechanism_sim.pages.edit.document import Document
-from mechanism_sim.pages.edit.recovery import Recovery, place
-from mechanism_sim.pages.edit.serving import Desk
+from mechanism_sim.editor import background, session, worker
+from mechanism_sim.editor.background import Background, Job
+from mechanism_sim.editor.document import Document
+from mechanism_sim.editor.recovery import Recovery, place
+from mechanism_sim.editor.serving import Desk
+from mechanism_sim.errors import InputError
 
 
 def chain(count: int) -> str:
@@ -298,6 +299,19 @@ def test_whoever_serves_waits_for_no_run_to_take_its_document():
         assert ends(lambda: runs.submit(Job(2, 'a', {'a': 'x' * 5_000_000})))
     finally:
         runs.close()
+
+
+@pytest.mark.parametrize(('error', 'said'), [
+    (KeyError('coupler'), "it cannot be checked and run (KeyError: 'coupler')"),
+    (MemoryError(), 'it cannot be checked and run (MemoryError)'),
+    (InputError('a: b is missing'), 'a: b is missing'),
+])  # fmt: skip
+def test_whatever_a_run_raises_is_a_sentence(error, said, monkeypatch):
+    def fail(*_):
+        raise error
+
+    monkeypatch.setattr(background, '_work', fail)
+    assert background._problem(Job(1, 'machine', {}), None) == said
 
 
 def test_where_no_process_starts_the_editor_says_so_and_goes_on_when_one_does(monkeypatch):

@@ -8,9 +8,9 @@ from scipy.optimize import brentq
 from scipy.special import iv, jv
 
 import mechanism_sim as ms
-from mechanism_sim.bench import flexible_slider_crank as simeon
-from mechanism_sim.bench.problems import elastic_slider_crank, spinning_beam
-from mechanism_sim.bench.problems.elastic_slider_crank import elongations, stretching
+from benchmarks import flexible_slider_crank as simeon
+from benchmarks.problems import elastic_slider_crank, spinning_beam
+from benchmarks.problems.elastic_slider_crank import elongations, stretching
 from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.elastic import Beam

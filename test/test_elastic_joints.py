@@ -6,10 +6,11 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import mechanism_sim as ms
+from mechanism_sim.analysis.preview import preview
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import LinkageState, deserialize
 from mechanism_sim.nodes import markers
-from mechanism_sim.nodes.force_markers import Picture, preview
+from mechanism_sim.nodes.force_markers import Picture
 from mechanism_sim.nodes.publications import linkage_states
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene

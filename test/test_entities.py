@@ -111,7 +111,7 @@ def test_links_are_entities_and_scenes_are_worlds(tmp_path):
 MANAGER = """
 import json
 from mechanism_sim.messages import message_class, service_class
-from mechanism_sim.middleware import Node, init, leave, spin_once, spin_until_future_complete
+from mechanism_sim.nodes.middleware import Node, init, leave, spin_once, spin_until_future_complete
 
 init()
 node, heard = Node('manager'), []

@@ -24,9 +24,10 @@ from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.closures import Closure
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.inverse_dynamics import InverseDynamics
+from mechanism_sim.planar.inverse_dynamics import InverseDynamics, power
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Revolute
+from mechanism_sim.planar.mechanism import Body, Mechanism, Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.reactions import energies
 
 RNG = np.random.default_rng(11)
@@ -528,3 +529,9 @@ def test_projection_brings_a_closed_gap_to_zero_by_an_impulse_along_the_normal(s
         IA3 = 2.950e-3 + 0.2439 * (0.185**2 + 0.021**2)
         IO4 = 3.176e-3 + 0.2334 * (0.134**2 + 0.033**2)
         assert jump[0] * IA3 / -k3 == pytest.approx(jump[1] * IO4 / k4, rel=1e-3)
+
+
+def test_a_drive_at_rest_takes_no_power_whatever_its_torque() -> None:
+    torque, speed = np.array([[np.inf, np.nan, 2.0]]), np.array([[0.0, 0.0, 3.0]])
+    with np.errstate(all='raise'):
+        assert power(torque, speed).tolist() == [0.0, 0.0, 6.0]

@@ -36,7 +36,8 @@ from mechanism_sim.hybrid.system import System
 from mechanism_sim.linkages.bearing import BearingClearance
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.jet import lift
-from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Revolute
+from mechanism_sim.planar.mechanism import Body, Mechanism, Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.units import SMALLEST
 
 C = 2.54e-4  # [m] radial clearance

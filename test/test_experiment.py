@@ -15,7 +15,27 @@ from running import run
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.deviation import alpha, deviation
-from mechanism_sim.analysis.experiment import (
+from mechanism_sim.analysis.record import read_record
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene import Level
+from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Instrument
+from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.sensing.point import PointOnLink
+from mechanism_sim.sweep.plan import Extent, read_plan
+from mechanism_sim.sweep.row import DONE, Task, compute
+from mechanism_sim.thesis import experiment_figures
+from mechanism_sim.thesis.angular_acceleration import TurningLink
+from mechanism_sim.thesis.claims import (
+    LESS,
+    MORE,
+    SAME,
+    UNDECIDED,
+    Claim,
+    Comparison,
+    claims,
+)
+from mechanism_sim.thesis.experiment import (
+    CONFIDENCE,
     JOINT,
     Bearing,
     Experiment,
@@ -26,28 +46,9 @@ from mechanism_sim.analysis.experiment import (
     with_limits,
     with_orders,
 )
-from mechanism_sim.analysis.record import read_record
-from mechanism_sim.analysis.thesis_claims import (
-    LESS,
-    MORE,
-    SAME,
-    UNDECIDED,
-    Claim,
-    Comparison,
-    claims,
-)
-from mechanism_sim.errors import InputError
-from mechanism_sim.report import experiment_figures
-from mechanism_sim.report.experiment import figure, render, summary, tables, to_json
-from mechanism_sim.report.experiment_figures import draw
-from mechanism_sim.report.experiment_page import renewed
-from mechanism_sim.scene import Level
-from mechanism_sim.sensing.angular_acceleration import TurningLink
-from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Instrument
-from mechanism_sim.sensing.channel import Channel
-from mechanism_sim.sensing.point import PointOnLink
-from mechanism_sim.sweep.plan import Extent, read_plan
-from mechanism_sim.sweep.row import DONE, Task, compute
+from mechanism_sim.thesis.experiment_figures import draw
+from mechanism_sim.thesis.experiment_page import renewed
+from mechanism_sim.thesis.experiment_tables import figure, render, summary, tables, to_json
 
 TURNS = 6
 MESH = 0.1
@@ -71,7 +72,7 @@ def bags(tmp_path_factory):
     """Restitution a half, three starts, and 1, two starts; an oil film."""
     folder = tmp_path_factory.mktemp('bags')
     record(folder, 'thesis_measurement', 66, 67, 68, 72, 73)
-    record(folder, 'thesis_bearings', 32)
+    record(folder, 'thesis_bearings', 64)
     return folder
 
 
@@ -116,7 +117,7 @@ def test_figures_are_means_over_starts_with_the_interval_of_student(found):
     ):
         values = [read(x) for x in half.trials]
         assert len(set(values)) == 3
-        low, high = scipy.stats.t.interval(0.95, 2, np.mean(values), scipy.stats.sem(values))
+        low, high = scipy.stats.t.interval(CONFIDENCE, 2, np.mean(values), scipy.stats.sem(values))
         assert (own.low, own.high) == pytest.approx((low, high), rel=1e-9)
     assert math.isnan(found.groups[0].shown().half_width)
 
@@ -417,8 +418,8 @@ def test_the_command_writes_its_figures_and_prints_tables(bags, tmp_path, monkey
     page = tmp_path / 'page.md'
     page.write_text('<!-- experiment: bearings -->\n<!-- /experiment -->\n')
     done = run(
-        'experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3', '--json',
-        '--page', str(page),
+        'thesis', 'experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3',
+        '--json', '--page', str(page),
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
@@ -438,14 +439,16 @@ def test_a_page_without_marks_is_refused_before_bags_are_read(bags, tmp_path):
         (page, 'has no place for a table'),
         (tmp_path / 'none.md', 'cannot be read'),
     ):
-        done = run('experiment', str(bags), '--page', str(file))
+        done = run('thesis', 'experiment', str(bags), '--page', str(file))
         assert done.returncode == 2
         assert said in done.stderr
 
 
 @pytest.mark.deep
 def test_the_command_writes_figures_and_prints_tables(bags, tmp_path):
-    done = run('experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3', '--json')
+    done = run(
+        'thesis', 'experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3', '--json'
+    )
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert [t['restitution'] for t in told['trials']] == [0.5] * 4 + [1.0] * 2

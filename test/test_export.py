@@ -20,7 +20,8 @@ from mechanism_sim.export.urdf import closing, to_urdf
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.messages import TFMessage, deserialize
 from mechanism_sim.nodes.publications import transforms
-from mechanism_sim.planar.mechanism import GROUND, Prismatic
+from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.points import GROUND
 
 SCENES = ms.scene_names()
 
@@ -438,7 +439,10 @@ def test_export_says_what_is_left_out(tmp_path, capsys):
     ('args', 'says'),
     [
         (('--format', 'sdf', '-o', 'no/such/folder.sdf'), 'cannot be written'),
-        (('--format', 'mjcf', '--prefix', 'left/'), '--prefix is for --format urdf'),
+        (
+            ('--format', 'mjcf', '--frame-prefix', 'left/'),
+            '--frame-prefix is for --format urdf, foxglove and rviz',
+        ),
         (('--format', 'urdf', '--set', 'links.crank.length=-1 m'), 'links.crank.length'),
     ],
 )

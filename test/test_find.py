@@ -108,7 +108,7 @@ def test_what_cannot_run_leaves_a_gap_and_its_reason():
     ],
 )
 def test_goals_that_are_none_are_refused(args, said):
-    done = run('find', 'slider_crank', '--vary', 'links.rod.mass=1:2', '--samples', '2', *args)
+    done = run('find', 'slider_crank', '--vary', 'links.rod.mass=1:2', '--values', '2', *args)
     assert done.returncode == 2
     assert said in done.stderr
 

@@ -12,8 +12,9 @@ from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
-from mechanism_sim.cli.entry import make_parser
-from mechanism_sim.cli.overview import GROUPS, START
+from mechanism_sim.cli import overview
+from mechanism_sim.cli.entry import main, make_parser
+from mechanism_sim.cli.overview import GROUPS, RENAMED, START
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.contact_keys import Clearance
 from mechanism_sim.scene.files import as_given, check_scene, find_scene, read_scene, read_yaml
@@ -46,6 +47,20 @@ def test_the_help_names_every_command_once_by_purpose():
     assert re.fullmatch(r'mechanism-sim \d+\.\d+\S*\n', run('--version').stdout)
 
 
+def test_a_name_that_moved_is_answered_by_the_new_one(capsys, monkeypatch):
+    monkeypatch.setitem(overview.RENAMED, 'calculate', 'mechanism-sim solve')
+    commands = make_parser().commands().choices
+    for old, new in RENAMED.items():
+        assert old not in commands
+        program, *words = new.split()
+        assert program != 'mechanism-sim' or words[0] in (*commands, '--completion')
+        for more in ([], ['x', '--option', '3']):
+            with pytest.raises(SystemExit) as ended:
+                main([old, *more])
+            assert ended.value.code == 2
+            assert capsys.readouterr().err == f"mechanism-sim: '{old}' is now '{new}'\n"
+
+
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
@@ -63,7 +78,7 @@ def test_the_help_names_every_command_once_by_purpose():
         ('check run.mcap', "'run.mcap' is a bag, not a scene"),
         ('solve', 'solve: SCENE is missing'),
         ('check x --json=3', "--json takes no value, but '3' was given"),
-        ('equations x --latex --markdown', '--markdown and --latex exclude each other'),
+        ('check x --latex --markdown', '--markdown and --latex exclude each other'),
         ('--versoin', "no option '--versoin'; did you mean '--version'?"),
         ('node linkage --sceen x', "no option '--sceen'; did you mean '--scene'?"),
         ('check four_bar_clearence', "did you mean 'four_bar_clearance'?"),

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.peers import drake, drake_events, exudyn, mujoco, siconos
+from benchmarks.four_bar import LooseFourBar, Peer
+from benchmarks.peers import drake, drake_events, exudyn, mujoco, siconos
 
 PEERS = {
     'mujoco': mujoco.PEER,

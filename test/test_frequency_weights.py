@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.sensing.frequency_weights import (
+from mechanism_sim.thesis.frequency_weights import (
     attenuate,
     band_above_noise,
     band_pass,

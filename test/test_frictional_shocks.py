@@ -8,13 +8,13 @@ import pytest
 import scipy.linalg
 
 import mechanism_sim as ms
-from mechanism_sim.bench.grid.run import grid
 from mechanism_sim.contact.impact import jam, jam_margin, shock, stop_slide
 from mechanism_sim.contact.problem import problem_of
 from mechanism_sim.hybrid.events import gains
 from mechanism_sim.numerics.symbolic import cramer
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
+from test.grid.run import grid
 
 
 def test_a_single_shock_is_the_painleve_impact():

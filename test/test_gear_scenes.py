@@ -14,7 +14,7 @@ from willis import Mesh, Train
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.mesh import GearMesh
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
 from mechanism_sim.scene.files import check_scene
@@ -127,6 +127,21 @@ def test_a_differential_shares_its_torque_and_averages_its_speeds():
     final, halved = (o.reaction_moment[joints.index(j)] for j in ('final', 'differential'))
     assert np.abs(final - torques.sum(axis=0)).max() < 1e-9 * np.abs(final).max()
     assert np.abs(halved - torques[1]).max() < 1e-9 * np.abs(halved).max()
+
+
+@pytest.mark.parametrize('turns', [0.0, 1e5, 1e5 + 0.25])
+def test_a_differential_moves_by_its_closed_form_wherever_it_starts(turns):
+    """``J (l' - r') = -2 l + r/2`` with ``l + r = 2 w``: l goes to 0.4 w by exp(-1.25 t/J)."""
+    machine = loaded('differential', {'drive.start_angle': f'{2.0 * math.pi * turns!r} rad'})
+    t = np.linspace(0.0, 1.0, 21)
+    seen = ms.simulate(machine, duration=1.0).sample(t)
+    w, J = 1000.0 * math.pi / 30.0 * 11.0 / 41.0, machine.mechanism.body('left').inertia
+    slow, first = 0.4 * w, 268.29268 * math.pi / 30.0
+    left = slow + (first - slow) * np.exp(-1.25 * t / J)
+    assert seen['velocity.left'] == pytest.approx(left, rel=1e-13)
+    assert seen['velocity.right'] == pytest.approx(2.0 * w - left, rel=1e-13)
+    way = slow * t + (first - slow) * J / 1.25 * (1.0 - np.exp(-1.25 * t / J))
+    assert seen['position.left'] - seen['position.left'][0] == pytest.approx(way, rel=1e-12)
 
 
 @pytest.mark.parametrize('sense', [1.0, -1.0])

@@ -9,7 +9,6 @@ import pytest
 from four_bars import reference
 
 import mechanism_sim as ms
-from mechanism_sim.bench.grid.case import variant
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.observer import Observer
@@ -18,9 +17,11 @@ from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.linkages.guide import corners
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
+from test.grid.case import variant
 
 O = (0.0, 0.0)  # noqa: E741
 

@@ -8,13 +8,13 @@ from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.measurements import measurements
+from mechanism_sim.cycles.sensor_record import SensorRecord
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import SensorBlock, float64_array, serialize
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.report.identification import render, unlike
 from mechanism_sim.scene.files import read_scene
 from mechanism_sim.study.identification import Identification
-from mechanism_sim.study.measurement import Measurement
 from mechanism_sim.study.parameters import NAMES, parameters, ranges
 
 SCENE = 'bearing_run_up'
@@ -31,8 +31,8 @@ LIMITS = {
 def recorded(truth, scene, count=25000, seed=77, sensor='rocker'):
     """What a machine with these values is heard to do, taken for the machine of a scene."""
     machine = ms.load_scene(SCENE, scene)
-    samples = Measurement(machine, sensor, 0.0, np.zeros(count)).repeat(truth, seed)
-    return Measurement(machine, sensor, 0.0, samples)
+    samples = SensorRecord(machine, sensor, 0.0, np.zeros(count)).repeat(truth, seed)
+    return SensorRecord(machine, sensor, 0.0, samples)
 
 
 def wanted(signal, *names, **limits):
@@ -96,7 +96,7 @@ def test_a_seed_fixes_everything_and_processes_change_nothing():
 def test_repeated_is_what_the_machine_is_heard_to_do():
     """A second route: the channel fed with the whole solution."""
     machine = ms.load_scene(SCENE, {'drive': {'speed': '600 rpm'}})
-    late = Measurement(machine, 'rocker', 0.1234, np.zeros(2000))
+    late = SensorRecord(machine, 'rocker', 0.1234, np.zeros(2000))
     again = late.repeat({}, 1)
     channel = machine.channel('rocker')
     channel.take(ms.simulate(machine, duration=0.4).motion)
@@ -131,8 +131,9 @@ def test_the_command_takes_bags_of_several_speeds(tmp_path):
         scenes += ['--scene', str(scene)]
     options = [x for name, (a, b) in LIMITS.items() for x in ('--range', f'{name}={a}:{b}')]
     found = run_json(
-        'identify', *bags, *scenes, *options, '--rounds', '32,16', '--seed', '1', '--workers', '1'
-    )
+        'analyze', *bags, '--fit', 'restitution,friction,radial', *scenes, *options,
+        '--rounds', '32,16', '--seed', '1', '--workers', '1',
+    )  # fmt: skip
     assert found['simulations'] == 48
     assert found['plausible']
     for path, value in TRUTH.items():
@@ -174,7 +175,7 @@ def test_signals_that_cannot_be_identified_are_refused(tmp_path, options, words)
 
 
 def test_the_command_refuses_in_one_sentence(tmp_path):
-    done = run('identify', str(tmp_path / 'none.mcap'), '--rounds', '8')
+    done = run('analyze', str(tmp_path / 'none.mcap'), '--fit', 'radial', '--rounds', '8')
     assert done.returncode == 2
     assert done.stderr.count('\n') == 1
     assert '--rounds' in done.stderr

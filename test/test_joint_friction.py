@@ -8,12 +8,12 @@ import pytest
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.bench.grid.case import variant
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.gears.pair import Pair
 from mechanism_sim.planar.switches import HOLDS
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
+from test.grid.case import variant
 
 G = 9.81
 
@@ -488,7 +488,7 @@ def test_the_efficiency_is_said():
 
 def test_the_equations_show_it():
     """The wedge with its pin pressed across the slot, and rubbing along it."""
-    shown = ' '.join(run('equations', 'wedge').stdout.split())
+    shown = ' '.join(run('check', 'wedge', '--equations').stdout.split())
     assert 'lambda1_face*nx_face + T_bed - T_face*ux_face + F_wedge' in shown
     assert '|T_guide| <= 0.1 times the force across guide' in shown
 

@@ -20,8 +20,8 @@ from mechanism_sim.messages import (
     serialize,
     stamp,
 )
-from mechanism_sim.messages.definitions import OWN
-from mechanism_sim.messages.layout import Layout
+from mechanism_sim.messages.own import OWN
+from ros_interfaces.layout import Layout
 
 TIMES = np.array([0.0, 0.1, 0.9999999996, 1.9999999994, 123456.000000001, 2.0**30 + 0.5])
 

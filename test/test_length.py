@@ -12,7 +12,6 @@ from running import run_json
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
-from mechanism_sim.bench.grid.length import LATE, OFTEN, far_from_start
 from mechanism_sim.cycles.columns import columns_of
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.digest import MotionDigest
@@ -23,6 +22,7 @@ from mechanism_sim.numerics.formula import Words, expression
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.machine import Run
 from mechanism_sim.scene.sensors.encoder import Encoder
+from test.grid.length import LATE, OFTEN, far_from_start
 
 ENDED_EARLY = (
     'gear_box', 'gear_pair', 'quick_return', 'geneva', 'ten_links', 'rack_and_pinion',

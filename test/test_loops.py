@@ -9,7 +9,8 @@ import mechanism_sim as ms
 from mechanism_sim.linkages.loops import four_bars, slider_cranks
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.configuration import Constraints
-from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Revolute, rotate
+from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.points import GROUND, rotate
 from mechanism_sim.scene.check import check
 from mechanism_sim.scene.motion_notes import motion_notes
 

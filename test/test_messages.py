@@ -24,8 +24,6 @@ from mechanism_sim.messages import (
     StepSimulation,
     TFMessage,
     Trigger,
-    checks,
-    classes,
     define,
     define_action,
     define_service,
@@ -42,6 +40,7 @@ from mechanism_sim.messages import (
     type_hash,
     type_name,
 )
+from ros_interfaces import checks, classes
 
 # Published by others: rosidl's JSON files as quoted in public repositories that talk to
 # rmw_zenoh_cpp (message hashes), and their tables of the hashes of Jazzy's services.
@@ -316,6 +315,7 @@ def test_definitions_are_found_where_pip_puts_them(tmp_path):
     package.mkdir(parents=True)
     (package / '__init__.py').touch()
     shutil.copytree(Path(messages.__file__).parent, package / 'messages')
+    shutil.copytree(Path(checks.__file__).parent, site / 'ros_interfaces')
     shared = tmp_path / 'share' / 'mechanism_sim' / 'msg'
     shared.mkdir(parents=True)
     (shared / 'Only.msg').write_text('float64 time\n')

@@ -168,7 +168,7 @@ def test_the_accelerometer_reads_what_differences_of_the_position_say(recorded):
 
 SLOW = """
 import sys, time
-from mechanism_sim.middleware import Node, init, shutdown, spin_once
+from mechanism_sim.nodes.middleware import Node, init, shutdown, spin_once
 from mechanism_sim.messages import Impact, Progress
 from mechanism_sim.nodes.qos import RESULTS
 init()
@@ -360,7 +360,7 @@ def test_an_option_of_another_node_is_refused(given):
 
 PROGRESS = """
 from mechanism_sim.messages import Progress
-from mechanism_sim.middleware import Node, init, ok, shutdown, spin_once
+from mechanism_sim.nodes.middleware import Node, init, ok, shutdown, spin_once
 from mechanism_sim.nodes.qos import RESULTS
 init()
 node = Node('watcher')

@@ -19,13 +19,12 @@ from test_nodes import FOREIGN
 from test_parts import KINDS, assert_states_follow_from_motion, digest_of, fields_of, states_of
 
 import mechanism_sim as ms
-from mechanism_sim import middleware
 from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import RunError
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.messages import Impact, JointState, service_class
-from mechanism_sim.middleware import Node, Parameter, SingleThreadedExecutor
-from mechanism_sim.nodes import simulation_node
+from mechanism_sim.nodes import middleware, simulation_node
+from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes.process import report_end
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.run import NODES, Plan

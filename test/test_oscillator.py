@@ -16,7 +16,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.nodes.oscillator import fields
 from mechanism_sim.numerics.polynomials import gauss_nodes
 from mechanism_sim.numerics.rational import Rational
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.oscillators import forces_on, read_frame
 from mechanism_sim.sensing.chain import Amplifier
 from mechanism_sim.vibration.residues import receptance, through

@@ -85,7 +85,7 @@ def test_a_kernel_that_cannot_be_compiled_is_run_as_it_is(case, usual, tmp_path)
     ('module', 'args'),
     [
         ('matplotlib', ('plot', 'four_bar_nominal', 'position.rocker', '-o', 'out.png')),
-        ('sympy', ('equations', 'four_bar_nominal')),
+        ('sympy', ('check', 'four_bar_nominal', '--equations')),
         ('pyarrow', ('cycle', 'four_bar_nominal', '-o', 'out.parquet')),
         ('openpyxl', ('cycle', 'four_bar_nominal', '-o', 'out.xlsx')),
         ('plotly', ('report', 'four_bar_nominal', '-o', 'out.html')),

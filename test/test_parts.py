@@ -22,13 +22,13 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.gears.reading import MeshMode
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages import float64_array
-from mechanism_sim.messages.definitions import field_descriptions
+from mechanism_sim.messages.part_states import KINDS, integrator_of, kinds_of
 from mechanism_sim.messages.segments import motion_of, pack
-from mechanism_sim.nodes.parts import KINDS, integrator_of, kinds_of
 from mechanism_sim.nodes.run import NODES, Plan
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.recording import read_bag
 from mechanism_sim.sensing.joint_view import JointView
+from ros_interfaces.definitions import field_descriptions
 
 MIXED = """
 title: A motor that turns a Geneva wheel and a loose four-bar by one crank

@@ -20,10 +20,10 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import LINKS
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import own_messages
-from mechanism_sim.messages.definitions import field_descriptions
 from mechanism_sim.messages.units import units, units_of
 from mechanism_sim.recording import read_bag
 from mechanism_sim.report import lines
+from ros_interfaces.definitions import field_descriptions
 
 JOINT = 'coupler_rocker'
 

@@ -25,9 +25,9 @@ from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.observer import Instants, Observer
 from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.drive import DriveLaw, TorqueLaw
-from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.reactions import generalized_forces
 from mechanism_sim.planar.switches import Table
+from mechanism_sim.planar.virtual_work import generalised
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 
@@ -604,7 +604,7 @@ def test_the_four_bar_reads_as_in_the_thesis():
 
 def test_another_process_prints_the_same():
     """Whatever the order in which sets of symbols come: it differs from process to process."""
-    args = 'equations', 'four_bar_clearance', '--rates'
+    args = 'check', 'four_bar_clearance', '--equations', '--rates'
     assert run(*args).stdout == run(*args, env=environment() | {'PYTHONHASHSEED': '1'}).stdout
 
 
@@ -613,7 +613,7 @@ def test_the_same_scene_is_always_printed_the_same():
     """Whatever the order in which sets of symbols come."""
     texts = {
         run(
-            'equations', 'four_bar_clearance', '--rates',
+            'check', 'four_bar_clearance', '--equations', '--rates',
             env=environment() | {'PYTHONHASHSEED': seed},
         ).stdout
         for seed in '12'
@@ -678,20 +678,20 @@ def test_latex_compiles(variant, tmp_path):
 
 
 def test_command_line(tmp_path):
-    page = run_json('equations', 'four_bar_clearance')
+    page = run_json('check', 'four_bar_clearance', '--equations')
     assert page == json.loads(json.dumps(page))
     assert set(page) == {
         'scene', 'title', 'level', 'coordinates', 'parameters', 'variables', 'drive_laws',
         'vectors', 'gaps', 'motion', 'notes',
     }  # fmt: skip
     assert set(page['motion'][0]) == {'name', 'latex', 'text'}
-    text = run('equations', 'four_bar_clearance').stdout
+    text = run('check', 'four_bar_clearance', '--equations').stdout
     joined = ' '.join(text.split())
     assert all(e['text'] in joined for e in page['motion'])
-    assert run('equations', 'four_bar_nominal', '--latex').stdout.startswith('% needs')
-    assert '$$' in run('equations', 'four_bar_nominal', '--markdown').stdout
+    assert run('check', 'four_bar_nominal', '--equations', '--latex').stdout.startswith('% needs')
+    assert '$$' in run('check', 'four_bar_nominal', '--equations', '--markdown').stdout
     file = tmp_path / 'machine.tex'
-    done = run('equations', 'four_bar_crossed', '-o', str(file))
+    done = run('check', 'four_bar_crossed', '--equations', '-o', str(file))
     assert (done.returncode, done.stdout) == (0, '')
     assert file.read_text().startswith(r'\documentclass')
 
@@ -699,7 +699,7 @@ def test_command_line(tmp_path):
 def test_without_sympy_it_says_what_to_install():
     code = (
         "import sys; sys.modules['sympy'] = None; from mechanism_sim.cli import main; "
-        "main(['equations', 'four_bar_nominal'])"
+        "main(['check', 'four_bar_nominal', '--equations'])"
     )
     command = [sys.executable, '-c', code]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -717,7 +717,7 @@ def test_without_sympy_it_says_what_to_install():
     ],
 )
 def test_bad_input_is_one_sentence(arguments, said):
-    done = run('equations', 'four_bar_nominal', *arguments)
+    done = run('check', 'four_bar_nominal', '--equations', *arguments)
     assert done.returncode == 2
     assert said in done.stderr
     assert 'Traceback' not in done.stderr

@@ -11,13 +11,13 @@ import pytest
 from absolute import cross, differences, turned
 
 import mechanism_sim as ms
-from mechanism_sim.bench.grid.cams import UNFIT, cam, press_follower
-from mechanism_sim.bench.grid.trains import train
 from mechanism_sim.cams.followers import Oscillating, OscillatingFlat
 from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
+from test.grid.cams import UNFIT, cam, press_follower
+from test.grid.trains import train
 
 
 def made(scene):

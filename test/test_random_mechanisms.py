@@ -7,10 +7,10 @@ import pytest
 from absolute import differences
 
 import mechanism_sim as ms
-from mechanism_sim.bench.grid.linkages import add_drives, add_gears, linkage
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
+from test.grid.linkages import add_drives, add_gears, linkage
 
 DURATION = 0.1
 REFUSED = 'too many', 'cannot move', 'follow from the others'

@@ -7,8 +7,8 @@ import pytest
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.sensing import reconstruction as r
 from mechanism_sim.sensing.point import PointOnLink
+from mechanism_sim.thesis import reconstruction as r
 
 RATE = 2700.0
 G = (0.0, -9.8145)

@@ -383,10 +383,10 @@ def test_the_command_says_what_it_did(tmp_path):
         writer.add_topic('/a', STRING, RESULT)
         writer.write('/a', text('a'), 10**9)
     path.write_bytes(path.read_bytes()[:-1])
-    assert f'{path} is closed: 1 messages, up to 1 s' in run('recover', str(path)).stdout
-    assert 'it is left as it is' in run('recover', str(path)).stdout
-    assert run_json('recover', str(path))['was_closed']
-    missing = run('recover', 'missing.mcap')
+    assert f'{path} is closed: 1 messages, up to 1 s' in run('bag', 'recover', str(path)).stdout
+    assert 'it is left as it is' in run('bag', 'recover', str(path)).stdout
+    assert run_json('bag', 'recover', str(path))['was_closed']
+    missing = run('bag', 'recover', 'missing.mcap')
     assert (missing.returncode, missing.stderr.count('\n')) == (2, 1)
 
 

@@ -19,7 +19,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.export.stage import packed, stage_of
 from mechanism_sim.pages import charts, report
 from mechanism_sim.pages import recorded as frames
-from mechanism_sim.planar.mechanism import GROUND, Revolute
+from mechanism_sim.planar.mechanism import Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.recording import BagWriter, Qos, read_bag
 from mechanism_sim.sweep.bags import RunBag
 

@@ -41,7 +41,7 @@ def executables() -> list[str]:
 
 
 def test_colcon_pip_and_the_command_line_know_the_same_nodes():
-    assert sorted(executables()) == sorted([*NODE_CLASSES, 'mechanism-sim'])
+    assert sorted(executables()) == sorted([*NODE_CLASSES, 'mechanism-sim', 'zros'])
     tree = ast.parse((ROOT / 'setup.py').read_text())
     (listed,) = (
         ast.literal_eval(s.value)

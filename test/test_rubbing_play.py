@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import mechanism_sim as ms
-from mechanism_sim.bench.grid.case import variant
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
+from test.grid.case import variant
 
 M, m, PLAY, PUSH = 2.0, 0.5, 1e-3, 1e3
 STRIKES = math.sqrt(2.0 * PLAY * m / PUSH)  # [s] when

@@ -288,9 +288,15 @@ def test_wrong_shafts_are_refused_in_one_sentence(scene, changes, said):
 
 def test_figures_of_bevel_and_worm():
     """[V] chapter 5, problem 15: 30 teeth, 52.9 mm, a helix of 10 degrees, 36.4 mm."""
-    shown = run('profile', 'worm_drive', 'pair').stdout
+    shown = run('draw', 'worm_drive', '--profile', 'pair').stdout
     for text in ('ratio                          15', '52.8981  mm', '36.449  mm', '10  deg'):
         assert text in shown
-    assert 'self-locking' in run('profile', 'worm_drive', 'pair', '--friction', '0.2').stdout
-    assert 'pitch angle  26.5651  63.4349  deg' in run('profile', 'bevel_pair', 'pair').stdout
-    assert run('profile', 'bevel_pair', 'pair', '-o', 'x.svg').returncode == 2
+    assert (
+        'self-locking'
+        in run('draw', 'worm_drive', '--profile', 'pair', '--friction', '0.2').stdout
+    )
+    assert (
+        'pitch angle  26.5651  63.4349  deg'
+        in run('draw', 'bevel_pair', '--profile', 'pair').stdout
+    )
+    assert run('draw', 'bevel_pair', '--profile', 'pair', '-o', 'x.svg').returncode == 2

@@ -23,7 +23,8 @@ from mechanism_sim.export.stage import stage_of
 from mechanism_sim.export.triangles import triangles
 from mechanism_sim.gears.involute import TOOTH_SYSTEMS, Fillet, Gear
 from mechanism_sim.nodes.markers import painted
-from mechanism_sim.planar.mechanism import GROUND, Prismatic
+from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report import drawing, figures
 
 TRIANGLES = 11  # of visualization_msgs/msg/Marker

@@ -10,11 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mechanism_sim as ms
-from mechanism_sim.bench.hard.n_four_bar import exact_n_four_bar, n_four_bar
-from mechanism_sim.bench.hard.singular import linkage
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.singular import time_of_touch, truncate
 from mechanism_sim.hybrid.snapshot import Snapshot
+from test.hard.n_four_bar import exact_n_four_bar, n_four_bar
+from test.hard.singular import linkage
 
 GRAVITY = 9.8145
 ARM, SPAN = 0.08, 0.2  # [m] crank and rocker, ground and coupler

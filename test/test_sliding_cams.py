@@ -13,7 +13,7 @@ from mechanism_sim.cams.reading import read_cam
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.configuration import Constraints, poses
-from mechanism_sim.planar.mechanism import rotate
+from mechanism_sim.planar.points import rotate
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.sensing.joint_view import JointView

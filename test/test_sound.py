@@ -144,7 +144,7 @@ def test_a_recorded_turn_sounds_like_its_scene(tmp_path, capsys):
     files = tmp_path / 'bag.wav', tmp_path / 'live.wav'
     told = []
     for source, file in zip(([str(bag)], args), files, strict=True):
-        assert command('sound', *source, '-o', str(file), '--json') == 0
+        assert command('animate', *source, '-o', str(file), '--json') == 0
         told.append(json.loads(capsys.readouterr().out) | {'file': ''})
     assert told[0] == told[1]
     assert files[0].read_bytes() == files[1].read_bytes()
@@ -158,7 +158,7 @@ def test_a_bag_sounds_like_its_scene(tmp_path, capsys):
     assert done.returncode == 0, done.stderr
 
     def sound(*options):
-        assert command('sound', *options, '--json') == 0
+        assert command('animate', *options, '--json') == 0
         return json.loads(capsys.readouterr().out)
 
     heard = sound(str(bag), '-o', str(tmp_path / 'bag.wav'))
@@ -168,7 +168,7 @@ def test_a_bag_sounds_like_its_scene(tmp_path, capsys):
     rate, samples = wavfile.read(live)
     assert (rate, samples.dtype, np.abs(samples).max()) == (44100, np.int16, 32767)
     assert said['peak_level'] == pytest.approx(level(said['peak']))
-    slow = sound(*scene, '--slow', '4', '-o', str(live))
+    slow = sound(*scene, '--realtime-factor', '0.25', '-o', str(live))
     period = ms.load_scene(scene[0]).period
     assert slow['duration'] - 0.1 == pytest.approx(8.0 * period, abs=1e-3)
     assert slow['peak'] == pytest.approx(said['peak'], rel=0.1)
@@ -178,20 +178,23 @@ def test_a_bag_sounds_like_its_scene(tmp_path, capsys):
     ('options', 'said'),
     [
         (['four_bar_nominal'], 'there is nothing to hear: the run has no impacts'),
-        (['four_bar_clearance', '-o', 'x.mp3'], 'the ending must be .wav'),
         (['four_bar_clearance', '-o', 'no/x.wav'], "there is no directory 'no'"),
         (['four_bar_clearance', '--distance', '1'], 'is not a quantity with a unit'),
         (['four_bar_clearance', '--distance', '0 m'], 'must be away from the machine'),
         (['four_bar_clearance', '--distance', '1 mm', '--revolutions', '2'], 'too near'),
         (['four_bar_clearance', '--pulse', '0 s'], 'must last longer than 0 s'),
-        (['four_bar_clearance', '--slow', '0'], '--slow 0: must be more than 0'),
+        (
+            ['four_bar_clearance', '--realtime-factor', '0'],
+            '--realtime-factor 0: must be more than 0',
+        ),
         (['missing.mcap'], 'does not exist'),
         (['x.mcap', '--revolutions', '1'], 'played as it was recorded'),
     ],
 )
 def test_wrong_requests_are_answered_by_a_sentence(options, said, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert command('sound', *options) == 2
+    ending = [] if '-o' in options else ['-o', 'x.wav']
+    assert command('animate', *options, *ending) == 2
     error = capsys.readouterr().err
     assert said in error
     assert error.strip().count('\n') == 0

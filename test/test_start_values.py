@@ -60,6 +60,27 @@ def test_a_loose_joint_between_parallel_sliders_needs_no_force_to_be_known() -> 
     assert start.v == (0.0, 0.0)
 
 
+PENDULUM = """
+title: A pendulum
+mechanism: linkage
+gravity: [0 m/s^2, -9.81 m/s^2]
+links: {arm: {length: 1 m, mass: 1 kg, inertia: 0.1 kg m^2, cog: 0.5 m}}
+joints: {pivot: {revolute: [ground, arm]CLEARANCE}}
+"""
+
+
+def test_what_no_drive_moves_starts_on_its_bushing() -> None:
+    ideal, loose = (
+        machine_of(PENDULUM.replace('CLEARANCE', more))
+        for more in ('', ', clearance: {radial: 0.01 mm, restitution: 0}')
+    )
+    one, two = (ms.simulate(m, duration=0.2).sample([0.0, 0.2]) for m in (ideal, loose))
+    assert two['position.arm'][1] == pytest.approx(one['position.arm'][1], rel=1e-3)
+    place = loose.mechanism.separation('pivot')
+    start = np.array([[two[f'position.{c}'][0]] for c in loose.mechanism.coordinates])
+    assert np.hypot(*loose.mechanism.evaluate(place, start)) == pytest.approx(1e-5, rel=1e-9)
+
+
 def test_a_gap_that_cannot_change_is_refused() -> None:
     along = SLOT.replace('90 deg', '0 deg')
     with pytest.raises(InputError, match='never opens nor closes'):

@@ -195,6 +195,17 @@ def test_a_pulse_of_a_table(width):
     assert v == pytest.approx(1.0 - 0.4, rel=max(1e-11, 1e-15 / width))
 
 
+@pytest.mark.parametrize('width', [1e-3, 2.4e-6, 1e-8])
+def test_a_table_over_speeds_of_which_few_have_digits_is_passed(width):
+    """Its corners fall between two speeds; between them the force is linear in the speed."""
+    tables = {'triangle': {'points': [[-1, 0], [0, 1], [1, 0]]}}
+    for place in np.random.default_rng(5).uniform(1.0, 1.4, 4):
+        force = f'-1 - 0.8*triangle((vx - {place})/{width}) + (1 if x > 2 else 0)'
+        v = last_speed(slider(force, speed=1.5, tables=tables), 1.0)
+        within = 2.0 * width / 0.8 * math.log(1.8)
+        assert v == pytest.approx(0.5 + within - 2.0 * width, rel=1e-13)
+
+
 def test_a_cyclic_table_gives_its_pulse_in_every_turn():
     points = [[0, 0], [2.0, 0], [2.00005, 1e4], [2.0001, 0], [2.0 * math.pi, 0]]
     tables = {'pulse': {'points': points, 'cyclic': True}}

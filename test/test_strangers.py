@@ -27,20 +27,20 @@ from mechanism_sim.messages import (
     TFMessage,
     TransformStamped,
     Trigger,
-    checks,
     objection,
     serialize,
     stamp,
 )
 from mechanism_sim.messages import Parameter as ParameterMessage
-from mechanism_sim.middleware import MiddlewareError, Node, spin_once
-from mechanism_sim.middleware import inbox as inboxes
-from mechanism_sim.middleware.refusals import Refusals
+from mechanism_sim.nodes.middleware import MiddlewareError, Node, spin_once
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
+from ros_interfaces import checks
+from ros_interfaces.refusals import Refusals
+from zenoh_rclpy import inbox as inboxes
 
 STRANGER = """
 import sys, time, zenoh
-from mechanism_sim.middleware.config import session_config
+from zenoh_rclpy.config import session_config
 session = zenoh.open(session_config())
 kept = []
 def seen(entity):
@@ -211,7 +211,7 @@ def test_a_bad_request_is_answered_by_an_error_and_the_service_goes_on(quick, st
 
 
 def test_only_so_many_requests_wait(quick, stranger, monkeypatch):
-    monkeypatch.setattr('mechanism_sim.middleware.services.LIMIT', 3)
+    monkeypatch.setattr('zenoh_rclpy.services.LIMIT', 3)
     answered = []
     quick.create_service(Trigger, 'slow', lambda _, response: answered.append(1) or response)
     client = quick.create_client(Trigger, 'slow')
@@ -243,7 +243,7 @@ def test_a_reply_that_is_none_does_not_count(quick, network):
     token = f'{start}/%{name}/{kind}/{known_hash}/::,:,:,:,,'
     rival = network.start(f"""
         import zenoh
-        from mechanism_sim.middleware.config import session_config
+        from zenoh_rclpy.config import session_config
         session = zenoh.open(session_config())
         def answer(query):
             with query:
@@ -267,7 +267,7 @@ def test_a_reply_that_is_none_does_not_count(quick, network):
 
 def test_queues_are_bounded_in_bytes_and_memories_in_publishers(quick, stranger, monkeypatch):
     monkeypatch.setattr(inboxes, 'LIMIT_BYTES', 10_000)
-    monkeypatch.setattr('mechanism_sim.middleware.subscription.PUBLISHERS', 5)
+    monkeypatch.setattr('zenoh_rclpy.subscription.PUBLISHERS', 5)
     heard = []
     subscription = quick.create_subscription(String, 'texts', lambda m: heard.append(m.data), 100)
     where = key(quick, '/texts', 'std_msgs/msg/String')
@@ -324,8 +324,8 @@ def test_a_partner_of_another_version_ends_the_run_in_a_sentence(tmp_path):
     """Two installations, one of them with another Motion."""
     other = tmp_path / 'other'
     source = Path(mechanism_sim.__file__).parent
-    shutil.copytree(source, other / source.name)
-    shutil.copytree(source.parent / 'msg', other / 'msg')
+    for name in (source.name, 'ros_interfaces', 'zenoh_rclpy', 'msg'):
+        shutil.copytree(source.parent / name, other / name)
     with (other / 'msg' / 'Motion.msg').open('a') as definition:
         definition.write('float64 novelty\n')
     nodes = 'linkage', 'sensors'

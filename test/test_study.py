@@ -14,10 +14,10 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import batches, quotient, ratio
 from mechanism_sim.report.study import periodic as periodic_text
-from mechanism_sim.study.losses import losses
 from mechanism_sim.study.periodic import Response, Section, find_periodic
-from mechanism_sim.study.starts import starts
 from mechanism_sim.study.statistics import statistics
+from mechanism_sim.thesis.losses import losses
+from mechanism_sim.thesis.starts import starts
 
 JOINT = 'joints.coupler_rocker.clearance'
 SCENES = {
@@ -168,7 +168,7 @@ def test_commands_print_json():
     scene = ('four_bar_clearance', '--set', 'drive.speed=480 rpm')
     assert run_json('periodic', *scene)['period'] == 2
     assert run_json('statistics', *scene, '--revolutions', '40')['means']['impacts']['mean'] > 10.0
-    (joint,) = run_json('contact-loss', *scene)
+    (joint,) = run_json('thesis', 'contact-loss', *scene)
     assert joint['lost_at_revolutions']
 
 

@@ -9,9 +9,10 @@ import pytest
 from test_report import simulated
 from test_view import messages, unpacked
 
+from mechanism_sim.analysis.preview import preview
 from mechanism_sim.export.stage import Swaying
 from mechanism_sim.messages.events import describe
-from mechanism_sim.nodes.force_markers import Picture, preview
+from mechanism_sim.nodes.force_markers import Picture
 from mechanism_sim.nodes.markers import shapes
 from mechanism_sim.pages.live import Live
 from mechanism_sim.report import figures

@@ -11,9 +11,13 @@ from contextlib import contextmanager
 from threading import Thread
 
 import pytest
-from running import run
+from running import Program, run
 
+from benchmarks.command import main as benchmarks
+from benchmarks.problem import OURS
 from mechanism_sim.cli import main
+from test.grid.command import main as grid
+from test.hard.command import main as hard
 
 
 @contextmanager
@@ -45,10 +49,12 @@ def terminal(*names: str) -> Iterator[io.BytesIO]:
         os.close(master)
 
 
-def at_a_terminal(*args: str, streams: tuple[str, ...] = ('stderr',)) -> str:
+def at_a_terminal(
+    *args: str, streams: tuple[str, ...] = ('stderr',), program: Program = main
+) -> str:
     """What a terminal sees of a command that ends well."""
     with terminal(*streams) as seen, pytest.raises(SystemExit) as ended:
-        main(args)
+        program(args)
     assert ended.value.code == 0
     return seen.getvalue().decode()
 
@@ -77,17 +83,16 @@ def plain_terminal(monkeypatch, tmp_path):
         ('check punch', ['reading the scene']),
         ('cycle punch', ['reading the scene', 'cycle']),
         ('draw punch', ['draw']),
-        ('layout punch --for rviz', ['layout']),
-        ('equations punch', ['equations']),
+        ('export punch --format rviz', ['export']),
+        ('check punch --equations', ['equations']),
         ('periodic four_bar_clearance --longest 2', ['looking for a period: 2 of 2 revolutions']),
         ('statistics four_bar_clearance --revolutions 40', ['statistics', 'impacts']),
-        ('starts four_bar_clearance --angles 2', ['starts', '2/2']),
-        ('contact-loss four_bar_clearance', ['contact-loss']),
-        ('lift-off valve_train', ['lift-off', 'contact']),
-        ('bench bouncing_tolerances', ['bench: case 1 of 1']),
+        ('thesis starts four_bar_clearance --angles 2', ['starts', '2/2']),
+        ('thesis contact-loss four_bar_clearance', ['contact-loss']),
+        ('find valve_train --lift-off', ['find', 'contact']),
         ('analyze BAG', ['reading', '100%']),
         ('analyze BAG --impacts-on coupler_rocker', ['reading', 'analyze']),
-        ('sound BAG', ['sound', 'impacts']),
+        ('animate BAG -o rattle.wav', ['sound', 'impacts']),
         ('plot BAG position.crank', ['plot', '100%']),
     ],
 )
@@ -100,6 +105,22 @@ def test_long_work_says_what_it_does_to_a_terminal_only(command, shown, bag, cap
     for words in shown:
         assert words in re.sub(r'\x1b\[[0-9;?]*[A-Za-z]', '', seen)
     assert seen.rstrip().endswith('\x1b[2K')  # and goes away
+
+
+@pytest.mark.parametrize(
+    ('program', 'args', 'shown'),
+    [
+        (hard, ['bouncing_tolerances'], ['hard: case 1 of 1']),
+        (grid, ['--only', 'slot_001,geneva_001', '--workers', '1'], ['grid', '2/2']),
+        (benchmarks, ['torque_crank', '--methods', OURS, '--repeats', '1'], ['benchmarks']),
+    ],
+)
+def test_other_programs_say_what_they_do_to_a_terminal_only(program, args, shown, capsys):
+    seen = at_a_terminal(*args, program=program)
+    assert '\x1b' not in capsys.readouterr().out
+    for words in shown:
+        assert words in re.sub(r'\x1b\[[0-9;?]*[A-Za-z]', '', seen)
+    assert seen.rstrip().endswith('\x1b[2K')
 
 
 RED, BOLD, END = '\x1b[1;31m', '\x1b[1m', '\x1b[0m'

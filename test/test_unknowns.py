@@ -11,13 +11,13 @@ from mechanism_sim.cli import main
 from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.messages import JointReactions, deserialize
-from mechanism_sim.messages.checks import objection
 from mechanism_sim.nodes.publications import reactions
 from mechanism_sim.numerics import compiled
 from mechanism_sim.scene import scene_names
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.nominal_model import Level
 from mechanism_sim.scene.schema import Scene
+from ros_interfaces.checks import objection
 
 R2, R3, C2, C3 = 0.05, 0.2, 0.02, 0.08
 MASS, INERTIA = {'crank': 1.0, 'rod': 0.5, 'piston': 2.0}, {'crank': 1e-3, 'rod': 2e-3}

@@ -22,7 +22,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 import mechanism_sim as ms
-from mechanism_sim import ending, middleware
+from mechanism_sim import ending
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
@@ -30,6 +30,7 @@ from mechanism_sim.messages import Impact, String, service_class
 from mechanism_sim.messages import Motion as MotionMessage
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of, pack
+from mechanism_sim.nodes import middleware
 from mechanism_sim.nodes.qos import LATCHED
 from mechanism_sim.pages.assets import contents_of
 from mechanism_sim.pages.controls import controls, visible_pace

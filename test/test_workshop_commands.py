@@ -33,7 +33,7 @@ def refusal(capsys, *args):
 
 
 def test_teeth_are_ranked_by_their_error():
-    found = run_json('teeth', '3.14159265', '--stages', '2', '--tolerance', '1e-6')
+    found = run_json('find', '--teeth', '3.14159265', '--stages', '2', '--tolerance', '1e-6')
     assert found['count'] == len(found['choices']) == 36
     for choice in found['choices']:
         ratio = math.prod(Fraction(s['driven'], s['driver']) for s in choice['stages'])
@@ -42,7 +42,9 @@ def test_teeth_are_ranked_by_their_error():
     ranks = [(abs(c['error']), c['teeth']) for c in found['choices']]
     assert ranks == sorted(ranks)
     assert found['choices'][0]['exact_ratio'] == '355/113'
-    shown = run('teeth', '3.14159265', '--stages', '2', '--tolerance', '1e-6').stdout.splitlines()
+    shown = run(
+        'find', '--teeth', '3.14159265', '--stages', '2', '--tolerance', '1e-6'
+    ).stdout.splitlines()
     assert shown[-2:] == [
         '36 trains found, the first 20 are shown',
         'searched: 18 to 120 teeth a gear, 2 stages, errors of 1e-06 of the ratio',
@@ -52,11 +54,11 @@ def test_teeth_are_ranked_by_their_error():
 
 def test_teeth_fill_a_centre_distance():
     options = ('--centre-distance', '90 mm', '--modules', '2 mm,2.5 mm')
-    found = run_json('teeth', '7/2', *options)
+    found = run_json('find', '--teeth', '7/2', *options)
     [choice] = found['choices']
     assert choice['stages'] == [{'driver': 20, 'driven': 70, 'module': 2e-3}]
     assert choice['error'] == 0.0
-    assert '20:70 (2 mm)' in run('teeth', '7/2', *options).stdout
+    assert '20:70 (2 mm)' in run('find', '--teeth', '7/2', *options).stdout
     assert found['just_outside'] == {'driver': 16, 'driven': 56, 'module': 2.5e-3}
 
 
@@ -85,8 +87,8 @@ def test_the_pair_just_outside_is_the_least_step_away(distance):
     [
         (('1e400',), "'1e400' is not a ratio"),
         (('1/0',), "'1/0' is not a ratio"),
-        (('3', '--teeth', '20'), 'write for example 18:120'),
-        (('3', '--teeth', '3:9999'), 'the range of teeth is too wide'),
+        (('3', '--teeth-range', '20'), 'write for example 18:120'),
+        (('3', '--teeth-range', '3:9999'), 'the range of teeth is too wide'),
         (('3', '--stages', '99'), '99 stages are too many'),
         (('3', '--centre-distance', '60'), 'not a quantity with a unit'),
         (('3', '--centre-distance', '60 mm'), 'belong together'),
@@ -95,12 +97,12 @@ def test_the_pair_just_outside_is_the_least_step_away(distance):
     ],
 )
 def test_teeth_that_cannot_be_are_refused(args, says, capsys):
-    assert says in refusal(capsys, 'teeth', *args)
+    assert says in refusal(capsys, 'find', '--teeth', *args)
 
 
 def figures(*args):
     """Of `profile`, by name: value in SI units."""
-    found = run_json('profile', *args)
+    found = run_json('draw', args[0], '--profile', *args[1:])
     return {name: f['value'] for name, f in found['figures'].items()}, found
 
 
@@ -215,7 +217,7 @@ def test_gears_of_a_scene_in_figures_and_as_a_drawing(tmp_path):
 
 def test_one_gear_is_drawn_by_itself(tmp_path):
     file = tmp_path / 'wheel.svg'
-    done = run('profile', 'gear_pair', 'mesh', '--gear', 'wheel', '-o', str(file))
+    done = run('draw', 'gear_pair', '--profile', 'mesh', '--gear', 'wheel', '-o', str(file))
     assert done.returncode == 0
     assert re.search(r'pitch radius +20 +40  mm\n', done.stdout)
     shapes = [e.get('id') for e in ElementTree.parse(file).iter() if e.get('id')]
@@ -328,4 +330,4 @@ def test_helical_gears_are_larger_in_their_plane_of_rotation():
     ],
 )
 def test_profiles_that_cannot_be_are_refused(args, says, capsys):
-    assert says in refusal(capsys, 'profile', *args)
+    assert says in refusal(capsys, 'draw', args[0], '--profile', *args[1:])

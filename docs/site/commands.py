@@ -23,8 +23,7 @@ def _append(_app: Any, page: str, source: list[str]) -> None:
 
 def reference() -> str:
     """All commands as Markdown, a section each."""
-    choices = next(a for a in make_parser()._actions if isinstance(a, argparse._SubParsersAction))
-    return ''.join(_section(name, sub) for name, sub in choices.choices.items())
+    return ''.join(_section(name, sub) for name, sub in make_parser().leaves().items())
 
 
 def _section(name: str, sub: argparse.ArgumentParser) -> str:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim.bench.hard import cases
-from mechanism_sim.bench.hard.case import Figure, Outcome
-from mechanism_sim.report import hard
+from benchmarks import pages
+from test.hard import report as hard
+from test.hard.case import Figure, Outcome, cases
 
 DOCS = Path(__file__).parents[1]
 HARD = DOCS / 'pictures' / 'hard_cases.json'
@@ -24,23 +23,13 @@ def setup(app: Any) -> dict[str, bool]:
 
 def _append(_app: Any, page: str, source: list[str]) -> None:
     if page == 'docs/benchmarks':
-        source[0] += benchmarks()
+        source[0] += '\n' + pages.page()
     elif page == 'docs/hard_cases':
         source[0] += hard_cases()
 
 
-def benchmarks() -> str:
-    """Every problem measured, with all settings of all methods."""
-    sys.path.append(str(DOCS))
-    try:
-        import benchmarks as program  # noqa: PLC0415 - not of the package
-    finally:
-        sys.path.remove(str(DOCS))
-    return '\n' + str(program.page())
-
-
 def hard_cases() -> str:
-    """Every hard case with its figures, as `bench hard --json` gave them."""
+    """Every hard case with its figures, as `python -m test.hard --json` gave them."""
     rows = json.loads(HARD.read_text(encoding='utf-8'))['cases']
     outcomes = []
     for case in cases():

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.study.statistics import Mean, impact_means
+from mechanism_sim.cycles.means import Mean, impact_means
 
 _SLACK = 1e-9  # a revolution that is full but for rounding is full
 
@@ -62,7 +62,7 @@ class ImpactSummary:
     """All impacts of a run; what is per revolution is None without the crank's motion.
 
     `means` are those over the whole revolutions, from the first one on, with their 95 % confidence
-    intervals (`mechanism_sim.study.statistics.impact_means`); None if there are less than two.
+    intervals (`impact_means`); None if there are less than two.
     """
 
     count: int

@@ -8,11 +8,11 @@ from pathlib import Path
 from mechanism_sim.analysis.record import machine_of
 from mechanism_sim.analysis.signals import Signal, SignalCollector
 from mechanism_sim.analysis.topics import find_topics
+from mechanism_sim.cycles.sensor_record import STRETCHES, SensorRecord
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.recording import Bag, read_bag
 from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.sensing.features import FEWEST
-from mechanism_sim.study.measurement import STRETCHES, Measurement
 
 
 def signal_of(bag: Bag, sensor: str | None = None, namespace: str | None = None) -> Signal:
@@ -48,7 +48,7 @@ def measurements(
     overrides: Iterable[str] = (),
     sensor: str | None = None,
     skip: float = 0.0,
-) -> list[Measurement]:
+) -> list[SensorRecord]:
     """Signals of bags, and the machines that they are taken for.
 
     Parameters
@@ -76,7 +76,7 @@ def measurements(
     return found
 
 
-def _measurement(bag: Bag, machine: Machine, signal: Signal) -> Measurement:
+def _measurement(bag: Bag, machine: Machine, signal: Signal) -> SensorRecord:
     name, known = signal.sensor, machine.scene.sensors
     if name not in known:
         raise InputError(
@@ -94,7 +94,7 @@ def _measurement(bag: Bag, machine: Machine, signal: Signal) -> Measurement:
             f'{bag.path}: the signal of {name} has gaps or a trigger: identification needs '
             'samples without interruption'
         )
-    measurement = Measurement(machine, name, signal.starts[0], signal.runs[0])
+    measurement = SensorRecord(machine, name, signal.starts[0], signal.runs[0])
     needed = FEWEST * (1 if measurement.steady else STRETCHES)
     if len(measurement.samples) < needed:
         raise InputError(

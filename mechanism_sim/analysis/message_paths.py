@@ -13,7 +13,7 @@ import numpy as np
 
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages import type_name
-from mechanism_sim.messages.definitions import field_descriptions
+from ros_interfaces.definitions import field_descriptions
 
 _TOPIC = re.compile(r'/?\w+(?:/\w+)*')
 _STEP = re.compile(

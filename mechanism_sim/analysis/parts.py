@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.nodes.parts import Kind, kinds_of
+from mechanism_sim.messages.part_states import Kind, kinds_of
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.mechanism import HigherPair

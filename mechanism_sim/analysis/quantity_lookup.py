@@ -15,10 +15,10 @@ from mechanism_sim.analysis.series import Series, chosen, instants, recorded, wi
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.columns import columns_of, unit_of
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.messages.definitions import MessageError, field_descriptions
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.recording import Bag, scene_text
+from ros_interfaces.definitions import MessageError, field_descriptions
 
 
 class Name(NamedTuple):

@@ -17,9 +17,9 @@ from mechanism_sim.cycles.extremes import search
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.messages import type_name
-from mechanism_sim.messages.stamps import seconds
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.recording import Bag, displacements
+from ros_interfaces.stamps import seconds
 
 Columns = Callable[[Array, bool], Mapping[str, Array]]
 

@@ -9,16 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cams.distance import Distance, constant
+from mechanism_sim.cams.distance import constant
 from mechanism_sim.cams.followers import FlatFaced, Oscillating, OscillatingFlat
-from mechanism_sim.cams.profiles import Cam
+from mechanism_sim.cams.placement import PlacedCam
 from mechanism_sim.cams.reading import CamReading, read_cam, read_contact
 from mechanism_sim.cams.shapes import cam_outlines, follower_outline
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
@@ -27,51 +26,20 @@ from mechanism_sim.planar.configuration import turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench, moment_of
-from mechanism_sim.planar.mechanism import (
-    GROUND,
-    Equation,
-    HigherPair,
-    LinkPoint,
-    Mechanism,
-    Pose,
-    Side,
-    Vector2,
-    rotate,
-)
+from mechanism_sim.planar.mechanism import Equation, Mechanism, Pose
+from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.rails import chord
 from mechanism_sim.planar.touch import Touch
-from mechanism_sim.planar.view import Charted, Draft, View
+from mechanism_sim.planar.view import Charted, Draft, Side, View
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class CamPair(HigherPair):
-    """A cam on `first` and a follower on `second`; it may lift off.
+class CamPair(PlacedCam):
+    """A cam that the follower may leave."""
 
-    `on_first` is the camshaft's axis, `on_second` the centre of the roller, the tip of the knife
-    or a point of the face. The frame of `followers` has its origin on the axis and its x axis
-    along `direction`; the cam angle is ``sense * angle of first + phase``.
-
-    A cam that slides keeps the cam angle 0. What its law goes over is how far it has slid along
-    the negative y axis; `on_first` is the point that is then in the origin, abreast of the pivot
-    of a swinging follower.
-    """
-
-    cam: Cam
-    centre: Vector2  #: [m] of the camshaft, or of the origin in its place, in the world
-    direction: float  #: [rad] in which the follower rises, or from the camshaft to its pivot
-    sense: Literal[1, -1] = 1  #: 1 if the cam angle grows with the angle of `first`
-    phase: float = 0.0  #: [rad]
-    arm: Vector2 = (1.0, 0.0)
-    """From the pivot of a swinging follower to its point [m], in its own frame."""
-    beside: float = 0.0  #: [m] from the line through the camshaft to the point of a face
-
-    exact: bool = False  #: distances of a roller to the second order, as grooves with play need
-
-    sides: ClassVar[tuple[Side, ...]] = ('right',)
     parts: ClassVar[str] = 'follower on its cam'
-    grooved: ClassVar[bool] = False
     node: ClassVar[str] = 'cam'
 
     def reading(self, view: View) -> CamReading:
@@ -115,26 +83,11 @@ class CamPair(HigherPair):
         roller = getattr(self.cam.follower, 'roller', 0.0)
         return [*found, ((self.second, self.on_second), roller)] if roller > 0.0 else found
 
-    @property
-    def arm_angle(self) -> float:
-        """Of the arm or face of a swinging follower, in its own frame [rad]."""
-        return math.atan2(*self.arm[::-1])
-
-    @property
-    def pivot(self) -> Vector2:
-        """Of a swinging follower, in its own frame [m]."""
-        return self.on_second[0] - self.arm[0], self.on_second[1] - self.arm[1]
-
     def bears(self, link: str) -> bool:
         """A cam turns with the cross-section at its axis, a roller is at a point of its arm."""
         if link == self.first:
             return not self.distance.slides
         return isinstance(self.cam.follower, Oscillating)
-
-    @cached_property
-    def distance(self) -> Distance:
-        """Of the follower from the cam."""
-        return Distance(self.name, self.cam, self.beside, self.exact)
 
     @property
     def without_forces(self) -> str:
@@ -142,31 +95,6 @@ class CamPair(HigherPair):
         jumps = self.cam.corners
         more = f', and {len(jumps) - 1} more' if jumps[1:] else ''
         return f'law: {jumps[0]}{more}: no finite force moves the follower so' if jumps else ''
-
-    @property
-    def mirror(self) -> int:
-        """-1 where the frame of `followers`, in which cams turn clockwise, is seen mirrored."""
-        return -self.sense
-
-    @property
-    def swing(self) -> int:
-        """1 if the place of a swinging follower grows as it turns counterclockwise."""
-        side: int = getattr(self.cam.follower, 'side', 1)
-        return self.mirror * side
-
-    def world(self, vector: Vector2) -> Vector2:
-        """A vector of the frame of `followers` in the world."""
-        return rotate((vector[0], self.mirror * vector[1]), self.direction)
-
-    def profile(self, points: Array) -> Array:
-        """Points (2, N) of the profile as `Cam` gives them, in the frame of `first` [m]."""
-        x, y = points
-        angle = self.direction + self.sense * self.phase
-        c, s = math.cos(angle), math.sin(angle)
-        y = self.mirror * y
-        placed: Array = np.array([c * x - s * y, s * x + c * y])
-        placed += np.array(self.on_first)[:, None]
-        return placed
 
     def closure(self, mechanism: Mechanism) -> CamClosure:
         """The follower touches, without play."""

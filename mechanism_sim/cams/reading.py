@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.cams.placement import PlacedCam
 from mechanism_sim.cams.touch import Passage, Touch
 from mechanism_sim.planar.view import Array, Course, View
-
-if TYPE_CHECKING:
-    from mechanism_sim.cams.pair import CamPair
 
 
 class CamMode(IntEnum):
@@ -50,7 +48,7 @@ class CamReading(NamedTuple):
     mode: NDArray[np.uint8]  #: (N,) of `CamMode`
 
 
-def read_cam(joint: CamPair, view: View) -> CamReading:
+def read_cam(joint: PlacedCam, view: View) -> CamReading:
     """A cam that its follower may leave, or in whose groove it has play."""
     cam, torque = _cam(joint, view)
     angle = cam.position
@@ -69,7 +67,7 @@ def read_cam(joint: CamPair, view: View) -> CamReading:
     )  # fmt: skip
 
 
-def read_contact(joint: CamPair, view: View) -> dict[str, Array]:
+def read_contact(joint: PlacedCam, view: View) -> dict[str, Array]:
     """Where a follower touches at the cam angles, or would: arrays (N,) by column.
 
     ``pressure_angle`` [rad]; ``contact.x``, ``.y`` [m] in the world; ``contact_speed`` [m/s] of
@@ -90,7 +88,7 @@ def read_contact(joint: CamPair, view: View) -> dict[str, Array]:
 
 
 def _touching(
-    joint: CamPair, view: View, touch: Touch, rate: Array
+    joint: PlacedCam, view: View, touch: Touch, rate: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Point of contact in the world [m]; its speed along the profile, and that of sliding [m/s].
 
@@ -104,7 +102,7 @@ def _touching(
     return x0 + c * x - s * y, y0 + s * x + c * y, touch.rate * rate, touch.sliding * rate
 
 
-def _course(joint: CamPair, view: View) -> Course:
+def _course(joint: PlacedCam, view: View) -> Course:
     """Where the cam is, as its law counts."""
     if joint.distance.slides:
         x, y = joint.world((0.0, -1.0))
@@ -116,7 +114,7 @@ def _course(joint: CamPair, view: View) -> Course:
     return Course(place + joint.phase, *rest)
 
 
-def _cam(joint: CamPair, view: View) -> tuple[Course, Array]:
+def _cam(joint: PlacedCam, view: View) -> tuple[Course, Array]:
     """Where the cam is, and the torque or force on it, as its law counts."""
     course = _course(joint, view)
     if joint.distance.slides:
@@ -125,7 +123,7 @@ def _cam(joint: CamPair, view: View) -> tuple[Course, Array]:
     return course, joint.sense * view.moment_on_first(np.array(joint.centre)[:, None])
 
 
-def _follower(joint: CamPair, view: View, lift: Array) -> Course:
+def _follower(joint: PlacedCam, view: View, lift: Array) -> Course:
     """The follower's place, from where it is on the base circle, in the direction of the lift."""
     lowest = joint.distance.lowest
     if joint.distance.swings:
@@ -140,7 +138,7 @@ def _follower(joint: CamPair, view: View, lift: Array) -> Course:
     return Course(place, v, a, np.zeros_like(place))
 
 
-def _contact(joint: CamPair, view: View) -> tuple[Array, NDArray[np.uint8]]:
+def _contact(joint: PlacedCam, view: View) -> tuple[Array, NDArray[np.uint8]]:
     """Distance [m] to what the follower may touch, and the mode."""
     walls = [view.gap(side) for side in joint.sides]
     count = view.count

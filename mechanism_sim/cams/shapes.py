@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.cams.followers import FlatFaced, OscillatingFlat
+from mechanism_sim.cams.placement import PlacedCam
 from mechanism_sim.cams.profiles import drawing_angles, extent
-from mechanism_sim.planar.mechanism import rotate
+from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.view import circle
-
-if TYPE_CHECKING:
-    from mechanism_sim.cams.pair import CamPair
 
 Array = NDArray[np.float64]
 
@@ -23,7 +20,7 @@ _FACE = 0.5  # thickness of a face, in units of the drawing's symbols
 _TIP = 1.5  # length of a knife's edge
 
 
-def cam_outlines(joint: CamPair) -> list[Array]:
+def cam_outlines(joint: PlacedCam) -> list[Array]:
     """The cam (k, 2) [m], from its edge inwards: a groove has a rim and two walls.
 
     A cam that slides is a bar from its base line on; a groove in it is what lies between bars.
@@ -43,7 +40,7 @@ def cam_outlines(joint: CamPair) -> list[Array]:
     return [joint.profile(edge).T for edge in edges]
 
 
-def _angles(joint: CamPair) -> Array:
+def _angles(joint: PlacedCam) -> Array:
     law = joint.cam.law
     return drawing_angles(law, extent(law) / _PARTS)
 
@@ -53,7 +50,7 @@ def _bar(edge: Array, back: float) -> Array:
     return np.column_stack([edge, (back, edge[1, -1]), (back, edge[1, 0])])
 
 
-def follower_outline(joint: CamPair, angle: float, symbol: float) -> Array:
+def follower_outline(joint: PlacedCam, angle: float, symbol: float) -> Array:
     """Roller, edge or face, on the follower's link, (k, 2) [m].
 
     Parameters

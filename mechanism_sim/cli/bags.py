@@ -4,27 +4,21 @@ from __future__ import annotations
 
 import argparse
 import os
-from dataclasses import asdict
-from pathlib import Path
+import time
 from typing import TYPE_CHECKING, Any
 
-from mechanism_sim import output
 from mechanism_sim.cli.options import (
     Command,
-    length_options,
     option,
+    print_json,
     print_result,
     quantity,
     refuse_options,
-    scene_options,
+    skip_option,
+    skipped_time,
+    skipped_turns,
 )
-from mechanism_sim.cli.source import (
-    is_bag,
-    namespace_option,
-    read_run,
-    simulate_run,
-    warn_if_incomplete,
-)
+from mechanism_sim.cli.source import namespace_option, warn_if_incomplete
 from mechanism_sim.errors import InputError
 from mechanism_sim.terminal import echo
 
@@ -36,63 +30,25 @@ def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('info', _info, 'list what a bag holds')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
-    sub = command('recover', _recover, 'close a bag whose recorder was killed')
+    sub = command('bag play', _play, 'publish what a bag holds, as its nodes did')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
-    sub = command('analyze', _analyze, 'summarise a recorded run')
+    option(sub, '--rate', 'R', 'recorded seconds in a second; 0: as fast as possible', 1.0)
+    option(sub, '--from', 'S', 'begin at this time after the first message', 0.0)
+    option(sub, '--delay', 'S', 'wait before the first message', 0.0)
+    sub.add_argument(
+        '--topics', nargs='+', action='extend', default=[], metavar='TOPIC', help='only these'
+    )
+    option(sub, '--clock', 'HZ', 'publish /clock, too, if the bag has none', float)
+    option(sub, '--timeout', 'S', 'look at most so long for subscriptions', 10.0)
+    sub = command('bag recover', _recover, 'close a bag whose recorder was killed')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
+    sub = command('analyze', _analyze, 'summarise a recorded run, or fit a bearing to it')
+    sub.add_argument(
+        'bags', nargs='+', metavar='BAG', help='an MCAP file, or a folder of ros2 bag'
+    )
     namespace_option(sub)
     _detail_options(sub)
-    sub = command('sound', _sound, 'what the impacts of a run sound like, as a WAV file')
-    scene_options(sub, 'a scene, or a bag (.mcap) of a run', 'SCENE|BAG')
-    length_options(sub)
-    namespace_option(sub)
-    option(sub, '-o --output', 'FILE', 'the .wav file; SCENE.wav if not given')
-    option(sub, '--distance', 'R', 'of the listener from the machine', '1 m')
-    option(sub, '--direction', 'ANGLE', 'in which the listener is, from the x axis', '0 deg')
-    option(sub, '--pulse', 'T', "how long impacts last, as '0.1 ms'")
-    option(sub, '--slow', 'N', 'play N times slower', 1.0)
-    sub = command('identify', _identify, "fit a bearing's parameters to an accelerometer's signal")
-    sub.add_argument('bags', nargs='+', metavar='BAG', help='recorded, or made of a measurement')
-    sub.add_argument(
-        '--scene', action='append', default=[], metavar='SCENE', dest='scenes',
-        help='machine and sensor, one for each bag or one for all; those in the bag if not given',
-    )  # fmt: skip
-    sub.add_argument(
-        '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
-        help='change a value of the scenes',
-    )  # fmt: skip
-    option(
-        sub,
-        '--fit',
-        'NAME,...',
-        'what is to be found: some of these, noise, or dotted paths',
-        'restitution,friction,radial',
-    )
-    sub.add_argument(
-        '--range', action='append', default=[], metavar='NAME=LOW:HIGH', dest='ranges',
-        help="where it is looked for, for example 'radial=0.1 mm:0.4 mm'",
-    )  # fmt: skip
-    option(sub, '--joint', 'J', 'the loose joint, where there are several')
-    option(sub, '--sensor', 'S', 'the sensor, where there are several')
-    option(sub, '--skip', 'S', 'seconds to leave out at the beginning', 0.0)
-    option(sub, '--seed', 'N', 'of the random numbers of the search', 0)
-    option(sub, '--rounds', 'N,...', 'simulations in each round; 128,48,48,48 if not given')
-    option(sub, '--workers', 'N', 'processes; one for each core if not given', int)
-    sub = command(
-        'experiment', _experiment, "the thesis's figures and tables, from bags of a sweep"
-    )
-    sub.add_argument(
-        'folders', nargs='+', metavar='DIR', help='folders of bags, as sweep --bags writes them'
-    )
-    option(sub, '-o --output', 'DIR|FILE', 'draw the figures: a folder, .pdf or .svg')
-    option(sub, '--page', 'FILE.md', 'renew the tables of a page between its marks')
-    option(
-        sub,
-        '--skip',
-        'K',
-        'whole turns to leave out at the beginning; the first half if not given',
-        int,
-    )
+    _fit_options(sub)
 
 
 def _info(options: argparse.Namespace) -> int:
@@ -107,22 +63,60 @@ def _recover(options: argparse.Namespace) -> int:
     return print_result(options, recover(options.bag), Recovery.to_json, render_recovery, echo)
 
 
+_FIT = 'scene', 'set', 'range', 'joint', 'sensor', 'seed', 'rounds', 'workers'
+_DETAILS = (
+    'spectrum', 'orders', 'envelope', 'average', 'impacts-on', 'wear', 'deviation', 'against',
+    'band', 'pin-radius', 'plots', 'namespace',
+)  # fmt: skip
+
+
+def _play(options: argparse.Namespace) -> int:
+    if options.rate < 0.0 or options.delay < 0.0:
+        raise InputError('--rate and --delay must not be negative')
+    if not options.timeout > 0.0:
+        raise InputError('--timeout must be positive')
+    from mechanism_sim.nodes.player import player  # noqa: PLC0415
+    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+
+    bag = read_bag(options.bag)
+    if not any(topic.count for topic in bag.topics.values()):
+        raise InputError(f'{options.bag} holds nothing that can be played: it has no messages')
+    with player(options.timeout) as node:
+        time.sleep(options.delay)
+        with progress.bar('play', (bag.end - bag.start) / 1e9, quiet=options.json) as show:
+            count = node.play(
+                bag, options.topics, options.rate, getattr(options, 'from'), options.clock, show
+            )
+    if options.json:
+        print_json({'bag': options.bag, 'messages': count})
+    else:
+        print(f'{count} messages of {options.bag} published')
+    return 0
+
+
 def _analyze(options: argparse.Namespace) -> int:
+    if options.fit is not None:
+        refuse_options(options, _DETAILS, 'does not apply to --fit')
+        return _fit(options)
+    refuse_options(options, _FIT, 'goes with --fit')
+    if len(options.bags) > 1:
+        raise InputError(f'analyze reads one bag, not {len(options.bags)}; --fit reads several')
+    (options.bag,) = options.bags
     from mechanism_sim.analysis import analyze, render  # noqa: PLC0415
     from mechanism_sim.analysis.details import Details, Wanted  # noqa: PLC0415
     from mechanism_sim.analysis.render_details import render_details  # noqa: PLC0415
     from mechanism_sim.recording import read_bag  # noqa: PLC0415
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
 
-    if options.skip < 0:
-        raise InputError('--skip must be at least 0')
+    skip = skipped_turns(options)
     for name, owner in (('band', 'envelope'), ('pin-radius', 'wear')):
         if not getattr(options, owner) and not options.plots:
             refuse_options(options, [name], f'goes with --{owner}: it is about that')
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     wanted = Wanted(
         options.spectrum, options.orders, options.envelope, options.average, options.impacts_on,
-        options.wear, options.deviation, _band(options.band), options.skip,
+        options.wear, options.deviation, _band(options.band), skip,
         quantity('--pin-radius', options.pin_radius, 'm')[0] if options.pin_radius else None,
     )  # fmt: skip
     if not (wanted or plots or options.against):
@@ -145,33 +139,7 @@ def _analyze(options: argparse.Namespace) -> int:
     return print_result(options, summary, lambda found: found.to_json() | more, render, echo)
 
 
-def _sound(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress, sound  # noqa: PLC0415
-    from mechanism_sim.sensing.sound import Listener, strikes  # noqa: PLC0415
-
-    listener = Listener(
-        quantity('--distance', options.distance, 'm')[0],
-        quantity('--direction', options.direction, 'rad')[0],
-    )
-    pulse = None if options.pulse is None else quantity('--pulse', options.pulse, 's')[0]
-    file = output.check_path(
-        '--output', options.output or f'{Path(options.scene).stem}.wav', '.wav'
-    )
-    if is_bag(options.scene):
-        if options.duration is not None or options.revolutions is not None:
-            raise InputError('the length does not apply to a bag: it is played as it was recorded')
-        record = read_run(options)
-    else:
-        record = simulate_run(options)
-    machine, run = record.machine, record.piece
-    with progress.busy('sound', options.json) as say:
-        say(f'of {len(run.impacts)} impacts')
-        train = strikes(machine.mechanism, run.motion, run.impacts)
-        written = sound.write(train, run.motion.curve.end, file, listener, pulse, options.slow)
-    return print_result(options, written, asdict, sound.render)
-
-
-def _identify(options: argparse.Namespace) -> int:
+def _fit(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.measurements import measurements  # noqa: PLC0415
     from mechanism_sim.report import identification as report  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
@@ -187,7 +155,11 @@ def _identify(options: argparse.Namespace) -> int:
         raise InputError('--workers must be at least 1, --seed at least 0')
     with progress.busy('reading', options.json):
         signals = measurements(
-            options.bags, options.scenes, options.overrides, options.sensor, options.skip
+            options.bags,
+            options.scenes,
+            options.overrides,
+            options.sensor,
+            skipped_time(options),
         )
     first = signals[0]
     if not set(OF_JOINT) & {name.strip() for name in options.fit.split(',')}:
@@ -195,35 +167,8 @@ def _identify(options: argparse.Namespace) -> int:
     wanted = parameters(
         first.machine, options.fit.split(','), first.sensor, options.joint, ranges(options.ranges)
     )
-    with progress.count('identify', sum(rounds), quiet=options.json) as show:
+    with progress.count('fit', sum(rounds), quiet=options.json) as show:
         found = Identification(signals, wanted, options.seed, workers, show).find(rounds)
-    return print_result(options, found, report.to_json, report.render)
-
-
-def _experiment(options: argparse.Namespace) -> int:
-    from mechanism_sim.analysis.experiment import (  # noqa: PLC0415
-        bags_of,
-        read_experiment,
-        with_limits,
-        with_orders,
-    )
-    from mechanism_sim.report import experiment as report  # noqa: PLC0415
-    from mechanism_sim.report import experiment_page, figures, progress  # noqa: PLC0415
-
-    if options.skip is not None and options.skip < 0:
-        raise InputError('--skip must be at least 0')
-    place = figures.check_picture('--output', options.output, True) if options.output else None
-    page = experiment_page.read_page('--page', options.page) if options.page else None
-    bags = bags_of([Path(folder) for folder in options.folders])
-    with progress.count('experiment', len(bags), quiet=options.json) as show:
-        found = with_orders(with_limits(read_experiment(bags, options.skip, show)))
-    if page:
-        file, text = page
-        output.write_text(file, experiment_page.renewed(text, found))
-    if place:
-        from mechanism_sim.report.experiment_figures import draw  # noqa: PLC0415
-
-        figures.save_all(draw(found), place)
     return print_result(options, found, report.to_json, report.render)
 
 
@@ -257,6 +202,32 @@ def _band(text: str | None) -> tuple[float, float] | None:
     return quantity('--band', low, 'Hz')[0], quantity('--band', high, 'Hz')[0]
 
 
+def _fit_options(sub: argparse.ArgumentParser) -> None:
+    more = sub.add_argument_group("a bearing's parameters from an accelerometer's signal")
+    option(
+        more, '--fit', 'NAME,...',
+        'instead: find these so that runs give the recorded signal: some of restitution, '
+        'friction, radial, noise, or dotted paths',
+    )  # fmt: skip
+    more.add_argument(
+        '--scene', action='append', default=[], metavar='SCENE', dest='scenes',
+        help='machine and sensor, one for each bag or one for all; those in the bag if not given',
+    )  # fmt: skip
+    more.add_argument(
+        '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
+        help="change a value of the scene, for example 'drive.speed=300 rpm'; several times",
+    )  # fmt: skip
+    more.add_argument(
+        '--range', action='append', default=[], metavar='NAME=LOW:HIGH', dest='ranges',
+        help="where it is looked for, for example 'radial=0.1 mm:0.4 mm'; several times",
+    )  # fmt: skip
+    option(more, '--joint', 'J', 'the loose joint, where there are several')
+    option(more, '--sensor', 'S', 'the sensor, where there are several')
+    option(more, '--seed', 'N', 'of the random numbers of the search', 0)
+    option(more, '--rounds', 'N,...', 'simulations in each round; 128,48,48,48 if not given')
+    option(more, '--workers', 'N', 'processes; one for each core if not given', int)
+
+
 def _detail_options(sub: argparse.ArgumentParser) -> None:
     more = sub.add_argument_group('instead of the summary; each may be given several times')
     for name, metavar, text in (
@@ -276,6 +247,6 @@ def _detail_options(sub: argparse.ArgumentParser) -> None:
     how = sub.add_argument_group('how')
     option(how, '--against', 'BAG', 'divide deviations by those of this other bag')
     option(how, '--band', 'A:B', "frequencies of envelopes, as '500 Hz:2 kHz'")
-    option(how, '--skip', 'N', 'whole turns to leave out at the beginning', 0)
+    skip_option(how, "with --fit as '2 s'")
     option(how, '--pin-radius', 'R', "for wear, as '6 mm'; that of the scene if not given")
     option(how, '--plots', 'DIR|FILE', 'draw them: a folder, .pdf, .png or .svg')

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
 
 from mechanism_sim import output
 from mechanism_sim.cli.options import (
@@ -22,6 +23,9 @@ from mechanism_sim.cli.options import (
 )
 from mechanism_sim.errors import InputError
 
+if TYPE_CHECKING:
+    from mechanism_sim.scene import Machine
+
 
 def add(command: Command) -> None:
     """The commands of this file."""
@@ -29,12 +33,11 @@ def add(command: Command) -> None:
     scene_options(sub)
     option(sub, '--samples', 'N', 'intervals in a cycle', 360)
     sub.add_argument(
-        '--from',
+        '--at',
         metavar='ANGLE',
-        dest='start',
         help="position of the drive to begin at, as '30 deg'",
     )
-    option(sub, '--revolutions --periods', 'N', 'how many turns of the drive', 1)
+    option(sub, '--revolutions', 'N', 'how many turns of the drive', 1)
     option(sub, '--duration', 'S', 'seconds, for a drive without a constant speed', float)
     sub.add_argument(
         '--points',
@@ -71,39 +74,26 @@ def add(command: Command) -> None:
         '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
     )
     option(sub, '--magnify', 'N', 'how much more elastic links bend; visibly if not given', 0.0)
-    sub = command('layout', _layout, 'a layout for Foxglove, or a configuration for RViz')
-    scene_options(sub)
-    sub.add_argument(
-        '--for', choices=('foxglove', 'rviz'), required=True, dest='viewer', help='which viewer'
-    )
-    option(sub, '-o --output', 'FILE', 'the file; SCENE.json or SCENE.rviz if not given')
-    option(sub, '--namespace', 'NAME', 'namespace of the nodes', '')
-    option(sub, '--frame-prefix', 'TEXT', 'what stands before names of links in /tf', '')
-    sub = command(
-        'profile', _profile, 'figures and workshop drawing of a cam, or of gears in mesh'
-    )
-    scene_options(sub)
-    sub.add_argument('joint', metavar='JOINT', help='a joint with a cam or teeth')
-    option(sub, '-o --output', 'FILE', 'draw the outlines to a .svg or .dxf file')
-    option(sub, '--table', 'FILE', f'write a cam over its turn: {TABLES}')
-    option(sub, '--gear', 'NAME', 'only the outline of this gear')
+    more = sub.add_argument_group('for the workshop')
     option(
-        sub, '--friction', 'MU', 'coefficient of friction between teeth; 0.05 if not given', float
+        more, '--profile', 'JOINT',
+        'instead: figures of this cam, or of these gears in mesh; --output: their outlines, a '
+        '.svg or .dxf file',
+    )  # fmt: skip
+    option(more, '--table', 'FILE', f'write a cam over its turn: {TABLES}')
+    option(more, '--gear', 'NAME', 'only the outline of this gear')
+    option(
+        more, '--friction', 'MU', 'coefficient of friction between teeth; 0.05 if not given', float
     )
     sub = command('export', _export, 'a machine for viewers and for other simulators')
     scene_options(sub)
     sub.add_argument(
-        '--format', required=True, choices=('urdf', 'mjcf', 'sdf'), help='of the description'
-    )
+        '--format', required=True, choices=('urdf', 'mjcf', 'sdf', 'foxglove', 'rviz'),
+        help='a description of the machine, or what a viewer shows of its run',
+    )  # fmt: skip
     option(sub, '-o --output', 'FILE', 'the file; standard output if not given')
-    option(sub, '--prefix', 'TEXT', 'before names of frames, in a URDF', '')
-    sub = command('teeth', _teeth, 'find numbers of teeth for a ratio, the best first')
-    sub.add_argument('ratio', metavar='RATIO', help="of speeds, without sign, as 3.5 or '7/2'")
-    option(sub, '--stages', 'N', 'pairs of gears in series', 1)
-    option(sub, '--tolerance', 'X', 'largest relative error of the ratio', 0.0)
-    option(sub, '--teeth', 'A:B', 'fewest and most teeth of a gear', '18:120')
-    option(sub, '--centre-distance', 'C', "of every stage, as '60 mm'; with --modules")
-    option(sub, '--modules', 'M,...', "to choose from, as '2 mm,2.5 mm'")
+    option(sub, '--frame-prefix', 'TEXT', 'before names of frames, in a URDF and for viewers', '')
+    option(sub, '--namespace', 'NS', 'namespace of the nodes, for viewers', '')
 
 
 def _cycle(options: argparse.Namespace) -> int:
@@ -115,7 +105,7 @@ def _cycle(options: argparse.Namespace) -> int:
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     if options.output:
         tables.check_output(options.output)
-    start = options.start and quantity('--from', options.start, 'rad')[0]
+    start = options.at and quantity('--at', options.at, 'rad')[0]
     machine = read_machine(options)
     with progress.busy('cycle', options.json) as say:
         found = cycle(
@@ -141,7 +131,14 @@ def _cycle(options: argparse.Namespace) -> int:
     )
 
 
+_PICTURE = 'at', 'positions', 'path', 'duration', 'labels', 'magnify'
+
+
 def _draw(options: argparse.Namespace) -> int:
+    if options.profile is not None:
+        refuse_options(options, _PICTURE, 'does not apply to --profile')
+        return _profile(options)
+    refuse_options(options, ['table', 'gear', 'friction'], 'goes with --profile')
     from mechanism_sim.cycles.cycle import instant  # noqa: PLC0415
     from mechanism_sim.report import drawing, figures, progress  # noqa: PLC0415
 
@@ -170,27 +167,6 @@ def _draw(options: argparse.Namespace) -> int:
     return 0
 
 
-def _layout(options: argparse.Namespace) -> int:
-    from pathlib import Path  # noqa: PLC0415
-
-    from mechanism_sim.nodes.force_markers import preview  # noqa: PLC0415
-    from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.report.foxglove import to_foxglove  # noqa: PLC0415
-    from mechanism_sim.report.rviz import to_rviz  # noqa: PLC0415
-
-    machine = read_machine(options)
-    to, ending = (to_foxglove, 'json') if options.viewer == 'foxglove' else (to_rviz, 'rviz')
-    file = Path(options.output or f'{machine.name}.{ending}')
-    with progress.busy('layout', options.json):
-        text = to(preview(machine), options.namespace, options.frame_prefix)
-    output.write_text(file, text)
-    if options.json:
-        print_json({'scene': machine.name, 'file': str(file)})
-    else:
-        print(file)
-    return 0
-
-
 def _profile(options: argparse.Namespace) -> int:
     from mechanism_sim.report import profile, tables  # noqa: PLC0415
 
@@ -199,30 +175,29 @@ def _profile(options: argparse.Namespace) -> int:
         tables.check_output(options.table, '--table')
     machine = read_machine(options)
     if options.table:
-        tables.write(options.table, profile.table(machine, options.joint))
-    sheet, outline = profile.profile(machine, options.joint, options.gear, options.friction)
+        tables.write(options.table, profile.table(machine, options.profile))
+    sheet, outline = profile.profile(machine, options.profile, options.gear, options.friction)
     if file:
         profile.write(outline, file)
     if options.json:
         where = {'file': str(file)} if file else {}
-        print_json({'scene': machine.name, 'joint': options.joint, **sheet.to_json(), **where})
+        print_json({'scene': machine.name, 'joint': options.profile, **sheet.to_json(), **where})
     else:
         print(sheet.render())
     return 0
 
 
 def _export(options: argparse.Namespace) -> int:
-    from mechanism_sim.export import mjcf, sdf, urdf  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
 
-    if options.prefix and options.format != 'urdf':
-        raise InputError('--prefix is for --format urdf')
+    viewers = 'foxglove', 'rviz'
+    if options.format not in viewers:
+        refuse_options(options, ['namespace'], f'is for --format {" and ".join(viewers)}')
+        if options.format != 'urdf':
+            refuse_options(options, ['frame-prefix'], 'is for --format urdf, foxglove and rviz')
     machine = read_machine(options)
-    if options.format == 'urdf':
-        text, missing = urdf.to_urdf(machine, options.prefix), urdf.left_out(machine)
-    elif options.format == 'mjcf':
-        text, missing = mjcf.to_mjcf(machine), mjcf.left_out(machine)
-    else:
-        text, missing = sdf.to_sdf(machine), sdf.left_out(machine)
+    with progress.busy('export', options.json):
+        text, missing = _exported(options, machine)
     for sentence in missing:
         print(f'mechanism-sim: {sentence}', file=sys.stderr)
     if options.output:
@@ -235,29 +210,19 @@ def _export(options: argparse.Namespace) -> int:
     return 0
 
 
-def _teeth(options: argparse.Namespace) -> int:
-    from mechanism_sim.gears.teeth import choose, just_outside, limits, ratio_of  # noqa: PLC0415
-    from mechanism_sim.report import teeth  # noqa: PLC0415
+def _exported(options: argparse.Namespace, machine: Machine) -> tuple[str, list[str]]:
+    """A machine in the format that is asked for, and what of it the format has no words for."""
+    if options.format in ('foxglove', 'rviz'):
+        from mechanism_sim.analysis.preview import preview  # noqa: PLC0415
+        from mechanism_sim.report.foxglove import to_foxglove  # noqa: PLC0415
+        from mechanism_sim.report.rviz import to_rviz  # noqa: PLC0415
 
-    fewest, colon, most = options.teeth.partition(':')
-    if not (colon and fewest.isdecimal() and most.isdecimal()):
-        raise InputError(f"--teeth '{options.teeth}': write for example 18:120")
-    count = int(fewest), int(most)
-    distance = (
-        quantity('--centre-distance', options.centre_distance, 'm')[0]
-        if (options.centre_distance)
-        else None
-    )
-    listed = options.modules.split(',') if options.modules else ()
-    modules = [quantity('--modules', m, 'm')[0] for m in listed]
-    ratio, stages, tolerance = ratio_of(options.ratio), options.stages, options.tolerance
-    found = choose(
-        ratio, stages=stages, tolerance=tolerance, teeth=count, centre_distance=distance,
-        modules=modules,
-    )  # fmt: skip
-    search = teeth.Search(
-        found,
-        limits(count, stages, tolerance, distance, modules),
-        just_outside(ratio, tolerance, count, distance, modules) if stages == 1 else None,
-    )
-    return print_result(options, search, teeth.to_json, teeth.render)
+        to = to_foxglove if options.format == 'foxglove' else to_rviz
+        return to(preview(machine), options.namespace, options.frame_prefix), []
+    from mechanism_sim.export import mjcf, sdf, urdf  # noqa: PLC0415
+
+    if options.format == 'urdf':
+        return urdf.to_urdf(machine, options.frame_prefix), urdf.left_out(machine)
+    if options.format == 'mjcf':
+        return mjcf.to_mjcf(machine), mjcf.left_out(machine)
+    return sdf.to_sdf(machine), sdf.left_out(machine)

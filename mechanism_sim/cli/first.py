@@ -9,13 +9,6 @@ from mechanism_sim.cli.options import Command, print_json
 
 SHELLS = 'bash', 'zsh', 'tcsh', 'fish', 'powershell'
 
-HOW = (
-    'In ~/.bashrc or ~/.zshrc: eval "$(mechanism-sim completion bash)" (or zsh). In fish: '
-    'mechanism-sim completion fish | source. In PowerShell: mechanism-sim completion powershell | '
-    'Out-String | Invoke-Expression.'
-)
-"""How the script is used."""
-
 
 def add(command: Command) -> None:
     """The commands of this file."""
@@ -29,9 +22,6 @@ def add(command: Command) -> None:
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
         help="change a value of the scene, for example 'drive.speed=300 rpm'; several times",
     )  # fmt: skip
-    sub = command('completion', _completion, 'a script by which a shell completes names')
-    sub.add_argument('shell', metavar='SHELL', choices=SHELLS, help='one of ' + ', '.join(SHELLS))
-    sub.epilog = HOW
 
 
 def _new(options: argparse.Namespace) -> int:
@@ -48,12 +38,8 @@ def _new(options: argparse.Namespace) -> int:
     return 0
 
 
-def _completion(options: argparse.Namespace) -> int:
+def completion_script(shell: str) -> str:
+    """The script by which a shell completes names of the command line."""
     from argcomplete.shell_integration import shellcode  # noqa: PLC0415
 
-    text = shellcode(['mechanism-sim'], shell=options.shell)
-    if options.json:
-        print_json({'shell': options.shell, 'script': text})
-    else:
-        print(text)
-    return 0
+    return str(shellcode(['mechanism-sim'], shell=shell))

@@ -1,4 +1,4 @@
-"""What a scene is: its listing, its report, its equations."""
+"""Scenes: their listing, their checks, their equations."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def add(command: Command) -> None:
     flag(sub, '--schema', 'the keys of scenes as a JSON schema for editors, instead of the list')
     sub = command('check', _check, 'check a scene, and summarise its machine, without running it')
     scene_options(sub)
-    sub = command('equations', _equations, "write down a scene's own equations")
-    scene_options(sub)
-    flag(sub, '--rates', 'add the rates of closures and gaps')
-    form = sub.add_mutually_exclusive_group()
+    more = sub.add_argument_group('equations')
+    flag(more, '--equations', "write down the machine's own equations instead")
+    flag(more, '--rates', 'add the rates of closures and gaps')
+    form = more.add_mutually_exclusive_group()
     flag(form, '--latex', 'print a fragment of LaTeX')
     flag(form, '--markdown', 'print Markdown')
-    option(sub, '-o --output', 'FILE', 'write a .tex, .md, .html or .txt file')
+    option(more, '-o --output', 'FILE', 'write a .tex, .md, .html or .txt file')
 
 
 def _scenes(options: argparse.Namespace) -> int:
@@ -59,6 +59,9 @@ def _scenes(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
+    if options.equations:
+        return _equations(options)
+    refuse_options(options, ['rates', 'latex', 'markdown', 'output'], 'goes with --equations')
     from mechanism_sim.scene.check import Report, check, render  # noqa: PLC0415
 
     machine = read_machine(options, remarks=False)
@@ -73,7 +76,7 @@ def _check(options: argparse.Namespace) -> int:
 def _equations(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
 
-    needed('sympy', 'the command equations')
+    needed('sympy', 'check --equations')
     from mechanism_sim.report import typeset  # noqa: PLC0415
 
     if options.json:

@@ -102,6 +102,45 @@ def turns_of(options: argparse.Namespace, machine: Machine, usual: float) -> flo
     return usual if turns is None else turns
 
 
+def skip_option(sub: Options, more: str = '') -> None:
+    """Add the option for what is left out at the beginning; `more` says more of it."""
+    text = 'whole turns of the drive to leave out at the beginning'
+    option(sub, '--skip', 'N', f'{text}; {more}' if more else text)
+
+
+def skipped_turns(options: argparse.Namespace, usual: int = 0) -> int:
+    """Whole turns that ``--skip`` leaves out; `usual` if it is not given.
+
+    Raises
+    ------
+    InputError
+        If it is no whole number from 0 on.
+    """
+    if options.skip is None:
+        return usual
+    if not options.skip.strip().isdecimal():
+        raise InputError(
+            f"--skip '{options.skip}' is no number of whole turns: write for example 5"
+        )
+    return int(options.skip)
+
+
+def skipped_time(options: argparse.Namespace) -> float:
+    """Time [s] that ``--skip`` leaves out, of signals that know no turns; 0 if it is not given.
+
+    Raises
+    ------
+    InputError
+        If it is no time, or negative.
+    """
+    if options.skip is None:
+        return 0.0
+    skip = quantity('--skip', options.skip, 's')[0]
+    if skip < 0.0:
+        raise InputError(f"--skip '{options.skip}' must be at least 0 s")
+    return skip
+
+
 def measure_option(sub: argparse.ArgumentParser) -> None:
     """Add the option for figures of one's own."""
     sub.add_argument(

@@ -9,25 +9,43 @@ from mechanism_sim.errors import nearest
 from mechanism_sim.nodes.arguments import Parser
 
 GROUPS = {
-    'A machine': ('new', 'edit', 'scenes', 'check', 'equations'),
+    'A machine': ('new', 'edit', 'scenes', 'check'),
     'Run it': ('solve', 'run', 'node'),
-    'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view', 'layout', 'sound'),
-    'Talk to what runs': ('topic', 'param', 'service', 'action', 'bag'),
+    'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view'),
     'How it vibrates': ('modes', 'response'),
-    'Recorded runs': ('info', 'recover', 'analyze', 'identify', 'experiment'),
+    'Recorded runs': ('info', 'analyze', 'bag'),
     'Many runs': (
         'sweep',
         'find',
         'statistics',
-        'starts',
         'periodic',
-        'contact-loss',
-        'lift-off',
+        'thesis',
     ),
-    'For the workshop and other programs': ('profile', 'teeth', 'export'),
-    'The program itself': ('bench', 'completion'),
+    'For other programs': ('export',),
 }
 """All commands by purpose, in the order in which `--help` lists them."""
+
+VERBS = {
+    'bag': 'publish what a bag holds, or close one whose recorder was killed',
+    'thesis': "the thesis's experiment, criteria of contact loss, and start angles",
+}
+"""Commands that consist of others, as `thesis starts`."""
+
+RENAMED: dict[str, str] = {
+    'bench': 'python -m benchmarks',
+    'completion': 'mechanism-sim --completion',
+    'equations': 'mechanism-sim check --equations',
+    'identify': 'mechanism-sim analyze --fit',
+    'layout': 'mechanism-sim export --format foxglove|rviz',
+    'lift-off': 'mechanism-sim find --lift-off',
+    'profile': 'mechanism-sim draw --profile',
+    'recover': 'mechanism-sim bag recover',
+    'sound': 'mechanism-sim animate -o FILE.wav',
+    'teeth': 'mechanism-sim find --teeth',
+    **{verb: f'mechanism-sim thesis {verb}' for verb in ('contact-loss', 'experiment', 'starts')},
+    **{group: f'zros {group}' for group in ('topic', 'param', 'service', 'action')},
+}
+"""Names that commands had, and what is to be typed instead, beginning with the program."""
 
 START = (
     ('Run a machine whose bearing rattles', ('solve four_bar_clearance --revolutions 10',)),
@@ -68,7 +86,7 @@ class Overview(Parser):
     def format_help(self) -> str:
         """All commands, each with one line."""
         texts = {a.dest: a.help or '' for a in self.commands()._choices_actions}
-        width = max(map(len, texts))
+        width = max(map(len, (*texts, '--completion')))
         lines = ['usage: mechanism-sim COMMAND ...', '', str(self.description)]
         for purpose, names in GROUPS.items():
             here = [name for name in names if name in texts]
@@ -78,6 +96,7 @@ class Overview(Parser):
             'Options:',
             f'  {"--help":{width}}  this list; of a command, after its name, its options',
             f'  {"--version":{width}}  print the version',
+            f'  {"--completion":{width}}  SHELL: print the script by which it completes names',
             '',
             "'mechanism-sim' alone says how to begin.",
         ]
@@ -89,6 +108,8 @@ class Overview(Parser):
         if action.dest != 'command' or value in known:
             super()._check_value(action, value)
             return
+        if value in RENAMED:
+            self.error(f"'{value}' is now '{RENAMED[value]}'")
         if value in scene_names() or str(value).endswith(('.yaml', '.yml')):
             self.error(
                 f"'{value}' is a scene, not a command: try 'mechanism-sim check {value}' or "
@@ -102,3 +123,11 @@ class Overview(Parser):
         """What argparse keeps of the commands; their parsers by name are its `choices`."""
         assert self._subparsers is not None  # noqa: S101 - `make_parser` has added them
         return self._subparsers._group_actions[0]
+
+    def leaves(self) -> dict[str, Any]:
+        """The parsers of all commands that do something by their words, as `thesis starts`."""
+        found: dict[str, Any] = {}
+        for name, sub in self.commands().choices.items():
+            of = sub._subparsers._group_actions[0].choices if name in VERBS else {'': sub}
+            found |= {f'{name} {verb}'.strip(): leaf for verb, leaf in of.items()}
+        return found

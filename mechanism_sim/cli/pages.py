@@ -159,7 +159,7 @@ def _compare(options: argparse.Namespace) -> int:
 
 
 def _view(options: argparse.Namespace) -> int:
-    from mechanism_sim.middleware import Parameter  # noqa: PLC0415
+    from mechanism_sim.nodes.middleware import Parameter  # noqa: PLC0415
     from mechanism_sim.pages.viewing import view  # noqa: PLC0415
 
     given = {'port': options.port, 'open': options.open or None}
@@ -173,8 +173,8 @@ def _view(options: argparse.Namespace) -> int:
 
 
 def _edit(options: argparse.Namespace) -> int:
-    from mechanism_sim.pages.edit.document import Document  # noqa: PLC0415
-    from mechanism_sim.pages.edit.serving import edit  # noqa: PLC0415
+    from mechanism_sim.editor.document import Document  # noqa: PLC0415
+    from mechanism_sim.editor.serving import edit  # noqa: PLC0415
 
     document = Document.open(options.scene) if options.scene else Document()
 

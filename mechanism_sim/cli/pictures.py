@@ -1,18 +1,29 @@
-"""Films and plots of runs, recorded in a bag or simulated here."""
+"""Films, sounds and plots of runs, recorded in a bag or simulated here."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mechanism_sim.cli.options import Command, flag, option, print_json, refuse_options
+from mechanism_sim import output
+from mechanism_sim.cli.options import (
+    Command,
+    flag,
+    option,
+    print_json,
+    print_result,
+    quantity,
+    refuse_options,
+)
 from mechanism_sim.cli.source import (
     is_bag,
+    read_run,
     refuse_overrides,
     run_of,
+    simulate_run,
     source_options,
     warn_if_incomplete,
 )
@@ -25,14 +36,19 @@ if TYPE_CHECKING:
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('animate', _animate, 'a film of a run: MP4, GIF or SVG frames')
+    sub = command(
+        'animate', _animate, 'a film of a run, or its sound: MP4, GIF, SVG frames or WAV'
+    )
     source_options(sub)
     option(sub, '-o --output', 'FILE|DIR', '.mp4, .gif, .svg to be numbered, or a folder '
-        'for SVG frames; SCENE.mp4 if not given')  # fmt: skip
+        'for SVG frames; .wav: what impacts sound like; SCENE.mp4 if not given')  # fmt: skip
     option(sub, '--fps', 'N', 'frames a second', float)
     option(
-        sub, '--speed', 'X', 'times real time; a turn of the drive takes 3 s if not given', float
-    )
+        sub, '--realtime-factor', 'F',
+        'simulated seconds in a second; if not given a turn of the drive takes 3 s, and a sound '
+        'as long as the run',
+        float,
+    )  # fmt: skip
     option(sub, '--size', 'PIXELS', "of the longer side, or as '1280x720'")
     glass = sub.add_mutually_exclusive_group()
     option(glass, '--lens', 'JOINT', 'the joint with play that is magnified', '')
@@ -51,6 +67,10 @@ def add(command: Command) -> None:
         default='none',
         help='which names are written',
     )
+    heard = sub.add_argument_group('of a sound')
+    option(heard, '--distance', 'R', 'of the listener from the machine', '1 m')
+    option(heard, '--direction', 'ANGLE', "from the x axis, as '90 deg'; 0 if not given")
+    option(heard, '--pulse', 'T', "how long impacts last, as '0.1 ms'")
     sub = command('plot', _plot, 'anything in a run over time, or over the angle of the drive')
     source_options(sub)
     sub.add_argument(
@@ -64,9 +84,13 @@ def add(command: Command) -> None:
         'given for both; SCENE_plot.svg if not given',
     )  # fmt: skip
     sub.add_argument(
-        '--against', choices=('time', 'angle'), default='time', help='angle: of the main drive'
+        '--over', choices=('time', 'angle'), default='time', help='angle: of the main drive'
     )
     flag(sub, '--ideal', 'the same machine with ideal joints below it')
+
+
+_SEEN = 'fps', 'size', 'lens', 'forces', 'path', 'labels'
+_HEARD = 'distance', 'direction', 'pulse'
 
 
 def _animate(options: argparse.Namespace) -> int:
@@ -75,10 +99,14 @@ def _animate(options: argparse.Namespace) -> int:
     from mechanism_sim.report.screen import Shown  # noqa: PLC0415
     from mechanism_sim.report.video import Target  # noqa: PLC0415
 
+    if Path(options.output or '').suffix == '.wav':
+        refuse_options(options, _SEEN, 'is of a film: a .wav file has none')
+        return _sound(options)
+    refuse_options(options, _HEARD, 'is of a sound: write to a .wav file')
     target = Target(options.output or f'{Path(options.scene).stem}.mp4')
     size = _size(options.size) if options.size else None
     record, start, end = run_of(options)
-    chosen = film(record, target, start, end, options.fps, options.speed)
+    chosen = film(record, target, start, end, options.fps, options.realtime_factor)
     shown = Shown(options.lens, options.forces, options.path, options.labels)
     with progress.count('animate', len(chosen.t), quiet=options.json) as show:
         files, (width, height) = chosen.write(shown, size, show)
@@ -99,6 +127,32 @@ def _animate(options: argparse.Namespace) -> int:
     return 0
 
 
+def _sound(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import progress, sound  # noqa: PLC0415
+    from mechanism_sim.sensing.sound import Listener, strikes  # noqa: PLC0415
+
+    refuse_options(options, ['from', 'to'], 'does not apply to a sound: it is of the whole run')
+    listener = Listener(
+        quantity('--distance', options.distance, 'm')[0],
+        quantity('--direction', options.direction or '0 deg', 'rad')[0],
+    )
+    pulse = None if options.pulse is None else quantity('--pulse', options.pulse, 's')[0]
+    pace = 1.0 if options.realtime_factor is None else options.realtime_factor
+    file = output.check_path('--output', options.output, '.wav')
+    if is_bag(options.scene):
+        if options.duration is not None or options.revolutions is not None:
+            raise InputError('the length does not apply to a bag: it is played as it was recorded')
+        record = read_run(options)
+    else:
+        record = simulate_run(options)
+    machine, run = record.machine, record.piece
+    with progress.busy('sound', options.json) as say:
+        say(f'of {len(run.impacts)} impacts')
+        train = strikes(machine.mechanism, run.motion, run.impacts)
+        written = sound.write(train, run.motion.curve.end, file, listener, pulse, pace)
+    return print_result(options, written, asdict, sound.render)
+
+
 def _plot(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.quantity_lookup import Asked  # noqa: PLC0415
     from mechanism_sim.recording import read_bag  # noqa: PLC0415
@@ -107,14 +161,14 @@ def _plot(options: argparse.Namespace) -> int:
 
     if not options.what:
         reason = 'goes with the name of a quantity; without one all that can be plotted is listed'
-        refuse_options(options, ['output', 'against', 'ideal'], reason)
+        refuse_options(options, ['output', 'over', 'ideal'], reason)
     files = options.output or [f'{Path(options.scene).stem}_plot.svg']
     numbers = [file for file in files if Path(file).suffix in ENDINGS]
     for file in numbers:
         tables.check_output(file)
     pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]
     if not pictures:
-        refuse_options(options, ['against'], 'is about a picture: give one to --output, too')
+        refuse_options(options, ['over'], 'is about a picture: give one to --output, too')
     in_bag, record = is_bag(options.scene), None
     start, end = options.start, options.end
     if not in_bag or options.duration is not None or options.revolutions is not None:
@@ -145,7 +199,7 @@ def _plot(options: argparse.Namespace) -> int:
         from mechanism_sim.report import lines  # noqa: PLC0415
 
         over = lines.TIME
-        if options.against == 'angle':
+        if options.over == 'angle':
             over = lines.over_angle_of(asked.record)
         title = Path(options.scene).name if bag else asked.record.machine.scene.title
         mechanism, struck = asked.marks(start, end)

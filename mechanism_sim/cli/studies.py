@@ -1,15 +1,12 @@
-"""Studies of many runs, and measurements of speed."""
+"""Studies of many runs."""
 
 from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-from mechanism_sim import ending, output
+from mechanism_sim import ending
 from mechanism_sim.cli.options import (
     Command,
     flag,
@@ -18,10 +15,13 @@ from mechanism_sim.cli.options import (
     option,
     print_json,
     print_result,
+    quantity,
     read_machine,
     read_measures,
     refuse_options,
     scene_options,
+    skip_option,
+    skipped_turns,
     tables_option,
     turns_of,
 )
@@ -37,28 +37,21 @@ def add(command: Command) -> None:
     sub = command('statistics', _statistics, 'figures per revolution, with confidence intervals')
     scene_options(sub)
     length_options(sub, '200 if not given')
-    option(sub, '--skip', 'K', 'revolutions to leave out at the beginning', 20)
+    skip_option(sub, '20 if not given')
     measure_option(sub)
-    sub = command('contact-loss', _contact_loss, 'criteria of contact loss, beside what happens')
-    scene_options(sub)
-    length_options(sub, '3 if not given')
-    sub = command('lift-off', _lift_off, 'from which speed on followers leave their cams')
-    scene_options(sub)
-    sub = command('starts', _starts, 'how long a seated pin follows, by start angle')
-    scene_options(sub)
-    option(sub, '--angles', 'N', 'how many start angles around the turn', 24)
-    length_options(sub, '3 from each if not given')
     sub = command('find', _find, 'find the value of a key for which a figure is as wanted')
-    scene_options(sub)
+    scene_options(sub, count='?')
     option(sub, '--vary', 'PATH=LOW:HIGH', 'the key, and between which values to look')
     option(sub, '--so-that', 'GOAL', "as 'largest(reaction.ram_pin) = 20 kN'")
     option(sub, '--minimise', 'MEASURE', "instead: as 'rms(drive_torque)'")
-    option(sub, '--samples', 'N', 'values at which the curve is computed', 17)
+    option(sub, '--values', 'N', 'values at which the curve is computed', 17)
     option(
         sub, '--duration', 'S', 'length of a cycle; a turn of a steady drive if not given', float
     )
     option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     option(sub, '-o --output', 'FILE', 'draw the curve')
+    flag(sub, '--lift-off', 'instead: from which speed on followers leave their cams')
+    _teeth_options(sub)
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
     option(
@@ -78,30 +71,6 @@ def add(command: Command) -> None:
     option(sub, '--plot', 'FILE', 'draw the figures over the last swept value')
     option(sub, '--over', 'PATH', 'with --plot: over this swept value')
     option(sub, '--effects', 'FILE', 'draw the main effects of swept values on measures')
-    sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
-    sub.add_argument(
-        'names', nargs='*', metavar='NAME',
-        help='problems; scaling; loose_joints; middleware; grid; hard, or hard cases; '
-        'nothing lists all',
-    )  # fmt: skip
-    option(sub, '-o --output', 'DIR', 'folder for picture, JSON and table')
-    option(sub, '--repeats', 'N', 'how often to repeat every run', 7)
-    option(sub, '--methods', 'NAME,...', 'only these methods')
-    option(sub, '--tolerances', 'R,...', 'relative tolerances, instead of the usual ones')
-    option(sub, '--markdown', 'FILE', 'write the hard cases as a page of Markdown')
-    option(sub, '--only', 'NAME,...', 'of the grid: these families or cases')
-    option(sub, '--sample', 'N', 'of the grid: so many cases, drawn', int)
-    option(sub, '--seed', 'K', 'of the grid: another one', int)
-    option(sub, '--workers', 'N', 'of the grid: processes; one for each core', int)
-
-
-_BENCH_OPTIONS = {
-    'output': ('problems', 'grid'),
-    **dict.fromkeys(('repeats', 'methods', 'tolerances'), ('problems',)),
-    'markdown': ('hard',),
-    **dict.fromkeys(('only', 'sample', 'seed', 'workers'), ('grid',)),
-}
-"""To which kinds of names the options of `bench` apply."""
 
 
 def _periodic(options: argparse.Namespace) -> int:
@@ -132,18 +101,9 @@ def _statistics(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     turns = math.floor(turns_of(options, machine, 200) * (1.0 + 1e-12))
     with progress.bar('statistics', turns * machine.period, quiet=options.json) as show:
-        found = statistics(machine, turns, options.skip, show, read_measures(options, machine))
+        skip = skipped_turns(options, 20)
+        found = statistics(machine, turns, skip, show, read_measures(options, machine))
     return print_result(options, found, study.statistics_json, study.statistics)
-
-
-def _contact_loss(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.study.losses import losses  # noqa: PLC0415
-
-    machine = read_machine(options)
-    with progress.busy('contact-loss', options.json):
-        found = losses(machine, turns_of(options, machine, 3.0))
-    return print_result(options, found, study.losses_json, study.losses)
 
 
 def _lift_off(options: argparse.Namespace) -> int:
@@ -151,22 +111,34 @@ def _lift_off(options: argparse.Namespace) -> int:
     from mechanism_sim.study.lift_off import lift_offs  # noqa: PLC0415
 
     machine = read_machine(options)
-    with progress.busy('lift-off', options.json) as say:
+    with progress.busy('find', options.json) as say:
         found = lift_offs(machine, say)
     return print_result(options, found, study.lift_offs_json, study.lift_offs)
 
 
-def _starts(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.study.starts import starts  # noqa: PLC0415
-
-    machine = read_machine(options)
-    with progress.count('starts', max(options.angles, 1), quiet=options.json) as show:
-        found = starts(machine, options.angles, turns_of(options, machine, 3.0), show)
-    return print_result(options, found, study.starts_json, study.starts)
+_SEARCH = 'vary', 'so-that', 'minimise', 'values', 'duration', 'revolutions', 'output'
+_SCENE = 'set', 'tables-from', 'rtol', 'atol'
+_TEETH = 'stages', 'tolerance', 'teeth-range', 'centre-distance', 'modules'
 
 
 def _find(options: argparse.Namespace) -> int:
+    """Search for a value of a key, for a speed of lift-off, or for numbers of teeth."""
+    if options.teeth is not None:
+        own = 'is for a scene, and --teeth goes without one'
+        refuse_options(options, ['lift-off', *_SEARCH, *_SCENE], own)
+        if options.scene is not None:
+            raise InputError(f"find --teeth goes without a scene; '{options.scene}' was given")
+        return _teeth(options)
+    refuse_options(options, _TEETH, 'goes with --teeth')
+    if options.scene is None:
+        raise InputError('find: SCENE is missing; see --help')
+    if options.lift_off:
+        refuse_options(options, _SEARCH, 'does not apply to --lift-off')
+        return _lift_off(options)
+    return _find_value(options)
+
+
+def _find_value(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report import find as report  # noqa: PLC0415
     from mechanism_sim.study.find import find, read_goal  # noqa: PLC0415
@@ -174,19 +146,57 @@ def _find(options: argparse.Namespace) -> int:
 
     goal = read_goal(options.so_that, options.minimise)
     file = figures.check_picture('--output', options.output) if options.output else None
-    if options.samples < 2:
-        raise InputError('--samples must be at least 2')
+    if options.values < 2:
+        raise InputError('--values must be at least 2')
     ((path, limits),) = ranges([options.vary or ''], '--vary').items()
     machine = read_machine(options)
     with progress.busy('find', options.json) as say:
         finding = find(
-            machine, (path, *limits), goal, options.samples, lambda n: say(f'{n} cycles'),
+            machine, (path, *limits), goal, options.values, lambda n: say(f'{n} cycles'),
             duration=options.duration,
             **({} if options.revolutions is None else {'periods': options.revolutions}),
         )  # fmt: skip
     if file:
         figures.save(figures.paint(report.chart(finding, machine.scene.title)), file)
     return print_result(options, finding, report.to_json, report.text)
+
+
+def _teeth_options(sub: argparse.ArgumentParser) -> None:
+    more = sub.add_argument_group('numbers of teeth, without a scene')
+    option(more, '--teeth', 'RATIO', "of speeds, without sign, as 3.5 or '7/2'; the best first")
+    option(more, '--stages', 'N', 'pairs of gears in series', 1)
+    option(more, '--tolerance', 'X', 'largest relative error of the ratio', 0.0)
+    option(more, '--teeth-range', 'A:B', 'fewest and most teeth of a gear', '18:120')
+    option(more, '--centre-distance', 'C', "of every stage, as '60 mm'; with --modules")
+    option(more, '--modules', 'M,...', "to choose from, as '2 mm,2.5 mm'")
+
+
+def _teeth(options: argparse.Namespace) -> int:
+    from mechanism_sim.gears.teeth import choose, just_outside, limits, ratio_of  # noqa: PLC0415
+    from mechanism_sim.report import teeth  # noqa: PLC0415
+
+    fewest, colon, most = options.teeth_range.partition(':')
+    if not (colon and fewest.isdecimal() and most.isdecimal()):
+        raise InputError(f"--teeth-range '{options.teeth_range}': write for example 18:120")
+    count = int(fewest), int(most)
+    distance = (
+        quantity('--centre-distance', options.centre_distance, 'm')[0]
+        if options.centre_distance
+        else None
+    )
+    listed = options.modules.split(',') if options.modules else ()
+    modules = [quantity('--modules', m, 'm')[0] for m in listed]
+    ratio, stages, tolerance = ratio_of(options.teeth), options.stages, options.tolerance
+    found = choose(
+        ratio, stages=stages, tolerance=tolerance, teeth=count, centre_distance=distance,
+        modules=modules,
+    )  # fmt: skip
+    search = teeth.Search(
+        found,
+        limits(count, stages, tolerance, distance, modules),
+        just_outside(ratio, tolerance, count, distance, modules) if stages == 1 else None,
+    )
+    return print_result(options, search, teeth.to_json, teeth.render)
 
 
 def _sweep(options: argparse.Namespace) -> int:
@@ -220,106 +230,3 @@ def _sweep(options: argparse.Namespace) -> int:
     else:
         print(report.render(summary, plan, rows))
     return 0
-
-
-def _bench(options: argparse.Namespace) -> int:
-    from mechanism_sim.bench import choose  # noqa: PLC0415
-    from mechanism_sim.bench.loose_joints import loose_joints, stretches  # noqa: PLC0415
-    from mechanism_sim.bench.measure import machine, measure  # noqa: PLC0415
-    from mechanism_sim.bench.middleware import middleware  # noqa: PLC0415
-    from mechanism_sim.bench.scaling import scaling  # noqa: PLC0415
-    from mechanism_sim.report import bench, progress  # noqa: PLC0415
-
-    if not options.names:
-        refuse_options(options, _BENCH_OPTIONS, 'needs names of what is measured')
-        return print_result(options, choose.listing(), dict, bench.listing)
-    problems, cases, tables = choose.choose(options.names)
-    kind = 'grid' if choose.GRID in options.names else 'hard' if cases else 'problems'
-    for name, kinds in _BENCH_OPTIONS.items():
-        if kind not in kinds:
-            reason = (
-                f'does not apply to {" ".join(options.names)}: it is for {" and ".join(kinds)}'
-            )
-            refuse_options(options, [name], reason)
-    if choose.GRID in options.names:
-        return _bench_grid(options)
-    if cases:
-        return _bench_hard(options, cases)
-    methods = choose.methods(problems, options.methods)
-    tolerances = choose.tolerances(options.tolerances)
-    if options.repeats < 1:
-        raise InputError('--repeats must be at least 1')
-    here, content = machine(), bench.Pages(options.output)
-
-    @contextmanager
-    def entry() -> Iterator[Callable[[str], None]]:
-        with progress.busy('bench', options.json) as say:
-            yield say
-        if not options.json:
-            print(content.text[-1], flush=True)
-
-    for problem in problems:
-        with entry() as say:
-            content.add(measure(problem, options.repeats, methods, tolerances, say), here)
-    if choose.SCALING in tables:
-        with entry() as say:
-            content.add_scaling(scaling(say), here)
-    if choose.LOOSE_JOINTS in tables:
-        with entry() as say:
-            costs = loose_joints(options.repeats, say)
-            content.add_loose_joints(costs, here, *stretches(options.repeats, say))
-    if choose.MIDDLEWARE in tables:
-        with entry() as say:
-            content.add_middleware(middleware(options.repeats, say), here)
-    if options.json:
-        print_json(content.to_json(here))
-    return 1 if any(row.failure for m in content.found for row in m.rows) else 0
-
-
-def _bench_hard(options: argparse.Namespace, cases: Sequence[Any]) -> int:
-    from mechanism_sim.bench.hard import run  # noqa: PLC0415
-    from mechanism_sim.report import hard, progress  # noqa: PLC0415
-
-    if options.markdown and not Path(options.markdown).resolve().parent.is_dir():
-        raise InputError(f'--markdown {options.markdown}: there is no such folder')
-    outcomes = []
-    for k, case in enumerate(cases):
-        with progress.busy(f'bench: case {k + 1} of {len(cases)}', options.json) as say:
-            say(case.name)
-            (outcome,) = run((case,))
-        outcomes.append(outcome)
-        if not options.json:
-            print(hard.render(outcome), flush=True)
-    if options.markdown:
-        output.write_text(options.markdown, hard.markdown(outcomes))
-    if options.json:
-        print_json(hard.to_json(outcomes))
-    return 0 if all(outcome.ok for outcome in outcomes) else 1
-
-
-def _bench_grid(options: argparse.Namespace) -> int:
-    import os  # noqa: PLC0415
-
-    from mechanism_sim.bench.grid import SEED, grid, run_grid, write_scenes  # noqa: PLC0415
-    from mechanism_sim.report import grid as report  # noqa: PLC0415
-    from mechanism_sim.report import progress  # noqa: PLC0415
-
-    only = [name.strip() for name in (options.only or '').split(',') if name.strip()]
-    for name in ('sample', 'workers'):
-        if getattr(options, name) is not None and getattr(options, name) < 1:
-            raise InputError(f'--{name} must be at least 1')
-    cases = grid(SEED if options.seed is None else options.seed, only, options.sample)
-    if options.output:
-        write_scenes(cases, Path(options.output))
-    outcomes, workers = [], options.workers or len(os.sched_getaffinity(0))
-    with progress.count('bench grid', len(cases), quiet=options.json) as show:
-        for outcome in run_grid(cases, min(workers, len(cases))):
-            outcomes.append(outcome)
-            show(len(outcomes), sum(o.ok is False for o in outcomes))
-            if outcome.ok is False and not options.json:
-                print(report.render(outcome), flush=True)
-    if options.json:
-        print_json(report.to_json(outcomes))
-    else:
-        print(report.summary(outcomes))
-    return 0 if all(outcome.ok is not False for outcome in outcomes) else 1

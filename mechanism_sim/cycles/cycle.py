@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mechanism_sim.cycles.columns import WORK, columns_of_parts, has_extremes, observed, unit_of
 from mechanism_sim.cycles.extremes import Extremes, find_extremes
 from mechanism_sim.cycles.forces import Forces
-from mechanism_sim.cycles.points import Paths, Place, choose
+from mechanism_sim.cycles.points import choose
 from mechanism_sim.cycles.strokes import Swing, find_swings
 from mechanism_sim.cycles.time_integrals import Estimate, TimeIntegrals
 from mechanism_sim.errors import InputError
@@ -30,6 +30,8 @@ from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import NoLimit
+from mechanism_sim.planar.paths import Paths
+from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.scene import Level, Machine, simulate, span
 from mechanism_sim.tables import Table
 
@@ -71,7 +73,7 @@ class Cycle(plotting.Rich):
     solution: Solution
     t: Array
     repeats: bool
-    points: Mapping[str, Place]
+    points: Mapping[str, LinkPoint]
     local: bool
     static: bool = False
 

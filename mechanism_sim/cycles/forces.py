@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cycles.points import Paths, Place, Poses
 from mechanism_sim.numerics.symbolic import add, dense
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.loads import moment_of
-from mechanism_sim.planar.mechanism import GROUND, Prismatic
+from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.paths import Paths, Poses
+from mechanism_sim.planar.points import GROUND, LinkPoint
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.planar.unknowns import Unknowns
+from mechanism_sim.planar.virtual_work import located
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]
@@ -37,7 +39,7 @@ class Forces:
             if GROUND in (joint.first, joint.second)
         ]
         cogs = [self._mechanism.centre(body.name) for body in self._mechanism.bodies]
-        held: list[Place] = [(joint.second, joint.on_second) for _, joint in self._on_frame]
+        held: list[LinkPoint] = [(joint.second, joint.on_second) for _, joint in self._on_frame]
         self._paths = Paths(self._mechanism, [*cogs, *held])
         self._springs = _OnGround(machine)
         names = [joint.name for joint in self._mechanism.joints]
@@ -129,7 +131,7 @@ class _OnGround:
                 *(
                     moment_of((dense(x.value), dense(y.value)), load.force)
                     for load in loads
-                    for x, y in [load.place(frames, mechanism)]
+                    for x, y in [located(load, frames, mechanism)]
                 ),
             ),
         ]

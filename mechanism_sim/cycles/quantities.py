@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.columns import WORK, columns_of_parts, unit_of
 from mechanism_sim.cycles.forces import Forces
-from mechanism_sim.cycles.points import Paths, named_points
+from mechanism_sim.cycles.points import named_points
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.physics import each_instant
 from mechanism_sim.hybrid.sampling import EnergyTerms, Samples, sample, table
 from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.planar.paths import Paths
 from mechanism_sim.scene import Machine
 
 _INSTANT = 1e-6  # [s] that is run to know which columns there are

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.sampling import Samples
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Joint, Revolute
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.planar.view import ToothLoad
 from mechanism_sim.scene import Machine

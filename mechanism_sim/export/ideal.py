@@ -20,17 +20,15 @@ from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import (
-    GROUND,
     Body,
     HigherPair,
     Joint,
     Mechanism,
     Prismatic,
     Revolute,
-    Vector2,
     closing_joints,
-    rotate,
 )
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.machine import Machine
 
 WORLD = 'world'
@@ -43,6 +41,11 @@ COMPACT = 0.1
 
 #: time steps in a turn of the drive at its largest speed, or in a run; and the longest step [s]
 STEPS, LONGEST = 4000, 1e-3
+
+
+def frame_of(link: str, prefix: str) -> str:
+    """The frame of a link in ``/tf``; that of the ground is the world."""
+    return f'{prefix}{WORLD if link == GROUND else link}'
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.linkages.forces import AppliedForce, Spring, TorsionSpring
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import GROUND, Prismatic, Revolute, Vector2, rotate
+from mechanism_sim.planar.mechanism import Prismatic, Revolute
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.machine import Machine
 
 #: flywheel of a drive of given speed, in inertias of the machine; and the share of an error of its

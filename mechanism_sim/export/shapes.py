@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.view import SLOT, Kind, circle, points_of
 
 Style = Literal['body', 'plate', 'paper', 'ink', 'line', 'thin', 'accent']

@@ -10,21 +10,14 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.points import Place, Poses
 from mechanism_sim.export.bending import bendings
 from mechanism_sim.export.scale import round_below, scale_bar
 from mechanism_sim.export.shapes import BOX, Shape, inside
 from mechanism_sim.linkages.forces import Spring
 from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.mechanism import (
-    GROUND,
-    HigherPair,
-    Mechanism,
-    Prismatic,
-    Revolute,
-    Vector2,
-    rotate,
-)
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.paths import Poses
+from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.view import Kind, circle
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.contact_keys import Clearance
@@ -76,8 +69,8 @@ class Skeleton:
         self,
         mechanism: Mechanism,
         q: Array,
-        points: Mapping[str, Place] | None = None,
-        springs: Iterable[tuple[Place, Place]] = (),
+        points: Mapping[str, LinkPoint] | None = None,
+        springs: Iterable[tuple[LinkPoint, LinkPoint]] = (),
         loose: Iterable[str] = (),
         drives: Mapping[str, float] | None = None,
         frames: Mapping[str, tuple[list[Vector2], list[Vector2]]] | None = None,
@@ -234,7 +227,7 @@ class Skeleton:
         pin = sides[0] if joint.name in self._loose or sides[0][0] == GROUND else sides[1]
         self.add('pin', pin[0], np.array([pin[1]]), label=joint.name)
 
-    def _support(self, place: Place) -> None:
+    def _support(self, place: LinkPoint) -> None:
         if place[0] == GROUND and self.first(f'support {place}'):
             self.add('support', GROUND, np.array([place[1]]))
 
@@ -258,11 +251,11 @@ class Skeleton:
         self._bodied.add(joint.second)
         self.reach((joint.second, joint.on_second))
 
-    def at(self, place: Place) -> Array:
+    def at(self, place: LinkPoint) -> Array:
         """A point of a link in the world (2, N) [m]."""
         return self._poses.at(place)
 
-    def within(self, link: str, place: Place) -> Array:
+    def within(self, link: str, place: LinkPoint) -> Array:
         """A point of any link in the frame of this one (2, N) [m]."""
         return self._poses.within(link, place)
 
@@ -287,19 +280,19 @@ class Skeleton:
         if kind in ('wheel', 'cam'):
             self._bodied.add(link)
 
-    def pin(self, place: Place, label: str) -> None:
+    def pin(self, place: LinkPoint, label: str) -> None:
         """A pin, to which its link reaches."""
         self.add('pin', place[0], np.array([place[1]]), label=label)
         self.reach(place)
 
-    def reach(self, place: Place) -> None:
+    def reach(self, place: LinkPoint) -> None:
         """Its link reaches to a point."""
         link, at = place
         if link != GROUND:
             self._corners[link].append(at)
 
     def rail(
-        self, kind: Kind, place: Place, axis: float, runner: Array, half: float = 0.0,
+        self, kind: Kind, place: LinkPoint, axis: float, runner: Array, half: float = 0.0,
         label: str = '',
     ) -> None:  # fmt: skip
         """A line of a link, as long as what runs (2, N) on it, in the link's frame, needs.
@@ -319,7 +312,7 @@ class Skeleton:
         if link != GROUND:
             self._rails.append((link, start, end))
 
-    def _mark(self, points: Mapping[str, Place], known: Sequence[Place]) -> None:
+    def _mark(self, points: Mapping[str, LinkPoint], known: Sequence[LinkPoint]) -> None:
         """Points without joints, and centres of gravity away from joints."""
         for place in points.values():
             self.reach(place)
@@ -364,7 +357,7 @@ class Skeleton:
         shown = [s.hull for s in self.shapes if s.link == link and s.kind in _BODIES]
         return all(any(inside(hull, at, 0.5 * self.symbol) for hull in shown) for at in points)
 
-    def _arrow(self, drive: str, sense: float, places: Sequence[Place]) -> None:
+    def _arrow(self, drive: str, sense: float, places: Sequence[LinkPoint]) -> None:
         """Beside the joint that carries what is driven."""
         joint = next((j for j in self._guides if drive in (j.first, j.second)), None)
         if joint is None or not sense:

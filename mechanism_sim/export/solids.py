@@ -13,7 +13,8 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.ideal import Ideal
 from mechanism_sim.gears.mesh import GearMesh
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Joint, Prismatic, Revolute, rotate
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
+from mechanism_sim.planar.points import GROUND, rotate
 from mechanism_sim.scene.machine import Machine
 
 #: points of a link nearer than this are one, as a share of the machine's size

@@ -22,9 +22,10 @@ from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute, Side
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.play import SIDES as CORNERS
 from mechanism_sim.planar.play import corner_name, gaps_of, wall_name
+from mechanism_sim.planar.view import Side
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.gears.placement import PlacedMesh
+from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.planar.points import Vector2
 from mechanism_sim.planar.view import Array, View
-
-if TYPE_CHECKING:
-    from mechanism_sim.gears.mesh import GearMesh
-    from mechanism_sim.planar.mechanism import HigherPair, Vector2
 
 
 class MeshMode(IntEnum):
@@ -44,7 +43,7 @@ class GearReading(NamedTuple):
     mode: NDArray[np.uint8]  #: (N,) of `MeshMode`
 
 
-def read_mesh(joint: GearMesh, view: View) -> GearReading:
+def read_mesh(joint: PlacedMesh, view: View) -> GearReading:
     """Teeth in mesh: ideal, with backlash or elastic."""
     sides = (joint.first, joint.on_first), (joint.second, joint.on_second)
     (first, rate), (second, _) = (_place(joint, view, *side) for side in sides)
@@ -102,7 +101,7 @@ def _reading(
     )  # fmt: skip
 
 
-def _place(joint: GearMesh, view: View, link: str, at: Vector2) -> tuple[Array, Array]:
+def _place(joint: PlacedMesh, view: View, link: str, at: Vector2) -> tuple[Array, Array]:
     """Angle [rad] of a gear against the carrier, or displacement [m] of a rack; and its rate."""
     carrier, guide = view.turning(joint.carrier), joint.guide
     if guide is None or guide.second != link:
@@ -116,7 +115,7 @@ def _place(joint: GearMesh, view: View, link: str, at: Vector2) -> tuple[Array, 
     return place, rate + carrier.velocity * across
 
 
-def _flanks(joint: GearMesh, view: View, tangential: Array) -> NDArray[np.uint8]:
+def _flanks(joint: PlacedMesh, view: View, tangential: Array) -> NDArray[np.uint8]:
     """Which flanks carry: by the walls of rigid teeth, by the force of elastic ones."""
     count, left, right = len(tangential), view.gap('left'), view.gap('right')
     if left and right:

@@ -20,7 +20,7 @@ from mechanism_sim.gears.forces import WormPair
 from mechanism_sim.gears.involute import Gear
 from mechanism_sim.gears.reading import GearReading
 from mechanism_sim.gears.transmission import Transmission
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.view import Array, Draft, ToothLoad, View, circle
 
 _FEWEST = 8  # teeth that are drawn as involutes

@@ -17,8 +17,9 @@ from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench
-from mechanism_sim.planar.mechanism import GROUND, Equation, HigherPair, Mechanism, Pose, Side
-from mechanism_sim.planar.view import Charted, View
+from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose
+from mechanism_sim.planar.points import GROUND
+from mechanism_sim.planar.view import Charted, Side, View
 
 
 @dataclass(frozen=True)

@@ -124,6 +124,7 @@ class Audit:
         self._segments = 0
         self._initial: float | None = None
         self._end: tuple[Motion, float] | None = None  # and what impacts make there [J]
+        self._final: float | None = None  # [J] there, once it has been asked for
         self.drive_work = 0.0
         self.dissipated = 0.0
 
@@ -133,13 +134,15 @@ class Audit:
         if self._initial is None or self._end is None:
             return None
         motion, made = self._end
-        final = self._total(motion, len(motion) - 1, float(motion.curve.duration[-1])) + made
+        if self._final is None:
+            end = float(motion.curve.duration[-1])
+            self._final = self._total(motion, len(motion) - 1, end) + made
         # every segment rounds the state that the next one begins with
         size = sum(self._size) + self._physics.lifting_energy
         rounding = _EPSILON * size * (_EVALUATED + self._segments) + _CONDITIONED * self._size[0]
         return Energy(
             self._initial,
-            final,
+            self._final,
             self.drive_work,
             self.dissipated,
             self._error,
@@ -229,6 +232,7 @@ class Audit:
         # and one at the very end after the last
         last = [i for i in impacts if i.t > motion.curve.start[-1]]
         self._end = motion, sum(i.drive_work - i.sudden_loss for i in last)
+        self._final = None
 
     def _total(self, motion: Motion, segment: int, dt: float) -> float:
         """Kinetic and potential energy [J]."""

@@ -297,6 +297,7 @@ class Contacts(Switching):
             k, rows = guard.switch, self.switches
             self._count_turns(k)
             after = self._row_after(k)
+            self._turned[k] = self._places()[k], rows[k]
             self.set_switches((*rows[:k], after, *rows[k + 1 :]))
             if self._system.relations and not self.singular_joints():
                 self.project()  # another closure may hold from now on
@@ -395,7 +396,8 @@ class Contacts(Switching):
             elif i != seen_now and x <= (
                 floor if seen_now is None else _BEYOND * (floor - margin)
             ):
-                return i
+                if not self._leads_back(self._system.guards[i].switch):
+                    return i
         return None
 
     def _seat(self) -> None:

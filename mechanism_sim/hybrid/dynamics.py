@@ -34,10 +34,10 @@ from mechanism_sim.numerics.symbolic import (
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.joint_friction import JointFriction, Rub, rubs
-from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import Motor
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
+from mechanism_sim.planar.virtual_work import generalised
 
 ROUGH = 1e4
 """Coulomb's coefficient of rough contacts while they stay closed; in impacts it is infinite."""

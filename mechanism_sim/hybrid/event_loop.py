@@ -106,7 +106,9 @@ class EventLoop:
         limit = _DEFECT * rtol * STEP_SCALE * fastest
         self._quickest = _QUICKEST * fastest
         steep = system.steep
-        self._check = StepCheck(system, steep, self._ta, limit) if steep else None
+        # polynomials of what moves are known as it is
+        checked = steep and steep.enclosure.count
+        self._check = StepCheck(system, steep, self._ta, limit) if checked else None
         quick = (system.lone or not system.guards) and not system.timed
         self._quick = quick and self._check is None
         f, width = len(system.free), self._ta.order + 1

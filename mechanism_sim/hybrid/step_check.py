@@ -21,6 +21,7 @@ from mechanism_sim.planar.steep_loads import SteepLoads
 _ROUNDING = 1e-9  # of an acceleration: what is smaller is no defect
 _FALLEN = 1e-10  # of a guard: more below zero, and below its own series, it has fallen unseen
 _NEAR = 1e-12  # of a guard, times the share of a step: less changes no event
+_NOTHING = np.zeros(0)
 _FELT = 1e-4  # of the limit: a change of a rate that nothing needs to find
 
 
@@ -40,15 +41,19 @@ class StepCheck:
         integrator: hy.taylor_adaptive_dbl,
         limit: float,
     ) -> None:
-        self._system, self._steep, self._ta = system, steep, integrator
+        self._system, self._steep = system, steep
         size = np.where(system.angular, 1.0, system.mechanism.size)
         self._limit = (limit * size)[:, None]
-        self._scales = _FELT * limit * steep.inertia
+        loads, guards = _FELT * limit * steep.inertia, steep.enclosure.guards
+        self._scales = np.append(loads, np.zeros(guards))
+        self._near = self._scales[len(loads) :]  # of guards: it grows with the step
+        self._series, self._pars = integrator.tc, integrator.pars  # as they are at any time
         self._power = np.arange(integrator.order + 1)
         f, m = len(system.free), len(system.guards)
         self._rates, self._watch = slice(f, 2 * f), slice(2 * f + 1, 2 * f + 1 + m)
         self._guards = m
-        self._turns = [system.outside_index[system.outside.index(name)] for name in steep.outside]
+        turns = [system.outside_index[system.outside.index(name)] for name in steep.outside]
+        self._turns = np.array(turns, int)
         self._symbols = np.array([i for index in system.switch_index for i in index], int)
         # rows of the series that loads depend on, and of those which laws give their coefficients
         names = [system.coordinates[i] for _, i in steep.moving]
@@ -56,7 +61,7 @@ class StepCheck:
         orders = [d for d, _ in steep.moving]
         known = list(zip(orders, names, strict=True))
         self._own = [k for k, (_, c) in enumerate(known) if c in free]
-        self._states = [free[c] + f * d for d, c in known if c in free]
+        self._states = np.array([free[c] + f * d for d, c in known if c in free], int)
         self._laws = [
             (k, d, system.law_index[system.prescribed.index(c)])
             for k, (d, c) in enumerate(known)
@@ -72,18 +77,18 @@ class StepCheck:
         time : [s] at the local time zero
         tau, h : [s] local time at the start of the step, and its length
         """
-        ta, pars, steep = self._ta, self._ta.pars, self._steep
-        series = ta.tc[: self._watch.stop] * h**self._power
-        fixed = np.concatenate([pars[self._turns], steep.switched(pars[self._symbols])])
-        course = Course(self._moving(series, time + tau, tau, h), h, fixed, pars)
-        scales = self._scales
-        if steep.enclosure.guards:
-            scales = np.append(scales, np.full(steep.enclosure.guards, _NEAR * h))
+        pars, steep = self._pars, self._steep
+        grown = h**self._power
+        fixed = _NOTHING
+        if len(self._turns) or len(steep.symbols):
+            fixed = np.concatenate([pars[self._turns], steep.switched(pars[self._symbols])])
+        course = Course(self._moving(grown, time + tau, tau, h), h, fixed, pars)
+        self._near[:] = _NEAR * h
 
         def defect(places: Array) -> Array:
-            return self._defect(series, tau, h, places)
+            return self._defect(self._series[: self._watch.stop] * grown, tau, h, places)
 
-        return reach_of(steep.enclosure, course, scales, defect)
+        return reach_of(steep.enclosure, course, self._scales, defect)
 
     def _powers(self, places: Array) -> tuple[Array, Array]:
         """What makes coefficients values at places (N,), and slopes there: (n, N) each."""
@@ -95,11 +100,11 @@ class StepCheck:
 
         Without limit where a guard has fallen unseen.
         """
-        system, ta, f = self._system, self._ta, self._rates.start
+        system, f = self._system, self._rates.start
         powers, sloping = self._few if places is FEW else self._powers(places)
-        given = np.empty((2 * f + len(ta.pars) + 1, len(places)))
+        given = np.empty((2 * f + len(self._pars) + 1, len(places)))
         given[: 2 * f] = series[: 2 * f] @ powers
-        given[2 * f : -1] = ta.pars[:, None]
+        given[2 * f : -1] = self._pars[:, None]
         given[-1] = tau + h * places
         wanted = h * system.accelerations(given)
         allowed = self._limit + _ROUNDING * np.abs(wanted)
@@ -113,16 +118,22 @@ class StepCheck:
                 found[(low & (guards < foretold - _FALLEN)).any(axis=0)] = np.inf
         return found
 
-    def _moving(self, series: Array, time: float, tau: float, h: float) -> Array:
-        """Series (v, n) of what loads depend on: of laws those that the integrator has, too."""
+    def _moving(self, grown: Array, time: float, tau: float, h: float) -> Array:
+        """Series (v, n) of what loads depend on: of laws those that the integrator has, too.
+
+        Parameters
+        ----------
+        grown : (n,) powers of `h`
+        """
+        own: Array = self._series.take(self._states, axis=0) * grown
         if not (self._laws or self._steep.timed):
-            return series[self._states]
-        found = np.zeros((len(self._steep.moving) + self._steep.timed, len(self._power)))
-        found[self._own] = series[self._states]
+            return own
+        found = np.zeros((len(self._steep.moving) + self._steep.timed, len(grown)))
+        found[self._own] = own
         for k, derivative, index in self._laws:
-            law = polynomial.polyder(self._ta.pars[index], derivative)
+            law = polynomial.polyder(self._pars[index], derivative)
             local = shift_powers(law[None], np.array([tau]))[0]
-            found[k, : len(local)] = local * h ** np.arange(len(local))
+            found[k, : len(local)] = local * grown[: len(local)]
         if self._steep.timed:
             found[-1, :2] = time, h
         return found

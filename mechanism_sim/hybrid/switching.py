@@ -41,6 +41,7 @@ class Switching(ABC):
         self._rounding = 2.0 * float(np.spacing(system.mechanism.reach))
         self.switches: tuple[int, ...] = (0,) * len(system.switches)
         self._turns: dict[int, tuple[float, int]] = {}  # when they last did, how often in a row
+        self._turned: dict[int, tuple[float, int]] = {}  # at which place they last did, which row
 
     @abstractmethod
     def project(self) -> None:
@@ -148,6 +149,20 @@ class Switching(ABC):
             return known.row_after(row, place)
         except RunError as error:
             raise RunError(f'{error} (t = {self.time:.9g} s)') from error
+
+    def _leads_back(self, switch: int | None) -> bool:
+        """Whether a switch fell to the row it has just left, at the very place where it left it.
+
+        Over a row that is narrow beside its distance from zero, places are known to their
+        roundings only: it may have been left before its end in these digits.
+        """
+        if switch is None or switch not in self._turned:
+            return False
+        place, row = self._turned[switch]
+        held = switch in self._system.holding and HOLDS in (row, self.switches[switch])
+        if held or self._places()[switch] != place:
+            return False
+        return self._row_after(switch) == row
 
     def _rates_of(self, switch: int) -> list[float]:
         """What `Switch.holding` asks for of a switch of rates."""

@@ -13,7 +13,8 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load, Wrench, contact_wrench
-from mechanism_sim.planar.mechanism import Mechanism, Point
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import Point
 from mechanism_sim.planar.protocols import ForceLaw
 
 Array = NDArray[np.float64]

@@ -24,8 +24,9 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, moment_of
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Point, Revolute, Vector2
+from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.play import ENDS, STOPS, MeasuredGap, end_name
+from mechanism_sim.planar.points import GROUND, Point, Vector2
 from mechanism_sim.planar.protocols import ForceLaw
 
 Array = NDArray[np.float64]

@@ -17,7 +17,9 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load
-from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Vector2
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic
+from mechanism_sim.planar.points import Vector2
+from mechanism_sim.planar.virtual_work import located
 
 _WIDE = 0.25 * math.pi  # parts of a turn that no piece of a motion steps over
 
@@ -70,7 +72,7 @@ class Spring(_Element):
         x, y = (
             b - a
             for a, b in zip(
-                *(load.place(frames, self.mechanism) for load in self._ends((None, None))),
+                *(located(load, frames, self.mechanism) for load in self._ends((None, None))),
                 strict=True,
             )
         )
@@ -268,7 +270,7 @@ class AppliedForce(_Element):
     def loads(self, frames: Frames) -> list[Load]:
         """The force at its point, the torque, and what is opposite."""
         bare = Load(self.key, *self.point)
-        x, y = bare.place(frames, self.mechanism)
+        x, y = located(bare, frames, self.mechanism)
         force = (
             self._term(frames, 'x', self.force[0], x, y),
             self._term(frames, 'y', self.force[1], x, y),
@@ -361,7 +363,7 @@ class AppliedForce(_Element):
         """Less what it feeds in: ``-(F.v + torque rate)``."""
         fed: Term = None
         for load in self.loads(frames):
-            x, y = load.place(frames, self.mechanism)
+            x, y = located(load, frames, self.mechanism)
             turn = self.mechanism.turning(frames, load.link, load.at, load.name)
             spin = mul(load.moment, turn.rate)
             fed = add(fed, mul(load.force[0], x.rate), mul(load.force[1], y.rate), spin)

@@ -24,16 +24,8 @@ from mechanism_sim.planar.configuration import off_line, turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, moment_of
-from mechanism_sim.planar.mechanism import (
-    GROUND,
-    Equation,
-    HigherPair,
-    LinkPoint,
-    Mechanism,
-    Pose,
-    Vector2,
-    rotate,
-)
+from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose
+from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import (
     SLOT,

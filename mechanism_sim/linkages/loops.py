@@ -12,15 +12,8 @@ from numpy.typing import ArrayLike
 
 from mechanism_sim.linkages.four_bar import Array, Branch, FourBar
 from mechanism_sim.linkages.slider_crank import SliderCrank
-from mechanism_sim.planar.mechanism import (
-    GROUND,
-    Joint,
-    Mechanism,
-    Prismatic,
-    Revolute,
-    Vector2,
-    rotate,
-)
+from mechanism_sim.planar.mechanism import Joint, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.enclosure import Course, falls, reach_of
+from mechanism_sim.numerics.enclosure import MUCH, Course, falls, reach_of
 from mechanism_sim.numerics.polynomials import chebyshev_coefficients
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import GuardRanges
@@ -105,7 +105,7 @@ class ResolvedLoads:
         course = piece.course(steep.moving, steep.timed, self._turning, symbols, self._parameters)
         floor = _FLOOR * max(fastest, 1.0) ** 2 * steep.inertia
         scales = np.append(floor * piece.length, np.full(steep.enclosure.guards, 1e-12))
-        if steep.enclosure.foretold(course, scales):
+        if steep.enclosure.doubts(course, scales) < MUCH:
             return 1.0
         found: list[Array] = []
 

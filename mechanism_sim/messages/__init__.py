@@ -12,8 +12,10 @@ fields the constants of their message only.
 
 from typing import Any
 
-from mechanism_sim.messages.checks import objection
-from mechanism_sim.messages.classes import (
+from mechanism_sim.messages import own
+from mechanism_sim.messages.own import OWN, message_folder, own_messages
+from ros_interfaces.checks import objection
+from ros_interfaces.classes import (
     CheckedBytes,
     action_class,
     deserialize,
@@ -25,22 +27,21 @@ from mechanism_sim.messages.classes import (
     uint8_array,
     uint64_array,
 )
-from mechanism_sim.messages.definitions import (
-    OWN,
+from ros_interfaces.definitions import (
     PUBLIC,
     MessageError,
     define,
     define_action,
     define_service,
     definition,
-    message_folder,
-    own_messages,
     service_type_hash,
     type_hash,
     type_name,
 )
-from mechanism_sim.messages.origin import ros_installed
-from mechanism_sim.messages.stamps import seconds, stamp
+from ros_interfaces.origin import ros_installed
+from ros_interfaces.stamps import seconds, stamp
+
+own.add()
 
 __all__ = [
     'CheckedBytes',

@@ -11,14 +11,14 @@ from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Impact as ImpactEvent
 from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
-from mechanism_sim.messages.classes import float64_array, message_class
-from mechanism_sim.messages.layout import Layout
-from mechanism_sim.messages.stamps import stamp
 from mechanism_sim.planar.drive import DriveLaw as MotionLaw
 from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.machine import Machine
+from ros_interfaces.classes import float64_array, message_class
+from ros_interfaces.layout import Layout
+from ros_interfaces.stamps import stamp
 
 
 def describe(machine: Machine) -> str:

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.messages.classes import (
+from mechanism_sim.numerics.polynomials import PiecewisePolynomial
+from mechanism_sim.scene.machine import Machine
+from ros_interfaces.classes import (
     float64_array,
     int64_array,
     message_class,
     uint8_array,
 )
-from mechanism_sim.messages.stamps import stamp
-from mechanism_sim.numerics.polynomials import PiecewisePolynomial
-from mechanism_sim.scene.machine import Machine
+from ros_interfaces.stamps import stamp
 
 Array = NDArray[np.float64]
 

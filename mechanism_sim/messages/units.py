@@ -8,7 +8,8 @@ from functools import cache
 
 from rosbags.interfaces import Nodetype
 
-from mechanism_sim.messages.definitions import OWN, definition, field_descriptions
+from mechanism_sim.messages.own import OWN
+from ros_interfaces.definitions import definition, field_descriptions
 
 _FIELD = re.compile(r'^\w+(?:\[\])?\s+(\w+)\s*#\s*((?:\[[^]]+\](?:, | or )?)+)', re.MULTILINE)
 _TURN, _RATE, _EFFORT = ('rad', 'm'), ('rad/s', 'm/s'), ('N m', 'N')

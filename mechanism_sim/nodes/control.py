@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.messages import MessageError, action_class, message_class, service_class
-from mechanism_sim.middleware import ActionServer, CancelResponse, ReentrantCallbackGroup
+from mechanism_sim.nodes.middleware import ActionServer, CancelResponse, ReentrantCallbackGroup
 from mechanism_sim.nodes.worlds import Worlds
 
 if TYPE_CHECKING:

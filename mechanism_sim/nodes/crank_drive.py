@@ -8,10 +8,10 @@ from typing import Any
 
 from mechanism_sim.messages import Clock, DiagnosticStatus, DriveLaw, stamp
 from mechanism_sim.messages.events import drive_law
-from mechanism_sim.middleware import Future, Parameter
 from mechanism_sim.nodes.commands import Commands
 from mechanism_sim.nodes.control import Control
 from mechanism_sim.nodes.described_node import Diagnosis
+from mechanism_sim.nodes.middleware import Future, Parameter
 from mechanism_sim.nodes.pace import Pace
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
 from mechanism_sim.nodes.scene_values import ContentPropagation

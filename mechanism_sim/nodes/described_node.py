@@ -21,8 +21,8 @@ from mechanism_sim.messages import (
     SetParametersResult,
     type_name,
 )
-from mechanism_sim.messages.definitions import OWN
-from mechanism_sim.middleware import Clock, ClockType, Node, Parameter, QoSOverridingOptions
+from mechanism_sim.messages.own import OWN
+from mechanism_sim.nodes.middleware import Clock, ClockType, Node, Parameter, QoSOverridingOptions
 from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
 
 DIAGNOSTICS_PERIOD = 1.0  # [s]

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from mechanism_sim.analysis.preview import preview
 from mechanism_sim.export.stage import Swaying
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import Impact, MarkerArray
-from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes import markers
 from mechanism_sim.nodes.following import Following
-from mechanism_sim.nodes.force_markers import Picture, preview
+from mechanism_sim.nodes.force_markers import Picture
+from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode

@@ -13,20 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.analysis.preview import Preview
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.cycle import Cycle, cycle, is_steady
 from mechanism_sim.errors import InputError
+from mechanism_sim.export.ideal import frame_of
 from mechanism_sim.export.shapes import coil
-from mechanism_sim.export.skeleton import Skeleton
-from mechanism_sim.export.stage import Frames, Stage, Swaying, stage_of
+from mechanism_sim.export.stage import Frames
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
-from mechanism_sim.nodes.markers import STEEL, Colour, frame_of, marker, painted, sways
+from mechanism_sim.nodes.markers import STEEL, Colour, marker, painted, sways
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import GROUND, Joint
+from mechanism_sim.planar.mechanism import Joint
 from mechanism_sim.planar.play import gaps_of
-from mechanism_sim.scene import Machine
+from mechanism_sim.planar.points import GROUND
 
 FORCE: Colour = (0.80, 0.10, 0.10, 1.0)
 TOUCHING: Colour = (0.90, 0.45, 0.05, 1.0)
@@ -41,69 +40,6 @@ _LENS = 0.12  # radius of a lens, of the machine's size
 _PLAY = 1.0 / 3.0  # of that radius, the clearance as it is shown
 _FLASH = 100_000_000  # [ns] how long an impact is shown
 _HEIGHT = 5.0  # of forces and lenses above the plane of motion, in units of symbols
-
-
-@dataclass(frozen=True)
-class Preview:
-    """A machine in its first cycle, by which sizes are chosen.
-
-    Attributes
-    ----------
-    largest : joint reaction [N]; 0 where forces are not known
-    """
-
-    found: Cycle
-    stage: Stage
-    largest: float
-
-    @property
-    def machine(self) -> Machine:
-        """The machine."""
-        return self.stage.machine
-
-    @property
-    def skeleton(self) -> Skeleton:
-        """What it looks like."""
-        return self.stage.skeleton
-
-    @property
-    def low(self) -> Array:
-        """Lower left corner (2,) [m] of all that moves, and room around it."""
-        return self.stage.low
-
-    @property
-    def high(self) -> Array:
-        """Upper right corner (2,) [m]."""
-        return self.stage.high
-
-    @property
-    def centre(self) -> Array:
-        """Middle of the view (2,) [m]."""
-        return 0.5 * (self.low + self.high)
-
-
-def preview(machine: Machine, duration: float | None = None) -> Preview:
-    """Run a machine over a cycle, or without one as long as its scene lasts.
-
-    Parameters
-    ----------
-    duration : [s] of a run that may be shorter than the scene
-
-    Raises
-    ------
-    InputError
-        If there is no length of the run.
-    RunError
-        If the run fails.
-    """
-    wanted = [d for d in (machine.scene.duration, duration) if d]
-    found = cycle(machine, 180, duration=None if is_steady(machine) or not wanted else min(wanted))
-    observed = found.solution.samples(found.t).observed
-    peaks = LoadPeaks(machine.physics, float(found.t[0]))
-    peaks.add(found.solution.motion)
-    bounded = [x.value for x in peaks.forces.values() if math.isfinite(x.value)]
-    sway = Swaying(machine).take(found.solution.motion)(found.t)
-    return Preview(found, stage_of(machine, observed, sway), max(bounded, default=0.0))
 
 
 @dataclass(frozen=True)

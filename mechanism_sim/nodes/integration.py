@@ -36,13 +36,13 @@ from mechanism_sim.messages import (
     events,
 )
 from mechanism_sim.messages.segments import pack
+from mechanism_sim.messages.topics import WRENCH, loaded_shafts, wrench_joints
 from mechanism_sim.nodes import publications
 from mechanism_sim.nodes.entities import Entities
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.restitutions import Restitutions
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.nodes.topics import WRENCH, loaded_shafts, wrench_joints
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.scene.machine import Run

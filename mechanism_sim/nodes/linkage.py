@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.integration import Integration
 from mechanism_sim.nodes.lifecycle import IntegratingNode
+from mechanism_sim.nodes.middleware import Parameter
 
 
 class Linkage(IntegratingNode):

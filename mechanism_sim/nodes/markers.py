@@ -9,13 +9,13 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.export.ideal import WORLD
+from mechanism_sim.export.ideal import frame_of
 from mechanism_sim.export.palette import ACCENT, INK, PAPER, colour, rgb, tint
 from mechanism_sim.export.shapes import OPEN, Shape, Style
 from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.export.triangles import triangles
 from mechanism_sim.messages import ColorRGBA, Marker, MarkerArray, Point
-from mechanism_sim.planar.mechanism import GROUND, Vector2
+from mechanism_sim.planar.points import Vector2
 from mechanism_sim.planar.view import Kind
 
 Array = NDArray[np.float64]
@@ -44,11 +44,6 @@ NAMESPACES: dict[Kind, str] = {
 
 _LAYER = 0.5  # between kinds of shapes, in units of the drawing's symbols
 _EDGE = 0.12  # width of lines, likewise
-
-
-def frame_of(link: str, prefix: str) -> str:
-    """The frame of a link in ``/tf``; that of the ground is the world."""
-    return f'{prefix}{WORLD if link == GROUND else link}'
 
 
 def marker(

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording import realtime_factor
 

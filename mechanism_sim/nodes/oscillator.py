@@ -8,14 +8,14 @@ from typing import Any
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import OscillatorState, stamp
-from mechanism_sim.middleware import Parameter
+from mechanism_sim.messages.topics import OSCILLATOR_STATE
 from mechanism_sim.nodes.following import Following
+from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.vibration.shaken_frame import FrameStates
 
-TOPIC = 'oscillator_state'
 FIELDS = (
     ('x', 'y', 'angle'),
     ('velocity_x', 'velocity_y', 'angular_velocity'),
@@ -51,7 +51,7 @@ class Oscillator(SimulationNode):
             raise InputError(
                 f"{machine.name} has nothing for the node 'oscillator': it needs 'oscillators'"
             )
-        self._states = self.create_publisher(OscillatorState, TOPIC, RESULTS)
+        self._states = self.create_publisher(OscillatorState, OSCILLATOR_STATE, RESULTS)
         self._start_over()
         self._following = Following(self, self._take, reset=self._start_over)
         self.join()

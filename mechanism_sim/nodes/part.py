@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.following import Following
 from mechanism_sim.nodes.integration import Integration
 from mechanism_sim.nodes.lifecycle import IntegratingNode
+from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.parts import States
 
 

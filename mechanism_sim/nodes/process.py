@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from mechanism_sim import ending
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.middleware import (
+from mechanism_sim.nodes.arguments import Parser, split_ros_args
+from mechanism_sim.nodes.middleware import (
     InvalidQosOverridesError,
     MiddlewareError,
     Parameter,
@@ -24,8 +25,8 @@ from mechanism_sim.middleware import (
     ok,
     remove_ros_args,
 )
-from mechanism_sim.nodes.arguments import Parser, split_ros_args
 from mechanism_sim.terminal import print_error
+from ros_interfaces.names import InvalidNameError
 
 if TYPE_CHECKING:
     from mechanism_sim.nodes.described_node import DescribedNode
@@ -93,10 +94,10 @@ def run_nodes(
             executor.spin_once(timeout_sec=0.1)
     except KeyboardInterrupt:
         pass
-    except (InputError, ParameterException, InvalidQosOverridesError) as error:
+    except (InputError, ParameterException, InvalidQosOverridesError, InvalidNameError) as error:
         code = print_error(error, 2)
     except (RunError, MiddlewareError) as error:
-        code = print_error(error, 1)
+        code = print_error(error, 2 if isinstance(error, ValueError) else 1)
         for executor in executors:
             _keep(executor, nodes)
     finally:

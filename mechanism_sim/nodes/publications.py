@@ -28,10 +28,11 @@ from mechanism_sim.messages import (
     float64_array,
     uint8_array,
 )
-from mechanism_sim.messages.layout import Layout
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
+from ros_interfaces.layout import Layout
 
 Array = NDArray[np.float64]
 ENERGIES = 'kinetic_energy', 'potential_energy', 'drive_work', 'dissipated'

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from mechanism_sim.middleware import (
+from mechanism_sim.messages.topics import Delivery
+from mechanism_sim.nodes.middleware import (
     DurabilityPolicy,
     HistoryPolicy,
     QoSProfile,
@@ -26,3 +27,6 @@ LATCHED = QoSProfile(
 CLOCK = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT
 )
+
+#: by the delivery of a topic
+PROFILES: dict[Delivery, QoSProfile] = {'results': RESULTS, 'latched': LATCHED, 'clock': CLOCK}

@@ -12,11 +12,11 @@ from typing import Any
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.messages import Progress, serialize, type_name
-from mechanism_sim.middleware import Parameter, QoSProfile, Timer
+from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.described_node import Diagnosis
-from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.nodes.middleware import Parameter, QoSProfile, Timer
+from mechanism_sim.nodes.qos import PROFILES, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.nodes.topics import topics_of
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.recording.writer import FLUSH_PERIOD
 
@@ -59,8 +59,8 @@ class Recorder(SimulationNode):
         self._ended = False
         self._topics: dict[str, tuple[Any, QoSProfile]] = {}
         self._ahead: list[tuple[str, bytes, int]] = []  # for the next run's bag, with their times
-        for topic, kind, qos in topics_of(self.machine, 'display' in self.partners):
-            self._record(topic, kind, qos)
+        for topic, kind, delivery in topics_of(self.machine, 'display' in self.partners):
+            self._record(topic, kind, PROFILES[delivery])
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
         self._add_topics()
         self.create_timer(FLUSH_PERIOD, self._flush)

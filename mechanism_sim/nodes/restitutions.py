@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
 

@@ -9,19 +9,19 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from mechanism_sim import ending
-from mechanism_sim.middleware import Parameter, backend
+from mechanism_sim.messages.part_states import integrator_of, kinds_of
+from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.nodes.display import Display
 from mechanism_sim.nodes.linkage import Linkage
+from mechanism_sim.nodes.middleware import Parameter, backend
 from mechanism_sim.nodes.monitor import Monitor, Show
 from mechanism_sim.nodes.oscillator import Oscillator
 from mechanism_sim.nodes.part import Cam, GearTrain, Geneva
-from mechanism_sim.nodes.parts import integrator_of, kinds_of
 from mechanism_sim.nodes.process import report_end, run_nodes
-from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.nodes.qos import PROFILES, RESULTS
 from mechanism_sim.nodes.sensors import Sensors
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.nodes.topics import topics_of
 from mechanism_sim.recording import realtime_factor
 from mechanism_sim.scene import Machine
 
@@ -121,7 +121,9 @@ class Plan:
     def to_json(self) -> dict[str, object]:
         """The nodes with their parameters, and the topics with their quality of service."""
         topics = topics_of(self.machine, self.display)
-        qualities = {topic.name: topic.qos for topic in topics} | {'progress': RESULTS}
+        qualities = {topic.name: PROFILES[topic.delivery] for topic in topics} | {
+            'progress': RESULTS
+        }
         return {
             'duration': self.duration,
             'nodes': {node: self.options(node) for node in self.nodes},
@@ -160,6 +162,16 @@ class Outcome:
     def to_json(self) -> dict[str, object]:
         """As a plain dictionary."""
         return asdict(self)
+
+    def text(self) -> str:
+        """The closing lines of a run."""
+        lines = [
+            f'{self.scene} ({self.level}): {self.duration:.6g} s simulated in '
+            f'{self.run_time:.3g} s, {self.realtime_factor:.3g} x real time '
+            f'({self.wall_time:.3g} s with starting and ending)',
+            f'  {self.impacts} impacts, {sum(self.sent.values())} messages',
+        ]
+        return '\n'.join([*lines, f'  recorded in {self.bag}'] if self.bag else lines)
 
 
 def run(plan: Plan, processes: bool, show: Show | None = None) -> Outcome:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import service_class
-from mechanism_sim.middleware import Client, Parameter, ReentrantCallbackGroup
+from mechanism_sim.nodes.middleware import Client, Parameter, ReentrantCallbackGroup
 from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.scene.gate import admit
 

@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import Imu, SensorBlock, float64_array
-from mechanism_sim.messages.layout import Layout
-from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.following import Following
+from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.instruments import carrier
+from ros_interfaces.layout import Layout
 
 
 class _Sensor:

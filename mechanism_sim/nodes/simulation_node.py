@@ -16,8 +16,8 @@ from mechanism_sim.messages import (
     stamp,
     uint64_array,
 )
-from mechanism_sim.middleware import Parameter, publish_all
 from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
+from mechanism_sim.nodes.middleware import Parameter, publish_all
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.scene_values import SCENE_PARAMETERS, Content, next_machine
 from mechanism_sim.scene import Machine, run_length

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import message_class, service_class
-from mechanism_sim.middleware import Parameter, ReentrantCallbackGroup
+from mechanism_sim.nodes.middleware import Parameter, ReentrantCallbackGroup
 from mechanism_sim.nodes.scene_values import OVERRIDES, SCENE, Content, next_machine
 
 if TYPE_CHECKING:

@@ -26,8 +26,8 @@ def batches(n: int) -> tuple[int, int]:
     return count, n // count
 
 
-def ratio(x: Array, per: Array) -> tuple[float, float]:
-    """``sum(x) / sum(per)`` and half the width of its 95 % confidence interval.
+def ratio(x: Array, per: Array, confidence: float = 0.95) -> tuple[float, float]:
+    """``sum(x) / sum(per)`` and half the width of its confidence interval.
 
     The intervals are put together into `batches` of equal number; the spread of these about the
     ratio gives the width (the ratio estimator of regenerative simulation).
@@ -48,11 +48,12 @@ def ratio(x: Array, per: Array) -> tuple[float, float]:
     if count == 1:
         return float(R), math.nan
     spread = np.sqrt(((X - R * D) ** 2).sum() / (count - 1) / count)
-    return float(R), float(scipy.stats.t.ppf(0.975, count - 1) * spread / D.mean())
+    half = scipy.stats.t.ppf(0.5 + 0.5 * confidence, count - 1) * spread / D.mean()
+    return float(R), float(half)
 
 
-def quotient(x: Array, y: Array) -> tuple[float, float]:
-    """Mean of x over mean of y, of independent samples, and half its 95 % confidence interval.
+def quotient(x: Array, y: Array, confidence: float = 0.95) -> tuple[float, float]:
+    """Mean of x over mean of y, of independent samples, and half of its confidence interval.
 
     To first order in the errors of both means, with the degrees of freedom of Welch (1947). A
     sample of one value counts as known.
@@ -80,5 +81,5 @@ def quotient(x: Array, y: Array) -> tuple[float, float]:
     if not total:
         return R, 0.0
     freedom = total**2 / (parts**2 / np.maximum(sizes - 1, 1)).sum()
-    half = scipy.stats.t.ppf(0.975, freedom) * math.sqrt(total)
+    half = scipy.stats.t.ppf(0.5 + 0.5 * confidence, freedom) * math.sqrt(total)
     return R, float(half / abs(y.mean()))

@@ -33,6 +33,10 @@ _FAR = {'sin': 2.0, 'cos': 2.0, 'exp': 1.5, 'tanh': 0.7, 'atan': 0.5}
 """How far arguments may go from the middle of a piece of motion whose series knows the function:
 well within the distance of the next pole, and of a function without poles a change of a few."""
 _FAR_FROM_POLE = 0.5  # the same, of the distance from it
+_ENTIRE = 'sin', 'cos', 'exp'
+_NEARER = (
+    0.5  # of the same: there a series converges so fast that its own last terms tell its error
+)
 _LIMITLESS = 1e300  # of what a function may be in a part that holds its pole
 
 
@@ -346,6 +350,29 @@ def _bend(operation: _Operation, balls: list[Ball]) -> Any:
     return hy.expression(_LIMITLESS)  # poles, and polynomials of high degree, are looked at
 
 
+def _doubts(
+    program: _Program,
+    balls: list[Ball],
+    felt: list[list[Any]],
+    chosen: Sequence[int],
+    length: Any,
+) -> list[Any]:
+    """How many functions bend more than a series knows by itself, and than few samples tell.
+
+    One whose change is not felt does not count.
+    """
+    one, zero = hy.expression(1.0), hy.expression(0.0)
+    near, far = [zero], [zero]
+    for k in chosen:
+        operation = program.operations[k]
+        bend, nearer = _bend(operation, balls), 1.0 if operation.kind in _ENTIRE else _NEARER
+        unfelt = hy.lte(2.0 * balls[k].radius * hy.sum(felt[k]) * length, one)
+        for counted, most in ((near, nearer), (far, 1.0)):
+            known = hy.logical_or([hy.lte(bend, hy.expression(most)), unfelt])
+            counted.append(hy.select(known, zero, one))
+    return [hy.sum(near), hy.sum(far)]
+
+
 class Parts(NamedTuple):
     """What K functions are in N parts of a motion, or at N places."""
 
@@ -403,26 +430,27 @@ class Enclosure:
         outputs += [balls[k].radius for k in chosen]
         outputs += [hy.sum(felt[k]) for k in chosen]
         inputs = [*moving, *radii.values(), *fixed, *scales]
-        bends = [_bend(program.operations[k], balls) for k in chosen]
         if chosen:
-            self._function, self._bends = (
-                compiled.function([hy.expression(0.0) + x for x in known], inputs)
-                for known in (outputs, [*bends, *outputs[self.count :]])
+            length = hy.make_vars('length')
+            self._function = compiled.function([hy.expression(0.0) + x for x in outputs], inputs)
+            self._doubts = compiled.function(
+                _doubts(program, balls, felt, chosen, length), [*inputs, length]
             )
 
-    def foretold(self, course: Course, scales: Array) -> bool:
-        """Whether the functions bend so little in a piece of motion that its series knows them."""
+    def doubts(self, course: Course, scales: Array) -> int:
+        """How little a series of a piece of motion knows of the functions.
+
+        `NONE` where they bend so little that they are as known as the motion itself, `LITTLE`
+        where `FEW` samples tell whether they are, `MUCH` where they must be enclosed.
+        """
         if not self.count:
-            return True
+            return NONE
         series, length, fixed, parameters = course
         halves, rest = _halves(series.shape[1])
-        given = np.concatenate([series @ halves, np.abs(series) @ rest, fixed, scales])
-        found = self._bends(given, pars=parameters[: self._bends.nparams]).tolist()
-        k = self.count
-        parts = zip(found[:k], found[k : 2 * k], found[2 * k :], strict=True)
-        return all(
-            bend <= 1.0 or 2.0 * reach * weight * length <= 1.0 for bend, reach, weight in parts
-        )
+        middle, radius = series.dot(halves), np.abs(series).dot(rest)
+        given = np.concatenate([middle, radius, fixed, scales, (length,)])
+        near, far = self._doubts(given, pars=parameters[: self._doubts.nparams]).tolist()
+        return MUCH if far else LITTLE if near else NONE
 
     def __call__(self, course: Course, scales: Array, middle: Array, radius: Array) -> Parts:
         """Enclosures where what moves is at middles and not farther from there than radii (v, N).
@@ -535,6 +563,7 @@ _FIRST = 8  # parts, in which most motions are known at once
 _DEEPEST = 48  # halvings: less than rounding of the place itself
 _MOST = 1024  # parts that may be unknown at the same time
 _SOUND = 0.01  # of a fault: less is far from one
+NONE, LITTLE, MUCH = range(3)
 FEW = np.array([0.25, 0.5, 0.75, 1.0])
 """Places to look at where nothing is steep."""
 _ENDS = np.linspace(0.0, 1.0, _FIRST + 1)
@@ -608,7 +637,10 @@ def reach_of(
     scales : of loads, then guards: a change times the length [s] of its part that is nothing
     defect : (N,) how wrong something is at places (N,) from 0 to 1; more than 1 is a fault
     """
-    if enclosure.foretold(course, scales):
+    doubts = enclosure.doubts(course, scales)
+    if doubts == NONE:
+        return WHOLE
+    if doubts == LITTLE:
         found = defect(FEW)
         if (found <= 1.0).all():
             return WHOLE

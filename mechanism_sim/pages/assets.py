@@ -15,14 +15,15 @@ from mechanism_sim import strict_json
 from mechanism_sim.export.palette import css
 
 
-def asset(name: str) -> str:
-    """The text of a file of `pages/assets`."""
-    return files(__package__).joinpath('assets', name).read_text(encoding='utf-8')
+def asset(name: str, room: str = __package__) -> str:
+    """The text of a file in the `assets` of a room; of those of `pages` where it has none."""
+    own, shared = (files(x).joinpath('assets', name) for x in (room, __package__))
+    return (own if own.is_file() else shared).read_text(encoding='utf-8')
 
 
-def styles(*names: str) -> Markup:
+def styles(*names: str, room: str = __package__) -> Markup:
     """The palette, and what these files of styles say, for an element of a page."""
-    return Markup(css() + ''.join(asset(f'{name}.css') for name in names))  # noqa: S704 - ours
+    return Markup(css() + ''.join(asset(f'{name}.css', room) for name in names))  # noqa: S704 - ours
 
 
 def import_map(names: Iterable[str], more: Mapping[str, str] | None = None) -> str:
@@ -37,23 +38,26 @@ def import_map(names: Iterable[str], more: Mapping[str, str] | None = None) -> s
     return json.dumps({'imports': {name: _inlined(text) for name, text in texts.items()}})
 
 
-def render(template: str, **values: Any) -> str:
+def render(template: str, room: str = __package__, **values: Any) -> str:
     """A page from its template; what is no `Markup` is escaped."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.from_string(asset(template)).render(**values)
+    return environment.from_string(asset(template, room)).render(**values)
 
 
-def contents_of(name: str, modules: Iterable[str], **values: Any) -> dict[str, tuple[str, str]]:
+def contents_of(
+    name: str, modules: Iterable[str], room: str = __package__, **values: Any
+) -> dict[str, tuple[str, str]]:
     """Kind and text of what a server shows, by path: a page with its own styles, and modules."""
     page = render(
         f'{name}.html.jinja',
-        style=styles('stage', 'style', name),
+        room,
+        style=styles('stage', 'style', name, room=room),
         imports=embedded({module: f'/{module}.js' for module in modules}),
         **values,
     )
-    scripts = {f'/{module}.js': ('text/javascript', asset(f'{module}.js')) for module in modules}
+    scripts = {f'/{x}.js': ('text/javascript', asset(f'{x}.js', room)) for x in modules}
     return {'/': ('text/html', page), **scripts}
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from mechanism_sim.messages import MessageError, message_class, service_class
-from mechanism_sim.middleware import Client, Node, Parameter, ReentrantCallbackGroup
 from mechanism_sim.nodes.control import PACKAGE
+from mechanism_sim.nodes.middleware import Client, Node, Parameter, ReentrantCallbackGroup
 from mechanism_sim.nodes.scene_values import OVERRIDES, Content
 from mechanism_sim.pages.controls import DRIVE, Control
 

@@ -10,7 +10,8 @@ from typing import Any
 
 from mechanism_sim.errors import InputError, RunError, quoted
 from mechanism_sim.messages import Impact, Motion, String
-from mechanism_sim.middleware import (
+from mechanism_sim.nodes.described_node import DescribedNode
+from mechanism_sim.nodes.middleware import (
     HistoryPolicy,
     MiddlewareError,
     Parameter,
@@ -18,7 +19,6 @@ from mechanism_sim.middleware import (
     ReentrantCallbackGroup,
     ReliabilityPolicy,
 )
-from mechanism_sim.nodes.described_node import DescribedNode
 from mechanism_sim.nodes.qos import LATCHED
 from mechanism_sim.pages.assets import contents_of
 from mechanism_sim.pages.controls import Control, controls

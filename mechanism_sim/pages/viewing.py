@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from mechanism_sim import ending
-from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.process import report_end, run_nodes
 from mechanism_sim.pages.view import View, print_address
 

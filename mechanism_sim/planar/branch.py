@@ -11,14 +11,12 @@ The curve has a parameter u: the coordinate of the drive, or time where there ar
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.planar.kinematics import Kinematics
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -16,16 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.planar.mechanism import (
-    GROUND,
     Equation,
     HigherPair,
     Joint,
     Mechanism,
     Prismatic,
     Revolute,
-    Vector2,
-    rotate,
 )
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
 
 Array = NDArray[np.float64]
 

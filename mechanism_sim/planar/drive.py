@@ -49,8 +49,8 @@ class DriveLaw:
         The angle left over lies in [0, 2 pi). Exact arithmetic: no digits are lost after however
         many turns.
         """
-        since = time - Fraction(self.reference_time)
-        turns, local = _about(self.coefficients, since, self.straight)
+        since = time - Fraction(self.reference_time) if self.reference_time else time
+        turns, local = _about(self.coefficients, *since.as_integer_ratio(), self.straight)
         return self.turns + turns, local
 
     def towards(self, speed: float, at: float, acceleration: float) -> list[DriveLaw]:
@@ -81,19 +81,30 @@ class DriveLaw:
 
 @lru_cache(maxsize=64)  # studies begin at the same instant again and again
 def _about(
-    coefficients: tuple[float, ...], shift: Fraction, straight: bool
+    coefficients: tuple[float, ...], shift: int, unit: int, straight: bool
 ) -> tuple[int, tuple[float, ...]]:
-    exact = [Fraction(c) for c in coefficients]
+    """`DriveLaw.about` for a time of ``shift/unit`` [s].
+
+    In whole numbers, whose quotient is rounded once: fractions would look for common divisors.
+    """
+    ratios = [c.as_integer_ratio() for c in coefficients]
+    common = max((below for _, below in ratios), default=1)  # all are powers of two
+    exact = [above * (common // below) for above, below in ratios]
+    last = len(exact) - 1
     moved = [
         sum(
-            (comb(k, j) * exact[k] * shift ** (k - j) for k in range(j, len(exact))),
-            start=Fraction(0),
+            comb(k, j) * exact[k] * shift ** (k - j) * unit ** (last - k)
+            for k in range(j, last + 1)
         )
-        for j in range(len(exact))
+        for j in range(last + 1)
     ]
-    turns = 0 if straight else int(moved[0] // TWO_PI)
-    moved[0] -= turns * TWO_PI
-    return turns, tuple(float(c) for c in moved)
+    below = [common * unit ** (last - j) for j in range(last + 1)]
+    turns = 0
+    if not straight:
+        whole, part = TWO_PI.numerator * below[0], TWO_PI.denominator
+        turns, left = divmod(moved[0] * part, whole)
+        moved[0], below[0] = left, below[0] * part
+    return turns, tuple(x / y for x, y in zip(moved, below, strict=True))
 
 
 @dataclass(frozen=True)

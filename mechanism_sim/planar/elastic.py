@@ -24,15 +24,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement, pairwise
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
 
 from mechanism_sim.planar.beam_sections import Taper
 from mechanism_sim.planar.beam_shapes import Array, Ends, Functions, gauss, shapes, tapered
-
-Vector2: TypeAlias = tuple[float, float]
+from mechanism_sim.planar.points import Vector2
 
 ROUNDING = 1e-13
 """Of a shape function's size: less is rounding, and no term of the equations."""

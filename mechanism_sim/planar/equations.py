@@ -22,7 +22,8 @@ import numpy as np
 from mechanism_sim.numerics.symbolic import Term, add, mul
 from mechanism_sim.planar.elastic import ROUNDING
 from mechanism_sim.planar.frames import Frames, Parameters, rotate_quarter
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Spread, factors
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND, Spread, factors
 from mechanism_sim.planar.protocols import Gap, Relation
 
 

@@ -12,7 +12,7 @@ import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.mechanism import GROUND, Point, Vector2, factors
+from mechanism_sim.planar.points import GROUND, Point, Vector2, factors
 from mechanism_sim.planar.switches import Array, Switch, Table
 
 

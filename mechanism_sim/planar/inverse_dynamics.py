@@ -17,7 +17,6 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.numerics.symbolic import Term, add, dense, dot, neg
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.joint_friction import JointFriction, rubs, solve_friction, with_friction
-from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
@@ -25,6 +24,7 @@ from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
 from mechanism_sim.planar.switches import REST
 from mechanism_sim.planar.unknowns import Effort, UnknownLoad, Unknowns
+from mechanism_sim.planar.virtual_work import generalised
 
 Array = NDArray[np.float64]
 
@@ -386,4 +386,5 @@ class InverseDynamics:
 
 def power(torque: Array, speed: Array) -> Array:
     """Power (N,) of drives (p, N) [W]: none at rest, even if the torque is not determined."""
-    return np.asarray(np.where(speed == 0.0, 0.0, torque * speed).sum(axis=0))
+    none = np.zeros(np.broadcast_shapes(torque.shape, speed.shape))
+    return np.asarray(np.multiply(torque, speed, out=none, where=speed != 0.0).sum(axis=0))

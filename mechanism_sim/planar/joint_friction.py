@@ -25,14 +25,8 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Load, Wrench, moment_of, together
-from mechanism_sim.planar.mechanism import (
-    GROUND,
-    HigherPair,
-    Joint,
-    Mechanism,
-    Prismatic,
-    Vector2,
-)
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic
+from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.switches import Switch
 from mechanism_sim.planar.touch import Touch
 

@@ -1,15 +1,13 @@
-"""Forces and moments on links, and what they do to the coordinates."""
+"""Forces and moments on links."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
-from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+from mechanism_sim.planar.points import Vector2
 
 
 @dataclass(frozen=True)
@@ -21,10 +19,6 @@ class Load:
     at: Vector2  #: [m] in the link's frame
     force: tuple[Term, Term] = (None, None)  #: [N] in the world
     moment: Term = None  #: [N m]
-
-    def place(self, frames: Frames, mechanism: Mechanism) -> tuple[Jet, Jet]:
-        """World components of the point [m]."""
-        return frames.position(mechanism.point(self.link, self.at), self.name)
 
 
 class Wrench(NamedTuple):
@@ -59,25 +53,6 @@ def contact_wrench(normal: tuple[Jet, Jet], N: Term, T: Term, arm: Term = None) 
 def together(a: Wrench, b: Wrench) -> Wrench:
     """The sum of two wrenches about the same point."""
     return Wrench(add(a.x, b.x), add(a.y, b.y), add(a.moment, b.moment))
-
-
-def generalised(loads: Iterable[Load], frames: Frames, mechanism: Mechanism) -> dict[str, Term]:
-    """Generalised forces by coordinate, [N m] for angles and [N] for displacements.
-
-    The virtual work of the loads, ``F.dp + M dtheta``.
-    """
-    found: dict[str, Term] = {}
-    for load in loads:
-        if load.link == GROUND:
-            continue
-        for jet, force in zip(load.place(frames, mechanism), load.force, strict=True):
-            for c, slope in jet.gradient.items():
-                found[c] = add(found.get(c), mul(force, slope))
-        for c, slope in mechanism.turns(load.link, load.at).items():
-            share = frames.parameters(f'{load.name}.turn@{c}', slope)
-            moment = load.moment if slope == 1.0 else mul(share, load.moment)
-            found[c] = add(found.get(c), moment)
-    return {c: term for c, term in found.items() if term is not None}
 
 
 def moment_of(arm: tuple[Term, Term], force: tuple[Term, Term]) -> Term:

@@ -7,34 +7,28 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from mechanism_sim.planar.elastic import Beam
-    from mechanism_sim.planar.frames import Frames
-    from mechanism_sim.planar.jet import Jet
-    from mechanism_sim.planar.protocols import ForceElement, PairClosure
-    from mechanism_sim.planar.rotor import Rotor
-    from mechanism_sim.planar.tilt import Tilt
-    from mechanism_sim.planar.touch import Touch, TurningTouch
-    from mechanism_sim.planar.view import Charted, Draft, ToothLoad, View
-
-GROUND = 'ground'
-
-Vector2 = tuple[float, float]
-Side: TypeAlias = Literal['left', 'right']
-Slide: TypeAlias = str | tuple[str, ...] | None
-"""The displacement that scales a vector, or several whose product does."""
-Arm: TypeAlias = tuple[str, Slide]
-"""The angle with which a vector turns (or the ground), and the displacement that scales it."""
-Point: TypeAlias = dict[Arm, Vector2]
-"""A point of the mechanism as a sum over its arms: R(theta) (x, y), or s R(theta) (x, y)."""
-
-Spread: TypeAlias = dict[Arm, Any]
-"""The same of one point, or of K points at once, whose vectors are arrays (2, K)."""
+from mechanism_sim.planar.elastic import Beam
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.points import (
+    GROUND,
+    LinkPoint,
+    Point,
+    Spread,
+    Vector2,
+    factors,
+    product,
+    rotate,
+)
+from mechanism_sim.planar.protocols import ForceElement, Relation, Rubbing
+from mechanism_sim.planar.rotor import Rotor
+from mechanism_sim.planar.tilt import Tilt
+from mechanism_sim.planar.view import Charted, Draft, Side, ToothLoad, View
 
 
 @dataclass(frozen=True)
@@ -83,8 +77,6 @@ class Prismatic:
     angle: float = 0.0  #: [rad] of the frame of `second` in that of `first`
 
 
-LinkPoint: TypeAlias = tuple[str, Vector2]
-"""A link, and a point in its frame [m]."""
 Pose: TypeAlias = NDArray[np.float64]
 """Where a link's frame lies: x, y [m] and its angle [rad], shape (3,)."""
 Equation: TypeAlias = tuple[float, dict[str, Pose]]
@@ -149,7 +141,7 @@ class HigherPair(ABC):
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """Its row at the poses of links, whatever the tree."""
 
-    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch | TurningTouch:
+    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Rubbing:
         """Where it rubs, with a pin of that radius [m].
 
         Raises
@@ -198,6 +190,18 @@ class HigherPair(ABC):
     def discs(self) -> Sequence[tuple[LinkPoint, float]]:
         """Discs that it is made of: middle, and radius [m]."""
         return ()
+
+
+class PairClosure(Relation, Protocol):
+    """The closure of a higher pair: one row, its offset [m] from where it is closed."""
+
+    @property
+    def joint(self) -> HigherPair:
+        """The pair."""
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """That it belongs to."""
 
 
 Joint: TypeAlias = Revolute | Prismatic | HigherPair
@@ -681,33 +685,6 @@ def bending_guides(bodies: Sequence[Body], joints: Sequence[Joint]) -> list[str]
     """The prismatic joints of elastic links, which turn by themselves there: no tree has them."""
     bent = {b.name for b in bodies if b.beam}
     return [j.name for j in joints if isinstance(j, Prismatic) and bent & {j.first, j.second}]
-
-
-def rotate(v: Vector2, angle: float) -> Vector2:
-    """A vector turned by an angle [rad]; exact for quarter turns."""
-    quarters = angle / (0.5 * math.pi)
-    if quarters == round(quarters):
-        c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(quarters) % 4]
-    else:
-        c, s = math.cos(angle), math.sin(angle)
-    return c * v[0] - s * v[1], s * v[0] + c * v[1]
-
-
-def factors(slide: Slide) -> tuple[str, ...]:
-    """The displacements whose product scales an arm."""
-    return () if slide is None else (slide,) if isinstance(slide, str) else slide
-
-
-def product(slide: Any, course: Callable[[Any], Sequence[Any]]) -> tuple[Any, Any, Any]:
-    """What scales an arm, with its first two time derivatives, from those of coordinates."""
-    names = factors(slide)
-    if not names:
-        return 1.0, 0.0, 0.0
-    s, ds, dds = course(names[0])
-    for name in names[1:]:
-        r, dr, ddr = course(name)
-        s, ds, dds = s * r, ds * r + s * dr, dds * r + 2.0 * ds * dr + s * ddr
-    return s, ds, dds
 
 
 def _minus(a: Point) -> Point:

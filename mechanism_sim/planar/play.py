@@ -13,9 +13,16 @@ from mechanism_sim.numerics.symbolic import Term, dense, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, together
-from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute, Side
-from mechanism_sim.planar.protocols import ForceLaw, PairClosure
-from mechanism_sim.planar.touch import Touch, TurningTouch
+from mechanism_sim.planar.mechanism import (
+    HigherPair,
+    Joint,
+    Mechanism,
+    PairClosure,
+    Prismatic,
+    Revolute,
+)
+from mechanism_sim.planar.protocols import ForceLaw, Rubbing
+from mechanism_sim.planar.view import Side
 
 Array = NDArray[np.float64]
 
@@ -51,7 +58,7 @@ class Wall(MeasuredGap):
     friction: float = 0.0
     hypothesis: str = 'newton'
     law: ForceLaw | None = None
-    touch: Touch | TurningTouch | None = None  #: of a wall that rubs
+    touch: Rubbing | None = None  #: of a wall that rubs
 
     @property
     def name(self) -> str:
@@ -69,7 +76,7 @@ class Wall(MeasuredGap):
         play = lift(dense(frames.parameters(f'{self.joint}.play', self.play)))
         return play - offset if self.side == 'left' else play + offset
 
-    def _rubs(self) -> Touch | TurningTouch:
+    def _rubs(self) -> Rubbing:
         """Where; the wall presses on the second-named link against the offset, or along it."""
         if self.touch is None:
             raise ValueError(f'{self.name} has no friction')

@@ -16,7 +16,6 @@ from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load, Wrench
-from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 
 Array = NDArray[np.float64]
 
@@ -33,18 +32,6 @@ class Relation(Protocol):
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """What the first-named does to the second-named link, by the forces along the rows."""
-
-
-class PairClosure(Relation, Protocol):
-    """The closure of a higher pair: one row, its offset [m] from where it is closed."""
-
-    @property
-    def joint(self) -> HigherPair:
-        """The pair."""
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """That it belongs to."""
 
 
 @runtime_checkable
@@ -86,6 +73,26 @@ class Directed(ForceElement, Protocol):
 
     def length(self, q: Array) -> Array:
         """Of the line (N,) [m] at coordinates q (n, N)."""
+
+
+class Rubbing(Protocol):
+    """Where the links of a higher pair slide on each other, and what friction does there."""
+
+    @property
+    def share(self) -> float:
+        """Of the coefficient of friction that acts."""
+
+    def on(self, way: float) -> Rubbing:
+        """On the wall that presses so, 1 or -1, on the second along the positive force."""
+
+    def slip(self, frames: Frames) -> Jet:
+        """Velocity of the second-named link on the first [m/s]."""
+
+    def wrench(self, frames: Frames, T: Term) -> Wrench:
+        """What a force T along the slip does to the second-named link."""
+
+    def engaged(self, frames: Frames) -> Term:
+        """1 while it rubs, 0 where something else holds the links; None if it always does."""
 
 
 class ForceLaw(Protocol):

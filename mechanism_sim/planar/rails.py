@@ -26,7 +26,8 @@ import heyoka as hy
 from mechanism_sim.numerics.symbolic import add, dense, mul, polynomial
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.mechanism import Mechanism, Vector2, rotate
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import Vector2, rotate
 
 Pair = tuple[Jet, Jet]
 

@@ -14,7 +14,8 @@ import heyoka as hy
 from mechanism_sim.numerics.symbolic import Term, Vector, add, dot, mul, neg
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.loads import Load, Wrench, moment_of
-from mechanism_sim.planar.mechanism import GROUND, Prismatic, Vector2
+from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.points import GROUND, Vector2
 
 
 def tree_reactions(

@@ -19,21 +19,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
-
-if TYPE_CHECKING:
-    from mechanism_sim.planar.frames import Frames
-    from mechanism_sim.planar.mechanism import Point
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.points import GROUND, Point
 
 Array: TypeAlias = NDArray[np.float64]
 Rows: TypeAlias = tuple[tuple[float, ...], ...]
-GROUND, SLOPE = 'ground', 'tilt'
+SLOPE = 'tilt'
 
 
 @dataclass(frozen=True)

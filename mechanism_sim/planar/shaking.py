@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.loads import moment_of
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Point
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND, Point
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
+from mechanism_sim.planar.virtual_work import located
 
 Array = NDArray[np.float64]
 
@@ -59,7 +61,7 @@ class ShakingForce:
             moment = moment_of((place[0].value, place[1].value), (force[0], force[1]))
             parts.append([*force, add(moment, spin)])
         for load in (load for element in applied for load in element.loads(frames)):
-            x, y = load.place(frames, mechanism)
+            x, y = located(load, frames, mechanism)
             moment = add(moment_of((x.value, y.value), load.force), load.moment)
             parts.append([*load.force, moment])
         self.outside = tuple(frames.outside)

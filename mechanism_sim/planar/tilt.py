@@ -19,7 +19,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-Vector2 = tuple[float, float]
+from mechanism_sim.planar.points import Vector2
 
 
 @dataclass(frozen=True)

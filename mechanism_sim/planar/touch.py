@@ -10,7 +10,7 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Load, Wrench, moment_of
-from mechanism_sim.planar.protocols import PairClosure
+from mechanism_sim.planar.mechanism import PairClosure
 
 Point = tuple[Term, Term]
 
@@ -119,7 +119,7 @@ class TurningTouch:
     arm: float  #: [m]
     share: float = 1.0
 
-    def on(self, _: float) -> TurningTouch:
+    def on(self, way: float) -> TurningTouch:
         """Either flank slides alike."""
         return self
 
@@ -135,6 +135,6 @@ class TurningTouch:
         """A moment."""
         return Wrench(None, None, mul(T, frames.parameters(f'{self.name}.arm', self.arm)))
 
-    def engaged(self, _: Frames) -> Term:
+    def engaged(self, frames: Frames) -> Term:
         """Always."""
         return None

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from mechanism_sim.numerics.symbolic import Term, mul
 from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.loads import Load, generalised
+from mechanism_sim.planar.loads import Load
 from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.virtual_work import generalised
 
 Array = NDArray[np.float64]
 

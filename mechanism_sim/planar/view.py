@@ -6,13 +6,12 @@ readings are worth a chart; sensors, nodes, drawings and pages only ask.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from mechanism_sim.planar.mechanism import LinkPoint, Side, Vector2
+from mechanism_sim.planar.points import LinkPoint, Vector2
 
 Array = NDArray[np.float64]
 Kind = Literal[
@@ -20,6 +19,8 @@ Kind = Literal[
     'cog', 'point', 'drive',
 ]  # fmt: skip
 """Of shapes, in the order in which they are painted."""
+Side: TypeAlias = Literal['left', 'right']
+"""Of a higher pair that opens: on which side of its closure there is a wall."""
 
 
 class Course(NamedTuple):

@@ -155,7 +155,7 @@ def _state(bag: BagInfo) -> str:
             return 'NO: it is still being recorded; what could be read is listed'
     return (
         'NO: cut short; what could be read is listed, and '
-        f"'mechanism-sim recover {shlex.quote(bag.path)}' closes it"
+        f"'mechanism-sim bag recover {shlex.quote(bag.path)}' closes it"
     )
 
 

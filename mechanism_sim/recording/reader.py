@@ -11,10 +11,10 @@ from typing import Any
 from mechanism_sim import documents
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import MessageError, deserialize, type_hash
-from mechanism_sim.messages.checks import impossible_number
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.scan import DamagedBagError, Layout, blocks, messages, sound, survey
 from mechanism_sim.recording.writer import RECORDING, VERSION
+from ros_interfaces.checks import impossible_number
 
 _IN_SQLITE = (
     '{} is a bag in SQLite (.db3), and only MCAP is read: "ros2 bag convert" makes an MCAP of it'

@@ -15,7 +15,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import ACCENT, INK, PAPER, colour, tint
 from mechanism_sim.export.shapes import OPEN, Path, Shape, coil, subdivided
 from mechanism_sim.export.skeleton import Skeleton
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 
 GHOST = '0.72'
 

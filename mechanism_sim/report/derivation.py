@@ -18,9 +18,9 @@ from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.planar.switches import Switch
+from mechanism_sim.planar.virtual_work import generalised
 from mechanism_sim.report.equations import Equation, MachineEquations, Part
 from mechanism_sim.report.symbols import Expression, Symbol, Symbols
 from mechanism_sim.report.vectors import Vectors

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim import strict_json
-from mechanism_sim.nodes.force_markers import Preview
-from mechanism_sim.nodes.markers import frame_of
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.analysis.preview import Preview
+from mechanism_sim.export.ideal import frame_of
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report.plot_paths import Plot, plots, resolve
 
 _AXES = 0.2  # [m] length of the axes of a frame at scale 1

@@ -11,7 +11,7 @@ from matplotlib.textpath import TextPath
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.shapes import Shape, coil
 from mechanism_sim.export.skeleton import Skeleton
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report.brush import Brush
 
 _SIZE = 7.5  # of letters [points]

@@ -6,7 +6,7 @@ import re
 from typing import NamedTuple
 
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 
 
 class Description(NamedTuple):

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.middleware.errors import InvalidNameError
-from mechanism_sim.middleware.names import resolve_namespace
-from mechanism_sim.nodes.parts import kinds_of
+from mechanism_sim.messages.part_states import kinds_of
 from mechanism_sim.scene import Machine
+from ros_interfaces.names import InvalidNameError, resolve_namespace
 
 
 @dataclass(frozen=True)

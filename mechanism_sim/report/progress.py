@@ -7,10 +7,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from mechanism_sim.nodes.run import Outcome
 
 Show = Callable[..., None]
 """Called with simulated time [s], then real-time factor where known, then impacts so far."""
@@ -96,14 +92,3 @@ def _task(
     ) as display:
         task = display.add_task(label, total=total, note=note)
         yield partial(display.update, task)
-
-
-def render(outcome: Outcome) -> str:
-    """The closing lines of a run."""
-    lines = [
-        f'{outcome.scene} ({outcome.level}): {outcome.duration:.6g} s simulated in '
-        f'{outcome.run_time:.3g} s, {outcome.realtime_factor:.3g} x real time '
-        f'({outcome.wall_time:.3g} s with starting and ending)',
-        f'  {outcome.impacts} impacts, {sum(outcome.sent.values())} messages',
-    ]
-    return '\n'.join([*lines, f'  recorded in {outcome.bag}'] if outcome.bag else lines)

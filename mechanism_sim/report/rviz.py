@@ -6,10 +6,10 @@ from typing import Any
 
 import yaml
 
-from mechanism_sim.nodes.force_markers import Preview
-from mechanism_sim.nodes.markers import frame_of
-from mechanism_sim.nodes.topics import topics_of
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.analysis.preview import Preview
+from mechanism_sim.export.ideal import frame_of
+from mechanism_sim.messages.topics import topics_of
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report.plot_paths import resolve
 
 _WINDOW = 1200, 846
@@ -63,10 +63,10 @@ def to_rviz(seen: Preview, namespace: str = '', prefix: str = '') -> str:
 
 
 def _displays(seen: Preview, namespace: str, prefix: str) -> list[dict[str, Any]]:
-    qualities = {t.name: t.qos for t in topics_of(seen.machine, display=True)}
+    delivery = {t.name: t.delivery for t in topics_of(seen.machine, display=True)}
 
     def topic(name: str) -> dict[str, Any]:
-        latched = qualities[name].durability.name == 'TRANSIENT_LOCAL'
+        latched = delivery[name] == 'latched'
         return {
             'Value': resolve(namespace, name),
             'Depth': 1 if latched else 100,

@@ -22,8 +22,8 @@ class Sound:
     """A sound that was written.
 
     impacts: that are heard; peak: largest pressure [Pa], which is full scale in the file;
-    peak_level: its level [dB re 20 uPa]; mean_level: of the whole run [dB re 20 uPa]; slow: how
-    many times slower than the machine; duration: of the file [s].
+    peak_level: its level [dB re 20 uPa]; mean_level: of the whole run [dB re 20 uPa];
+    realtime_factor: seconds of the machine in a second of sound; duration: of the file [s].
     """
 
     file: str
@@ -31,7 +31,7 @@ class Sound:
     peak: float
     peak_level: float
     mean_level: float
-    slow: float
+    realtime_factor: float
     duration: float
 
 
@@ -41,7 +41,7 @@ def write(
     file: Path,
     listener: Listener,
     pulse: float | None = None,
-    slow: float = 1.0,
+    realtime_factor: float = 1.0,
 ) -> Sound:
     """Write the sound of impacts, 16 bit at 44.1 kHz, its peak at full scale.
 
@@ -49,28 +49,31 @@ def write(
     ----------
     train : of a run that lasts up to `end` [s]
     pulse : [s], see `mechanism_sim.sensing.sound.pressure`
-    slow : 4 plays a second of the machine in 4 s
+    realtime_factor : 0.25 plays a second of the machine in 4 s
 
     Raises
     ------
     InputError
         If nothing sounds, the listener is inside of the machine, or the file cannot be written.
     """
-    if not slow > 0.0:
-        raise InputError(f'--slow {slow:g}: must be more than 0')
-    p = pressure(train, RATE * slow, end + TAIL / slow, listener, pulse)
+    if not realtime_factor > 0.0:
+        raise InputError(f'--realtime-factor {realtime_factor:g}: must be more than 0')
+    rate = RATE / realtime_factor  # samples in a second of the machine
+    p = pressure(train, rate, end + TAIL * realtime_factor, listener, pulse)
     peak = float(np.abs(p).max())
     if peak == 0.0:
         raise InputError('there is nothing to hear: the run has no impacts')
     with output.beside(file) as part:
         wavfile.write(part, RATE, np.round(p * (32767.0 / peak)).astype(np.int16))
     mean = float(np.sqrt(np.mean(p**2)))
-    return Sound(str(file), len(train), peak, level(peak), level(mean), slow, len(p) / RATE)
+    levels = level(peak), level(mean)
+    return Sound(str(file), len(train), peak, *levels, realtime_factor, len(p) / RATE)
 
 
 def render(sound: Sound) -> str:
     """What was written, for people."""
-    pace = f', {sound.slow:g} times slower' if sound.slow != 1.0 else ''
+    factor = sound.realtime_factor
+    pace = f', {factor:g} of real time' if factor != 1.0 else ''
     return (
         f'{sound.file}: {sound.duration:.3g} s{pace}\n'
         f'impacts    {sound.impacts}\n'

@@ -7,9 +7,7 @@ from collections.abc import Sequence
 
 from mechanism_sim.strict_json import plain
 from mechanism_sim.study.lift_off import LiftOff
-from mechanism_sim.study.losses import Losses
 from mechanism_sim.study.periodic import Response
-from mechanism_sim.study.starts import Start
 from mechanism_sim.study.statistics import Statistics
 from mechanism_sim.units import for_people
 
@@ -82,36 +80,6 @@ def statistics_json(found: Statistics) -> dict[str, object]:
     }
 
 
-def losses(found: Sequence[Losses]) -> str:
-    """Criteria and reality for people."""
-    lines = []
-    for joint in found:
-        lines.append(f'{joint.joint}: what the ideal mechanism says')
-        for p in joint.predictions:
-            angles = ', '.join(f'{math.degrees(a):.1f}' for a in p.angles[:6])
-            lines.append(
-                f'  {p.criterion:26} {"loss" if p.predicts_loss else "no loss":8} '
-                f'{p.figure:10.4g} {p.unit if p.unit != "1" else ""} (limit {p.threshold:g})'
-                + (f', at {angles} deg' if angles else '')
-            )
-        really = ', '.join(f'{t:.6g}' for t in joint.turns[:8])
-        more = f' and {len(joint.turns) - 8} more' if len(joint.turns) > 8 else ''
-        lines.append(f'  really lost at            {really or "no time"}{more} revolutions')
-    return '\n'.join(lines)
-
-
-def losses_json(found: Sequence[Losses]) -> list[dict[str, object]]:
-    """The same as JSON."""
-    return [
-        {
-            'joint': joint.joint,
-            'predictions': plain(joint.predictions),
-            'lost_at_revolutions': list(joint.turns),
-        }
-        for joint in found
-    ]
-
-
 def lift_offs(found: Sequence[LiftOff]) -> str:
     """As text."""
     lines = []
@@ -142,23 +110,3 @@ def lift_offs_json(found: Sequence[LiftOff]) -> list[dict[str, object]]:
         }
         for x in found
     ]
-
-
-def starts(found: Sequence[Start]) -> str:
-    """Start angles for people, the best one named."""
-    lines = ['start angle   follows for     loses it at   impacts']
-    for s in found:
-        followed = f'{s.followed:.4f} rev' if math.isfinite(s.followed) else 'all of it'
-        lost = f'{math.degrees(s.lost_at):.1f} deg' if math.isfinite(s.followed) else ''
-        lines.append(
-            f'{math.degrees(s.angle):8.1f} deg  {followed:>12}  {lost:>14}  {s.impacts:8d}'
-        )
-    best = max(found, key=lambda s: s.followed)
-    lines.append(f'of these, contact lasts longest from {math.degrees(best.angle):.1f} deg')
-    return '\n'.join(lines)
-
-
-def starts_json(found: Sequence[Start]) -> list[dict[str, object]]:
-    """The same as JSON; ``followed`` and ``lost_at`` are null where contact was kept."""
-    keys = 'angle', 'followed', 'lost_at', 'impacts'
-    return [{key: plain(getattr(s, key)) for key in keys} for s in found]

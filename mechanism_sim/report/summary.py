@@ -8,12 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from mechanism_sim import text_table
+from mechanism_sim.cycles.means import ImpactTally
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.simulate import Stream
 from mechanism_sim.strict_json import plain
-from mechanism_sim.study.statistics import ImpactTally
 
 _SENTENCES = 4  # of what repeats
 

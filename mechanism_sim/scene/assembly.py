@@ -18,7 +18,8 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.branch import SINGULAR
 from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, Revolute, Vector2
+from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute
+from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene.model import MachineModel
 from mechanism_sim.scene.singular_start import begin, neighbours
 

@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import HigherPair, Prismatic, Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.doubts import doubts
 from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import admit
@@ -17,7 +18,7 @@ from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.nominal_model import Level
 from mechanism_sim.scene.oscillators import oscillator_notes
-from mechanism_sim.scene.tilt_keys import tilt_notes
+from mechanism_sim.scene.tilted_links import tilt_notes
 from mechanism_sim.scene.unused import unused
 from mechanism_sim.units import Measure
 

@@ -12,8 +12,9 @@ from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
 from mechanism_sim.linkages.bearing_ends import axial_stops, bearing_ends
 from mechanism_sim.linkages.guide import corners
 from mechanism_sim.linkages.slot import PinInSlot, SlotWall
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Mechanism, Prismatic, Vector2
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
 from mechanism_sim.planar.play import walls
+from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap
 from mechanism_sim.scene.contact_keys import AxialPlay, Clearance, Misalignment, Play
 

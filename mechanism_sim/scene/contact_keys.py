@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from mechanism_sim.planar.mechanism import rotate
+from mechanism_sim.planar.points import rotate
 from mechanism_sim.scene.quantities import (
     POSITIVE,
     Angle,

@@ -75,7 +75,7 @@ class DynamicModel(NominalModel):
         for c in self.plan.powered:
             i, law = places.index(c), self.plan.laws[c][0]
             assert isinstance(law, TorqueLaw)  # noqa: S101 - it is powered
-            constant, per_angle, per_speed = law.after(self.turned[c])
+            constant, per_angle, per_speed = law.after(self.turned.get(c, 0))
             rows.append(constant + per_angle * q[i] + per_speed * v[i])
         return np.reshape(rows, (-1, q.shape[1]))
 

@@ -18,9 +18,9 @@ from mechanism_sim.planar.mechanism import (
     Joint,
     Mechanism,
     Prismatic,
-    Vector2,
     bending_guides,
 )
+from mechanism_sim.planar.points import Vector2
 from mechanism_sim.planar.rails import PARALLEL
 from mechanism_sim.scene.drives import is_straight
 from mechanism_sim.scene.places import Places

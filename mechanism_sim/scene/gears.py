@@ -8,7 +8,8 @@ from typing import NamedTuple
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.gears.involute import Gear, ToothSystem, transverse
 from mechanism_sim.gears.pair import Pair, Path, path_with_rack
-from mechanism_sim.planar.mechanism import GROUND, Prismatic, Vector2, rotate
+from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.gear_keys import GearPart
 from mechanism_sim.scene.joint_keys import Names
 

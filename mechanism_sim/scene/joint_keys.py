@@ -12,11 +12,11 @@ from typing import Annotated, Any, Protocol
 from pydantic import Field
 
 from mechanism_sim.planar.joint_friction import JointFriction
-from mechanism_sim.planar.mechanism import GROUND, Joint, LinkPoint, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import Joint, Mechanism
+from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.contact_keys import Clearance, Friction, Play
 from mechanism_sim.scene.quantities import Part
-from mechanism_sim.scene.sketch import Edit, Sketch, Tool
 from mechanism_sim.units import Measure
 
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
@@ -115,8 +115,6 @@ class JointKind:
         which says where friction acts, must be given
     slips : whether a joint is loose because friction alone holds it
     rotor : if it lets the axis of a link give way: that link, and how
-    tools : by which such joints are drawn
-    refit : of a sketch whose links were moved, of a joint's name and keys: what makes it fit
     """
 
     name: str
@@ -133,8 +131,6 @@ class JointKind:
     rubs_by: tuple[Sequence[str], bool] = ((), False)
     slips: bool = False
     rotor: Callable[[Names, str, Any], tuple[str, Rotor]] | None = None
-    tools: tuple[Tool, ...] = ()
-    refit: Callable[[Sketch, str, Any], list[Edit]] | None = None
 
 
 KINDS: dict[str, JointKind] = {}

@@ -14,7 +14,6 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.scene.joint_keys import Names
 from mechanism_sim.scene.quantities import Part
-from mechanism_sim.scene.sketch import Tool
 
 Elements = Callable[[Mechanism], list[ForceElement]]
 """From a tree of the mechanism to its force elements."""
@@ -29,12 +28,10 @@ class LoadKind:
     section : part of a scene with one key, that of the section: such loads by name
     read : from the names of a scene, the name and keys of a load and the ideal tree to what
         makes its elements for any tree; refuses what does not fit together
-    tools : by which such loads are drawn
     """
 
     section: type[Part]
     read: Callable[[Names, str, Any, Mechanism], Elements]
-    tools: tuple[Tool, ...] = ()
 
     @property
     def name(self) -> str:

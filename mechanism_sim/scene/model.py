@@ -19,7 +19,8 @@ from mechanism_sim.hybrid.plotting import Rich
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, largest_speed, time_of_angle
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Revolute
+from mechanism_sim.planar.mechanism import Mechanism, Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.plan import Plan, plan_of
 from mechanism_sim.scene.schema import Commands, Scene

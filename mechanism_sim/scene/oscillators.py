@@ -6,7 +6,7 @@ from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.impulses import JointImpulses
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.scene.clearances import gaps_and_films
 from mechanism_sim.scene.dynamic_model import DynamicModel

@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping
 
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.planar.mechanism import GROUND, LinkPoint, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.scene.joint_keys import JointKeys
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.units import Measure

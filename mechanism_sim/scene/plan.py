@@ -14,11 +14,11 @@ from mechanism_sim.planar.mechanism import (
     HigherPair,
     Joint,
     Mechanism,
-    Vector2,
     bending_guides,
     closing_joints,
 )
 from mechanism_sim.planar.motor import Motor
+from mechanism_sim.planar.points import Vector2
 from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.drives import drive_key, is_straight, read_drives, read_laws, read_motor
 from mechanism_sim.scene.elastic_links import read_beams
@@ -31,7 +31,7 @@ from mechanism_sim.scene.loads.applied import read_effort
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.structure import read_bodies, read_frictions, read_joints, read_rotors
-from mechanism_sim.scene.tilt_keys import check_tilts, without_mass
+from mechanism_sim.scene.tilted_links import check_tilts, without_mass
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 

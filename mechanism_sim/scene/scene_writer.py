@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.facts import Facts, facts_of
 from mechanism_sim.scene.joint_keys import JointKeys, keys_of
 from mechanism_sim.scene.quantities import Part, meanings

@@ -23,7 +23,6 @@ from mechanism_sim.scene.quantities import (
     Time,
     si,
 )
-from mechanism_sim.scene.sketch import Tool
 from mechanism_sim.sensing.channel import Source
 from mechanism_sim.units import Measure, to_si_of
 
@@ -225,7 +224,6 @@ class SensorKind:
     carrier : from a machine and keys to the link or frame that carries the sensor
     place : likewise, where it is, in words
     check : refuses, from the machine, keys and where they stand, what no machine has
-    tools : by which such sensors are put on links or in joints
     """
 
     name: str
@@ -236,7 +234,6 @@ class SensorKind:
     carrier: Callable[[Any, Any], str]
     place: Callable[[Any, Any], str]
     check: Callable[[Any, Any, str], None]
-    tools: tuple[Tool, ...] = ()
 
 
 SENSORS: dict[str, SensorKind] = {}

@@ -11,7 +11,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.planar import branch
 from mechanism_sim.planar.branch import Branch
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Revolute
+from mechanism_sim.planar.mechanism import Mechanism, Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.model import MachineModel
 
 Array = NDArray[np.float64]

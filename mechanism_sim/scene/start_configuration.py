@@ -8,7 +8,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.observer import Instants
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.linkages.bearing_ends import seat
-from mechanism_sim.planar.mechanism import Revolute, rotate
+from mechanism_sim.planar.mechanism import Revolute
+from mechanism_sim.planar.points import rotate
 from mechanism_sim.scene.clearances import leaning
 from mechanism_sim.scene.dynamic_model import DynamicModel
 

@@ -7,13 +7,14 @@ from dataclasses import replace
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import JointFriction
-from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import Body, Joint, Mechanism
+from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import DrivePart, JointPart
-from mechanism_sim.scene.tilt_keys import tilted
+from mechanism_sim.scene.tilted_links import tilted
 
 
 def read_joints(places: Places) -> tuple[Joint, ...]:

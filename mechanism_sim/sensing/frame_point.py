@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.rational import Array, Modes, Rational
-from mechanism_sim.planar.mechanism import Vector2
+from mechanism_sim.planar.points import Vector2
 from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.residues import through
 from mechanism_sim.vibration.shaking import Forces, Shaking

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.rational import Array, Modes, Rational
-from mechanism_sim.planar.mechanism import Mechanism, Vector2
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import Vector2
 from mechanism_sim.sensing.chain import Instrument
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.point import PointOnLink

@@ -13,18 +13,10 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import (
-    GROUND,
-    HigherPair,
-    Joint,
-    Mechanism,
-    Point,
-    Side,
-    Vector2,
-    product,
-)
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism
 from mechanism_sim.planar.play import wall_name
-from mechanism_sim.planar.view import Course
+from mechanism_sim.planar.points import GROUND, Point, Vector2, product
+from mechanism_sim.planar.view import Course, Side
 
 Array = NDArray[np.float64]
 

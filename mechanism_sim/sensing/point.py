@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.numerics.rational import Modes, Rational
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2, factors, product
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND, Vector2, factors, product
 
 Array = NDArray[np.float64]
 

@@ -23,8 +23,9 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
-from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, Revolute
+from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute
 from mechanism_sim.planar.play import is_stop, joint_of_gap
+from mechanism_sim.planar.points import GROUND
 
 Array = NDArray[np.float64]
 

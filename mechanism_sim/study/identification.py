@@ -30,9 +30,9 @@ import numpy as np
 from scipy.stats import qmc
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.cycles.sensor_record import SensorRecord
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.kernel_regression import KernelRegression
-from mechanism_sim.study.measurement import Measurement
 from mechanism_sim.study.parameters import Parameter
 from mechanism_sim.study.workers import run_local
 
@@ -130,7 +130,7 @@ class Identification:
 
     def __init__(
         self,
-        measurements: Sequence[Measurement],
+        measurements: Sequence[SensorRecord],
         parameters: Sequence[Parameter],
         seed: int = 0,
         workers: int = 1,
@@ -283,7 +283,7 @@ def _likeness(
     return misfit, float((np.sqrt(((off / spread) ** 2).mean(axis=1)) >= misfit).mean())
 
 
-_Task = tuple[Sequence[Measurement], dict[str, float], Sequence[int]]
+_Task = tuple[Sequence[SensorRecord], dict[str, float], Sequence[int]]
 
 
 def _compute(numbered: tuple[int, _Task]) -> tuple[int, Array | str]:

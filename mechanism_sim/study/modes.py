@@ -20,7 +20,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.linearisation import Excitation, Linear, Linearisation, Point
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.oscillators import read_frame
 from mechanism_sim.vibration import state_space

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.planar.linearisation import Excitation
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.places import Places
 from mechanism_sim.study import frames

@@ -11,7 +11,8 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.physics import Physics, outside
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.impulses import JointImpulses
-from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND
 
 Array = NDArray[np.float64]
 

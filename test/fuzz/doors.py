@@ -181,7 +181,9 @@ class Client:
     Attributes
     ----------
     worst : [s] that it waited longest for an answer, or for the word that it will come
-    log : a file that gets a line for every message, in the order they went and came
+    memory : [MiB] of the largest of its processes
+    log : a file that gets a line for every message, in the order they went and came; beside it, in
+        a folder, the documents that were there when something went wrong
     """
 
     def __init__(
@@ -194,11 +196,15 @@ class Client:
         self.wrong: list[str] = []
         self.worst = self.memory = 0.0
         self._log = log.open('w', buffering=1) if log else None
+        self._kept = log.with_suffix('.documents') if log else None
+        self._errors = folder.parent.with_name('errors')
+        self._read = 0  # characters of it that were looked at
         self._messages = self._asked = 0
-        self.process = subprocess.Popen(
-            command('edit', 'four_bar_nominal', '--port', '0', '--json'), cwd=folder,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+        with self._errors.open('w') as errors:
+            self.process = subprocess.Popen(
+                command('edit', 'four_bar_nominal', '--port', '0', '--json'), cwd=folder,
+                stdout=subprocess.PIPE, stderr=errors, text=True,
+            )  # fmt: skip
         text = ''
         while '}' not in text:
             text += self.process.stdout.readline()
@@ -286,8 +292,31 @@ class Client:
             self.counts['cut off'] += 1
             self._connect()
             self.catch_up()
+        self._look_at_processes()
+
+    def _look_at_processes(self) -> None:
+        """Their memory, and what they say to nobody; a document that is too much is kept."""
         for pid in children(self.process.pid):
-            self.memory = max(self.memory, resident(pid))
+            size = resident(pid)
+            if size > max(MEMORY, 1.1 * self.memory):
+                self._keep(f'{size:.0f} MiB in process {pid}, {_name(pid)}')
+            self.memory = max(self.memory, size)
+        if said := self._said():
+            self.wrong.append(said)
+            self._keep(said)
+
+    def _said(self) -> str:
+        """What came to standard error since the last look."""
+        said = self._errors.read_text(errors='replace')[self._read :]
+        self._read += len(said)
+        return said
+
+    def _keep(self, why: str) -> None:
+        if self._kept:
+            self._kept.mkdir(exist_ok=True)
+            text = ''.join(f'# {x}\n' for x in why.splitlines()) + self.state.get('text', '')
+            file = self._kept / f'{self._messages}.yaml'
+            file.write_text(text, encoding='utf-8', errors='backslashreplace')
 
     def close(self) -> None:
         """End the editor, and compare what was saved."""
@@ -302,9 +331,9 @@ class Client:
         except subprocess.TimeoutExpired:
             code = 'no'
             self.process.kill()
-        said = self.process.stderr.read()
+        said = self._said()
         if code != 0 or 'Traceback' in said or len(said.splitlines()) > 1:
-            self.wrong.append(f'exit code {code}: {said[-500:]}')
+            self.wrong.append(f'exit code {code}: {said}')
         self.saves.close()
         self.wrong += self.saves.wrong
 
@@ -325,6 +354,12 @@ def resident(pid: int) -> float:
             'SC_PAGESIZE'
         ) / 2**20  # fmt: skip
     return 0.0
+
+
+def _name(pid: int) -> str:
+    with suppress(OSError):
+        return Path(f'/proc/{pid}/cmdline').read_text().replace('\0', ' ').strip()
+    return ''
 
 
 def edit(

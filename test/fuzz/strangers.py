@@ -51,7 +51,7 @@ from mechanism_sim.messages import (
     type_name,
 )
 from mechanism_sim.messages import Parameter as ParameterMessage
-from mechanism_sim.messages.definitions import typestore
+from ros_interfaces.definitions import typestore
 
 SCENE = 'four_bar_clearance'
 PATIENCE = 300.0  # [s]

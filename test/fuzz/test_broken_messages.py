@@ -13,8 +13,8 @@ from strangers import damaged, digest_of, disturb, is_message
 
 from mechanism_sim.analysis import analyze
 from mechanism_sim.messages import MessageError, message_class, own_messages, serialize
-from mechanism_sim.middleware.refusals import check_message
-from mechanism_sim.middleware.wire import parse_token
+from ros_interfaces.refusals import check_message
+from zenoh_rclpy.wire import parse_token
 
 EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '200'))
 SAMPLE = settings(max_examples=EXAMPLES, deadline=None, derandomize=EXAMPLES < 1000, database=None)

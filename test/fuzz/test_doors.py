@@ -15,9 +15,9 @@ from doors import Saves, edit, message, table
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mechanism_sim.editor.document import Document
+from mechanism_sim.editor.session import Session
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.pages.edit.document import Document
-from mechanism_sim.pages.edit.session import Session
 from mechanism_sim.scene.table_keys import TablePart, with_files
 
 EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '60'))

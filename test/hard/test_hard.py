@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from running import run as command
+from running import run_json
 
-from mechanism_sim.bench.hard import cases, run
+from test.hard.case import cases, run
+from test.hard.command import main
 
 DEEP = {
     'a_million_revolutions_later', 'closure_after_five_thousand_revolutions', 'cut_anywhere',
@@ -35,3 +38,18 @@ def test_hard_case(case):
     broken = [f'{f.name} = {f.value:.6g} {f.unit}, bound {f.bound:g}'
               for f in outcome.figures if not f.ok]  # fmt: skip
     assert not broken
+
+
+def test_the_command(tmp_path):
+    page = tmp_path / 'page.md'
+    found = run_json('free_shaft', '--markdown', str(page), program=main)['cases']
+    assert {row['name'] for row in found} == {'free_shaft'}
+    assert all({'figure', 'bound', 'ok'} <= {*row} and row['ok'] for row in found)
+    assert '## free_shaft' in page.read_text()
+    for arguments, said in (
+        (('free_shafts',), "did you mean 'free_shaft'"),
+        (('free_shaft', '--markdown', str(tmp_path / 'no' / 'page.md')), 'no such folder'),
+    ):
+        done = command(*arguments, program=main)
+        assert done.returncode == 2
+        assert said in done.stderr

@@ -6,7 +6,7 @@ the crank and ``t = integral of d beta/beta'``. With ``beta = beta0 + s^2`` the 
 smooth; it is integrated by Gauss-Legendre in 40 digits, and the angle at the end of the run is
 found by Newton's method. Positions come from circles that intersect: a four-bar, then two dyads.
 
-`python make_andrews_squeezer.py` writes `andrews_squeezer.json` to mechanism_sim/bench/references.
+`python make_andrews_squeezer.py` writes `andrews_squeezer.json` to benchmarks/references.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def main():
         'start': [mp.nstr(x, 25) for x in test_set_angles(K['beta0'])],
         **{k: mp.nstr(x, 25) for k, x in zip(names, test_set_angles(beta), strict=True)},
     }
-    folder = Path(__file__).parents[2] / 'mechanism_sim/bench/references'
+    folder = Path(__file__).parents[2] / 'benchmarks/references'
     (folder / 'andrews_squeezer.json').write_text(json.dumps(data, indent=1) + '\n')
     print(f'andrews_squeezer.json: beta = {mp.nstr(beta, 20)} rad, check {mp.nstr(check, 2)} s')
 

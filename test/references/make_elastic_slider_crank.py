@@ -1,8 +1,8 @@
 """Reference for the flexible slider-crank of the IVP test set: DOP853 on its own matrices.
 
-`mechanism_sim.bench.flexible_slider_crank` has them, written by hand; two tolerances agree in what
+`benchmarks.flexible_slider_crank` has them, written by hand; two tolerances agree in what
 is kept. `python make_elastic_slider_crank.py` writes `elastic_slider_crank.json` to
-mechanism_sim/bench/references.
+benchmarks/references.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import scipy
 from make_nominal import REFERENCES
 from scipy.integrate import solve_ivp
 
-from mechanism_sim.bench.flexible_slider_crank import END, closed_start, rates
+from benchmarks.flexible_slider_crank import END, closed_start, rates
 
 
 def main():

@@ -16,7 +16,7 @@ branch, frictionless, point pin, Newton's restitution, crank at constant speed f
   leave the equations no freedom. A second run with another order, precision and cut is compared.
 
 `python make_four_bar_clearance.py [NAME...]` writes `four_bar_NAME.json` to
-mechanism_sim/bench/references.
+benchmarks/references.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from gmpy2 import acos, atan2, cos, mpfr, sin, sqrt
 
 gmpy2.get_context().precision = 256
 ZERO = mpfr(0)
-REFERENCES = Path(__file__).parents[2] / 'mechanism_sim' / 'bench' / 'references'
+REFERENCES = Path(__file__).parents[2] / 'benchmarks' / 'references'
 STEP_ERROR, CUT = mpfr('1e-55'), mpfr('1e-30')
 
 # Table 6.1 in SI, crank = 2, coupler = 3, rocker = 4, frame = 1; S: joint to mass centre

@@ -5,7 +5,7 @@ accelerations come from its derivatives; forces and torque from the nine Newton-
 of three free bodies in Cartesian form, with the nine unknowns solved together. The extremes of
 the bearing force are refined from a scan of one revolution.
 
-`python make_nominal.py` writes `nominal.json` to mechanism_sim/bench/references.
+`python make_nominal.py` writes `nominal.json` to benchmarks/references.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 import mpmath as mp
 
 mp.mp.dps = 50
-REFERENCES = Path(__file__).parents[2] / 'mechanism_sim' / 'bench' / 'references'
+REFERENCES = Path(__file__).parents[2] / 'benchmarks' / 'references'
 
 # Table 6.1 in SI, crank = 2, coupler = 3, rocker = 4, frame = 1; S: joint to mass centre
 PARAMETERS = {

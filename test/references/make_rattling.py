@@ -7,7 +7,7 @@ form, found in 50 digits with `mpmath`; in contact the motion is given, and cont
 of the force. Bounces are followed until they are less than 1e-30 m high.
 
 `python make_rattling.py` writes `valve_train.json` and `gear_rattle.json` to
-mechanism_sim/bench/references.
+benchmarks/references.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import ClassVar
 
 import mpmath as mp
 
-REFERENCES = Path(__file__).parents[2] / 'mechanism_sim' / 'bench' / 'references'
+REFERENCES = Path(__file__).parents[2] / 'benchmarks' / 'references'
 REVOLUTIONS = 5
 LOWEST = mp.mpf('1e-30')  # [m] bounces that count as contact
 mp.mp.dps = 50

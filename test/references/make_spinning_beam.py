@@ -2,7 +2,7 @@
 
 No beam, no modes, no foreshortening. The error of a chain falls as the square of its segments'
 length, and is extrapolated away twice (Richardson). `python make_spinning_beam.py` writes
-`spinning_beam.json` to mechanism_sim/bench/references.
+`spinning_beam.json` to benchmarks/references.
 """
 
 from __future__ import annotations

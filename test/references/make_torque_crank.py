@@ -4,7 +4,7 @@ The energy integral ``J(th2) w2^2/2 + V(th2) - T th2 = E`` gives the crank's spe
 so the time to an angle is a quadrature, ``t = integral of d th2/w2``. It is done by Gauss-Legendre
 in 40 digits with `mpmath`, and the angle at the end of the run is found by Newton's method on it.
 
-`python make_torque_crank.py` writes `torque_crank.json` to mechanism_sim/bench/references.
+`python make_torque_crank.py` writes `torque_crank.json` to benchmarks/references.
 """
 
 from __future__ import annotations

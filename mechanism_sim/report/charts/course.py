@@ -14,7 +14,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.columns import part_of
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.sampling import Samples, table
-from mechanism_sim.nodes.parts import kinds_of
+from mechanism_sim.messages.part_states import kinds_of
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.report.charts.lines import OVER_TIME, TURNS, Abscissa, over_turns
 from mechanism_sim.report.charts.thinning import MOST, Envelope, Line, thinned

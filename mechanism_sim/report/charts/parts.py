@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mechanism_sim.analysis.parts import PARTS
-from mechanism_sim.nodes.parts import kinds_of
+from mechanism_sim.messages.part_states import kinds_of
 from mechanism_sim.report.charts.chart import Chart, Section
 from mechanism_sim.report.charts.course import Course
 from mechanism_sim.report.charts.curves import Curve, over_time, quantities

@@ -6,7 +6,7 @@ import math
 from typing import Literal, NamedTuple, TypeAlias
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import GROUND, Vector2, rotate
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.joint_keys import Names
 
 Frame: TypeAlias = tuple[Vector2, float, Literal[1, -1]]

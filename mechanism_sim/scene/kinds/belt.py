@@ -38,14 +38,14 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.joint_friction import FlankFriction
 from mechanism_sim.planar.loads import Load, Wrench, moment_of
-from mechanism_sim.planar.mechanism import GROUND, LinkPoint, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.view import Draft, circle
 from mechanism_sim.scene.contact_keys import Friction, Play
 from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds.transmission import PhaseKeys
 from mechanism_sim.scene.quantities import Length, si
-from mechanism_sim.scene.sketch import Shaft, Sketch, Tool, between
 
 _LARGEST = 10_000  # of the whole numbers whose ratio the radii have
 
@@ -420,23 +420,17 @@ def _notes(_: Any, joint: Belt) -> list[str]:
     ]
 
 
-def _drawn(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, list[str]]:
-    """Pulleys as 3 to 5, which leave a fifth of the distance of their centres to both sides."""
-    apart = math.dist(one.at, two.at)
-    return {'radii': [sketch.size(share * apart) for share in (0.15, 0.25)]}
-
-
-_TOOL = Tool(
-    'belt', 'B',
-    'M3.5 6a2 2 0 0 0 0 4L11 13a5 5 0 0 0 0-10zm0 1.3L11 4.3a3.7 3.7 0 0 1 0 7.4L3.5 8.7z',
-    'Press on a link that turns, or where a pulley is to be; drag to the other', between(
-        'belt', 'pulley', _drawn), 'band',
-)  # fmt: skip
-
 register(
     JointKind(
-        'belt', BeltKeys, _read, _play, firm='belts and chains have strands', notes=_notes,
-        mounted=_mounted, friction=_friction, rubs_by=(('groove', 'efficiency'), False),
-        slips=True, tools=(_TOOL,),
+        'belt',
+        BeltKeys,
+        _read,
+        _play,
+        firm='belts and chains have strands',
+        notes=_notes,
+        mounted=_mounted,
+        friction=_friction,
+        rubs_by=(('groove', 'efficiency'), False),
+        slips=True,
     )
-)  # fmt: skip
+)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
@@ -19,7 +19,6 @@ from mechanism_sim.scene.gear_keys import MOST_TEETH
 from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds.transmission import CarrierKeys, carrier_of
 from mechanism_sim.scene.quantities import Angle, Displacement, Length, Position
-from mechanism_sim.scene.sketch import Shaft, Sketch, Tool, between
 
 _Count = Annotated[int, Field(ge=1, le=MOST_TEETH)]
 
@@ -137,23 +136,12 @@ def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFri
     )]  # fmt: skip
 
 
-def _drawn(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, Any]:
-    """Teeth as 1 to 2 that fill the distance of the shafts as they are drawn."""
-    module = math.dist(one.at, two.at) / 30.0
-    return {
-        'teeth': [20, 40], 'module': sketch.size(module), 'face_width': sketch.size(6.0 * module),
-    }  # fmt: skip
-
-
-_TOOL = Tool(
-    'bevel', 'H', 'M1 6l5 2-5 2zm6-5l8 4H7zm0 6h8l-8 8z',
-    'Press on a link that turns, or where it is to be; drag to another: bevel gears',
-    between('bevel', 'shaft', _drawn), 'band',
-)  # fmt: skip
-
 register(
     JointKind(
-        'bevel', BevelKeys, _read, firm='bevel gears have no play here', friction=_friction,
-        tools=(_TOOL,),
+        'bevel',
+        BevelKeys,
+        _read,
+        firm='bevel gears have no play here',
+        friction=_friction,
     )
-)  # fmt: skip
+)

@@ -31,7 +31,8 @@ from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.cams.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import ContactFriction
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2, rotate
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.scene.contact_keys import Contact, Friction, Play
 from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds._cam_guides import Guide, along, around, find_guide
@@ -47,8 +48,6 @@ from mechanism_sim.scene.quantities import (
     si_of,
 )
 from mechanism_sim.scene.quantities import Friction as FrictionCoefficient
-from mechanism_sim.scene.rounding import degrees, rounded
-from mechanism_sim.scene.sketch import Edit, Sketch, Spot, Tool
 from mechanism_sim.units import Measure
 
 Way = Annotated[Measure, si_of('rad', 'm')]
@@ -489,62 +488,15 @@ def _notes(machine: Any, pair: CamPair) -> list[str]:
     return notes
 
 
-def _draw(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
-    """A roller on a link that swings or slides, or on a new one that slides away from the cam.
-
-    It rises and returns by a quarter of its distance, and starts in a dwell where it is.
-    """
-    a, b, apart = sketch.ends(start, end, 'cam')
-    cam = sketch.turning(start, 'cam')
-    if cam.on != GROUND:
-        raise InputError(
-            'a cam turns on the ground: press on a link that does, or where it is to be'
-        )
-    links = [x for x, _ in end.handle.members] if end.handle else [end.link]
-    rail, rise = sketch.sliding(end), sketch.size(0.25 * apart)
-    swings = next((x for x in map(sketch.pivot, links) if x and x.link != cam.link), None)
-    joint: dict[str, Any] = {'follower': 'roller', 'roller': sketch.size(0.25 * apart)}
-    edits: list[Edit] = []
-    if rail:
-        follower = rail.own
-        apart = math.dist(cam.at, rail.at)
-    elif swings:
-        follower, edits = sketch.on_link(end, 'a follower is')
-        arm = math.dist(swings.at, b)
-        if arm < sketch.grid.step:
-            raise InputError('a cam touches a link beside its pivot: drag to its end')
-        (x, y), (u, v) = ((p[0] - a[0], p[1] - a[1]) for p in (swings.at, b))
-        joint['side'] = 'left' if x * v - y * u > 0.0 else 'right'
-        rise = rounded(min(0.25 * apart / arm, 0.4), math.radians(1.0), 'deg', 'rad')
-    else:
-        follower, axis = sketch.name('follower'), math.atan2(b[1] - a[1], b[0] - a[0])
-        guide = sketch.guide(cam.base, follower, axis)
-        edits = [sketch.link(follower), *guide, Edit(('guess', follower), sketch.long(apart))]
-    angle = sketch.poses[cam.link].angle if cam.link in sketch.poses else 0.0
-    if abs(angle) > 1e-9:
-        joint['phase'] = degrees(-angle, 4)
-    joint['base_radius'] = sketch.size(0.75 * apart)
-    joint['law'] = {'segments': [
-        {'from': f'{first} deg', 'to': f'{first + 100} deg', 'rise': sign + rise}
-        for first, sign in ((40, ''), (220, '-'))
-    ]}  # fmt: skip
-    joint = {'cam': [cam.own, follower], **joint}
-    path = sketch.named(cam.link, follower)
-    driven = sketch.driven(cam.link) if cam.edits else []
-    return [Edit(path, joint), *cam.edits, *edits, *driven]
-
-
-_TOOL = Tool(
-    'cam', 'A',
-    'M8 4a5 5 0 0 1 5 5 5 5 0 0 1-10 0c0-3 3-3 5-5zm0 3.5a1.5 1.5 0 1 0 0 3 1.5 1.5 0 0 0 '
-    '0-3zM8 0a1.6 1.6 0 1 1 0 3.2A1.6 1.6 0 0 1 8 0z',
-    'Press on a link that turns, or where a cam is to be; drag to a link that swings or slides, '
-    'or to where its follower is to be', _draw, 'band',
-)  # fmt: skip
-
 register(
     JointKind(
-        'cam', CamKeys, _read, _play, firm="write 'lift_off' or 'groove'", notes=_notes,
-        friction=_friction, rubs_by=(('radius',), False), tools=(_TOOL,),
+        'cam',
+        CamKeys,
+        _read,
+        _play,
+        firm="write 'lift_off' or 'groove'",
+        notes=_notes,
+        friction=_friction,
+        rubs_by=(('radius',), False),
     )
-)  # fmt: skip
+)

@@ -12,18 +12,17 @@ from pydantic import BeforeValidator, Field
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.compliance import Elasticity, middle, touching
 from mechanism_sim.gears.involute import rounded_up
-from mechanism_sim.gears.mesh import GearMesh, Harmonic, Teeth
+from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.gears.pair import Pair, sliding_arm
+from mechanism_sim.gears.placement import Harmonic, Teeth
 from mechanism_sim.planar.joint_friction import TeethFriction
-from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, rotate
+from mechanism_sim.planar.mechanism import Joint, Mechanism
 from mechanism_sim.scene.contact_keys import Contact, Friction, Play
 from mechanism_sim.scene.gear_keys import GearPart
 from mechanism_sim.scene.gears import Placed, Wheel, place, read_wheel
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Coefficient, Displacement, Length, Part, si
 from mechanism_sim.scene.quantities import Friction as FrictionCoefficient
-from mechanism_sim.scene.rounding import exactly
-from mechanism_sim.scene.sketch import Edit, Shaft, Sketch, Spot, Tool, point
 
 
 def _shares(value: Any) -> Any:
@@ -356,108 +355,13 @@ def _cure(own: Teeth, mate: Teeth, now: tuple[float, float], shift: float, cosin
     return f'shifts of {shift:g} for it and {other:g} for {mate.name} end it at {where}'
 
 
-def _gears(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
-    """A pair as 1 to 2, or what fits a gear that is there; on a link that slides a rack."""
-    if rail := sketch.sliding(end):
-        one = sketch.turning(start, 'wheel')
-        way = rotate((rail.at[0] - one.at[0], rail.at[1] - one.at[1]), -rail.axis)
-        return _with_rack(sketch, one, rail.link, abs(way[1]))
-    one, two = sketch.shafts(start, end, 'wheel', 'a pair of gears')
-    apart = math.dist(one.at, two.at)
-    (a, z, m), (b, n, k) = (_fixed(sketch, shaft) for shaft in (one, two))
-    if a or b:  # the other has as many teeth as the distance leaves
-        module = m or k
-        more = 2.0 * apart / module - (z or n)
-        if (a and b) or more < 3.0 or abs(more - round(more)) > 1e-7 * apart / module:
-            a, b, z, n, module = '', '', 20, 40, apart / 30.0
-        z, n = z or round(more), n or round(more)
-    else:
-        z, n, module = 20, 40, apart / 30.0
-    gears = []
-    for name, shaft, teeth in ((a, one, z), (b, two, n)):
-        values = {'at': shaft.own, 'teeth': teeth, 'module': exactly(module, sketch.grid.unit)}
-        gears.append(Edit(('gears', name or sketch.name('gear')), values))
-    joint = {'mesh': [gear.path[1] for gear in gears]}
-    return [
-        Edit(sketch.named(one.link, two.link), joint), *one.edits, *two.edits,
-        *(gear for gear in gears if gear.path[1] not in (a, b)),
-        *(sketch.driven(one.link) if one.edits else []),
-    ]  # fmt: skip
-
-
-def _fixed(sketch: Sketch, shaft: Shaft) -> tuple[str, int, float]:
-    """A gear about a shaft: name, teeth and module [m]; nothing if there is none."""
-    for name, gear in sketch.scene.gears.items():
-        plain = gear.teeth and not (gear.internal or gear.shift or gear.helix_angle)
-        if plain and point(sketch.scene, gear.at) == point(sketch.scene, shaft.own):
-            return name, gear.teeth, gear.module
-    return '', 0, 0.0
-
-
-def _refit(sketch: Sketch, _name: str, joint: MeshKeys) -> list[Edit]:
-    """The module that the distance of the centres asks for, unless that is to leave play."""
-    scene = sketch.scene
-    gears = [scene.gears.get(gear) for gear in joint.points]
-    if None in gears or (joint.backlash and joint.backlash.width is None):
-        return []
-    one, two = gears
-    ends = [point(scene, gear.at) for gear in gears]
-    if None in ends or one.shift or two.shift or one.helix_angle:
-        return []
-    a, b = (sketch.poses[end[0]].place(end[2]) for end in ends if end)
-    apart, teeth = math.dist(a, b), (one.teeth or 0) * (-1 if one.internal else 1)
-    teeth += (two.teeth or 0) * (-1 if two.internal else 1)
-    if two.rack:
-        rail = sketch.sliding(Spot(b, link=ends[1][0] if ends[1] else ''))
-        apart = abs(rotate((b[0] - a[0], b[1] - a[1]), -rail.axis)[1]) if rail else 0.0
-    if not teeth or not apart or abs(2.0 * apart / abs(teeth) / one.module - 1.0) < 1e-9:
-        return []
-    module = exactly(2.0 * apart / abs(teeth), sketch.grid.unit)
-    return [Edit(('gears', gear, 'module'), module) for gear in joint.points]
-
-
-def _rack(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
-    """A pinion and a rack that slides across the line from its centre to the place."""
-    _, _, apart = sketch.ends(start, end, 'rack')
-    one, at = sketch.turning(start, 'wheel'), sketch.where(end)
-    axis = math.atan2(at[1] - one.at[1], at[0] - one.at[0]) + 0.5 * math.pi
-    base, edits = sketch.point(GROUND, at)
-    rack = sketch.name('rack')
-    made = [sketch.link(rack), *edits, *sketch.guide(base, rack, axis)]
-    return [*_with_rack(sketch, one, rack, apart), *made]
-
-
-def _with_rack(sketch: Sketch, one: Shaft, rack: str, radius: float) -> list[Edit]:
-    if radius < sketch.grid.step:
-        raise InputError('a rack runs beside the centre of its pinion: take it further away')
-    names = sketch.name('gear'), sketch.name('gear')
-    module = exactly(0.1 * radius, sketch.grid.unit)
-    return [
-        Edit(sketch.named(one.link, rack), {'mesh': list(names)}), *one.edits,
-        Edit(('gears', names[0]), {'at': one.own, 'teeth': 20, 'module': module}),
-        Edit(('gears', names[1]), {'at': rack, 'module': module, 'rack': True}),
-        *(sketch.driven(one.link) if one.edits else []),
-    ]  # fmt: skip
-
-
-_TOOLS = (
-    Tool(
-        'gears', 'E',
-        'M4 3l.5-1h1L6 3h1l1 1v1l1 .5v1L8 7v1L7 9H6l-.5 1h-1L4 9H3L2 8V7l-1-.5v-1L2 5V4l1-1z'
-        'm6 5l.5-1h2l.5 1 1 .5v1l1 1-1 1.5v1l-1 1h-1l-1 1-1-1h-1l-1-1v-1l-1-1.5 1-1v-1z',
-        'Press on a link that turns, or where a gear is to be; drag to another, or to a link that '
-        'slides', _gears, 'band',
-    ),
-    Tool(
-        'rack', 'Q',
-        'M8 1a4 4 0 1 1 0 8 4 4 0 0 1 0-8zM0 14v-3h2v-1h2v1h2v-1h2v1h2v-1h2v1h2v-1h2v4z',
-        'Press on a link that turns, or where a pinion is to be; drag to its rack', _rack, 'band',
-    ),
-)  # fmt: skip
-
 register(
     JointKind(
-        'mesh', MeshKeys, _read, firm="the play of teeth is their 'backlash'", notes=_notes,
-        friction=_friction, tools=_TOOLS, refit=_refit,
+        'mesh',
+        MeshKeys,
+        _read,
+        firm="the play of teeth is their 'backlash'",
+        notes=_notes,
+        friction=_friction,
     )
-)  # fmt: skip
+)

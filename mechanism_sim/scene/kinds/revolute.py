@@ -13,7 +13,6 @@ from mechanism_sim.scene.clearances import leaning
 from mechanism_sim.scene.contact_keys import Clearance, Friction, Misalignment
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Position
-from mechanism_sim.scene.sketch import Edit, Sketch, Spot, Tool
 
 
 class RevoluteKeys(JointKeys):
@@ -109,23 +108,14 @@ def _notes(machine: Any, joint: Revolute) -> list[str]:
     ]
 
 
-def _draw(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
-    """A pin between two points, which the machine brings together."""
-    (one, new), (two, newer) = sketch.reference(start), sketch.reference(end)
-    if one.partition('.')[0] == two.partition('.')[0]:
-        raise InputError('a pin joins points of two links: press on one, drag to the other')
-    return [Edit(sketch.named(one, two), {'revolute': [one, two]}), *new, *newer]
-
-
-_TOOL = Tool(
-    'pin', 'N', 'M8 4a4 4 0 1 1 0 8 4 4 0 0 1 0-8zm0 2.5a1.5 1.5 0 1 0 0 3 1.5 1.5 0 0 0 0-3z',
-    'Press on a point of a link, drag to a point of another: they are pinned together', _draw,
-    'band',
-)  # fmt: skip
-
 register(
     JointKind(
-        'revolute', RevoluteKeys, _read, notes=_notes,
-        wrong_play=_wrong_play, friction=_friction, rubs_by=(('radius',), True), tools=(_TOOL,),
+        'revolute',
+        RevoluteKeys,
+        _read,
+        notes=_notes,
+        wrong_play=_wrong_play,
+        friction=_friction,
+        rubs_by=(('radius',), True),
     )
-)  # fmt: skip
+)

@@ -11,7 +11,8 @@ from pydantic import Field
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import GROUND, Revolute
+from mechanism_sim.planar.mechanism import Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import SLOPE, Lump, Rotor, Rows, Support
 from mechanism_sim.scene.elastic_keys import MATERIALS
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
@@ -26,7 +27,6 @@ from mechanism_sim.scene.quantities import (
     one_or_two,
     si,
 )
-from mechanism_sim.scene.sketch import Edit, Sketch, Spot, Tool
 from mechanism_sim.vibration.rotors import shaft_rigidity
 from mechanism_sim.vibration.shafts import Bearing, condensed
 
@@ -436,24 +436,12 @@ def _made(
     )
 
 
-def _draw(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
-    """A disk of 10 kg, a millimetre off its axis, on one support."""
-    base, edits = sketch.point(GROUND, sketch.where(start))
-    disk = sketch.name('disk')
-    joint = {'rotor': [base, disk], 'supports': {'bearings': {'stiffness': '50 N/mm'}}}
-    values = {'mass': '10 kg', 'inertia': '0.04 kg m^2', 'cog': '1 mm'}
-    made = [Edit(sketch.named(base, disk), joint), Edit(('links', disk), values), *edits]
-    return [*made, *sketch.masses(), *sketch.driven(disk)]
-
-
-_TOOL = Tool(
-    'rotor', 'Z', 'M7 1h2v14H7zM1 7h14v2H1zm3-3h8v8H4z',
-    'Click: an unbalanced disk on a support that gives way', _draw,
-)  # fmt: skip
-
 register(
     JointKind(
-        'rotor', RotorKeys, _read, rotor=_rotor,
-        firm="what gives way of a rotor is its 'shaft' and its 'supports'", tools=(_TOOL,),
+        'rotor',
+        RotorKeys,
+        _read,
+        rotor=_rotor,
+        firm="what gives way of a rotor is its 'shaft' and its 'supports'",
     )
-)  # fmt: skip
+)

@@ -7,11 +7,10 @@ from typing import Annotated, Any
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.transmission import Transmission
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.gear_keys import MOST_TEETH
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Angle, Quantity
-from mechanism_sim.scene.sketch import Tool, between
 
 
 def _fraction(value: Any) -> str:
@@ -88,15 +87,11 @@ def carrier_of(places: Names, name: str, joint: CarrierKeys) -> str:
     return carrier
 
 
-_TOOL = Tool(
-    'ratio', 'I', 'M1 4h6v8H1zm8 0h6v8H9zM7 7h2v2H7z',
-    'Press on a link that turns, or where it is to be; drag to another: their angles keep a ratio',
-    between('transmission', 'shaft', lambda sketch, one, two: {'ratio': '1/2'}), 'band',  # noqa: ARG005
-)  # fmt: skip
-
 register(
     JointKind(
-        'transmission', TransmissionKeys, _read, firm="the play of teeth is their 'backlash'",
-        tools=(_TOOL,),
+        'transmission',
+        TransmissionKeys,
+        _read,
+        firm="the play of teeth is their 'backlash'",
     )
-)  # fmt: skip
+)

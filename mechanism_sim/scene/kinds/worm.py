@@ -16,7 +16,6 @@ from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds.bevel import SpatialKeys, needed, placed, pressure_angle_of
 from mechanism_sim.scene.kinds.transmission import carrier_of
 from mechanism_sim.scene.quantities import Angle, Length
-from mechanism_sim.scene.sketch import Shaft, Sketch, Tool, between
 
 
 class WormKeys(SpatialKeys):
@@ -83,21 +82,13 @@ def _notes(machine: Any, pair: WormDrive) -> list[str]:
     ]
 
 
-def _drawn(sketch: Sketch, one: Shaft, two: Shaft) -> dict[str, Any]:
-    """A worm of a third of the distance of the shafts."""
-    wide = math.dist(one.at, two.at) / 3.0
-    return {'teeth': [2, 30], 'diameter': sketch.size(wide), 'lead_angle': '10 deg'}
-
-
-_TOOL = Tool(
-    'worm', 'Y', 'M1 5h14v1.5l-14 3zm0 7.5V11l14-3v1.5zM1 14h14v1H1zM1 1h14v1H1z',
-    'Press on a link that turns, or where it is to be; drag to another: a worm and its wheel',
-    between('worm', 'shaft', _drawn), 'band',
-)  # fmt: skip
-
 register(
     JointKind(
-        'worm', WormKeys, _read, firm='a worm has no play here', notes=_notes, friction=_friction,
-        tools=(_TOOL,),
+        'worm',
+        WormKeys,
+        _read,
+        firm='a worm has no play here',
+        notes=_notes,
+        friction=_friction,
     )
-)  # fmt: skip
+)

@@ -22,8 +22,6 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.joint_keys import Names
 from mechanism_sim.scene.load_keys import Elements, LoadKind, register
 from mechanism_sim.scene.quantities import Part, Quantity, si_of
-from mechanism_sim.scene.rounding import rounded
-from mechanism_sim.scene.sketch import Edit, Sketch, Spot, Tool
 from mechanism_sim.units import Measure, to_si, to_si_of
 
 Place = Annotated[Measure, si_of('rad', 'm')]
@@ -236,36 +234,4 @@ def _range(places: Names, where: str, given: DuringPart, tree: Mechanism) -> Cyc
     return CycleRange(c, begin, end, straight, way)
 
 
-def _force(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
-    """A force of a newton per millimetre of its arrow."""
-    (x, y), (u, v), long = sketch.ends(start, end, 'force')
-    at, edits = sketch.on_link(start, 'a force acts')
-    step = 10.0 ** (math.floor(math.log10(1e3 * long)) - 1)
-    force = [rounded(1e3 * part, step, 'N', 'N') for part in (u - x, v - y)]
-    load = Edit(('loads', sketch.name('force')), {'at': at, 'force': force})
-    return [load, *edits, *sketch.masses()]
-
-
-def _torque(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
-    """A torque of a newton metre per 100 mm, counterclockwise if it is drawn upwards."""
-    (x, y), (u, v) = sketch.where(start), sketch.where(end)
-    at, edits = sketch.on_link(start, 'a torque acts')
-    size = float(f'{math.copysign(10.0 * math.hypot(u - x, v - y), v - y):.2g}') or 1.0
-    load = Edit(('loads', sketch.name('torque')), {'at': at, 'torque': f'{size:g} N m'})
-    return [load, *edits, *sketch.masses()]
-
-
-_TOOLS = (
-    Tool(
-        'force', 'Shift+F', 'M2 15L1 14 11 4H6V2h8v8h-2V5z',
-        'Press on a link, drag: an arrow of 1 N a millimetre', _force, 'band',
-    ),
-    Tool(
-        'torque', 'Shift+T',
-        'M13 13.5A7 7 0 1 1 14.5 5l1.5-.5-1.5 4L11 6l1.7-.4A5 5 0 1 0 11.6 12z',
-        'Press on a link, drag up or down: a torque of 1 N m for 100 mm, down it is clockwise',
-        _torque, 'band',
-    ),
-)  # fmt: skip
-
-register(LoadKind(Loads, _read, _TOOLS))
+register(LoadKind(Loads, _read))

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 from pydantic import Field
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.forces import Spring, TorsionSpring
-from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.scene.joint_keys import Names, Reference
 from mechanism_sim.scene.load_keys import Elements, LoadKind, register
 from mechanism_sim.scene.quantities import Angle, Part, si, si_of
-from mechanism_sim.scene.rounding import degrees
-from mechanism_sim.scene.sketch import ORIGIN, Edit, Sketch, Spot, Tool
 from mechanism_sim.units import Measure
 
 Stiffness = Annotated[Measure, si_of('N/m', 'N m/rad')]
@@ -74,45 +71,4 @@ def _read(places: Names, name: str, spring: SpringPart, _: Mechanism) -> Element
     return made
 
 
-def _draw(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
-    """A spring between two points, relaxed where it is drawn."""
-    (one, new), (two, newer) = sketch.reference(start), sketch.reference(end)
-    _two_links(one, two)
-    free = sketch.long(math.dist(sketch.where(start), sketch.where(end)))
-    values = {'between': [one, two], 'stiffness': '1000 N/m', 'free_length': free}
-    return [Edit(('springs', sketch.name('spring')), values), *new, *newer]
-
-
-def _draw_torsion(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
-    """A torsion spring between two links, or the ground, relaxed as they lie."""
-    one, two = (
-        spot.link or (spot.handle.members[-1][0] if spot.handle else GROUND)
-        for spot in (start, end)
-    )
-    _two_links(one, two)
-    a, b = (sketch.poses.get(link, ORIGIN).angle for link in (one, two))
-    values = {'between': [one, two], 'stiffness': '10 N m/rad', 'free_angle': degrees(b - a)}
-    return [Edit(('springs', sketch.name('spring')), values)]
-
-
-def _two_links(one: str, two: str) -> None:
-    if one.partition('.')[0] == two.partition('.')[0]:
-        raise InputError('a spring is between points of two links, or of a link and the ground')
-
-
-_TOOLS = (
-    Tool(
-        'spring', 'R',
-        'M1 7.3h2l1-3 2 7 2-7 2 7 2-7 1 3h2v1.4h-3l-.3-.9-1.7 6-2-7-2 7-2-7-.3 1.9H1z',
-        'Press on one point, drag to another', _draw, 'band',
-    ),
-    Tool(
-        'torsion', 'Shift+R',
-        'M8 7a1 1 0 1 1-1 1 3 3 0 1 1 4 2.8V15H9.5v-5.5A1.5 1.5 0 1 0 6.5 8 1.5 1.5 0 0 0 8 '
-        '9.5 3 3 0 0 1 5 7a5 5 0 1 1 8 4l-1-1a3.6 3.6 0 1 0-5.6-2.5z',
-        'Press on a link, drag to another or to the frame: a torsion spring', _draw_torsion,
-        'band',
-    ),
-)  # fmt: skip
-
-register(LoadKind(Springs, _read, _TOOLS))
+register(LoadKind(Springs, _read))

@@ -15,7 +15,7 @@ from mechanism_sim.scene.sensor_keys import (
     Transducer,
     register,
 )
-from mechanism_sim.scene.sensors._places import check_link, tool_on_link
+from mechanism_sim.scene.sensors._places import check_link
 from mechanism_sim.sensing.channel import Source
 from mechanism_sim.sensing.frame_point import PointOnFrame
 from mechanism_sim.sensing.point import PointOnLink
@@ -85,10 +85,5 @@ register(
         carrier=lambda machine, sensor: str(sensor.link),  # noqa: ARG005
         place=_place,
         check=_check,
-        tools=(
-            tool_on_link(
-                'accelerometer', 'Shift+A', 'M2 4h12v8H2zm2 2v4h2V6zm4 0v1h5V6zm0 2.5v1h4v-1z', {}
-            ),
-        ),
     )
 )

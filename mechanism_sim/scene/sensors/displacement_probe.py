@@ -12,8 +12,7 @@ from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.rational import Array, Modes, Rational
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.scene.sensor_keys import AnalogueKeys, InJointKeys, SensorKind, register
-from mechanism_sim.scene.sensors._places import check_joint, tool_in_joint
-from mechanism_sim.scene.sketch import PLAY
+from mechanism_sim.scene.sensors._places import check_joint
 
 
 class ProbeKeys(InJointKeys, AnalogueKeys):
@@ -73,14 +72,5 @@ register(
             f'{machine.mechanism.joint(sensor.joint).second}'
         ),
         check=_check,
-        tools=(
-            tool_in_joint(
-                'probe',
-                'Shift+P',
-                'M0 6h7v4H0zm10-3h2v10h-2z',
-                {'kind': 'displacement_probe'},
-                PLAY,
-            ),
-        ),
     )
 )

@@ -13,10 +13,11 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.numerics.rational import Array, Modes, Rational
-from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.quantities import Angle
 from mechanism_sim.scene.sensor_keys import OnLinkKeys, SensorKind, register
-from mechanism_sim.scene.sensors._places import check_link, tool_on_link
+from mechanism_sim.scene.sensors._places import check_link
 from mechanism_sim.sensing.chain import Trigger
 from mechanism_sim.sensing.sampling import Passage
 
@@ -152,15 +153,5 @@ register(
             f'of the {sensor.link} on the {sensor.relative_to}, {sensor.lines} lines'
         ),
         check=_check,
-        tools=(
-            tool_on_link(
-                'encoder',
-                'Shift+E',
-                'M8 1a7 7 0 1 1 0 14A7 7 0 0 1 8 1zm0 1.5v3a2.5 2.5 0 0 0-2.5 2.5h-3A5.5 '
-                '5.5 0 0 0 8 13.5v-3A2.5 2.5 0 0 0 10.5 8h3A5.5 5.5 0 0 0 8 2.5z',
-                {'kind': 'encoder'},
-                '',
-            ),
-        ),
     )
 )

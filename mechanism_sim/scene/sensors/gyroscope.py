@@ -9,7 +9,7 @@ from mechanism_sim.scene.sensor_keys import (
     SensorKind,
     register,
 )
-from mechanism_sim.scene.sensors._places import check_link, tool_on_link
+from mechanism_sim.scene.sensors._places import check_link
 from mechanism_sim.sensing.imu import Attitude
 
 
@@ -35,14 +35,5 @@ register(
         carrier=lambda machine, sensor: str(sensor.link),  # noqa: ARG005
         place=lambda machine, sensor: f'on the {sensor.link}',  # noqa: ARG005
         check=lambda machine, sensor, where: check_link(machine, where, sensor.link),
-        tools=(
-            tool_on_link(
-                'gyroscope',
-                'Shift+G',
-                'M8 1a7 7 0 1 1 0 14A7 7 0 0 1 8 1zm0 1.5a5.5 5.5 0 1 0 0 11 5.5 5.5 0 0 0 '
-                '0-11zM7 4h2v8H7z',
-                {'kind': 'gyroscope'},
-            ),
-        ),
     )
 )

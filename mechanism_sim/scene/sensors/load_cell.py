@@ -15,7 +15,7 @@ from mechanism_sim.numerics.rational import Array, Modes, Rational
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.sensor_keys import InJointKeys, SensorKind, ShockKeys, register
-from mechanism_sim.scene.sensors._places import check_joint, tool_in_joint
+from mechanism_sim.scene.sensors._places import check_joint
 from mechanism_sim.vibration.shaking import VelocitySteps
 
 
@@ -108,10 +108,5 @@ register(
             f'{machine.mechanism.joint(sensor.joint).second}'
         ),
         check=_check,
-        tools=(
-            tool_in_joint(
-                'load_cell', 'Shift+L', 'M3 2h10v3H9v6h4v3H3v-3h4V5H3z', {'kind': 'load_cell'}
-            ),
-        ),
     )
 )

@@ -19,7 +19,7 @@ from mechanism_sim.scene.sensor_keys import (
     SensorKind,
     register,
 )
-from mechanism_sim.scene.sensors._places import check_link, tool_on_link
+from mechanism_sim.scene.sensors._places import check_link
 
 
 class StrainKeys(OnLinkKeys, AnalogueKeys):
@@ -110,14 +110,5 @@ register(
         carrier=lambda machine, sensor: str(sensor.link),  # noqa: ARG005
         place=_place,
         check=_check,
-        tools=(
-            tool_on_link(
-                'strain_gauge',
-                'Shift+S',
-                'M0 12h16v2H0zM3 11V3h2v6h1V3h2v6h1V3h2v6h1V3h1v8h-3V5h0v6H7V5h0v6z',
-                {'kind': 'strain_gauge'},
-                'along',
-            ),
-        ),
     )
 )

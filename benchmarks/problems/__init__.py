@@ -1,0 +1,1 @@
+"""The problems of the benchmark, one module each: what `benchmarks.problem` finds."""

@@ -1,0 +1,76 @@
+"""A machine in its first cycle, by which the sizes of pictures and layouts are chosen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.cycles.cycle import Cycle, cycle, is_steady
+from mechanism_sim.export.skeleton import Skeleton
+from mechanism_sim.export.stage import Stage, Swaying, stage_of
+from mechanism_sim.hybrid.peaks import LoadPeaks
+from mechanism_sim.scene import Machine
+
+
+@dataclass(frozen=True)
+class Preview:
+    """A machine in its first cycle, by which sizes are chosen.
+
+    Attributes
+    ----------
+    largest : joint reaction [N]; 0 where forces are not known
+    """
+
+    found: Cycle
+    stage: Stage
+    largest: float
+
+    @property
+    def machine(self) -> Machine:
+        """The machine."""
+        return self.stage.machine
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """What it looks like."""
+        return self.stage.skeleton
+
+    @property
+    def low(self) -> Array:
+        """Lower left corner (2,) [m] of all that moves, and room around it."""
+        return self.stage.low
+
+    @property
+    def high(self) -> Array:
+        """Upper right corner (2,) [m]."""
+        return self.stage.high
+
+    @property
+    def centre(self) -> Array:
+        """Middle of the view (2,) [m]."""
+        return 0.5 * (self.low + self.high)
+
+
+def preview(machine: Machine, duration: float | None = None) -> Preview:
+    """Run a machine over a cycle, or without one as long as its scene lasts.
+
+    Parameters
+    ----------
+    duration : [s] of a run that may be shorter than the scene
+
+    Raises
+    ------
+    InputError
+        If there is no length of the run.
+    RunError
+        If the run fails.
+    """
+    wanted = [d for d in (machine.scene.duration, duration) if d]
+    found = cycle(machine, 180, duration=None if is_steady(machine) or not wanted else min(wanted))
+    observed = found.solution.samples(found.t).observed
+    peaks = LoadPeaks(machine.physics, float(found.t[0]))
+    peaks.add(found.solution.motion)
+    bounded = [x.value for x in peaks.forces.values() if math.isfinite(x.value)]
+    sway = Swaying(machine).take(found.solution.motion)(found.t)
+    return Preview(found, stage_of(machine, observed, sway), max(bounded, default=0.0))

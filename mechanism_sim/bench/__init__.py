@@ -1,1 +1,0 @@
-"""Measurements that anyone can repeat: what is hard, what it costs, how exact it is."""

@@ -1,1 +1,0 @@
-"""The problems of the benchmark, one module each: what `mechanism_sim.bench.problem` finds."""

@@ -1,0 +1,81 @@
+"""How a program ends: its exit code, and one sentence where something went wrong."""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import os
+import sys
+from collections.abc import Callable, Sequence
+from typing import NoReturn
+
+from mechanism_sim import ending
+from mechanism_sim.cli.options import PRINTED, print_json
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.nodes.arguments import Parser
+from mechanism_sim.packages import refusal
+from mechanism_sim.terminal import print_error
+
+_GONE = errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO
+
+
+def carry_out(work: Callable[[], int], given: Sequence[str]) -> NoReturn:
+    """Do the work of a command line and exit with the code that it returns.
+
+    Exit code 1 is a failed run, 2 bad input, 130 interrupted. `given` are the words of the command
+    line: with ``--json`` among them an error is printed as JSON, too.
+    """
+    PRINTED.clear()
+    try:
+        with ending.working():
+            code = work()
+            sys.stdout.flush()
+        sys.exit(code)
+    except InputError as error:
+        sys.exit(_report_failure(error, 2, given))
+    except RunError as error:
+        sys.exit(_report_failure(error, 1, given))
+    except KeyboardInterrupt:
+        sys.exit(ending.report_signal())
+    except BrokenPipeError:
+        # Whoever read our output has had enough; Python must not complain while closing it.
+        _mute()
+        sys.exit(0)
+    except Exception as error:
+        refused = refusal(error)
+        if refused is not None:
+            sys.exit(_report_failure(refused, 2, given))
+        if not isinstance(error, OSError) or error.errno not in _GONE:
+            raise
+        _mute()
+        where = f"'{error.filename}'" if error.filename else 'the output'
+        sys.exit(print_error(RunError(f'{where} cannot be written: {error.strerror}'), 1))
+
+
+def run_program(
+    parser: Parser, run: Callable[[argparse.Namespace], int], args: Sequence[str] | None = None
+) -> NoReturn:
+    """Run a program that is one command: read the words of its command line, run it and exit."""
+    given = sys.argv[1:] if args is None else list(args)
+
+    def work() -> int:
+        options, rest = parser.parse_known_args(given)
+        if rest:
+            parser.refuse(rest)
+        options.parser = parser
+        return run(options)
+
+    carry_out(work, given)
+
+
+def _mute() -> None:
+    """Redirect an output that is closed: Python would write to it again at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _report_failure(error: Exception, code: int, args: Sequence[str]) -> int:
+    """Print an error; as JSON, too, with `--json` if nothing is printed yet."""
+    if '--json' in args and 'node' not in args[:1] and not PRINTED:
+        print_json({'error': str(error), 'code': code})
+        sys.stdout.flush()
+    return print_error(error, code)

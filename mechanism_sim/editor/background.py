@@ -1,0 +1,209 @@
+"""Checks and runs of a document in a process of its own, which ends with what asked for them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from queue import SimpleQueue
+from threading import Thread
+from typing import Any, NamedTuple
+
+from mechanism_sim import ending, strict_json
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.packages import reason
+
+PATIENCE = 2.0
+"""[s] for a run to notice that it is not wanted any more; then its process is ended."""
+
+_OFTEN = 0.2  # [s] between words of progress
+
+
+class Job(NamedTuple):
+    """A document to be checked and run.
+
+    Attributes
+    ----------
+    number : of the state of the document
+    content : keys and values
+    """
+
+    number: int
+    name: str
+    content: dict[str, Any]
+
+
+class Background:
+    """Runs the newest of the jobs that are given.
+
+    Parameters
+    ----------
+    hear : called, from another thread, with (number, kind, JSON text) of what was found: kinds
+        are ``checked``, ``progress``, ``run`` and ``problem``
+    """
+
+    def __init__(self, hear: Callable[[int, str, str], None]) -> None:
+        self._hear = hear
+        self._process: Any = None
+        self._jobs: SimpleQueue[Job | None] = SimpleQueue()
+        self._since: float | None = None
+        self._busy = False
+
+    def submit(self, job: Job) -> None:
+        """Let this be run instead of whatever is running."""
+        if self._process is None or not self._process.is_alive():
+            try:
+                self._start()
+            except (OSError, RuntimeError) as error:  # no memory, no processes, no threads
+                self.close()
+                text = f'it is not checked and run, for that cannot be started ({reason(error)})'
+                self._hear(job.number, 'problem', strict_json.dumps(text))
+                return
+        self._since, self._busy = (time.monotonic() if self._busy else None), True
+        self._jobs.put(job)
+
+    def look(self, newest: Callable[[], Job | None]) -> None:
+        """End a process that goes on with what is not wanted, and begin with the newest."""
+        if self._since is not None and time.monotonic() > self._since + PATIENCE:
+            self.close()
+            if job := newest():
+                self.submit(job)
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+        self._process, self._since, self._busy = None, None, False
+
+    def _start(self) -> None:
+        context = get_context('spawn')
+        link, theirs = context.Pipe()
+        process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        with theirs, ending.signals_held():
+            process.start()
+        self._process = process
+        self._jobs.put(None)  # for those who came before
+        self._jobs = SimpleQueue()
+        Thread(target=_give, args=(link, self._jobs), daemon=True).start()
+        Thread(target=self._listen, args=(link,), daemon=True).start()
+
+    def _listen(self, link: Connection) -> None:
+        try:
+            while True:
+                number, kind, text = link.recv()
+                if kind == 'begun':
+                    self._since = None
+                elif kind == 'idle':
+                    self._busy = False
+                else:
+                    self._hear(number, kind, text)
+        except (EOFError, OSError):
+            pass  # it was ended
+
+
+def _give(link: Connection, jobs: SimpleQueue[Job | None]) -> None:
+    """Send jobs to a process, which may be long in taking them, until there is none."""
+    with suppress(OSError):  # it was ended
+        while job := jobs.get():
+            link.send(job)
+
+
+class _NotWanted(Exception):  # noqa: N818 - no error: the job is dropped
+    """There is a newer job."""
+
+
+def _serve(link: Connection) -> None:
+    """Do jobs until nobody gives any."""
+    import os  # noqa: PLC0415
+    import signal  # noqa: PLC0415
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is for the one who edits
+    ending.follow(os.getppid())
+    try:
+        job = link.recv()
+        while True:
+            while link.poll():
+                job = link.recv()
+            link.send((job.number, 'begun', ''))
+            try:
+                if problem := _problem(job, link):
+                    link.send((job.number, 'problem', strict_json.dumps(problem)))
+            except _NotWanted:
+                continue
+            link.send((job.number, 'idle', ''))
+            job = link.recv()
+    except (EOFError, BrokenPipeError):
+        return
+
+
+def _problem(job: Job, link: Connection) -> str:
+    """Do a job; why it cannot be done, whatever it raises, or nothing."""
+    try:
+        _work(job, link)
+    except (_NotWanted, EOFError, BrokenPipeError):
+        raise
+    except (InputError, RunError) as error:
+        return str(error)
+    except Exception as error:
+        return f'it cannot be checked and run ({reason(error)})'
+    return ''
+
+
+def _work(job: Job, link: Connection) -> None:
+    from mechanism_sim.cycles.measures import check_measures  # noqa: PLC0415
+    from mechanism_sim.scene import run_length, simulate  # noqa: PLC0415
+    from mechanism_sim.scene.build import build  # noqa: PLC0415
+    from mechanism_sim.scene.check import check  # noqa: PLC0415
+    from mechanism_sim.scene.files import check_scene  # noqa: PLC0415
+
+    machine = build(job.name, check_scene(job.name, job.content))
+    if machine.scene.measures:
+        check_measures(machine, machine.scene.measures, f'{machine.name}: measures')
+    link.send((job.number, 'checked', strict_json.dumps(check(machine).to_json())))
+    end, last = run_length(machine, None, None), time.monotonic()
+
+    def show(t: float, _impacts: int) -> None:
+        nonlocal last
+        if link.poll():
+            raise _NotWanted
+        if time.monotonic() > last + _OFTEN:
+            last = time.monotonic()
+            link.send((job.number, 'progress', strict_json.dumps(t / end)))
+
+    solution = simulate(machine, duration=end, progress=show)
+    show(end, 0)
+    link.send((job.number, 'run', strict_json.dumps(_shown(machine, solution))))
+
+
+def _shown(machine: Any, solution: Any) -> dict[str, Any]:
+    """What a page plays of a run, and its figures."""
+    from mechanism_sim.analysis.record import Record  # noqa: PLC0415
+    from mechanism_sim.hybrid.peaks import LoadPeaks  # noqa: PLC0415
+    from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
+
+    record = Record(machine, solution, {})
+    shown = recorded(record)
+    peaks = LoadPeaks(machine.physics)
+    peaks.add(solution.motion)
+    straight = machine.mechanism.displacements
+    figures: list[tuple[str, str, float | None, str, float | None]] = []
+    for joint, peak in peaks.forces.items():
+        figures.append(('force', joint, _finite(peak.value), 'N', peak.time))
+    for c, peak in peaks.torques.items():
+        unit = 'N' if c in straight else 'N m'
+        figures.append(('drive', c, _finite(peak.value), unit, peak.time))
+    if machine.clearances:
+        hardest = max(solution.impacts, key=lambda i: i.normal_impulse, default=None)
+        figures.append(('impacts', '', len(solution.impacts), '', None))
+        if hardest:
+            figures.append(
+                ('hardest', hardest.joint, hardest.normal_impulse, 'N s', float(hardest.t))
+            )
+    return {**shown.to_json(), 'figures': figures, 'digest': record.digest(), 'end': record.end}
+
+
+def _finite(value: float) -> float | None:
+    return value if abs(value) < float('inf') else None

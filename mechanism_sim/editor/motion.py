@@ -1,0 +1,259 @@
+"""How the machine of a document moves without play: quick enough to follow a hand.
+
+Loops are closed from where they were in the picture before, all instants of a turn at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.editor.layout import coordinates
+from mechanism_sim.editor.sketch import ORIGIN, Pose, Poses
+from mechanism_sim.errors import InputError
+from mechanism_sim.planar.configuration import poses as poses_of
+from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.planar.points import GROUND, Vector2
+from mechanism_sim.scene import Machine
+from mechanism_sim.sensing.joint_view import JointView
+
+INSTANTS = 73
+"""Of a turn, or of a run, both ends included."""
+
+_STEPS = 12
+"""Towards a place, of a machine that is pulled."""
+
+_LEAP = 0.6
+"""[rad], or sizes of the machine, by which no coordinate goes from one instant to the next."""
+
+
+class Forces(NamedTuple):
+    """What J joints without play exert at K instants, K' of them at no fixed point."""
+
+    joints: list[dict[str, Any]]  #: as of `Stage.to_json`
+    forces: Array  #: (K, J, 2) [N] of the first-named on the second-named link
+    feet: Array  #: (K, J', 2) [m] points on their lines of action
+
+
+class _Known(NamedTuple):
+    """What a `JointView` asks of the physics of an ideal machine."""
+
+    coordinates: tuple[str, ...]
+    joints: tuple[str, ...]
+    has_forces: bool = True
+
+
+class Turn:
+    """A machine over a turn of its drive, or over its run, with closed loops.
+
+    Parameters
+    ----------
+    near : poses near those of the start; without, the machine is assembled as its scene says
+    before : the same of a machine that differed little
+    loops : the closures of the machine, if somebody has them
+
+    Attributes
+    ----------
+    mechanism : the tree whose coordinates these are
+    q : (n, N) coordinates, the first column at the start; fewer columns where the way ends
+
+    Raises
+    ------
+    InputError
+        If the loops cannot be closed at the start.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        near: Mapping[str, Pose] | None = None,
+        before: Turn | None = None,
+        loops: Kinematics | None = None,
+    ) -> None:
+        self.machine = machine
+        loops = loops or machine.kinematics(())
+        self.mechanism = loops.mechanism
+        self._held = self._ways()
+        self._kinematics = loops.holding([*self._held])
+        if near is None:
+            first = machine.assembly.q.copy()
+        else:
+            first = self._closed(coordinates(self.mechanism, near))
+        self.q = self._followed(first, before)
+
+    @cached_property
+    def start(self) -> Poses:
+        """Poses of all links at the start."""
+        return self.poses_at(0)
+
+    def poses_at(self, k: int) -> Poses:
+        """Poses of all links at one of the instants."""
+        return self.poses_of(self.q[:, k])
+
+    def reached(self, q: Array, link: str, at: Vector2, to: Vector2) -> Array:
+        """Coordinates (n,) near others with closed loops, where a point is nearest to a place.
+
+        By Gauss and Newton, in the directions in which the closures let the machine move; whatever
+        else is free moves as little as it can.
+
+        Parameters
+        ----------
+        at : of the link, in its frame [m]
+        to : in the world [m]
+        """
+        loops, tree = self._kinematics.released(), self.mechanism
+        n, scale = len(q), loops.scale
+        for _ in range(_STEPS):
+            _, J = loops.closure(q[:, None])
+            _, sizes, rows = np.linalg.svd(J[0] * scale)
+            free = rows[int((sizes > 1e-9 * sizes.max(initial=0.0)).sum()) :].T
+            beside = q[:, None] + 1e-7 * np.column_stack([np.zeros(n), np.diag(scale)])
+            places = tree.locate_all(link, beside, at)
+            slope = (places[:, 1:] - places[:, :1]) / 1e-7
+            off = np.array(to) - places[:, 0]
+            step = scale * (free @ (np.linalg.pinv(slope @ free, rcond=1e-3) @ off))
+            step *= min(1.0, 0.3 / max(float(np.abs(step / scale).max(initial=0.0)), 1e-300))
+            closed, left = loops.positions((q + step)[:, None])
+            if left[0] or not np.isfinite(closed).all():
+                break
+            before, q = q, closed[:, 0]
+            if np.abs((q - before) / scale).max(initial=0.0) < 1e-6:
+                break
+        return q
+
+    def poses_of(self, values: Array) -> Poses:
+        """Poses of all links at coordinates (n,)."""
+        q = dict(zip(self.mechanism.coordinates, values.tolist(), strict=True))
+        links = [body.name for body in self.mechanism.bodies]
+        rows = poses_of(self.mechanism, q).tolist()
+        found = {link: Pose(*row) for link, row in zip(links, rows, strict=True)}
+        return {GROUND: ORIGIN, **found}
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is known how the machine goes on."""
+        return bool(self.q.shape[1] > 1)
+
+    def forces(self, count: int = INSTANTS) -> Forces | None:
+        """Of the ideal joints at the first instants; None where they do not follow from motion.
+
+        Inverse dynamics under the prescribed drives: rates and accelerations of all coordinates
+        follow from those of the drives, forces from both.
+        """
+        machine, plan = self.machine, self.machine.plan
+        prescribed = [c for c in plan.prescribed if c in self._held]
+        if not (plan.weighed and self.moves and len(prescribed) == len(self._held)):
+            return None
+        if machine.without_forces or plan.ideal.deformations:
+            return None
+        q, t = self.q[:, :count], self._times[:count]
+        rate, second = (
+            np.array([_values(plan.laws[c], t, order) for c in prescribed]) for order in (1, 2)
+        )
+        v = self._kinematics.rates(q, rate)
+        a = self._kinematics.accelerations(q, v, second)
+        dynamics = machine.inverse_dynamics
+        outside = np.array([t if x == 'time' else 0.0 * t for x in dynamics.outside])
+        o = dynamics(q, v, a, outside.reshape(len(dynamics.outside), len(t)))
+        tree = dynamics.mechanism
+        known = cast(Any, _Known(tree.coordinates, tuple(j.name for j in tree.joints)))
+        none = np.zeros((0, len(t)), np.uint8)
+        views = [JointView(tree, joint, known, o, none) for joint in tree.joints]
+        joints: list[dict[str, Any]] = []
+        feet: list[Array] = []
+        for view in views:
+            joint, foot = view.joint, {'foot': len(feet)}
+            if isinstance(joint, HigherPair):
+                feet.append(view.foot)
+            else:
+                foot = {}
+            named = {'name': joint.name, 'first': joint.first, 'link': joint.second}
+            joints.append({**named, 'at': list(joint.on_second), **foot})
+        found = np.nan_to_num([view.force for view in views], nan=0.0, posinf=0.0, neginf=0.0)
+        at = np.nan_to_num(np.array(feet).reshape(len(feet), 2, len(t)))
+        return Forces(joints, found.transpose(2, 0, 1), at.transpose(2, 0, 1))
+
+    def _ways(self) -> dict[str, Array]:
+        """Values (N,) of the driven coordinates over a turn."""
+        machine, plan = self.machine, self.machine.plan
+        self._times = np.zeros(INSTANTS)
+        moved = plan.prescribed
+        if not moved:  # what a torque or a force moves is turned by hand, if it is one
+            c = next(iter(plan.laws), None)
+            turns = c is not None and c in plan.begins and c not in self.mechanism.displacements
+            if len(plan.powered) != 1 or not turns:
+                return {}
+            angle, speed = plan.begins[str(c)]
+            way = np.copysign(2.0 * np.pi, speed or 1.0)
+            return {str(c): angle + np.linspace(0.0, way, INSTANTS)}
+        straight = machine.main in self.mechanism.displacements
+        duration = machine.period
+        if straight or not np.isfinite(duration):
+            duration = machine.scene.duration or (duration if np.isfinite(duration) else 0.0)
+        t = self._times = np.linspace(0.0, duration, INSTANTS)
+        return {c: _values(plan.laws[c], t) for c in moved}
+
+    def _closed(self, guess: Array) -> Array:
+        for c, way in self._held.items():
+            guess[self.mechanism.coordinates.index(c)] = way[0]
+        q, left = self._kinematics.positions(guess[:, None])
+        if left[0] or not np.isfinite(q).all():
+            raise InputError(
+                f'{self.machine.name}: the mechanism cannot be assembled: a loop stays open by '
+                f'{left[0]:.4g} m'
+            )
+        return q[:, 0]
+
+    def _followed(self, first: Array, before: Turn | None) -> Array:
+        held = [self.mechanism.coordinates.index(c) for c in self._held]
+        ways = np.array([*self._held.values()])
+        loops = len(self._kinematics.rows)
+        if not held or loops != len(first) - len(held) or not np.ptp(ways, axis=1).any():
+            return first[:, None]  # nothing decides how it goes on
+        if not np.isclose(first[held], ways[:, 0]).all():
+            ways = ways + (first[held] - ways[:, 0])[:, None]
+        size = np.where(
+            [c in self.mechanism.displacements for c in self.mechanism.coordinates],
+            self.mechanism.size, 1.0,
+        )  # fmt: skip
+        alike = before is not None and before.mechanism.coordinates == self.mechanism.coordinates
+        if before is not None and alike and before.q.shape[1] == INSTANTS:
+            guess = before.q + (first - before.q[:, 0])[:, None]
+            guess[held] = ways
+            q, left = self._kinematics.positions(guess)
+            leaps = np.abs(np.diff(q, axis=1)).max(axis=1) / size
+            same = np.abs(q[:, 0] - first) / size
+            if not left.any() and leaps.max() < _LEAP and same.max() < 1e-6:
+                return q
+        columns = [first]
+        for k in range(1, INSTANTS):
+            guess = columns[-1] + (columns[-1] - columns[-2] if k > 1 else self._step(first, ways))
+            guess[held] = ways[:, k]
+            q, left = self._kinematics.positions(guess[:, None])
+            if left[0] or (np.abs(q[:, 0] - columns[-1]) / size).max() > 2.0 * _LEAP:
+                break
+            columns.append(q[:, 0])
+        return np.array(columns).T
+
+    def _step(self, first: Array, ways: Array) -> Array:
+        """How far (n,) the first step goes, by rates at the start: teeth fit at many angles."""
+        step = self._kinematics.rates(first[:, None], ways[:, 1:2] - ways[:, :1])[:, 0]
+        return step if np.isfinite(step).all() else np.zeros(len(first))
+
+
+def _values(laws: tuple[Law, ...], t: Array, order: int = 0) -> Array:
+    """What drives prescribe at times (N,) [s], but for whole turns; or a derivative of it."""
+    known = [law for law in laws if isinstance(law, DriveLaw)]
+    found = np.empty_like(t)
+    for law in known:
+        now = t >= law.valid_from if law is not known[0] else t >= t[0]
+        way = polynomial.polyder(law.coefficients, order)
+        found[now] = polynomial.polyval(t[now] - law.reference_time, way)
+    return found if known[0].straight or order else np.unwrap(found)

@@ -1,0 +1,185 @@
+"""The palette: tools for links and drives, and those of the kinds of joints, loads and sensors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from mechanism_sim.editor.rounding import degrees, rounded
+from mechanism_sim.editor.sketch import GONE, PLAY, Edit, Sketch, Spot, point
+from mechanism_sim.editor.tool import Draw, Tool
+from mechanism_sim.editor.tools import TOOLS
+from mechanism_sim.errors import InputError
+from mechanism_sim.planar.points import GROUND
+from mechanism_sim.scene.kinds import KINDS
+from mechanism_sim.scene.loads import LOADS
+from mechanism_sim.scene.sensors import SENSORS
+
+
+def _link(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
+    """A bar, with a pin where it begins or ends on another link or on a point of the ground."""
+    a, b, length = sketch.ends(start, end, 'link')
+    name = sketch.name('link')
+    edits = [
+        sketch.link(name, length),
+        Edit(('guess', name), degrees(math.atan2(b[1] - a[1], b[0] - a[0]))),
+    ]
+    for spot, own in ((start, name), (end, f'{name}.end')):
+        if spot.handle or spot.link:
+            reference, more = sketch.reference(spot)
+            edits += [*more, *sketch.joint(reference, own)]
+    return edits
+
+
+def _cylinder(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
+    """A cylinder with its rod, pinned at both ends; the rod is driven."""
+    a, b, long = sketch.ends(start, end, 'cylinder')
+    k = 1
+    while f'cylinder_{k}' in sketch.scene.links or f'rod_{k}' in sketch.scene.links:
+        k += 1
+    body, rod = f'cylinder_{k}', f'rod_{k}'
+    edits = [sketch.link(body), sketch.link(rod)]
+    for spot, link in ((start, body), (end, rod)):
+        reference, more = sketch.reference(spot)
+        edits += [*more, *sketch.joint(reference, link)]
+    edits.insert(-1, Edit(('joints', f'{body}_{rod}', 'prismatic'), [body, rod]))
+    drive = {
+        'speed': rounded(0.1 * long, 10.0 ** math.floor(math.log10(0.1 * long)), 'mm/s', 'm/s'),
+        'start_position': sketch.long(long),
+    }
+    edits.append(Edit(('guess', body), degrees(math.atan2(b[1] - a[1], b[0] - a[0]))))
+    edits.append(Edit(('drives', rod), drive))
+    if sketch.scene.duration is None:
+        edits.append(Edit(('duration',), '1 s'))
+    return edits
+
+
+def _ground(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
+    """A point of the frame: with a pin where there is a point of a link."""
+    if start.handle and any(link == GROUND for link, _ in start.handle.members):
+        raise InputError(f'{start.handle.key} is on the ground already')
+    reference, edits = sketch.point(GROUND, sketch.where(start))
+    if start.handle:
+        own = sketch.on_link(start, 'a pivot is')[0]
+        edits += sketch.joint(reference, own)
+    return edits
+
+
+def _point(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
+    """A point of a link, whose path is drawn."""
+    if start.handle or not start.link:
+        raise InputError('a point is put on a link: press on a bar')
+    return sketch.reference(start)[1]
+
+
+def _drive(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
+    """What turns at a constant speed: the link on which it is put."""
+    scene, link = sketch.scene, start.link
+    if not link and start.handle:
+        link = next((x for x, _ in start.handle.members if x != GROUND), '')
+    if not link or link == GROUND:
+        raise InputError('a drive is put on a link that turns or slides: press on it')
+    if link in scene.drives or (scene.drive and (scene.drive.coordinate or 'crank') == link):
+        raise InputError(f'{link} is driven already')
+    slides = any(
+        j.kind == 'prismatic' and (x := point(scene, j.points[1])) and x[0] == link
+        for j in scene.joints.values()
+    )
+    drive = {'speed': '100 mm/s' if slides else '60 rpm'}
+    rough = scene.guess.get(link)
+    if not slides:
+        drive['start_angle'] = degrees(rough.value if rough else sketch.poses[link].angle)
+    more = [Edit(('guess', link), GONE)] if rough and not slides else []
+    if scene.drive or scene.drives:
+        return [Edit(('drives', link), drive), *more]
+    return [Edit(('drive',), {'coordinate': link, **drive}), *more]
+
+
+def _clearance(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
+    """Play in a pin; links without mass get one, for a pin that flies needs it."""
+    if start.handle is None or not start.handle.joint:
+        raise InputError('clearance is put on a joint: press on a pin')
+    if sketch.scene.joints[start.handle.key].clearance:
+        raise InputError(f'{start.handle.key} has a clearance already')
+    play = Edit(('joints', start.handle.key, 'clearance'), dict(PLAY))
+    return [play, *sketch.masses()]
+
+
+_LINKS = (
+    Tool(
+        'link', 'L',
+        'M3.5 10a2.5 2.5 0 1 0 2.4 3.2l6-6A2.5 2.5 0 1 0 9.8 5l-6 6z',
+        'Press where a link begins, drag to where it ends; pins come where it meets something',
+        _link, 'band',
+    ),
+    Tool(
+        'ground', 'G', 'M8 3a1.8 1.8 0 0 1 1 3.3L12 12H4l3-5.7A1.8 1.8 0 0 1 8 3zM2 13h12v1.5H2z',
+        'Click: a pivot of the frame, there or under the end of a link', _ground,
+    ),
+    Tool(
+        'cylinder', 'C', 'M1 5h8v2h6v2H9v2H1z',
+        'Press on one point, drag to another: a cylinder with a driven rod', _cylinder, 'band',
+    ),
+    Tool(
+        'point', 'P', 'M8 5a3 3 0 1 1 0 6 3 3 0 0 1 0-6z',
+        'Click on a link: a point whose path is drawn', _point,
+    ),
+    Tool(
+        'drive', 'D', 'M8 2a6 6 0 0 1 6 6h2l-3 4-3-4h2a4 4 0 1 0-4 4v2A6 6 0 0 1 8 2z',
+        'Click on a link: it turns, or slides, at a constant speed', _drive,
+    ),
+    Tool(
+        'masses', 'M', 'M5 4a3 3 0 0 1 6 0h2l2 11H1L3 4zm2 0h2a1 1 0 0 0-2 0z',
+        'Masses of bars of 1 kg/m for all links without; 1 kg for what has no length',
+        lambda sketch, *_: sketch.masses(), 'now',
+    ),
+)  # fmt: skip
+
+_PLAYS = (
+    Tool(
+        'clearance', 'K',
+        'M8 1a7 7 0 1 1 0 14A7 7 0 0 1 8 1zm0 2a5 5 0 1 0 0 10A5 5 0 0 0 8 3zm1 1.5a3 3 0 1 1 0 6 '
+        '3 3 0 0 1 0-6z',
+        'Click on a pin: it has play', _clearance,
+    ),
+)  # fmt: skip
+
+_FIRST = 'revolute', 'prismatic', 'slot', 'mesh', 'cam', 'belt'
+"""The kinds of joints that are most common."""
+
+
+def _of_kinds(kinds: Iterable[str], first: Iterable[str] = ()) -> tuple[Tool, ...]:
+    return tuple(tool for name in dict.fromkeys((*first, *kinds)) for tool in TOOLS.get(name, ()))
+
+
+GROUPS: dict[str, tuple[Tool, ...]] = {
+    'links': _LINKS,
+    'joints': (*_of_kinds(KINDS, _FIRST), *_PLAYS),
+    'loads': _of_kinds(LOADS),
+    'sensors': _of_kinds(SENSORS),
+}
+"""All tools that draw, in the order of the palette."""
+
+_DRAWS: dict[str, Draw] = {tool.name: tool.draw for tools in GROUPS.values() for tool in tools}
+
+
+def to_json() -> list[dict[str, Any]]:
+    """For the page."""
+    return [
+        {'name': name, 'tools': [tool.to_json() for tool in tools]}
+        for name, tools in GROUPS.items()
+    ]
+
+
+def draw(sketch: Sketch, what: str, start: Spot, end: Spot) -> list[Edit]:
+    """A part drawn from one place to another.
+
+    Raises
+    ------
+    InputError
+        If it cannot be there: what it needs.
+    """
+    if what not in _DRAWS:
+        raise InputError(f"there is no '{what}' to be drawn")
+    return _DRAWS[what](sketch, start, end)

@@ -1,0 +1,266 @@
+"""The editor until somebody ends it: its page, its document, and who draws and runs it.
+
+This process holds the document and speaks with pages; it computes nothing that takes long.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+import queue
+import secrets
+import sys
+import time
+import webbrowser
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for
+from contextlib import suppress
+from multiprocessing.connection import wait
+from typing import Any
+
+from mechanism_sim import ending, strict_json
+from mechanism_sim.catalogue import scene_names
+from mechanism_sim.editor import palette
+from mechanism_sim.editor.background import Background
+from mechanism_sim.editor.document import Document
+from mechanism_sim.editor.recovery import Recovery
+from mechanism_sim.editor.worker import Worker
+from mechanism_sim.errors import InputError
+from mechanism_sim.pages.assets import contents_of, embedded
+from mechanism_sim.pages.server import HOST, Server
+
+MODULES = 'svg', 'stage', 'lens', 'player', 'canvas', 'fields', 'edit'
+PORT = 8080
+
+PAUSE = 0.1
+"""[s] without an edit after which the document is checked and run, as it is dragged."""
+
+SLOW = 0.4
+"""[s] of work after which pages are told that something is computed."""
+
+_LOOK = 0.05  # [s] between looks at what runs
+_COMMAND = 400_000  # bytes: a whole document, its quotes escaped
+_WAITING = 2_000, 16_000_000  # messages of pages, and their bytes about; then pages are cut off
+_ANEW = 'text', 'open', 'undo', 'redo'  # what makes another document of it
+_FOLLOWED = 'drag', 'pull'  # of which only the last counts
+
+
+def edit(document: Document, port: int | None, browse: bool, opened: Callable[[str], None]) -> int:
+    """Serve the page of a document until a signal ends it; exit code 0.
+
+    Parameters
+    ----------
+    port : of this machine; None for 8080 or any other that is free
+    opened : called with the address of the page
+
+    Raises
+    ------
+    InputError
+        If the port is out of range, not allowed or taken.
+    """
+    key = secrets.token_urlsafe(16)
+    desk = Desk(document)
+    server = Server(
+        contents_of('edit', MODULES, __package__, scenes=scene_names(),
+                    tools=embedded(palette.to_json())),
+        PORT if port is None else port, lambda: desk.greeting, desk.put,
+        read=lambda data: data if isinstance(data, dict) else None, key=key, largest=_COMMAND,
+        name='edit',
+    )  # fmt: skip
+    try:
+        if port and server.port != port:
+            raise InputError(
+                f'edit: port {port} of {HOST} is taken: choose another; 0 is any free'
+            )
+        opened(f'{server.address}?key={key}')
+        if browse:
+            webbrowser.open(f'{server.address}?key={key}')
+        with ending.working():
+            desk.serve(server.send_text)
+    except KeyboardInterrupt:
+        said = desk.keep()
+        if desk.document.changed:
+            kept = said or 'the next edit of it gives it back'
+            print(f'mechanism-sim: what was changed last is not saved; {kept}', file=sys.stderr)
+        return 0
+    finally:
+        server.close()
+    return 0
+
+
+class Desk:
+    """What lies between the pages of an editor and those who draw and run its document."""
+
+    def __init__(self, document: Document) -> None:
+        self._todo: deque[tuple[str, Any]] = deque()
+        self._came: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+        self._waiting = 0  # bytes, about, of what came and is not done
+        self._awake, self._wake = os.pipe()
+        for end in (self._awake, self._wake):
+            os.set_blocking(end, False)
+        self._recovery = Recovery()
+        self._keeper = ThreadPoolExecutor(1)  # a disk may take long, and nobody waits for it
+        self._keeping: Future[str] | None = None
+        self._kept: tuple[Any, ...] | None = None
+        self._found: dict[str, str] = {}
+        self._number = -1
+        self._busy = False
+        self._since = time.monotonic()
+        self._asked = self._ran = self._paused = -1
+        self._notice = self._given_back(document)
+        self._first = document
+        self._worker: Worker | None = None
+
+    @property
+    def document(self) -> Document:
+        """The document as far as the edits have come."""
+        return self._worker.document if self._worker else self._first
+
+    @property
+    def greeting(self) -> list[str]:
+        """What a page is told that has just been opened."""
+        busy = [_busy(True)] if self._busy else []
+        texts = self._notice, self._worker.trouble if self._worker else ''
+        said = [strict_json.dumps({'type': 'said', 'text': x}) for x in texts if x]
+        return [*self._found.values(), *busy, *said]
+
+    def put(self, message: Any) -> bool:
+        """Take a message of a page, from any thread; False if there are too many."""
+        size = 200 + sum(len(x) for x in message.values() if isinstance(x, str))
+        if self._came.qsize() > _WAITING[0] or self._waiting + size > _WAITING[1]:
+            return False
+        self._waiting += size
+        self._came.put(('page', (size, message)))
+        self._ring()
+        return True
+
+    def keep(self) -> str:
+        """Keep what is not saved, at the end; a sentence if that is not possible."""
+        self._keeper.shutdown()
+        return self._recovery.keep(self.document)
+
+    def serve(self, send: Callable[[str], None]) -> None:
+        """Do what pages ask for, and run the document whenever they pause."""
+        self._send = send
+        self._worker = worker = Worker(self._first, self._tell, self._opened)
+        runs = Background(self._ran_so_far)
+        try:
+            while True:
+                wait([*worker.links, self._awake], _LOOK)
+                worker.take()
+                self._sort()
+                worker.look(any(m.get('type') in _ANEW for k, m in self._todo if k == 'page'))
+                self._work(worker, runs)
+                runs.look(lambda: worker.job)
+                self._show_whether_busy(worker)
+        finally:
+            runs.close()
+            worker.close()
+
+    def _ring(self) -> None:
+        with suppress(BlockingIOError):
+            os.write(self._wake, b'.')
+
+    def _ran_so_far(self, *found: Any) -> None:
+        self._came.put(('found', found))
+        self._ring()
+
+    def _sort(self) -> None:
+        """Queue what came: of drags that follow each other, and of texts, the last."""
+        with suppress(BlockingIOError):
+            os.read(self._awake, 4096)
+        while not self._came.empty():
+            kind, item = self._came.get()
+            if kind == 'page':
+                size, item = item
+                self._waiting -= size
+                self._since = time.monotonic()
+                last = self._todo[-1] if self._todo else ('', {})
+                same = last[0] == 'page' and last[1].get('type') == item.get('type')
+                if same and item.get('type') in (*_FOLLOWED, 'text'):
+                    self._todo.pop()
+            self._todo.append((kind, item))
+        while len(self._todo) > _WAITING[0]:  # nobody can have meant all of them
+            self._todo.popleft()
+
+    def _work(self, worker: Worker, runs: Background) -> None:
+        """Give the worker what is next; where nothing is, run the document or keep it."""
+        if worker.busy:
+            return
+        if self._todo:
+            kind, item = self._todo.popleft()
+            worker.ask(kind, item)
+            return
+        if worker.job is not None and self._ran != worker.job.number == worker.number:
+            self._ran = worker.job.number
+            runs.submit(worker.job)
+        if time.monotonic() < self._since + PAUSE:
+            return
+        self._keep_meanwhile()
+        if self._asked != worker.number:
+            self._asked = worker.number
+            worker.ask('job')
+        elif self._paused != worker.number:
+            self._paused = worker.number
+            worker.ask('pause')
+
+    def _keep_meanwhile(self) -> None:
+        """Keep what is not saved, in a thread; say so if the last time it was not possible."""
+        if self._keeping:
+            if not self._keeping.done():
+                return
+            if said := self._keeping.result():
+                self._say(said)
+            self._keeping = None
+        document = self.document
+        now = document.file, document.text, document.changed
+        if now != self._kept:
+            with suppress(RuntimeError):  # there is no thread to be had: later
+                self._keeping = self._keeper.submit(self._recovery.keep, copy.copy(document))
+                self._kept = now
+
+    def _tell(self, kind: str, number: int, text: str) -> None:
+        """Send what the worker found to all pages, and to those that come."""
+        if kind == 'state':
+            if number != self._number:
+                self._found.clear()
+                self._number = number
+            self._found = {'state': text, **{k: x for k, x in self._found.items() if k != kind}}
+        elif kind in ('checked', 'progress', 'run', 'problem', 'forces'):
+            self._found[kind] = text
+        self._send(text)
+
+    def _say(self, text: str) -> None:
+        self._send(strict_json.dumps({'type': 'said', 'text': text}))
+
+    def _show_whether_busy(self, worker: Worker) -> None:
+        if 'state' in self._found and self._busy != (worker.busy > SLOW):
+            self._busy = not self._busy
+            self._send(_busy(self._busy))
+
+    def _opened(self, document: Document) -> None:
+        """Another document was opened by a page."""
+        if self._keeping:
+            wait_for([self._keeping])  # it is of the document before
+        text = self._recovery.give_back(document)
+        self._notice = ''
+        if text:
+            self._todo.appendleft(('page', {'type': 'text', 'text': text}))
+            self._notice = _GIVEN_BACK
+            self._say(self._notice)
+
+    def _given_back(self, document: Document) -> str:
+        """Give a document back what was not saved of it; a sentence if there was something."""
+        text = self._recovery.give_back(document)
+        if text:
+            document.replace(text)
+        return _GIVEN_BACK if text else ''
+
+
+_GIVEN_BACK = 'what was not saved the last time is here again; undo gives the file as it is'
+
+
+def _busy(whether: bool) -> str:
+    return strict_json.dumps({'type': 'busy', 'busy': whether})

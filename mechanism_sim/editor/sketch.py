@@ -1,0 +1,376 @@
+"""A scene to which parts are drawn: where its links lie, and what tools find and make there.
+
+What a tool makes are edits of the scene's keys, as from the panel, so that undo, checks and the
+text of the file know nothing of tools; the part that is chosen then comes first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+from mechanism_sim.editor.rounding import degrees, place, rounded
+from mechanism_sim.errors import InputError
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
+from mechanism_sim.scene.schema import Scene
+
+GONE: Final = object()
+"""Instead of a value: the key is removed."""
+
+BAR = 1.0
+"""[kg/m] of links that are given a mass by their length."""
+
+PLAY: Final = {'radial': '0.1 mm', 'restitution': 0.5}
+"""A clearance that is drawn."""
+
+
+class Edit(NamedTuple):
+    """A value at a path of a scene, or `GONE`."""
+
+    path: tuple[str, ...]
+    value: Any
+
+
+class Pose(NamedTuple):
+    """Where the frame of a link is in the world."""
+
+    x: float  #: [m]
+    y: float  #: [m]
+    angle: float  #: [rad]
+
+    def place(self, at: Vector2) -> Vector2:
+        """A point of the link in the world [m]."""
+        x, y = rotate(at, self.angle)
+        return self.x + x, self.y + y
+
+    def within(self, at: Vector2) -> Vector2:
+        """A point of the world in the frame of the link [m]."""
+        return rotate((at[0] - self.x, at[1] - self.y), -self.angle)
+
+
+Poses = dict[str, Pose]
+ORIGIN = Pose(0.0, 0.0, 0.0)
+
+
+def points_of(link: Any) -> dict[str, Vector2]:
+    """The points of a link by name, in its frame [m]."""
+    found: dict[str, Vector2] = {'start': (0.0, 0.0)}
+    if link is not None and link.length is not None:
+        found['end'] = (link.length, 0.0)
+    return found | (dict(link.points) if link is not None else {})
+
+
+def point(scene: Scene, reference: str) -> tuple[str, str, Vector2] | None:
+    """Link, name and place in the link's frame [m] of ``LINK.POINT`` or ``LINK``."""
+    link, _, name = reference.partition('.')
+    name = name or 'start'
+    at = points_of(scene.links.get(link)).get(name)
+    known = link == GROUND or link in scene.links
+    return None if at is None or not known else (link, name, at)
+
+
+@dataclass(frozen=True)
+class Handle:
+    """What can be grabbed: a joint, or a point without one.
+
+    Attributes
+    ----------
+    key : name of the joint, or LINK.POINT
+    members : links with the names of their points that meet there
+    at : in the world [m]
+    joint : whether it is one
+    """
+
+    key: str
+    members: tuple[tuple[str, str], ...]
+    at: Vector2
+    joint: bool
+
+    @property
+    def path(self) -> list[str]:
+        """Where the scene says it, or its link."""
+        return ['joints', self.key] if self.joint else ['links', self.members[0][0]]
+
+    def to_json(self) -> dict[str, Any]:
+        """For the page."""
+        return {
+            'key': self.key,
+            'members': ['.'.join(x) for x in self.members],
+            'at': self.at,
+            'joint': self.joint,
+            'ground': any(link == GROUND for link, _ in self.members),
+            'path': self.path,
+        }
+
+
+class Grid(NamedTuple):
+    """How fine things are placed: a step [m] and the unit in which lengths are written."""
+
+    step: float
+    unit: str
+
+    def snapped(self, at: Vector2) -> Vector2:
+        """The nearest point of the grid."""
+        x, y = (round(v / self.step) * self.step for v in at)
+        return x, y
+
+
+class Spot(NamedTuple):
+    """Where a gesture begins or ends: in the world, and on what."""
+
+    at: Vector2
+    handle: Handle | None = None
+    link: str = ''  #: under the pointer, where there is no handle
+
+
+class Shaft(NamedTuple):
+    """A link that turns, found or made."""
+
+    link: str
+    at: Vector2  #: [m] of its axis in the world
+    on: str  #: the link that carries it
+    own: str  #: LINK.POINT of the axis on the link itself
+    base: str  #: LINK.POINT of the axis on its carrier
+    edits: list[Edit]
+
+
+class Way(NamedTuple):
+    """A link that slides on the ground."""
+
+    link: str
+    own: str  #: LINK.POINT that slides
+    at: Vector2  #: [m] of its point in the world
+    axis: float  #: [rad] in the world
+
+
+class Sketch:
+    """A scene to which parts are added."""
+
+    def __init__(self, scene: Scene, poses: Mapping[str, Pose], grid: Grid) -> None:
+        self.scene, self.poses, self.grid = scene, dict(poses), grid
+        sections = 'links', 'joints', 'springs', 'loads', 'sensors', 'gears'
+        self._taken = {name for key in sections for name in getattr(scene, key, {})}
+        self._points: dict[str, set[str]] = {}
+        masses = [x.mass for name, x in scene.links.items() if name != GROUND]
+        self._weighed = bool(masses) and None not in masses
+
+    def name(self, stem: str, plain: bool = False) -> str:
+        """A name that is free: the stem, or with the first number that is."""
+        k = 0 if plain else 1
+        while (found := f'{stem}_{k}' if k else stem) in self._taken:
+            k += 1
+        self._taken.add(found)
+        return found
+
+    def long(self, length: float) -> str:
+        """A length [m] as it is written."""
+        return rounded(length, self.grid.step, self.grid.unit)
+
+    def size(self, length: float) -> str:
+        """A length [m] of which two digits count."""
+        return rounded(length, 10.0 ** (math.floor(math.log10(length)) - 1), self.grid.unit)
+
+    def where(self, spot: Spot) -> Vector2:
+        """A place: of the handle, or on the grid."""
+        return spot.handle.at if spot.handle else self.grid.snapped(spot.at)
+
+    def ends(self, start: Spot, end: Spot, what: str) -> tuple[Vector2, Vector2, float]:
+        """Where a gesture begins and ends, and how far apart that is [m].
+
+        Raises
+        ------
+        InputError
+            If that is the same place.
+        """
+        a, b = self.where(start), self.where(end)
+        if math.dist(a, b) < self.grid.step:
+            raise InputError(f'a {what} is drawn from one point to another: press, and drag')
+        return a, b, math.dist(a, b)
+
+    # --- links and their points -------------------------------------------------------------
+
+    def link(self, name: str, length: float | None = None) -> Edit:
+        """A new link: as heavy as a bar if all others have masses."""
+        values = {} if length is None else {'length': self.long(length)}
+        more = self.heavy(length or 0.0) if self._weighed else {}
+        return Edit(('links', name), {**values, **more})
+
+    def heavy(self, length: float) -> dict[str, str]:
+        """Mass properties of a slender bar of 1 kg/m; 1 kg if it has no length [m]."""
+        mass = BAR * length if length else 1.0
+        values = {'mass': f'{mass:.3g} kg'}
+        values['inertia'] = f'{mass * length**2 / 12.0 or 0.001:.3g} kg m^2'
+        if length:
+            values['cog'] = rounded(0.5 * length, 0.1 * self.grid.step, self.grid.unit)
+        return values
+
+    def masses(self) -> list[Edit]:
+        """Those of all links that have none, for forces need them."""
+        return [
+            Edit(('links', link, key), value)
+            for link, given in self.scene.links.items()
+            if link != GROUND and given.mass is None and not given.elastic
+            for key, value in self.heavy(given.length or 0.0).items()
+        ]
+
+    def reference(self, spot: Spot) -> tuple[str, list[Edit]]:
+        """LINK.POINT of a place on a link or on the ground, and the point if it is new."""
+        if spot.handle:
+            return referred(*spot.handle.members[-1]), []
+        return self.point(spot.link or GROUND, self.where(spot))
+
+    def point(self, link: str, at: Vector2) -> tuple[str, list[Edit]]:
+        """LINK.POINT of a new point of a link, in the world [m], and what makes it."""
+        known = points_of(self.scene.links.get(link)).keys() | self._points.setdefault(link, set())
+        k = 1
+        while (name := f'p{k}') in known:
+            k += 1
+        self._points[link].add(name)
+        local = place(self.poses[link].within(at), self.grid.step, self.grid.unit)
+        return f'{link}.{name}', [Edit(('links', link, 'points', name), local)]
+
+    def on_link(self, spot: Spot, what: str) -> tuple[str, list[Edit]]:
+        """LINK.POINT of a place on a moving link, and the point if it is new.
+
+        Raises
+        ------
+        InputError
+            If there is none: what is put on a link.
+        """
+        if spot.handle:
+            for link, name in reversed(spot.handle.members):
+                if link != GROUND:
+                    return referred(link, name), []
+        if spot.handle or not spot.link:
+            raise InputError(f'{what} on a link: press on one of its points, or on the link')
+        if way := self.sliding(spot):  # a block is small
+            return way.own, []
+        return self.reference(spot)
+
+    def joint(self, reference: str, link: str) -> list[Edit]:
+        """A pin between a point and a link that is drawn to it."""
+        return [Edit(self.named(reference, link), {'revolute': [reference, link]})]
+
+    def named(self, one: str, two: str) -> tuple[str, str]:
+        """The path of a joint between points of two links."""
+        stem = f'{one.partition(".")[0]}_{two.partition(".")[0]}'
+        return 'joints', self.name(stem, plain=True)
+
+    # --- what carries a link ----------------------------------------------------------------
+
+    def turning(self, spot: Spot, stem: str) -> Shaft:
+        """The link that turns about a place, or one that turns and is there; else a new one.
+
+        Parameters
+        ----------
+        stem : of the name of a link that is made, with its pivot on the ground or on the link
+            whose point this is
+        """
+        handle = spot.handle
+        found = []
+        if (handle and handle.joint) or spot.link:
+            joints = (handle.key,) if handle else self.scene.joints
+            found = self._pivots(joints, spot.link)
+        if found:
+            return found[0]
+        base, edits = self.reference(spot)
+        return self._shaft(stem, base, self.where(spot), edits)
+
+    def shafts(self, start: Spot, end: Spot, stem: str, what: str) -> tuple[Shaft, Shaft]:
+        """Two links that turn, found or made as by `turning`.
+
+        Where one carries the other, a new one takes its place, about its own axis; it is held
+        where a drive moves the machine.
+
+        Raises
+        ------
+        InputError
+            If it is one link.
+        """
+        one, two = (self.turning(spot, stem) for spot in (start, end))
+        if two.on == one.link:
+            one = self._coaxial(stem, one)
+        elif one.on == two.link:
+            two = self._coaxial(stem, two)
+        if one.link == two.link or math.dist(one.at, two.at) < 1e-9:
+            raise InputError(
+                f'{what} is drawn from one link that turns to another: press on the first or '
+                'where its pivot is to be, and drag'
+            )
+        return one, two
+
+    def _coaxial(self, stem: str, shaft: Shaft) -> Shaft:
+        made = self._shaft(stem, shaft.base, shaft.at, [])
+        if self.scene.drive or self.scene.drives:
+            made.edits.append(Edit(('drives', made.link), {'speed': '0 rpm'}))
+        return made
+
+    def _shaft(self, stem: str, base: str, at: Vector2, edits: list[Edit]) -> Shaft:
+        link = self.name(stem)
+        made = [self.link(link), *edits, *self.joint(base, link)]
+        return Shaft(link, at, base.partition('.')[0], link, base, made)
+
+    def pivot(self, link: str) -> Shaft | None:
+        """Where a link turns on the ground, if it does."""
+        return next((x for x in self._pivots(self.scene.joints, link) if x.on == GROUND), None)
+
+    def _pivots(self, joints: Iterable[str], link: str = '') -> list[Shaft]:
+        """Where links turn on others by some joints, those on the ground first."""
+        found = []
+        for name in joints:
+            joint = self.scene.joints[name]
+            ends = [point(self.scene, reference) for reference in joint.points]
+            if joint.kind != 'revolute' or None in ends:
+                continue
+            pairs = [ends, ends[::-1]] if ends[1] and ends[1][0] == GROUND else [ends]
+            if link:
+                pairs = [x for x in (ends, ends[::-1]) if x[1] and x[1][0] == link]
+            for one, two in pairs[-1:]:
+                if one is None or two is None:
+                    continue
+                at = self.poses[one[0]].place(one[2])
+                found.append(Shaft(two[0], at, one[0], referred(*two[:2]), referred(*one[:2]), []))
+        return sorted(found, key=lambda x: x.on != GROUND)
+
+    def sliding(self, spot: Spot) -> Way | None:
+        """The link at a place, if it slides on the ground."""
+        links = [x for x, _ in spot.handle.members] if spot.handle else [spot.link]
+        for joint in self.scene.joints.values():
+            one, two = (point(self.scene, reference) for reference in joint.points)
+            if joint.kind == 'prismatic' and one and two and one[0] == GROUND and two[0] in links:
+                own = referred(*two[:2])
+                return Way(two[0], own, self.poses[two[0]].place(two[2]), joint.axis)
+        return None
+
+    def slider(self, stem: str, base: Vector2, axis: float) -> tuple[str, float, list[Edit]]:
+        """A new link that slides on the ground along a line [m, rad].
+
+        Returns
+        -------
+        its name, how far it is along the line [m] where it lies at `base`, and what makes it but
+        for the link and where it lies
+        """
+        name, way = self.name(stem), rotate((1.0, 0.0), axis)
+        # the line passes through the origin if that lies on it
+        if abs(way[0] * base[1] - way[1] * base[0]) < 0.5 * self.grid.step:
+            return name, base[0] * way[0] + base[1] * way[1], self.guide(GROUND, name, axis)
+        reference, edits = self.point(GROUND, base)
+        return name, 0.0, [*edits, *self.guide(reference, name, axis)]
+
+    def guide(self, base: str, runner: str, axis: float) -> list[Edit]:
+        """A joint along which a link slides on another."""
+        turned = {'axis': degrees(axis, 6)} if axis else {}
+        return [Edit(self.named(base, runner), {'prismatic': [base, runner], **turned})]
+
+    def driven(self, link: str) -> list[Edit]:
+        """A drive of a link that turns, if the machine has none."""
+        if self.scene.drive or self.scene.drives:
+            return []
+        return [Edit(('drive',), {'coordinate': link, 'speed': '60 rpm'})]
+
+
+def referred(link: str, name: str) -> str:
+    """LINK.POINT, or LINK of the point at its origin."""
+    return f'{link}.{name}' if name != 'start' or link == GROUND else link

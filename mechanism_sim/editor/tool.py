@@ -1,0 +1,59 @@
+"""Tools of the palette, and those of each kind of joints, loads and sensors.
+
+A file of `mechanism_sim.editor.tools` registers them; the kinds know nothing of the editor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from mechanism_sim.editor.sketch import Edit, Sketch, Spot
+
+Draw = Callable[[Sketch, Spot, Spot], list[Edit]]
+"""From a sketch and the places where a gesture begins and ends to edits; raises InputError if the
+part cannot be there: what it needs."""
+
+Refit = Callable[[Sketch, str, Any], list[Edit]]
+"""From a sketch whose links were moved, a joint's name and its keys to edits that make it fit."""
+
+
+@dataclass(frozen=True)
+class Tool:
+    """What draws a part.
+
+    Attributes
+    ----------
+    name : in the palette
+    key : on the keyboard, as ``B`` or ``Shift+B``
+    icon : the path of an SVG of 16 by 16
+    hint : what to do
+    draw : makes the part
+    gesture : a ``band`` from one place to another, a ``click``, or done ``now``
+    """
+
+    name: str
+    key: str
+    icon: str
+    hint: str
+    draw: Draw
+    gesture: Literal['band', 'click', 'now'] = 'click'
+
+    def to_json(self) -> dict[str, str]:
+        """For the page."""
+        return {x: getattr(self, x) for x in ('name', 'key', 'icon', 'hint', 'gesture')}
+
+
+TOOLS: dict[str, tuple[Tool, ...]] = {}
+"""The tools that draw parts of a kind, by its name, or by the section of its loads."""
+
+REFITS: dict[str, Refit] = {}
+"""What fits joints of a kind to links that were moved, of those kinds that must fit."""
+
+
+def register(kind: str, *tools: Tool, refit: Refit | None = None) -> None:
+    """Make the tools of a kind known."""
+    TOOLS[kind] = tools
+    if refit:
+        REFITS[kind] = refit

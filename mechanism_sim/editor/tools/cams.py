@@ -1,0 +1,74 @@
+"""The tool for cams with their followers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from mechanism_sim.editor.rounding import degrees, rounded
+from mechanism_sim.editor.sketch import Edit, Sketch, Spot
+from mechanism_sim.editor.tool import Tool, register
+from mechanism_sim.errors import InputError
+from mechanism_sim.planar.points import GROUND
+
+
+def _cam(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
+    """A roller on a link that swings or slides, or on a new one that slides away from the cam.
+
+    It rises and returns by a quarter of its distance, and starts in a dwell where it is.
+    """
+    a, b, apart = sketch.ends(start, end, 'cam')
+    cam = sketch.turning(start, 'cam')
+    if cam.on != GROUND:
+        raise InputError(
+            'a cam turns on the ground: press on a link that does, or where it is to be'
+        )
+    links = [x for x, _ in end.handle.members] if end.handle else [end.link]
+    rail, rise = sketch.sliding(end), sketch.size(0.25 * apart)
+    swings = next((x for x in map(sketch.pivot, links) if x and x.link != cam.link), None)
+    joint: dict[str, Any] = {'follower': 'roller', 'roller': sketch.size(0.25 * apart)}
+    edits: list[Edit] = []
+    if rail:
+        follower = rail.own
+        apart = math.dist(cam.at, rail.at)
+    elif swings:
+        follower, edits = sketch.on_link(end, 'a follower is')
+        arm = math.dist(swings.at, b)
+        if arm < sketch.grid.step:
+            raise InputError('a cam touches a link beside its pivot: drag to its end')
+        (x, y), (u, v) = ((p[0] - a[0], p[1] - a[1]) for p in (swings.at, b))
+        joint['side'] = 'left' if x * v - y * u > 0.0 else 'right'
+        rise = rounded(min(0.25 * apart / arm, 0.4), math.radians(1.0), 'deg', 'rad')
+    else:
+        follower, axis = sketch.name('follower'), math.atan2(b[1] - a[1], b[0] - a[0])
+        guide = sketch.guide(cam.base, follower, axis)
+        edits = [sketch.link(follower), *guide, Edit(('guess', follower), sketch.long(apart))]
+    angle = sketch.poses[cam.link].angle if cam.link in sketch.poses else 0.0
+    if abs(angle) > 1e-9:
+        joint['phase'] = degrees(-angle, 4)
+    joint['base_radius'] = sketch.size(0.75 * apart)
+    joint['law'] = {
+        'segments': [
+            {'from': f'{first} deg', 'to': f'{first + 100} deg', 'rise': sign + rise}
+            for first, sign in ((40, ''), (220, '-'))
+        ]
+    }
+    joint = {'cam': [cam.own, follower], **joint}
+    path = sketch.named(cam.link, follower)
+    driven = sketch.driven(cam.link) if cam.edits else []
+    return [Edit(path, joint), *cam.edits, *edits, *driven]
+
+
+register(
+    'cam',
+    Tool(
+        'cam',
+        'A',
+        'M8 4a5 5 0 0 1 5 5 5 5 0 0 1-10 0c0-3 3-3 5-5zm0 3.5a1.5 1.5 0 1 0 0 3 1.5 1.5 0 0 0 '
+        '0-3zM8 0a1.6 1.6 0 1 1 0 3.2A1.6 1.6 0 0 1 8 0z',
+        'Press on a link that turns, or where a cam is to be; drag to a link that swings or '
+        'slides, or to where its follower is to be',
+        _cam,
+        'band',
+    ),
+)

@@ -1,0 +1,112 @@
+"""Tools that put sensors on links and into joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from mechanism_sim.editor.sketch import PLAY, Edit, Sketch, Spot
+from mechanism_sim.editor.tool import Tool, register
+from mechanism_sim.errors import InputError
+
+
+def _on_link(
+    name: str,
+    key: str,
+    icon: str,
+    values: Mapping[str, Any],
+    seat: Literal['point', 'along', ''] = 'point',
+) -> Tool:
+    """What puts a sensor on a link, with some of its keys.
+
+    Parameters
+    ----------
+    seat : whether it is at a ``point``, or some way ``along`` an elastic link; else on all of it
+    """
+
+    def draw(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
+        at, edits = sketch.on_link(start, f'a sensor ({name}) is')
+        link, _dot, named = at.partition('.')
+        where: dict[str, Any] = {'link': link}
+        if seat == 'point' and named:
+            where['at'] = at
+        elif seat == 'along' and not sketch.scene.links[link].elastic:
+            raise InputError(f"a sensor ({name}) needs a link with 'elastic', not {link}")
+        elif seat == 'along':
+            where['at'] = sketch.long(sketch.poses[link].within(sketch.where(start))[0])
+        sensor = Edit(('sensors', sketch.name(name)), {**values, **where})
+        return [sensor, *(edits if seat == 'point' else [])]
+
+    return Tool(name, key, icon, f'Click on a link{", or on a point of it" * bool(seat)}', draw)
+
+
+def _in_joint(
+    name: str,
+    key: str,
+    icon: str,
+    values: Mapping[str, Any],
+    play: Mapping[str, Any] | None = None,
+) -> Tool:
+    """What puts a sensor into a joint, with some of its keys; `play` if that must be loose."""
+
+    def draw(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
+        if start.handle is None or not start.handle.joint:
+            raise InputError(f'a sensor ({name}) is in a joint: press on a pin')
+        joint = start.handle.key
+        edits = [Edit(('sensors', sketch.name(name)), {**values, 'joint': joint})]
+        if play and not sketch.scene.joints[joint].clearance:
+            edits.append(Edit(('joints', joint, 'clearance'), dict(play)))
+        return [*edits, *sketch.masses()]
+
+    return Tool(name, key, icon, 'Click on a pin', draw)
+
+
+register(
+    'accelerometer',
+    _on_link('accelerometer', 'Shift+A', 'M2 4h12v8H2zm2 2v4h2V6zm4 0v1h5V6zm0 2.5v1h4v-1z', {}),
+)
+register(
+    'displacement_probe',
+    _in_joint(
+        'probe',
+        'Shift+P',
+        'M0 6h7v4H0zm10-3h2v10h-2z',
+        {'kind': 'displacement_probe'},
+        PLAY,
+    ),
+)
+register(
+    'encoder',
+    _on_link(
+        'encoder',
+        'Shift+E',
+        'M8 1a7 7 0 1 1 0 14A7 7 0 0 1 8 1zm0 1.5v3a2.5 2.5 0 0 0-2.5 2.5h-3A5.5 '
+        '5.5 0 0 0 8 13.5v-3A2.5 2.5 0 0 0 10.5 8h3A5.5 5.5 0 0 0 8 2.5z',
+        {'kind': 'encoder'},
+        '',
+    ),
+)
+register(
+    'gyroscope',
+    _on_link(
+        'gyroscope',
+        'Shift+G',
+        'M8 1a7 7 0 1 1 0 14A7 7 0 0 1 8 1zm0 1.5a5.5 5.5 0 1 0 0 11 5.5 5.5 0 0 0 '
+        '0-11zM7 4h2v8H7z',
+        {'kind': 'gyroscope'},
+    ),
+)
+register(
+    'load_cell',
+    _in_joint('load_cell', 'Shift+L', 'M3 2h10v3H9v6h4v3H3v-3h4V5H3z', {'kind': 'load_cell'}),
+)
+register(
+    'strain_gauge',
+    _on_link(
+        'strain_gauge',
+        'Shift+S',
+        'M0 12h16v2H0zM3 11V3h2v6h1V3h2v6h1V3h2v6h1V3h1v8h-3V5h0v6H7V5h0v6z',
+        {'kind': 'strain_gauge'},
+        'along',
+    ),
+)

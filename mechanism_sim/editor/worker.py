@@ -1,0 +1,251 @@
+"""The session of an editor in a process of its own: whatever becomes of it, the document stays.
+
+To draw a machine is to compile its closures, in milliseconds for most, and in minutes for a chain
+of hundreds of links. The process that serves pages holds the document and waits for none of it.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from mechanism_sim import ending, strict_json
+from mechanism_sim.editor.document import Document
+from mechanism_sim.packages import reason
+
+PATIENCE = 15.0
+"""[s] of CPU time for what a page asks for; then its process is ended, and that is not drawn."""
+
+_BUSY = 4.0  # [s] of a busy machine, for a second of CPU time
+
+OUTDATED = 1.0
+"""[s] after which a picture is given up for one of a newer document."""
+
+RETRY = 2.0
+"""[s] until a process that could not be started is tried again."""
+
+NOT_STARTED = (
+    'nothing is drawn, for its process cannot be started ({}): it is tried again; what is edited '
+    'meanwhile waits for it'
+)
+TOO_LONG = (
+    f'it is not drawn, for that takes longer than {PATIENCE:g} s: take parts away, or use the '
+    'commands check and solve, which take their time'
+)
+CANCELLED = 'it is not drawn, for another document came before it was'
+
+Send = Callable[[str, int, str], None]
+
+
+class Worker:
+    """Does what pages ask for, one thing after the other.
+
+    Parameters
+    ----------
+    document : kept equal to that of the session, as far as it came, whatever becomes of it
+    send : called with kind, number of the state and JSON text of what is to be sent to all pages
+    opened : called when another document was opened
+
+    Attributes
+    ----------
+    number : of the state of the document, as of `Session`
+    trouble : why it has no process, if it could not be started
+    job : what is to be checked and run, as it was when it was asked for last
+    """
+
+    def __init__(self, document: Document, send: Send, opened: Callable[[Document], None]) -> None:
+        self.document, self._send, self._opened = document, send, opened
+        self.number, self.job = 0, None
+        self._heavy: dict[str, str] = {}  # texts that are not drawn, and why
+        self._since: float | None = None
+        self._asked: tuple[str, Any] | None = None  # of which nothing has come yet
+        self._retried: tuple[str, Any] | None = None
+        self._tried, self.trouble = False, ''
+        self._process: Any = None
+        self._link: Any = None
+        self._start()
+
+    @property
+    def links(self) -> list[Connection]:
+        """What becomes readable when there is something for `take`; none if it has no process."""
+        return [self._link] if self._link else []
+
+    @property
+    def busy(self) -> float:
+        """How long it is at work [s]; 0 if it waits."""
+        return 0.0 if self._since is None else max(time.monotonic() - self._since, 1e-9)
+
+    def ask(self, kind: str, item: Any = None) -> None:
+        """Let it do something, which it may only if it is not busy.
+
+        Parameters
+        ----------
+        kind : ``page`` with a message of a page, ``found`` with the arguments of `Session.found`,
+            ``pause``, ``job``
+        """
+        self._since, self._before = time.monotonic(), _cpu_time(self._process.pid) or 0.0
+        self._asked = kind, item
+        try:
+            self._link.send((kind, item))
+        except OSError:
+            self._again('', retry=True)
+
+    def take(self) -> None:
+        """Take in what it has to say."""
+        try:
+            while self._link and self._link.poll():
+                self._hear(*self._link.recv())
+        except (EOFError, OSError):  # it has ended, by a fault of a library or of the memory
+            self._again('it is not drawn, for its process has ended: it may be too large', True)
+
+    def look(self, outdated: bool) -> None:
+        """End what takes too long, or is wanted no more."""
+        if self._process is None and self.busy > RETRY:
+            self._start()
+        if not self._begun:
+            return
+        if self.busy > PATIENCE and self._spends() > PATIENCE:
+            self._again(TOO_LONG)
+        elif outdated and self.busy > OUTDATED:
+            self._again(CANCELLED)
+
+    def _spends(self) -> float:
+        """CPU time [s] of what it does, or a part of the time, where that is not known."""
+        spent = _cpu_time(self._process.pid)
+        return self.busy / _BUSY if spent is None else max(spent - self._before, self.busy / _BUSY)
+
+    def close(self) -> None:
+        """End its process."""
+        if self._process and self._link:
+            self._process.kill()
+            self._process.join()
+            self._link.close()
+
+    def _start(self) -> None:
+        self._since, self._before, self._begun = time.monotonic(), 0.0, False
+        self._process = self._link = None
+        context = get_context('spawn')
+        ours: list[Connection] = []
+        # It gets the document when it is there to take it: until then nobody reads, and a document
+        # with all texts before is more than a pipe holds.
+        # not a daemon in multiprocessing's sense, which `ending.follow` makes of it
+        try:
+            ours += context.Pipe()
+            process = context.Process(target=_work, args=(ours[1],), daemon=True)
+            with ending.signals_held():
+                process.start()
+        except OSError as error:  # no memory, no processes, no files: that may pass
+            for end in ours:
+                end.close()
+            before, self.trouble = self.trouble, NOT_STARTED.format(reason(error))
+            if not before:
+                self._send('said', -1, strict_json.dumps({'type': 'said', 'text': self.trouble}))
+            return
+        self._process, self._link, self.trouble = process, ours[0], ''
+        ours[1].close()
+
+    def _again(self, why: str, retry: bool = False) -> None:
+        """Begin anew with the document as far as it came.
+
+        `retry` : what was asked for is asked for once more, if nothing came of it
+        """
+        process, link = self._process, self._link
+        process.kill()
+        process.join()
+        self._retried = None
+        try:
+            while link.poll():
+                self._hear(*link.recv())
+        except (EOFError, OSError):
+            pass  # that was all
+        link.close()
+        self.number += 1
+        if why:
+            self._heavy = {self.document.text: why}
+        if retry and not self._tried and self._asked and self._asked[0] == 'page':
+            self._retried = self._asked
+        self._asked, self._tried = None, False
+        self._start()
+
+    def _hear(self, kind: str, *items: Any) -> None:
+        if kind == 'page':
+            self._send(*items)
+        elif kind == 'document':
+            self._asked = None
+            change, value = items
+            if change == 'opened':
+                self.document = value
+                self._opened(value)
+            else:
+                self.document.follow(change, value)
+        elif kind == 'job':
+            (self.job,) = items
+        elif kind == 'begun':  # its modules are there; from here on it draws
+            self._since, self._begun = time.monotonic(), True
+            heavy = {text: why for text, why in self._heavy.items() if text == self.document.text}
+            self._link.send((self.document, self.number, heavy))
+        else:
+            (self.number,) = items
+            self._since = self._asked = None
+            again, self._retried = self._retried, None
+            self._tried = again is not None
+            if again:
+                self.ask(*again)
+
+
+def _cpu_time(pid: int | None) -> float | None:
+    """CPU time [s] of a process, where the system tells it."""
+    try:
+        fields = Path(f'/proc/{pid}/stat').read_text('utf-8').rpartition(')')[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+    except (OSError, IndexError, ValueError):
+        return None
+
+
+def _work(link: Connection) -> None:
+    """Do what is asked for until nobody asks."""
+    from mechanism_sim.editor.session import Session  # noqa: PLC0415 - here it is loaded
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is for the one who edits
+    ending.follow(os.getppid())
+
+    def send(message: dict[str, Any]) -> None:
+        text = strict_json.dumps(message)
+        link.send(('page', message['type'], message.get('number', -1), text))
+
+    try:
+        link.send(('begun',))
+        document, number, heavy = link.recv()
+        document.watch = lambda change, value: link.send(('document', change, value))
+        session = Session(document, send, number, heavy)
+        for message in session.greeting:
+            send(message)
+        for kind, item in _requests(link, session):
+            try:
+                if kind == 'page':
+                    session.handle(item)
+                elif kind == 'found':
+                    number, what, text = item
+                    session.found(number, what, strict_json.loads(text))
+                elif kind == 'pause':
+                    session.pause()
+                else:
+                    link.send(('job', session.job()))
+            except (BrokenPipeError, EOFError):
+                raise
+            except Exception as error:
+                send({'type': 'said', 'text': f'that cannot be shown ({reason(error)})'})
+    except (BrokenPipeError, EOFError):
+        return
+
+
+def _requests(link: Connection, session: Any) -> Iterator[tuple[str, Any]]:
+    while True:
+        link.send(('idle', session.number))
+        yield link.recv()

@@ -1,0 +1,147 @@
+"""A node that replays a bag: it publishes what the bag holds, as the nodes of the run did."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.messages import Clock, MessageError, message_class
+from mechanism_sim.nodes.middleware import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    MiddlewareError,
+    Node,
+    Publisher,
+    QoSProfile,
+    ReliabilityPolicy,
+    init,
+    leave,
+)
+from mechanism_sim.recording import Bag
+from ros_interfaces.names import InvalidNameError
+
+_LOOK = 0.05  # [s] between two looks at the subscriptions
+_QUIET = 0.4  # [s] in which none is added: all that are there are known
+_BEAT = 0.1  # [s] between two looks for a signal
+
+
+@contextmanager
+def player(patience: float = 10.0) -> Iterator[Player]:
+    """A player for the duration of a command.
+
+    Parameters
+    ----------
+    patience : [s] in which subscriptions are looked for before it begins
+
+    Raises
+    ------
+    InputError
+        If what it is to play is no message or topic.
+    RunError
+        If there is no network.
+    """
+    nodes: list[Node] = []
+    try:
+        init(args=[])
+        nodes.append(Node(f'mechanism_sim_player_{os.getpid()}', enable_rosout=False,
+                          start_parameter_services=False))  # fmt: skip
+        yield Player(nodes[0], patience)
+    except (MessageError, InvalidNameError) as error:
+        raise InputError(str(error)) from error
+    except MiddlewareError as error:
+        raise RunError(str(error)) from error
+    finally:
+        leave(nodes)
+
+
+class Player:
+    """Publishes what bags hold."""
+
+    def __init__(self, node: Node, patience: float) -> None:
+        self._node, self._patience = node, patience
+
+    def play(
+        self,
+        bag: Bag,
+        topics: Sequence[str] = (),
+        rate: float = 1.0,
+        start: float = 0.0,
+        clock: float | None = None,
+        told: Callable[[float, int], None] = lambda _t, _n: None,
+    ) -> int:
+        """Publish what a bag holds, as its nodes did; how many messages there were.
+
+        Parameters
+        ----------
+        topics : those wanted, all without any
+        rate : recorded seconds in a second; 0 as fast as possible
+        start : [s] after the first message
+        clock : Hz of messages on ``/clock`` with the time of the bag, if it has none
+        """
+        chosen = list(topics) or [name for name, t in bag.topics.items() if t.type]
+        publishers = {
+            name: self._node.create_publisher(
+                message_class(bag.topics[name].type), name, _profile(bag.topics[name].qos)
+            )
+            for name in chosen
+            if name in bag.topics
+        }
+        ticks, tick = None, 0.0
+        if clock and '/clock' not in publishers:
+            ticks = self._node.create_publisher(Clock, '/clock', QoSProfile(depth=1))
+        _wait_for_subscriptions(list(publishers.values()), self._patience)
+        began, count, first = time.monotonic(), 0, bag.start / 1e9 + start
+        for name, message, stamp in bag.messages(chosen):
+            now = stamp / 1e9
+            if now < first and publishers[name].qos_profile.durability != (
+                DurabilityPolicy.TRANSIENT_LOCAL
+            ):
+                continue
+            if rate and now > first:
+                while (early := (now - first) / rate - (time.monotonic() - began)) > 0.0:
+                    time.sleep(min(early, _BEAT))
+            if ticks and now >= tick:
+                ticks.publish(_clock(stamp))
+                tick = now + 1.0 / (clock or 1.0)
+            publishers[name].publish(message)
+            count += 1
+            told(now - bag.start / 1e9, count)
+        return count
+
+
+def _wait_for_subscriptions(publishers: Sequence[Publisher], patience: float) -> None:
+    """Wait until no more subscriptions to what is to be played are found."""
+    began = last = time.monotonic()
+    seen: list[int] = []
+    while time.monotonic() - last < _QUIET and time.monotonic() - began < patience:
+        now = [publisher.get_subscription_count() for publisher in publishers]
+        if now != seen:
+            seen, last = now, time.monotonic()
+        time.sleep(_LOOK)
+
+
+def _clock(stamp: int) -> Any:
+    message = Clock()
+    message.clock.sec, message.clock.nanosec = divmod(stamp, 1_000_000_000)
+    return message
+
+
+def _profile(qos: Any) -> QoSProfile:
+    """The profile under which a topic was recorded."""
+    if qos is None:
+        return QoSProfile(depth=10)
+    words = {word.lower() for word in (qos.reliability, qos.durability, qos.history)}
+    return QoSProfile(
+        depth=max(int(qos.depth), 1),
+        history=HistoryPolicy.KEEP_ALL if 'keep_all' in words else HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.BEST_EFFORT
+        if 'best_effort' in words
+        else ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL
+        if 'transient_local' in words
+        else DurabilityPolicy.VOLATILE,
+    )

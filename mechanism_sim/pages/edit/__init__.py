@@ -1,1 +1,0 @@
-"""Editing scenes by touch: a document, its picture, and what gestures make of them."""

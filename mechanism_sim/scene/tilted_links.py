@@ -1,0 +1,117 @@
+"""Links that lean out of their plane: what a scene makes of their bodies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Revolute
+from mechanism_sim.planar.points import GROUND
+from mechanism_sim.planar.tilt import Tilt
+from mechanism_sim.scene.places import Places
+
+_ROUNDING = 1e-12
+
+
+def without_mass(places: Places, link: str) -> Body:
+    """A link as it moves, whatever it weighs."""
+    none, given = (0.0, 0.0), places.scene.links[link].tilt
+    axial = stiffness_along(places, link)
+    tilt = Tilt(0.0, none, (0.0, 0.0, 0.0), none, axial=axial) if given else None
+    return Body(link, 0.0, 0.0, none, tilt=tilt)
+
+
+def stiffness_along(places: Places, link: str) -> float | None:
+    """Of what holds a link along the axes [N/m]; None if no bearing lets it move there."""
+    given = places.scene.links[link].tilt
+    stopped = any(
+        joint.clearance and joint.clearance.axial and link in dict(places.ends(name, joint))
+        for name, joint in places.scene.joints.items()
+    )
+    return given.axial_stiffness if given and stopped else None
+
+
+def tilted(body: Body, places: Places, spin: float = 0.0) -> Body:
+    """A body as its link leans.
+
+    Parameters
+    ----------
+    spin : [kg m^2] of its inertia that turns in the plane, but does not lean
+
+    Raises
+    ------
+    InputError
+        If it has no mass, or no body has such moments of inertia.
+    """
+    given, where = places.scene.links[body.name].tilt, f'{places.name}: links.{body.name}'
+    if given is None:
+        return body
+    axial = stiffness_along(places, body.name)
+    if given.axial_stiffness and axial is None:
+        raise InputError(
+            f'{where}.tilt.axial_stiffness has no meaning where no bearing of the link has '
+            "'clearance.axial': it does not move along the axes"
+        )
+    normal = body.inertia - spin
+    if not (body.mass and normal):
+        raise InputError(f'{where}.tilt: a link that leans needs mass and inertia')
+    if given.thickness:
+        square = body.mass * given.thickness**2 / 12.0
+        about = (2.0 * square, normal)
+    else:
+        assert given.inertia  # noqa: S101 - one of both is there
+        about = given.inertia
+    moments = (*about, normal)
+    if max(moments) > (1.0 + _ROUNDING) * (sum(moments) - max(moments)):
+        said = ', '.join(f'{x:g}' for x in moments)
+        raise InputError(
+            f'{where}.tilt: no body has the moments of inertia {said} kg m^2 about x, y and its '
+            'normal: none may be more than the others together'
+        )
+    rigidity = (given.stiffness, given.stiffness)
+    tilt = Tilt(body.mass, body.cog, moments, rigidity, given.damping, spin, axial)
+    return replace(body, tilt=tilt)
+
+
+def check_tilts(places: Places, joints: tuple[Joint, ...]) -> None:
+    """Links that lean are rigid, and have revolute joints only.
+
+    Raises
+    ------
+    InputError
+        If not.
+    """
+    leaning = {x for x in places.links if places.scene.links[x].tilt}
+    for link in places.links:
+        if link in leaning and places.scene.links[link].elastic:
+            raise InputError(
+                f'{places.name}: links.{link} has both elastic and tilt: a link that bends in the '
+                'plane stays in it here; leave one of them out'
+            )
+    for name, keys in places.scene.joints.items():
+        if keys.clearance and keys.clearance.axial:
+            ends = [link for link, _ in places.ends(name, keys)]
+            if not leaning & {*ends}:
+                movable = next(x for x in ends if x != GROUND)
+                raise InputError(
+                    f'{places.name}: joints.{name}.clearance.axial: none of its links can move '
+                    f"along the axis: give 'links.{movable}.tilt' to one that leans"
+                )
+    for joint in joints:
+        for link in {joint.first, joint.second} & leaning:
+            if not isinstance(joint, Revolute):
+                raise InputError(
+                    f'{places.name}: joints.{joint.name}: the link {link}, which leans, has '
+                    'revolute joints only; put a rigid link between'
+                )
+
+
+def tilt_notes(mechanism: Mechanism) -> list[str]:
+    """Natural frequencies of the links that lean, each while it rests."""
+    notes = []
+    for link in {c.partition('.')[0]: None for c in mechanism.tilts}:
+        rates = mechanism.flexible[link].frequencies.items()
+        listed = ', '.join(f'{name} {w / (2.0 * math.pi):.6g} Hz' for name, w in rates)
+        notes.append(f'{link} leans out of its plane: {listed}; exact to the first order')
+    return notes

@@ -1,0 +1,399 @@
+"""Will contact be lost? The criteria of the literature, from the forces of the ideal mechanism.
+
+[SB] 3.5 collects them. All take F, the force of the pin on its bushing in the mechanism without
+clearance, with magnitude R and direction gamma, over one turn of the crank. Four are given as [SB]
+reports them; where it gives no number for a limit, the limit is this project's and an argument:
+
+- `small_force`: R is small ([SB]'s second method);
+- `polar_plot`: the plot of F passes through the origin (Wu and Earles 1972, [SB]'s [3]);
+- `turn_over_least_force`: ``gamma'/R > 1 rad/(N s)`` where R is least (Wu and Earles 1975, [4]);
+- `unit_turn_over_force`: contact is lost when ``gamma'/R = 1 rad/(N s)`` (Grant and Fawcett 1977,
+  [84]).
+
+No clearance enters these. The last two compare a number that has a unit with 1: where inertia
+rules, it falls as the machine runs faster. [SB] quotes Haines [83]: impacts at 0.32, none at 220.
+
+Three more know the clearance c. They put a massless link of length c and direction eta between
+bushing and pin ([3], [8]), which can only press ([8]). How they judge it is derived here. A pin
+that stands off by Q = c n, n = u(eta), t = v(eta), displaces the free links by B Q; B inverts the
+Jacobian J of the clearance vector. With the inertias I of the free links, to leading order in c,
+
+    m (c eta'' t - c eta'^2 n) + H c eta' t = F - N n,   m = B^T I B,   H = 2 B^T I B'
+
+The left side moves the pin against the bushing; the right side is what the contact force N leaves
+of the force of the ideal mechanism. Across and along the link, a pendulum in the field of F:
+
+    m_tt c eta'' = F.t + m_tn c eta'^2 - H_tt c eta'
+    N = F.n + m_nn c eta'^2 - m_nt c eta'' - H_nt c eta'
+
+Left out are terms of the order m c w^2 beside F, with the speed w of the crank. The H term is
+small too, but it works like a damping of either sign: in the course of a turn it changes the
+swings of the link by a part of their own size that does not shrink with the clearance.
+
+- `turning_link`: N if the link turned as the force does, eta = gamma. For a mass that is the same
+  in all directions, without H, that is more than R: a loss needs a link that does *not* follow.
+- `lagging_link`: the lag of a link that turns as the force does, ``R sin(lag) = m_tt c gamma'' -
+  m_tn c gamma'^2 + H_tt c gamma'``. Where the sine would have to exceed 1, the link falls behind.
+  Below that contact may be lost all the same, by swings that add up.
+- `free_link`: the pendulum itself, integrated until N falls through zero. No friction damps it, so
+  it depends on its start as the machine does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.thesis.force_cycle import ForceCycle, length
+from mechanism_sim.thesis.periodic_functions import (
+    TURN,
+    resolve,
+    root,
+    tip,
+    with_tips,
+)
+
+_EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What one criterion says of a turn of the crank."""
+
+    criterion: str
+    angles: tuple[float, ...]  #: [rad] of the crank in [0, 2 pi) where contact would be lost
+    figure: float  #: what is compared with the threshold
+    unit: str  #: of both
+    threshold: float
+    predicts_loss: bool
+
+
+@dataclass(frozen=True)
+class ClearanceLink:
+    """The clearance as a massless link between the centres of bushing and pin.
+
+    Attributes
+    ----------
+    radial : clearance [m], the length of the link
+    inertia : at crank angles (N,) the mass m [kg] felt by the pin as it moves against the bushing,
+        and 2 B^T I dB/d(crank angle) [kg/rad], both (2, 2, N) in fixed axes
+    """
+
+    radial: float
+    inertia: Callable[[Array], tuple[Array, Array]]
+
+    @classmethod
+    def mass_point(cls, radial: float, mass: float) -> ClearanceLink:
+        """A pin with a mass [kg] of its own that is the same in all directions."""
+
+        def inertia(angle: Array) -> tuple[Array, Array]:
+            m = np.repeat(mass * np.eye(2)[:, :, None], np.size(angle), axis=2)
+            return m, np.zeros_like(m)
+
+        return cls(radial, inertia)
+
+    @classmethod
+    def four_bar(
+        cls, radial: float, linkage: FourBar, coupler_inertia: float, rocker_inertia: float
+    ) -> ClearanceLink:
+        """Between coupler and rocker of a four-bar whose crank is held to its law.
+
+        Parameters
+        ----------
+        coupler_inertia, rocker_inertia : [kg m^2] about the crank pin and the pivot in the frame
+        """
+        links = np.diag([coupler_inertia, rocker_inertia])
+
+        def inertia(angle: Array) -> tuple[Array, Array]:
+            one = np.ones_like(angle)
+            (_, th3, th4), (_, w3, w4), _ = linkage.motion(angle, one, 0.0 * one)
+            l3, l4 = linkage.coupler, linkage.rocker
+            jacobian = np.array(
+                [[-l3 * np.sin(th3), l4 * np.sin(th4)], [l3 * np.cos(th3), -l4 * np.cos(th4)]]
+            )
+            change = np.array(
+                [
+                    [-l3 * np.cos(th3) * w3, l4 * np.cos(th4) * w4],
+                    [-l3 * np.sin(th3) * w3, l4 * np.sin(th4) * w4],
+                ]
+            )
+            J, dJ = jacobian.transpose(2, 0, 1), change.transpose(2, 0, 1)
+            B = np.linalg.inv(J)
+            left = B.transpose(0, 2, 1) @ links
+            m, transport = left @ B, -2.0 * left @ B @ dJ @ B
+            return m.transpose(1, 2, 0), transport.transpose(1, 2, 0)
+
+        return cls(radial, inertia)
+
+
+@dataclass(frozen=True)
+class Following:
+    """How a free clearance link fared from its start on."""
+
+    turned: float | None  #: [rad] of the crank until contact was lost; None if it was not
+    angle: float | None  #: [rad] of the crank then, in [0, 2 pi)
+    least_force: float  #: [N] smallest contact force on the way; 0 at the loss
+
+
+def contact_loss(
+    cycle: ForceCycle,
+    link: ClearanceLink | None = None,
+    *,
+    fraction: float = 0.1,
+    nearness: float = 0.01,
+    index: float = 1.0,
+    start: float = 0.0,
+    turns: float = 3.0,
+) -> list[Prediction]:
+    """All criteria that can be judged; those of the clearance link need the link.
+
+    Parameters
+    ----------
+    fraction : of the mean force, below which a force is small
+    nearness : of the plot of the force to the origin, as part of the largest force
+    index : [rad/(N s)] limit of the rate of turn over the force
+    start, turns : crank angle [rad] from which, and turns for which the free link is followed
+    """
+    found = [
+        small_force(cycle, fraction),
+        polar_plot(cycle, nearness),
+        turn_over_least_force(cycle, index),
+        unit_turn_over_force(cycle, index),
+    ]
+    if link is not None:
+        found += [
+            turning_link(cycle, link),
+            lagging_link(cycle, link),
+            free_link(cycle, link, start=start, turns=turns),
+        ]
+    return found
+
+
+def small_force(cycle: ForceCycle, fraction: float = 0.1) -> Prediction:
+    """The force drops to the neighbourhood of zero ([SB] 3.5, second method).
+
+    [SB] means the force in the following mode and gives no number. Here it is the ideal force,
+    measured by its mean over time; the fraction is this project's. The angles are those where the
+    force falls below it; the figure is the exact minimum.
+    """
+    level = fraction * cycle.mean
+    spans = cycle.spans(lambda x: level - cycle.magnitude(x))
+    figure = min(m.force for m in cycle.minima) / cycle.mean
+    angles = tuple(begin for begin, _ in spans)
+    return Prediction('small force', angles, figure, '1', fraction, figure < fraction)
+
+
+def polar_plot(cycle: ForceCycle, nearness: float = 0.01) -> Prediction:
+    """The polar plot of the force passes the origin with a finite slope (Wu and Earles 1972).
+
+    A computed plot never meets the origin exactly: it passes if its distance, as part of the
+    largest force, is less than `nearness`, which is this project's. A cusp there, where the force
+    comes and goes without a definite slope, does not count.
+    """
+    minima = np.array([m.angle for m in cycle.minima])
+    distance = cycle.magnitude(minima) / cycle.maximum[1]
+    slope = length(cycle.curve(minima, 1)) / cycle.maximum[1]
+    passes = (distance < nearness) & (slope > 1e-9)
+    angles = tuple(float(angle) for angle in minima[passes])
+    figure = float(distance.min())
+    return Prediction('polar plot through origin', angles, figure, '1', nearness, bool(angles))
+
+
+def turn_over_least_force(cycle: ForceCycle, threshold: float = 1.0) -> Prediction:
+    """The force turns quickly where it is smallest: gamma'/R_min > 1 rad/(N s).
+
+    Wu and Earles 1975, as in [SB] 3.5. The angles are the minima of the force with such an index.
+    """
+    figure = max(m.index for m in cycle.minima)
+    angles = tuple(m.angle for m in cycle.minima if m.index > threshold)
+    return Prediction(
+        'turn over least force', angles, figure, 'rad/(N s)', threshold, bool(angles)
+    )
+
+
+def unit_turn_over_force(cycle: ForceCycle, level: float = 1.0) -> Prediction:
+    """Contact is lost at the instants when gamma'/R = 1 rad/(N s).
+
+    Grant and Fawcett 1977, as in [SB] 3.5. The angles are those where the index rises through the
+    level in the direction of a growing crank angle, or falls in that direction for a crank that
+    turns backwards; in any case it rises in time. An index above it throughout predicts a loss
+    without an instant.
+    """
+    spans = index_spans(cycle, level)
+    forward = float(cycle.speed(np.zeros(1))[0]) > 0.0
+    angles = tuple(sorted(begin if forward else end for begin, end in spans))
+    figure = max(cycle.largest(cycle.index)[1], *(m.index for m in cycle.minima))
+    return Prediction('unit turn over force', angles, figure, 'rad/(N s)', level, figure > level)
+
+
+def index_spans(cycle: ForceCycle, level: float = 1.0) -> list[tuple[float, float]]:
+    """Spans of crank angle [rad] in which gamma'/R exceeds a level [rad/(N s)].
+
+    A force that passes exactly through the origin without turning on its way makes an empty span.
+    """
+    scale = cycle.maximum[1] * float(length(cycle.rates(cycle.grid).first).max())
+
+    def excess(angle: Array) -> Array:
+        # Both sides times R^3, so that nothing is divided by a force that may vanish.
+        rates = cycle.rates(angle)
+        swept = np.abs(rates.swept)
+        swept[swept < 64.0 * _EPS * scale] = 0.0
+        return swept - level * rates.magnitude**3
+
+    found = cycle.spans(excess)
+    through = np.array([m.angle for m in cycle.minima if m.index > level])
+    missed = through[excess(through) <= 0.0] if through.size else through
+    return sorted([*found, *((float(x), float(x)) for x in missed)])
+
+
+def turning_link(cycle: ForceCycle, link: ClearanceLink) -> Prediction:
+    """The contact force of a clearance link that turns with the force, and where it would pull.
+
+    Derived here, see above: N = R + m_nn c gamma'^2 - m_nt c gamma'' - H_nt c gamma'.
+    """
+
+    def pull(angle: Array) -> Array:
+        return -_turning(cycle, link, angle)[0]
+
+    figure = -cycle.largest(pull)[1]
+    angles = tuple(begin for begin, _ in cycle.spans(pull))
+    return Prediction('link turning with force', angles, figure, 'N', 0.0, figure < 0.0)
+
+
+def lagging_link(cycle: ForceCycle, link: ClearanceLink) -> Prediction:
+    """The sine of the lag with which a clearance link could turn as the force does.
+
+    Derived here, see above. The angles are those from which on it would have to exceed 1.
+    """
+
+    def sine(angle: Array) -> Array:
+        _, across, force = _turning(cycle, link, angle)
+        with np.errstate(divide='ignore'):
+            return np.asarray(np.abs(across) / force)
+
+    figure = cycle.largest(sine)[1]
+    angles = tuple(begin for begin, _ in cycle.spans(lambda x: sine(x) - 1.0))
+    return Prediction('sine of lag', angles, figure, '1', 1.0, figure > 1.0)
+
+
+def free_link(
+    cycle: ForceCycle, link: ClearanceLink, start: float = 0.0, turns: float = 3.0
+) -> Prediction:
+    """The clearance link swings freely in the field of the force until it would have to pull.
+
+    Derived here, see above; `follow` tells after how many turns, and how it starts.
+    """
+    run = follow(cycle, link, start, turns)
+    angles = () if run.angle is None else (run.angle,)
+    return Prediction('free link', angles, run.least_force, 'N', 0.0, run.angle is not None)
+
+
+def follow(
+    cycle: ForceCycle,
+    link: ClearanceLink,
+    start: float = 0.0,
+    turns: float = 3.0,
+    rate: float | None = None,
+) -> Following:
+    """Integrate the direction of a clearance link that presses, until it lets go.
+
+    It starts in the direction of the force, as [SB] 3.4 and the scenes with ``start: seated`` do.
+
+    Parameters
+    ----------
+    start : crank angle [rad]
+    turns : of the crank, after which to give up
+    rate : of the link [rad/s]; without it that of free links that have their ideal rates, which is
+        -t.(J B') n
+
+    Raises
+    ------
+    ValueError
+        If no force gives the link a direction at the start.
+    """
+    here = np.array([start])
+    speed = float(cycle.speed(here)[0])
+    way = math.copysign(1.0, speed)
+    force = cycle.curve(here, 0)[:, 0]
+    if not math.hypot(*force) > _EPS * cycle.maximum[1]:
+        raise ValueError(f'no force gives the clearance link a direction at {start:.9g} rad')
+    eta = math.atan2(force[1], force[0])
+    m, transport = (x[:, :, 0] for x in link.inertia(here))
+    if rate is None:
+        n, t = np.array([math.cos(eta), math.sin(eta)]), np.array([-math.sin(eta), math.cos(eta)])
+        rate = float(-t @ np.linalg.solve(m, 0.5 * speed * transport @ n))
+    inertia = resolve(
+        lambda x: np.concatenate([part.reshape(4, -1) for part in link.inertia(x)]),
+        'the inertia of the clearance link',
+    )
+
+    def swing(turned: Array, y: Array) -> tuple[Array, Array]:
+        """Contact force (N,) [N], and derivative of direction and rate by the angle turned."""
+        angle = start + way * turned
+        m11, m12, _, m22, h11, h12, h21, h22 = inertia(angle)
+        fx, fy = cycle.curve(angle, 0)
+        w = cycle.speed(angle)
+        nx, ny, c = np.cos(y[0]), np.sin(y[0]), link.radial
+        mnx, mny, mtx, mty = (
+            m11 * nx + m12 * ny, m12 * nx + m22 * ny, m12 * nx - m11 * ny, m22 * nx - m12 * ny
+        )  # fmt: skip
+        fx = fx + c * y[1] * (y[1] * mnx - w * (h12 * nx - h11 * ny))
+        fy = fy + c * y[1] * (y[1] * mny - w * (h22 * nx - h21 * ny))
+        turn = (fy * nx - fx * ny) / (c * (mty * nx - mtx * ny))
+        contact = (fx - c * turn * mtx) * nx + (fy - c * turn * mty) * ny
+        return contact, np.array([y[1], turn]) / np.abs(w)
+
+    state = np.array([eta, rate])
+    least = float(swing(np.zeros(1), state[:, None])[0][0])
+    if least <= 0.0:
+        return Following(0.0, start % TURN, least)
+    # A link that starts aligned and at rest does not show how fast it will swing.
+    period = abs(speed) * math.sqrt(link.radial * float(np.trace(m)) / math.hypot(*force))
+    solver = scipy.integrate.DOP853(
+        lambda x, y: swing(np.array([x]), y[:, None])[1][:, 0], 0.0, state, TURN * turns,
+        rtol=1e-10, atol=1e-10 * np.array([1.0, abs(speed)]),
+        first_step=min(0.1 * period, TURN * turns),
+    )  # fmt: skip
+    while solver.status == 'running':
+        solver.step()
+        path = solver.dense_output()
+
+        def pull(x: Array, path: Callable[[Array], Array] = path) -> Array:
+            return -swing(x, path(x))[0]
+
+        x, values = with_tips(pull, np.linspace(solver.t_old, solver.t, 7), closed=False)
+        lost = np.flatnonzero(values > 0.0)
+        if lost.size:
+            turned = root(pull, x[lost[0] - 1], x[lost[0]])
+            return Following(turned, (start + way * turned) % TURN, 0.0)
+        if -values.max() < least:
+            i = int(values.argmax())
+            highest = tip(pull, x[max(i - 1, 0)], x[min(i + 1, len(x) - 1)])[1]
+            least = -max(highest, float(values[i]))
+    if solver.status == 'failed':
+        raise ArithmeticError(f'the clearance link could not be followed to {solver.t:.9g} rad')
+    return Following(None, None, least)
+
+
+def _turning(cycle: ForceCycle, link: ClearanceLink, angle: Array) -> tuple[Array, Array, Array]:
+    """Contact force, force across and force R (N,) [N] of a link that turns with the force."""
+    rates = cycle.rates(angle)
+    rate, turn = rates.turn()
+    force = rates.magnitude
+    m, transport = link.inertia(angle)
+    H = cycle.speed(angle) * transport
+    with np.errstate(invalid='ignore'):
+        n = rates.force / force
+        t = np.array([-n[1], n[0]])
+        push = np.einsum('ijk,jk->ik', m, turn * t - rate**2 * n)
+        push += np.einsum('ijk,jk->ik', H, rate * t)
+        contact = force - link.radial * (n * push).sum(axis=0)
+        across = link.radial * (t * push).sum(axis=0)
+    some = force > 0.0
+    return np.where(some, contact, 0.0), np.where(some, across, np.inf), force

@@ -1,0 +1,638 @@
+"""The experiment of [SB] chapters 7 and 8 on recorded runs: what is measured, and what is true.
+
+A four-bar, loose between coupler and rocker, carries accelerometers across these links. Its runs
+differ in speed, clearance and bearing, and in their start. Without friction or oil the motion is
+chaotic: no figure of a single run is that of another start, or of another processor. So figures
+are means over starts, with the confidence interval of Student's t.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.analysis.deviation import deviation, ideal_machine
+from mechanism_sim.analysis.record import Record, read_record
+from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.batch_means import quotient, ratio
+from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.sensing.chain import Instrument
+from mechanism_sim.sensing.orders import Turns
+from mechanism_sim.thesis.angular_acceleration import TurningLink
+from mechanism_sim.thesis.angular_reconstruction import LINKS, Estimate
+from mechanism_sim.thesis.reconstruction import Error
+from mechanism_sim.thesis.swing import (
+    MESHES,
+    Severity,
+    Swing,
+    all_samples,
+    has_high_pass,
+    sensors_across,
+    steps,
+    swings,
+    under_limit,
+)
+
+JOINT = 'coupler_rocker'
+CONFIDENCE = 0.99
+"""Of all intervals of the experiment.
+
+Its tables hold some 600 of them, and each is held against those of other conditions and, on
+another processor, of the same. Of two means with the same expectation the intervals of 95 % miss
+one another in 5 of 1,000 cases, which are three figures of such a page; those of 99 % in 3 of
+10,000.
+"""
+MESH = MESHES[-1]
+"""[deg] of the crank: what cycles are drawn with, and alpha is made of."""
+QUANTITIES = 'acceleration', 'velocity'
+_AT_FIRST = 4  # turns
+_SEGMENT = 4  # turns under the window of spectra, if there are as many
+
+
+class Bearing(NamedTuple):
+    """What lies between pin and bushing."""
+
+    restitution: float
+    friction: float
+    viscosity: float = 0.0  #: of an oil film [Pa s]; 0 of a dry bearing
+
+    def __str__(self) -> str:
+        if self.viscosity:
+            return f'oil film of {1e3 * self.viscosity:.4g} mPa s'
+        return f'restitution {self.restitution:g}, friction {self.friction:g}'
+
+
+class Condition(NamedTuple):
+    """What differs between the runs of the experiment, but for their start."""
+
+    speed: float  #: of the crank [rad/s]
+    radial: float  #: clearance [m]
+    bearing: Bearing
+
+    @property
+    def place(self) -> str:
+        """Speed and clearance in words."""
+        return f'{self.speed * 30.0 / math.pi:.4g} rpm, clearance {1e3 * self.radial:.4g} mm'
+
+    def __str__(self) -> str:
+        return f'{self.place}, {self.bearing}'
+
+
+class Interval(NamedTuple):
+    """A mean, and half of its confidence interval (`CONFIDENCE`); nan where nothing tells it."""
+
+    mean: float
+    half_width: float
+
+    @classmethod
+    def over(cls, values: Sequence[float] | Array) -> Interval:
+        """Of the mean of independent values; of one alone there is no interval."""
+        return cls.of_ratio(np.asarray(values, float), np.ones(len(values)))
+
+    @classmethod
+    def of_ratio(cls, x: Array, per: Array) -> Interval:
+        """Of the sum of some values over that of others, in pairs."""
+        return cls(*ratio(x, per, CONFIDENCE))
+
+    @classmethod
+    def of_quotient(cls, x: Array, y: Array) -> Interval:
+        """Of the mean of independent values over that of others."""
+        return cls(*quotient(x, y, CONFIDENCE))
+
+    @property
+    def low(self) -> float:
+        """Its lower end."""
+        return self.mean - self.half_width
+
+    @property
+    def high(self) -> float:
+        """Its upper end."""
+        return self.mean + self.half_width
+
+    def above(self, other: Interval) -> bool:
+        """Whether the whole of it lies above another; False if either has no width."""
+        return self.low > other.high
+
+
+class Errors(NamedTuple):
+    """Of a reconstruction: against what the instrument could show at all, and the truth."""
+
+    of_shown: Error
+    of_truth: Error
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """A turn of the crank in steps of `MESH`.
+
+    Attributes
+    ----------
+    angle : of the crank in the middle of the steps [deg]
+    acceleration, velocity : of coupler and rocker (2, n), accelerations as means over the steps
+    force : of the coupler on the rocker (2, n) [N], with impulses spread over their step
+    torque : of the drive (n,) [N m], likewise
+    nominal : all six of the ideal mechanism, in that order (7, n)
+    """
+
+    angle: Array
+    acceleration: Array
+    velocity: Array
+    force: Array
+    torque: Array
+    nominal: Array
+
+    @property
+    def rows(self) -> Array:
+        """Accelerations, velocities, force and torque: (7, n)."""
+        return np.vstack([self.acceleration, self.velocity, self.force, self.torque])
+
+    def modified(self, alpha: float) -> Array:
+        """The same (7, n), deviations from the ideal divided by alpha ([SB] 8.1)."""
+        return np.asarray(self.nominal + (self.rows - self.nominal) / alpha)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One run of the experiment, after its first turns.
+
+    Attributes
+    ----------
+    start : angle of the crank [rad]
+    turns : of the crank that are analysed: from, and up to
+    at_first : the first turn with an impact, and up to which those that follow it are counted
+    severity, severity_at_first : by link
+    errors : of angular accelerations and velocities, by (quantity, link) and method
+    overloads : samples cut at the range of their converters
+    swings : by link; only of the first of several starts, for they are large
+    rose, impacts : of these turns
+    every : impacts of all turns, turn by turn
+    first : the first turn with an impact
+    """
+
+    bag: Path
+    machine: Machine
+    condition: Condition
+    start: float
+    sample_rate: float
+    turns: tuple[int, int]
+    at_first: tuple[int, int]
+    severity: Mapping[str, Severity]
+    severity_at_first: Mapping[str, Severity]
+    errors: Mapping[tuple[str, str], Mapping[str, Errors]]
+    overloads: int
+    swings: Mapping[str, Swing]
+    rose: Rose
+    impacts: ImpactCycles
+    every: ImpactCycles
+    first: Cycle
+
+    @property
+    def turns_since_first(self) -> int:
+        """Whole turns from the first one with an impact on."""
+        return len(self.every.count) - (self.at_first[0] - self.every.first)
+
+    def since_first(self, turns: tuple[int, int]) -> TurnSums:
+        """Impacts in some turns, counted from the first one with an impact."""
+        offset = self.at_first[0] - self.every.first
+        part = slice(offset + turns[0], offset + turns[1])
+        return TurnSums(self.every.count[part], self.every.impulse[part])
+
+
+@dataclass(frozen=True, eq=False)
+class TurnSums:
+    """Impacts and the sum of their impulses [N s], turn by turn."""
+
+    count: NDArray[np.int64]
+    impulse: Array
+
+
+class IdealRuns:
+    """The mechanism without clearance, simulated once for all runs of a speed and a start."""
+
+    def __init__(self) -> None:
+        self._records: dict[tuple[str, float], Record] = {}
+        self._samples: dict[tuple[str, float, str, Instrument], Array] = {}
+
+    def record(self, of: Record) -> Record:
+        """Its run from the start of another to its end."""
+        machine = ideal_machine(of.machine)
+        key = machine.fingerprint, of.end
+        if key not in self._records:
+            self._records[key] = Record(machine, simulate(machine, duration=of.end), {})
+        return self._records[key]
+
+    def samples(self, ideal: Record, link: str, instrument: Instrument) -> Array:
+        """The angular acceleration of a link by an instrument, from the start of that run on."""
+        key = ideal.machine.fingerprint, ideal.end, link, instrument
+        if key not in self._samples:
+            mount = TurningLink(ideal.machine.mechanism, link)
+            motion = ideal.piece.motion
+            self._samples[key] = all_samples(mount, instrument, link, motion)[0]
+        return self._samples[key]
+
+
+def trial(bag: Path, skip: int | None = None, ideals: IdealRuns | None = None) -> Trial:
+    """The experiment on the run in a bag.
+
+    Parameters
+    ----------
+    skip : whole turns of the crank that are left out; the first half of them unless told
+    ideals : of the runs before, so that the ideal mechanism is not simulated anew for each
+
+    Raises
+    ------
+    InputError
+        If it is another machine, its crank is not steady, or a link has no sensor across it.
+    """
+    record = read_record(bag)
+    machine = record.machine
+    condition = _condition(bag, machine)
+    first, last = record.turns
+    left_out = (last - first) // 2 if skip is None else skip
+    try:
+        begin, end = record.whole_turns(left_out)
+    except InputError as error:
+        raise InputError(f'{bag}: {error}') from error
+    known = ideals or IdealRuns()
+    ideal = known.record(record)
+    every = impact_cycles(record, impact_rose(record, JOINT))
+    struck = first + int(np.argmax(every.count > 0))
+    at_first = struck, min(struck + _AT_FIRST, last)
+    try:
+        found = swings(
+            record,
+            lambda link, chain: known.samples(ideal, link, chain),
+            (begin, end),
+            at_first,
+        )
+    except InputError as error:
+        raise InputError(f'{bag}: {error}') from error
+    rose = impact_rose(record, JOINT, left_out)
+    return Trial(
+        bag,
+        machine,
+        condition,
+        machine.start_of_crank[0],
+        next(iter(sensors_across(machine, 'coupler').values())).sample_rate,
+        (begin, end),
+        at_first,
+        {link: x.severity for link, x in found.items()},
+        {link: x.severity_at_first for link, x in found.items()},
+        _errors((link, x.accelerations, x.velocities) for link, x in found.items()),
+        sum(x.overloads for x in found.values()),
+        found,
+        rose,
+        impact_cycles(record, rose, left_out),
+        every,
+        _cycle(record, ideal, struck),
+    )
+
+
+def _errors(
+    found: Iterable[tuple[str, Mapping[str, Estimate], Mapping[str, Estimate]]],
+) -> dict[tuple[str, str], dict[str, Errors]]:
+    return {
+        (quantity, link): {n: Errors(e.error_of_shown, e.error) for n, e in estimates.items()}
+        for link, *both in found
+        for quantity, estimates in zip(QUANTITIES, both, strict=True)
+    }
+
+
+def _condition(bag: Path, machine: Machine) -> Condition:
+    if not machine.closed_form or JOINT not in machine.clearances:
+        raise InputError(
+            f'{bag}: the experiment is that of a four_bar of rigid links whose joint {JOINT} has '
+            'clearance'
+        )
+    play = machine.clearances[JOINT]
+    if len(machine.laws) > 1 or machine.torque_driven:
+        raise InputError(f'{bag}: the experiment is that of a crank at constant speed')
+    viscosity = 0.0
+    if play.contact and play.film:
+        viscosity = play.contact.viscosity or 0.0
+    bearing = Bearing(play.restitution, play.friction, viscosity)
+    return Condition(machine.start_of_crank[1], play.radial, bearing)
+
+
+def _cycle(record: Record, ideal: Record, turn: int) -> Cycle:
+    machine, curve = record.machine, record.piece.motion.curve
+    edges = steps(record, (turn, turn + 1), MESH)
+    middle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
+    own = record.piece.sample(middle)
+    rows = [machine.physics.coordinates.index(link) for link in LINKS]
+    force = np.array([own[f'reaction.{JOINT}.{axis}'] for axis in 'xy'])
+    torque = np.array(own['drive_torque'])
+    for impact in record.piece.impacts:
+        if edges[0] <= impact.t < edges[-1]:
+            k = int(np.searchsorted(edges, impact.t, side='right')) - 1
+            n = np.array([np.cos(impact.normal_angle), np.sin(impact.normal_angle)])
+            pushed = impact.normal_impulse * n
+            pushed -= impact.tangential_impulse * np.array([-n[1], n[0]])
+            force[:, k] += pushed / width[k]
+            torque[k] += impact.drive_impulse / width[k]
+    q, v = curve(middle), curve(middle, 1)
+    _, speed, acceleration = machine.linkage.motion(q[:, 0], v[:, 0], np.zeros(len(middle)))
+    without = ideal.piece.sample(middle)
+    nominal = np.vstack(
+        [
+            acceleration[rows],
+            speed[rows],
+            [without[f'reaction.{JOINT}.{axis}'] for axis in 'xy'],
+            without['drive_torque'],
+        ]
+    )
+    return Cycle(
+        np.asarray((np.arange(len(middle)) + 0.5) * MESH, float),
+        (np.diff(curve(edges, 1), axis=0) / width[:, None]).T[rows],
+        v.T[rows],
+        force,
+        torque,
+        nominal,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Repeats:
+    """Runs of one condition that differ in their start, the first of them first."""
+
+    trials: Sequence[Trial]
+
+    @property
+    def condition(self) -> Condition:
+        """Of all of them."""
+        return self.trials[0].condition
+
+    @property
+    def first(self) -> Trial:
+        """The run that is drawn."""
+        return self.trials[0]
+
+    def mean(self, figure: Callable[[Trial], float]) -> Interval:
+        """Of a figure, over the starts; of one start without an interval."""
+        return Interval.over([figure(x) for x in self.trials])
+
+    def shown(self, link: str = 'coupler') -> Interval:
+        """The deviation of the angular acceleration of a link as the instrument shows it."""
+        return self.mean(lambda x: x.severity[link].heard)
+
+    def impacts(self, name: str, turns: tuple[int, int] | None = None) -> Interval:
+        """``count`` or ``impulse`` a turn, or ``I_n``, in the turns analysed or in others.
+
+        The interval is that over the starts; of a single start that over batches of turns.
+
+        Parameters
+        ----------
+        turns : from, and up to, counted from the first turn with an impact
+        """
+        spans = [x.impacts if turns is None else x.since_first(turns) for x in self.trials]
+        if len(spans) == 1 and turns is None:
+            count, impulse = spans[0].count, spans[0].impulse
+        else:
+            count, impulse = np.array([(x.count.mean(), x.impulse.mean()) for x in spans]).T
+        if name == 'I_n':
+            return Interval.of_ratio(impulse, count)
+        return Interval.over(count if name == 'count' else impulse)
+
+    def times(self, figure: Callable[[Trial], float], other: Repeats,
+              of: Callable[[Trial], float]) -> Interval:  # fmt: skip
+        """How many times as large a figure is here as another is there, in the means.
+
+        Two figures of the same runs are taken in pairs; other runs are independent.
+        """
+        here, there = (
+            np.array([f(x) for x in side.trials]) for side, f in ((self, figure), (other, of))
+        )
+        return (Interval.of_ratio if other is self else Interval.of_quotient)(here, there)
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """All runs of the experiment.
+
+    The machine that is measured is that whose bearing most of the runs have. It is compared with
+    the others at the highest speed and, there, the largest clearance.
+
+    Attributes
+    ----------
+    groups : runs of the same condition
+    limits : errors by the lower limit of the amplifiers [Hz] and condition, one for each start:
+        see `with_limits`
+    orders : alpha by multiple of the speed of the crank: see `with_orders`
+    """
+
+    groups: Sequence[Repeats]
+    limits: Mapping[tuple[float, Condition], Sequence[LimitErrors]] | None = None
+    orders: Sequence[Interval] | None = None
+
+    @property
+    def trials(self) -> list[Trial]:
+        """All runs, of all conditions."""
+        return [x for group in self.groups for x in group.trials]
+
+    @cached_property
+    def counted(self) -> Counter[Bearing]:
+        """How many runs there are of each bearing."""
+        return Counter(x.condition.bearing for x in self.trials)
+
+    @cached_property
+    def bearing(self) -> Bearing:
+        """Of the machine that is measured; of equal numbers of runs, the one read first."""
+        return self.counted.most_common(1)[0][0]
+
+    @cached_property
+    def measured(self) -> dict[tuple[float, float], Repeats]:
+        """The runs of that machine by speed [rad/s] and clearance [m], in rising order."""
+        return self.places(self.bearing)
+
+    def places(self, bearing: Bearing) -> dict[tuple[float, float], Repeats]:
+        """The runs of a bearing by speed [rad/s] and clearance [m], in rising order."""
+        found = {x.condition[:2]: x for x in self.groups if x.condition.bearing == bearing}
+        return dict(sorted(found.items()))
+
+    @property
+    def speeds(self) -> list[float]:
+        """At which it was run [rad/s]."""
+        return sorted({speed for speed, _ in self.measured})
+
+    @property
+    def clearances(self) -> list[float]:
+        """With which it was run [m]."""
+        return sorted({radial for _, radial in self.measured})
+
+    @property
+    def reference(self) -> Repeats:
+        """The runs at the highest speed, there with the largest clearance."""
+        return self.measured[max(self.measured)]
+
+    @property
+    def bearings(self) -> list[Repeats]:
+        """The runs there, dry ones first, friction rising and restitution falling."""
+        here = self.reference.condition[:2]
+        return sorted(
+            (x for x in self.groups if x.condition[:2] == here),
+            key=lambda x: (
+                x.condition.bearing.viscosity,
+                x.condition.bearing.friction,
+                -x.condition.bearing.restitution,
+            ),
+        )
+
+    @property
+    def assumed(self) -> Repeats:
+        """Of these the one nearest to what [SB] assumes: dry, no friction, restitution 1."""
+        return self.bearings[0]
+
+    def alpha(self, of: Repeats | None = None) -> Interval:
+        """What [SB] 8.1 would find between the assumed and a measured machine on the coupler.
+
+        How many times as large the deviation of the assumed machine is in its first turns with
+        impacts, as means over steps of `MESH`, as what the instrument shows of the other.
+
+        Parameters
+        ----------
+        of : the machine that is measured; `reference` unless told
+        """
+        return self.assumed.times(
+            lambda x: x.severity_at_first['coupler'].by_mesh[-1],
+            of or self.reference,
+            lambda x: x.severity['coupler'].heard,
+        )
+
+
+LimitErrors = Mapping[tuple[str, str], Mapping[str, Errors]]
+"""By (quantity, link) and method."""
+
+LIMITS = 2.0, 0.2
+"""[Hz] lower limits of the Brüel & Kjær 2635 for acceleration. [SB] does not say which was set."""
+
+
+def with_limits(found: Experiment, limits: Sequence[float] = LIMITS) -> Experiment:
+    """The experiment, and what each lower limit of the amplifiers does to reconstructions.
+
+    At the lowest and the highest speed, there with the largest clearance; nowhere if a sensor has
+    no high-pass at all.
+    """
+    speeds = found.speeds
+    chosen = {speed: max(c for s, c in found.measured if s == speed) for speed in
+              (speeds[0], speeds[-1])}  # fmt: skip
+    errors: dict[tuple[float, Condition], list[LimitErrors]] = {}
+    for place in chosen.items():
+        group = found.measured[place]
+        if not has_high_pass(group.first.machine):
+            return found
+        for one in group.trials:
+            record = read_record(one.bag)
+            for limit in limits:
+                under = under_limit(record, one.turns, limit)
+                errors.setdefault((limit, group.condition), []).append(
+                    _errors((link, *both) for link, both in under.items())
+                )
+    return replace(found, limits=errors)
+
+
+ORDERS = 12
+
+
+def with_orders(found: Experiment) -> Experiment:
+    """The experiment, and alpha in bands of one order, by the sensor on the coupler.
+
+    Of assumed and measured machine in the same turns; how far it is from one number says whether
+    the one response is the other one scaled.
+    """
+    if found.assumed is found.reference:
+        return found
+    over, under = (
+        np.array([order_amplitudes(x) for x in group.trials]).T
+        for group in (found.assumed, found.reference)
+    )
+    return replace(
+        found, orders=[Interval.of_quotient(*pair) for pair in zip(over, under, strict=True)]
+    )
+
+
+def order_amplitudes(of: Trial) -> Array:
+    """Amplitudes (12,) of the deviation that the sensor on the coupler shows, order by order."""
+    record = read_record(of.bag)
+    sensor = next(iter(sensors_across(record.machine, 'coupler')))
+    shown = deviation(record, sensor, skip=of.turns[0] - record.turns[0])
+    longest = min(_SEGMENT, max(map(len, Turns(shown.values, shown.own.first).series()))
+                  // shown.values.shape[1])  # fmt: skip
+    return np.asarray(np.sqrt(shown.order_power(longest)[:ORDERS]))
+
+
+def bags_of(folders: Sequence[Path]) -> list[Path]:
+    """The bags in some folders, by name.
+
+    Raises
+    ------
+    InputError
+        If there are none in one of them.
+    """
+    found = []
+    for folder in folders:
+        bags = sorted(folder.glob('*.mcap')) if folder.is_dir() else []
+        if not bags:
+            raise InputError(
+                f"'{folder}' has no bags (*.mcap); 'mechanism-sim sweep thesis_measurement --bags "
+                f"{folder}' makes those of the thesis"
+            )
+        found += bags
+    return found
+
+
+def read_experiment(
+    bags: Sequence[Path],
+    skip: int | None = None,
+    show: Callable[[int, int], None] | None = None,
+) -> Experiment:
+    """Some bags as an experiment; those of one condition are runs from several starts.
+
+    Parameters
+    ----------
+    skip : as for `trial`
+    show : called with the number of bags read, and 0
+
+    Raises
+    ------
+    InputError
+        If two runs are the same, or machines of one condition differ in more than their start, or
+        as for `trial`.
+    """
+    groups: dict[Condition, list[Trial]] = {}
+    ideals = IdealRuns()
+    for n, bag in enumerate(bags, 1):
+        found = trial(bag, skip, ideals)
+        here = groups.setdefault(found.condition, [])
+        for other in here:
+            _check_start(found, other)
+        # curves are drawn of the first start only
+        here.append(replace(found, swings={}) if here else found)
+        if show:
+            show(n, 0)
+    return Experiment([Repeats(found) for found in groups.values()])
+
+
+def _check_start(one: Trial, other: Trial) -> None:
+    """Raise InputError unless two runs of a condition differ in their start, and only in it."""
+    if one.machine.fingerprint == other.machine.fingerprint:
+        raise InputError(
+            f'{one.bag}: the machine, its condition ({one.condition}) and its start are those of '
+            f'{other.bag}, too'
+        )
+    anywhere = [x.machine.started_at(0.0).fingerprint for x in (one, other)]
+    if anywhere[0] != anywhere[1]:
+        raise InputError(
+            f'{one.bag}: speed, clearance and bearing are those of {other.bag} '
+            f'({one.condition}), but the machines differ in more than the angle of the crank at '
+            'the start: they are no runs of one experiment'
+        )

@@ -1,0 +1,305 @@
+"""The force in a joint over one turn of the crank: its minima, its index, how it turns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.planar.inverse_dynamics import InverseDynamics
+from mechanism_sim.thesis.periodic_functions import (
+    TURN,
+    Clock,
+    Curve,
+    Spline,
+    constant_speed,
+    peaks,
+    resolve,
+    root,
+    tip,
+    with_tips,
+)
+
+_EPS = float(np.finfo(float).eps)
+_FEWEST_SAMPLES = 8
+_MOST_SAMPLES = 1 << 13
+
+
+@dataclass(frozen=True)
+class ForceMinimum:
+    """A local minimum of the magnitude of the force."""
+
+    angle: float  #: [rad] of the crank, in [0, 2 pi)
+    force: float  #: [N]
+    index: float  #: [rad/(N s)] rate of turn of the force over its magnitude
+
+
+class ForceRates(NamedTuple):
+    """Force and its derivatives in time at N crank angles, each (2, N)."""
+
+    force: Array  #: [N]
+    first: Array  #: [N/s]
+    second: Array  #: [N/s^2]
+
+    @property
+    def magnitude(self) -> Array:
+        """R (N,) [N]."""
+        return length(self.force)
+
+    @property
+    def swept(self) -> Array:
+        """F x F' = R^2 gamma' (N,) [N^2/s]."""
+        return cross(self.force, self.first)
+
+    def turn(self) -> tuple[Array, Array]:
+        """Rates gamma' [rad/s] and gamma'' [rad/s^2], each (N,); not finite without a force."""
+        with np.errstate(divide='ignore', invalid='ignore'):
+            square = (self.force**2).sum(axis=0)
+            rate = self.swept / square
+            pull = (self.force * self.first).sum(axis=0) / square
+            return rate, cross(self.force, self.second) / square - 2.0 * rate * pull
+
+
+@dataclass(frozen=True)
+class ForceCycle:
+    """Force of the pin on its bushing over one turn of the crank, periodic and smooth.
+
+    Made by `resolved`, `sampled` or `nominal`.
+
+    Attributes
+    ----------
+    curve : the two components [N]
+    clock : time [s]; its first and second derivative by the crank angle are asked for only
+    resolution : number of points in a turn that show every swing of the force
+    """
+
+    curve: Curve
+    clock: Curve
+    resolution: int
+
+    @classmethod
+    def resolved(cls, force: Callable[[Array], Array], speed: float) -> ForceCycle:
+        """A force known at every crank angle: as a Fourier series resolved to rounding.
+
+        Parameters
+        ----------
+        force : components (2, N) [N] at crank angles (N,) [rad], of period 2 pi
+        speed : of the crank [rad/s], with its sign
+
+        Raises
+        ------
+        ValueError
+            If the force is not finite, smooth and periodic, or the crank is at rest.
+        """
+        series = resolve(force, 'the force')
+        points = max(360, 16 * series.order.size)
+        return cls(series, constant_speed(speed), points)
+
+    @classmethod
+    def sampled(
+        cls,
+        angle: ArrayLike,
+        force: ArrayLike,
+        *,
+        speed: float | None = None,
+        time: ArrayLike | None = None,
+    ) -> ForceCycle:
+        """A force known at some crank angles: as a periodic spline of degree 5.
+
+        Parameters
+        ----------
+        angle : (N,) [rad] of the crank over one turn, increasing or decreasing; the end of the
+            turn may be left out if the speed is given
+        force : (2, N) [N]
+        speed : of the crank [rad/s], or
+        time : (N,) [s], from the start to the end of the turn
+
+        Raises
+        ------
+        ValueError
+            If the samples do not make one turn.
+        """
+        x, f = np.asarray(angle, dtype=float), np.asarray(force, dtype=float)
+        if x.ndim != 1 or f.shape != (2, x.size) or x.size < _FEWEST_SAMPLES:
+            raise ValueError(
+                f'a cycle needs at least {_FEWEST_SAMPLES} angles (N,) and as many forces (2, N), '
+                f'not {x.shape} and {f.shape}'
+            )
+        if (speed is None) == (time is None):
+            raise ValueError('give either the speed of the crank or the times of the samples')
+        t = None if time is None else np.asarray(time, dtype=float)
+        if x[-1] < x[0]:
+            x, f, t = x[::-1], f[:, ::-1], None if t is None else t[::-1]
+        steps = np.diff(x)
+        closed = abs(x[-1] - x[0] - TURN) <= 1e-9
+        if not (steps > 0.0).all() or not (closed or x[-1] - x[0] < TURN):
+            raise ValueError('the crank angles must go one way, and once around at most')
+        if TURN - (x[-1] - x[0]) > 2.0 * steps.max():
+            raise ValueError(f'the samples cover {x[-1] - x[0]:.6g} rad only, not a turn')
+        if closed:
+            if np.abs(f[:, -1] - f[:, 0]).max() > 1e-6 * np.abs(f).max():
+                raise ValueError('the force at the end of the turn is not that at its start')
+            knots, values = x[:-1], f[:, :-1]
+        else:
+            knots, values = x, f
+        points = max(360, 4 * knots.size)
+        curve = Spline(knots, values)
+        if t is None:
+            return cls(curve, constant_speed(float(speed or 0.0)), points)
+        if not closed or t.shape != x.shape:
+            raise ValueError('times are needed for all samples, the end of the turn included')
+        if np.unique(np.sign(np.diff(t))).tolist() not in ([1.0], [-1.0]):
+            raise ValueError('times must increase from sample to sample')
+        mean = float(t[-1] - t[0]) / TURN
+        wave = Spline(knots, (t - t[0] - mean * (x - x[0]))[None, :-1])
+        return cls(curve, Clock(mean, wave), points)
+
+    @classmethod
+    def nominal(
+        cls, linkage: FourBar, dynamics: InverseDynamics, joint: str, speed: float
+    ) -> ForceCycle:
+        """The force in a joint of an ideal four-bar at constant speed of the crank [rad/s].
+
+        It is that of the first-named on the second-named link of the joint.
+        """
+        index = [j.name for j in dynamics.mechanism.joints].index(joint)
+
+        def force(angle: Array) -> Array:
+            rate = np.full_like(angle, speed)
+            motion = linkage.motion(angle, rate, np.zeros_like(angle))
+            return np.asarray(dynamics(*motion).reaction[index])
+
+        return cls.resolved(force, speed)
+
+    def speed(self, angle: Array) -> Array:
+        """Speed of the crank (N,) [rad/s]."""
+        return np.asarray(1.0 / self.clock(angle, 1)[0])
+
+    def rates(self, angle: Array) -> ForceRates:
+        """Force and derivatives in time at crank angles (N,) [rad]."""
+        f, f1, f2 = (self.curve(angle, d) for d in range(3))
+        w = self.speed(angle)
+        drift = -(w**3) * self.clock(angle, 2)[0]  # angular acceleration of the crank
+        return ForceRates(f, w * f1, w * w * f2 + drift * f1)
+
+    def magnitude(self, angle: Array) -> Array:
+        """R (N,) [N]."""
+        return length(self.curve(angle, 0))
+
+    def index(self, angle: Array) -> Array:
+        """Rate of turn of the force over its magnitude, |gamma'|/R (N,) [rad/(N s)]."""
+        rates = self.rates(angle)
+        force = rates.magnitude
+        with np.errstate(divide='ignore', invalid='ignore'):
+            return np.where(force > 0.0, np.abs(rates.swept) / force**3, np.inf)
+
+    @cached_property
+    def minima(self) -> tuple[ForceMinimum, ...]:
+        """Local minima of the magnitude in the order of the crank angle.
+
+        Where the magnitude does not change at all, the one at which the force turns fastest.
+        """
+        places = self._stationary(rising=True)
+        if not places:
+            i = int(self.index(self.grid[:-1]).argmax())
+            step = TURN / self.resolution
+            places = [tip(self.index, self.grid[i] - step, self.grid[i] + step)[0]]
+        x = np.array(sorted(angle % TURN for angle in places))
+        rates = self.rates(x)
+        # Force and its derivative are square to each other here, so that gamma' = |F'|/R.
+        with np.errstate(divide='ignore'):
+            index = length(rates.first) / rates.magnitude**2
+        rows = np.array([x, rates.magnitude, index]).T.tolist()
+        return tuple(ForceMinimum(*row) for row in rows)
+
+    @cached_property
+    def maximum(self) -> tuple[float, float]:
+        """Crank angle [rad] and magnitude [N] of the largest force."""
+        places = self._stationary(rising=False) or [self.minima[0].angle]
+        forces = self.magnitude(np.array(places))
+        return float(places[int(forces.argmax())] % TURN), float(forces.max())
+
+    @cached_property
+    def mean(self) -> float:
+        """Mean of the magnitude over time [N]."""
+        node, weight = np.polynomial.legendre.leggauss(6)
+        half = 0.5 * np.diff(self._mesh)[:, None]
+        x = (self._mesh[:-1, None] + half * (1.0 + node)).ravel()
+        dt = (half * weight).ravel() * self.clock(x, 1)[0]
+        return float((self.magnitude(x) * dt).sum() / dt.sum())
+
+    @property
+    def grid(self) -> Array:
+        """Crank angles [rad] over a turn, the end of it included, that show every swing."""
+        # Off the symmetric places, where roots like to be.
+        n = self.resolution
+        return np.asarray((np.arange(n + 1) + 0.382) * (TURN / n), dtype=np.float64)
+
+    @cached_property
+    def _mesh(self) -> Array:
+        """The grid, finer and finer towards the minima, where the direction may turn quickly."""
+        grid = self.grid
+        near = (TURN / self.resolution) * 0.5 ** np.arange(36)
+        close = np.concatenate([near, -near, [0.0]])
+        places = np.concatenate([m.angle + close for m in self.minima])
+        inner = grid[0] + np.mod(places - grid[0], TURN)
+        return np.unique(np.concatenate([grid, inner[inner < grid[-1]]]))
+
+    def _stationary(self, *, rising: bool) -> list[float]:
+        """Angles where the slope of the magnitude passes zero, rising or falling."""
+        sign = 1.0 if rising else -1.0
+
+        def slope(angle: Array) -> Array:
+            return np.asarray(sign * (self.curve(angle, 0) * self.curve(angle, 1)).sum(axis=0))
+
+        x = self.grid
+        forces = self.magnitude(x)
+        largest = float(forces.max())
+        if largest == 0.0:
+            raise ValueError('there is no force in this bearing')
+        if largest - float(forces.min()) <= 1e-12 * largest:
+            return []
+        values = slope(x)
+        values[-1] = values[0]
+        passed = np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0))
+        return [root(slope, x[i], x[i + 1]) for i in passed]
+
+    def spans(self, function: Callable[[Array], Array]) -> list[tuple[float, float]]:
+        """Spans of crank angle [rad], begin and end in [0, 2 pi), where a function is positive."""
+        x, values = with_tips(function, self._mesh)
+        above = values > 0.0
+        begins = [root(function, x[i], x[i + 1]) for i in np.flatnonzero(~above[:-1] & above[1:])]
+        ends = [root(function, x[i], x[i + 1]) for i in np.flatnonzero(above[:-1] & ~above[1:])]
+        if begins and ends[0] < begins[0]:
+            ends = [*ends[1:], ends[0]]
+        return [(b % TURN, e % TURN) for b, e in zip(begins, ends, strict=True)]
+
+    def largest(self, function: Callable[[Array], Array]) -> tuple[float, float]:
+        """Crank angle [rad] and value of the maximum of a function."""
+        x, values = self._mesh, function(self._mesh)
+        i = int(values.argmax())
+        best = float(x[i]), float(values[i])
+        if math.isfinite(best[1]):
+            # With one more place at both ends every maximum on the circle is an inner one.
+            x = np.concatenate([[x[-2] - TURN], x, [x[1] + TURN]])
+            values = np.concatenate([values[-2:-1], values, values[1:2]])
+            for i in peaks(values, best[1]):
+                best = max(best, tip(function, x[i - 1], x[i + 1]), key=lambda tip: tip[1])
+        return best[0] % TURN, best[1]
+
+
+def length(a: Array) -> Array:
+    """Of N vectors (2, N): (N,)."""
+    return np.asarray(np.hypot(a[0], a[1]))
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Products (N,) of N pairs of vectors (2, N)."""
+    return np.asarray(a[0] * b[1] - a[1] * b[0])

@@ -1,0 +1,100 @@
+"""Where contact is lost, beside criteria of the literature for the ideal mechanism."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.strict_json import plain
+from mechanism_sim.thesis.contact_loss import (
+    ClearanceLink,
+    Prediction,
+    contact_loss,
+)
+from mechanism_sim.thesis.force_cycle import ForceCycle
+
+
+@dataclass(frozen=True)
+class Losses:
+    """One loose joint: what was predicted, and what happened.
+
+    Attributes
+    ----------
+    predictions : of the criteria of [SB] 3.5 and of the clearance as a link
+    turns : of the crank at every loss of contact
+    """
+
+    joint: str
+    predictions: tuple[Prediction, ...]
+    turns: tuple[float, ...]
+
+
+def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
+    """Criteria and reality for every loose joint.
+
+    The criteria of the clearance link are known for the joint between coupler and rocker only.
+
+    Raises
+    ------
+    InputError
+        If it is no four-bar, the crank has no constant speed, or there is no clearance.
+    """
+    angle, speed = machine.start_of_crank
+    if machine.torque_driven or len(machine.laws) > 1 or not speed or not machine.clearances:
+        raise InputError(f'{machine.name}: criteria need clearance and a crank at constant speed')
+    linkage = machine.linkage
+    solution = simulate(machine, revolutions=revolutions)
+    found = []
+    about = [
+        body.inertia + body.mass * body.cog[0] ** 2
+        for body in (machine.mechanism.body(link) for link in ('coupler', 'rocker'))
+    ]
+    for joint, clearance in machine.clearances.items():
+        cycle = ForceCycle.nominal(linkage, machine.inverse_dynamics, joint, speed)
+        link = (
+            ClearanceLink.four_bar(clearance.radial, linkage, about[0], about[1])
+            if (joint,) == machine.plan.closing
+            else None
+        )
+        predictions = contact_loss(cycle, link, start=angle, turns=revolutions)
+        turns = [
+            m.t * abs(speed) / (2.0 * math.pi)
+            for m in solution.modes
+            if m.joint == joint and m.mode == Mode.FREE_FLIGHT and m.previous > Mode.FREE_FLIGHT
+        ]
+        found.append(Losses(joint, tuple(predictions), tuple(turns)))
+    return found
+
+
+def render(found: Sequence[Losses]) -> str:
+    """Criteria and reality for people."""
+    lines = []
+    for joint in found:
+        lines.append(f'{joint.joint}: what the ideal mechanism says')
+        for p in joint.predictions:
+            angles = ', '.join(f'{math.degrees(a):.1f}' for a in p.angles[:6])
+            lines.append(
+                f'  {p.criterion:26} {"loss" if p.predicts_loss else "no loss":8} '
+                f'{p.figure:10.4g} {p.unit if p.unit != "1" else ""} (limit {p.threshold:g})'
+                + (f', at {angles} deg' if angles else '')
+            )
+        really = ', '.join(f'{t:.6g}' for t in joint.turns[:8])
+        more = f' and {len(joint.turns) - 8} more' if len(joint.turns) > 8 else ''
+        lines.append(f'  really lost at            {really or "no time"}{more} revolutions')
+    return '\n'.join(lines)
+
+
+def to_json(found: Sequence[Losses]) -> list[dict[str, object]]:
+    """The same as JSON."""
+    return [
+        {
+            'joint': joint.joint,
+            'predictions': plain(joint.predictions),
+            'lost_at_revolutions': list(joint.turns),
+        }
+        for joint in found
+    ]

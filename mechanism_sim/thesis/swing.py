@@ -1,0 +1,318 @@
+"""A link of a measured four-bar: what its sensors say, what follows from it, and what is true.
+
+The signals follow from the motion, exactly, through the chain that the scene gives the sensors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.instruments import source
+from mechanism_sim.scene.schema import SensorPart
+from mechanism_sim.sensing.chain import Converter, Instrument, Noise
+from mechanism_sim.sensing.channel import Channel, Source
+from mechanism_sim.thesis.angular_acceleration import TurningLink
+from mechanism_sim.thesis.angular_reconstruction import LINKS, Estimate, Rebuilt
+
+MESHES = 1.0, 0.1
+"""[deg] of the crank: steps over which an acceleration with impacts is averaged."""
+_SEGMENTS = 2048
+
+
+class Severity(NamedTuple):
+    """Roots of the mean squares of the deviation of an angular acceleration from the ideal one.
+
+    An impact is too short to be seen at any instant, and infinite. What is drawn of it is a mean
+    over some step, the larger the smaller the step, or what a filter makes of it.
+
+    Attributes
+    ----------
+    between : impacts, at the instants of the samples [rad/s^2]
+    by_mesh : of means over the steps `MESHES` of the crank, impacts included
+    heard : as the chain shows it, without noise
+    """
+
+    between: float
+    by_mesh: tuple[float, ...]
+    heard: float
+
+
+@dataclass(frozen=True, eq=False)
+class Swing:
+    """A link in N samples of its sensor.
+
+    Attributes
+    ----------
+    t : [s]
+    angle : of the crank [deg], from the first of these turns on
+    reading : what the outermost sensor says [m/s^2]
+    overloads : samples of all sensors of the link, from the start of the run, cut at the range
+    nominal : acceleration and velocity (2, N) of the ideal mechanism [rad/s^2, rad/s]
+    heard : true acceleration through the chain, without noise
+    accelerations, velocities : by method
+    severity : in these turns
+    severity_at_first : in the first turn with an impact and the three that follow
+    """
+
+    t: Array
+    angle: Array
+    reading: Array
+    overloads: int
+    nominal: Array
+    heard: Array
+    accelerations: Mapping[str, Estimate]
+    velocities: Mapping[str, Estimate]
+    severity: Severity
+    severity_at_first: Severity
+
+
+def sensors_across(machine: Machine, link: str) -> dict[str, SensorPart]:
+    """Up to two sensors that read accelerations across a link, the outermost first.
+
+    Ideal sensors are taken only if there are no others; the second one has the rate of the first,
+    and feels gravity if that does.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    across = {
+        name: sensor
+        for name, sensor in machine.scene.sensors.items()
+        if (sensor.link, sensor.axis, sensor.measures) == (link, 'across', 'acceleration')
+        and _place_on(sensor)
+    }
+    real = {name: s for name, s in across.items() if s.chain().transfer().poles}
+    found = sorted((real or across).items(), key=lambda item: -abs(_place_on(item[1])))
+    if not found:
+        raise InputError(
+            f'{machine.name}: no sensor reads accelerations across the {link}; its scene needs '
+            f"'sensors: NAME: {{link: {link}, axis: across, at: ...}}'"
+        )
+    first = found[0][1]
+    others = [
+        (name, sensor)
+        for name, sensor in found[1:]
+        if _place_on(sensor) != _place_on(first)
+        and (sensor.sample_rate, sensor.gravity) == (first.sample_rate, first.gravity)
+    ]
+    return dict([found[0], *others[:1]])
+
+
+def _place_on(sensor: SensorPart) -> float:
+    """Distance from the joint [m]; 0 for a sensor beside the line of its link."""
+    return 0.0 if isinstance(sensor.at, tuple) else float(sensor.at)
+
+
+def swings(
+    record: Record,
+    nominal: Callable[[str, Instrument], Array],
+    turns: tuple[int, int],
+    first: tuple[int, int],
+) -> dict[str, Swing]:
+    """Both links in some turns of the crank.
+
+    Parameters
+    ----------
+    nominal : of a link, the samples of its angular acceleration in the ideal mechanism by an
+        instrument, from the start of the run on
+    turns, first : from and up to which turn: to be analysed, and the first with impacts
+
+    Raises
+    ------
+    InputError
+        If a link has no sensor across it.
+    """
+    rows = [record.machine.physics.coordinates.index(link) for link in LINKS]
+    late, early = (_deviations(record, rows, within) for within in (turns, first))
+    found = {}
+    for k, link in enumerate(LINKS):
+        signals = _signals(record, link, turns)
+        beyond = signals.heard - nominal(link, signals.bare)
+        instants = [_samples(record, within, signals.bare) for within in (turns, first)]
+        severity = [
+            Severity(
+                _rms(_beyond_ideal(record, rows, chosen / signals.bare.sample_rate, 2)[k]),
+                means[k],
+                _rms(beyond[chosen]),
+            )
+            for chosen, means in zip(instants, (late, early), strict=True)
+        ]
+        angle, nominal_motion, accelerations, velocities = _rebuild(record, link, signals)
+        found[link] = Swing(
+            signals.time,
+            angle,
+            signals.readings[0],
+            signals.overloads,
+            nominal_motion,
+            signals.heard[signals.chosen],
+            accelerations,
+            velocities,
+            *severity,
+        )
+    return found
+
+
+def has_high_pass(machine: Machine) -> bool:
+    """Whether the amplifiers of all sensors across the links have a lower limit."""
+    chains = [x.chain() for link in LINKS for x in sensors_across(machine, link).values()]
+    return all(chain.amplifier.high_pass for chain in chains)
+
+
+def under_limit(
+    record: Record, turns: tuple[int, int], high_pass: float
+) -> dict[str, tuple[Mapping[str, Estimate], Mapping[str, Estimate]]]:
+    """Accelerations and velocities by link and method, had the amplifiers another lower limit.
+
+    Parameters
+    ----------
+    high_pass : corner of their high-pass [Hz]
+    """
+    return {
+        link: _rebuild(record, link, _signals(record, link, turns, high_pass))[2:]
+        for link in LINKS
+    }
+
+
+class _Signals(NamedTuple):
+    """Of the sensors across a link.
+
+    Attributes
+    ----------
+    bare : the chain of the outermost, without noise
+    places : from the joint of the link [m], the outermost first
+    chosen : numbers of the samples in the turns asked for
+    readings : these samples
+    overloads : of all samples
+    heard : the true angular acceleration through `bare`, from the start of the run
+    """
+
+    bare: Instrument
+    places: list[float]
+    gravity: tuple[float, float]
+    chosen: NDArray[np.intp]
+    readings: list[Array]
+    overloads: int
+    heard: Array
+
+    @property
+    def time(self) -> Array:
+        """Of the samples that are chosen [s]."""
+        return np.asarray(self.chosen / self.bare.sample_rate)
+
+
+def _signals(
+    record: Record, link: str, turns: tuple[int, int], high_pass: float | None = None
+) -> _Signals:
+    machine, motion = record.machine, record.piece.motion
+    sensors = sensors_across(machine, link)
+    chains = {name: sensor.chain() for name, sensor in sensors.items()}
+    if high_pass is not None:
+        chains = {
+            name: replace(c, amplifier=replace(c.amplifier, high_pass=high_pass))
+            for name, c in chains.items()
+        }
+    bare = replace(next(iter(chains.values())), noise=Noise(), converter=Converter())
+    chosen = _samples(record, turns, bare)
+    read = [all_samples(source(machine, name), c, name, motion) for name, c in chains.items()]
+    return _Signals(
+        bare,
+        [_place_on(sensor) for sensor in sensors.values()],
+        machine.mechanism.gravity if next(iter(sensors.values())).gravity else (0.0, 0.0),
+        chosen,
+        [samples[chosen] for samples, _ in read],
+        sum(cut for _, cut in read),
+        all_samples(TurningLink(machine.mechanism, link), bare, link, motion)[0],
+    )
+
+
+def _rebuild(
+    record: Record, link: str, signals: _Signals
+) -> tuple[Array, Array, Mapping[str, Estimate], Mapping[str, Estimate]]:
+    """What is made of the signals: accelerations and velocities by method.
+
+    Before them the angle of the crank [deg], from the first of the turns on, and the ideal
+    mechanism's acceleration and velocity of the link (2, N).
+    """
+    machine, curve = record.machine, record.piece.motion.curve
+    row = machine.physics.coordinates.index(link)
+    k, dt = curve.find(signals.time)
+    q, v, a = (curve.at(k, dt, d).T for d in (0, 1, 2))
+    angle, speed, acceleration = machine.linkage.motion(q[0], v[0], np.zeros(len(dt)))
+    rebuilt = Rebuilt(
+        machine.linkage, link, signals.places, signals.gravity, signals.bare, angle, speed
+    )
+    accelerations = rebuilt.accelerations(signals.readings, signals.heard[signals.chosen], a[row])
+    return (
+        np.degrees(q[0] - TWO_PI * np.floor(q[0][0] / TWO_PI + 1e-9)),
+        np.array([acceleration[row], speed[row]]),
+        accelerations,
+        rebuilt.velocities(accelerations, speed[row], v[row]),
+    )
+
+
+def _samples(record: Record, turns: tuple[int, int], instrument: Instrument) -> NDArray[np.intp]:
+    """Numbers of the samples in some turns of the crank."""
+    window = record.times_at(np.array(turns, float))
+    return np.arange(*np.ceil(window * instrument.sample_rate - 1e-9).astype(int))
+
+
+def steps(record: Record, turns: tuple[int, int], mesh: float) -> Array:
+    """Times [s] at steps of the crank of `mesh` [deg] in some turns, both ends included."""
+    count = round((turns[1] - turns[0]) * 360.0 / mesh)
+    return record.times_at(np.asarray(turns[0] + np.arange(count + 1) * (mesh / 360.0), float))
+
+
+def _deviations(
+    record: Record, rows: list[int], turns: tuple[int, int]
+) -> list[tuple[float, ...]]:
+    """Of each row, the deviation of means over the steps `MESHES` in some turns [rad/s^2].
+
+    The finest steps are evaluated; coarser ones are made of them.
+    """
+    finest = min(MESHES)
+    t = steps(record, turns, finest)
+    beyond = _beyond_ideal(record, rows, t, 1)
+    found = []
+    for mesh in MESHES:
+        every = round(mesh / finest)
+        means = np.diff(beyond[:, ::every]) / np.diff(t[::every])
+        found.append([_rms(row) for row in means])
+    return list(zip(*found, strict=True))
+
+
+def _beyond_ideal(record: Record, rows: list[int], t: Array, derivative: int) -> Array:
+    """Angular velocity (1) or acceleration (2) of links (rows, N) less that of the ideal ones."""
+    curve = record.piece.motion.curve
+    k, dt = curve.find(t)
+    q, v = (curve.at(k, dt, d).T for d in (0, 1))
+    ideal = record.machine.linkage.motion(q[0], v[0], np.zeros(len(t)))
+    own = v if derivative == 1 else curve.at(k, dt, derivative).T
+    return np.asarray(own[rows] - ideal[derivative][rows])
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def all_samples(
+    mount: Source, instrument: Instrument, name: str, motion: Motion
+) -> tuple[Array, int]:
+    """All samples of an instrument, from the start of the motion on, and how many were cut."""
+    channel = Channel(mount, replace(instrument, trigger=None), name)
+    for part in motion.parts(_SEGMENTS):  # samples do not depend on how a motion is cut
+        channel.take(part)
+    blocks = channel.blocks(final=True)
+    return np.concatenate([b.samples for b in blocks]), sum(b.overloads for b in blocks)

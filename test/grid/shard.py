@@ -1,0 +1,40 @@
+"""The process that runs cases: ``python -m test.grid.shard SEED MEMORY NAME...``.
+
+It writes a line of JSON for each outcome, and ends when it holds more than so much memory [B].
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import sys
+import time
+from dataclasses import asdict
+
+from mechanism_sim import ending
+
+MOST_CPU = 600
+"""Of the processor [s], for a case that keeps Python from running, as compiling may."""
+
+
+def main() -> None:
+    """Run the cases one after the other."""
+    ending.begin()
+    from benchmarks.scaling import peak_memory  # noqa: PLC0415 - whoever began it may end meanwhile
+    from test.grid.case import run_case  # noqa: PLC0415
+    from test.grid.run import grid  # noqa: PLC0415
+
+    seed, memory, *names = sys.argv[1:]
+    for case in grid(int(seed), names):
+        _, most = resource.getrlimit(resource.RLIMIT_CPU)
+        resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + MOST_CPU, most))
+        outcome = asdict(run_case(case))
+        peak = peak_memory(os.getpid())
+        print(json.dumps(outcome | {'peak_memory': peak}), flush=True)
+        if peak > int(memory):
+            return
+
+
+if __name__ == '__main__':
+    main()

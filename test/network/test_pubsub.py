@@ -1,0 +1,428 @@
+"""Publishers, subscriptions and graph, across processes and inside one."""
+
+import threading
+import time
+
+import pytest
+from middleware_network import PATIENCE, Network, Process, eventually
+
+from mechanism_sim.messages import Impact, JointState, serialize
+from mechanism_sim.nodes.middleware import (
+    DurabilityPolicy,
+    ExternalShutdownException,
+    HistoryPolicy,
+    MiddlewareError,
+    Node,
+    QoSProfile,
+    SingleThreadedExecutor,
+    init,
+    ok,
+    shutdown,
+    spin_once,
+)
+from zenoh_rclpy.inbox import LIMIT
+
+KEEP_ALL = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+LATCHED = QoSProfile(depth=3, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+COLLECT = """
+    import sys, time
+    from mechanism_sim.messages import Impact
+    from mechanism_sim.nodes.middleware import *
+    count, delay = int(sys.argv[1]), float(sys.argv[2])
+    init()
+    node = Node('collector')
+    got = []
+    def collect(message):
+        got.append(message.index)
+        if delay:
+            time.sleep(delay)
+    keep_all = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+    node.create_subscription(Impact, 'impacts', collect, keep_all)
+    node.create_subscription(Impact, 'last', lambda _: None, keep_all)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while len(got) < count:
+        executor.spin_once(0.1)
+    print('got', len(got), got == list(range(count)))
+    shutdown()
+"""
+
+
+@pytest.fixture
+def network():
+    network = Network()
+    yield network
+    network.close()
+
+
+@pytest.fixture
+def either(backend):
+    """For processes only, of one middleware or the other."""
+    network = Network(backend)
+    yield network
+    network.close()
+
+
+@pytest.fixture
+def joined(network, monkeypatch):
+    """This process on a network of its own."""
+    for name, value in network.settings.items():
+        monkeypatch.setenv(name, value)
+    init()
+    yield network
+    shutdown()
+
+
+def spin_until(node, condition):
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        spin_once(node, timeout_sec=0.1)
+
+
+@pytest.mark.deep
+def test_twenty_thousand_messages_reach_a_slow_subscriber_in_order(joined):
+    collector = joined.start(COLLECT, 20_000, 50e-6)
+    node = Node('source')
+    publisher = node.create_publisher(Impact, 'impacts', KEEP_ALL)
+    assert eventually(lambda: node.count_subscribers('last') == 1)
+    message = Impact(joint='coupler_rocker')
+    for index in range(20_000):
+        message.index = index
+        publisher.publish(message)
+    node.destroy_node()
+    shutdown()
+    init()  # for the fixture
+    assert collector.expect('got') == '20000 True'
+    collector.finish()
+
+
+def test_a_publisher_that_ends_at_once_loses_nothing(either):
+    collector = either.start(COLLECT, 3000, 300e-6)
+    source = either.start("""
+        import time
+        from mechanism_sim.messages import Impact
+        from mechanism_sim.nodes.middleware import *
+        init()
+        node = Node('source')
+        publisher = node.create_publisher(
+            Impact, 'impacts', QoSProfile(history=HistoryPolicy.KEEP_ALL)
+        )
+        while not node.count_subscribers('last'):
+            time.sleep(0.001)
+        for index in range(3000):
+            publisher.publish(Impact(index=index, joint='x' * 1000))
+        leave([node])
+        print('done')
+    """)
+    source.expect('done')
+    source.finish()
+    assert collector.expect('got') == '3000 True'
+    collector.finish()
+
+
+@pytest.mark.parametrize(
+    'router', [pytest.param('embedded', marks=pytest.mark.deep), 'third process']
+)
+def test_who_sees_the_last_endpoint_reaches_every_earlier_one(joined, router):
+    if router == 'third process':
+        shutdown()
+        host = joined.start("""
+            import zenoh
+            from zenoh_rclpy import config
+            router = zenoh.open(config.router_config())
+            print('up')
+            input()
+        """)
+        host.expect('up')
+        init()
+    for start in range(4):
+        node = Node('source')
+        publisher = node.create_publisher(Impact, 'impacts', KEEP_ALL)
+        collector = joined.start(COLLECT, 100, 0)
+        time.sleep(0.05 * start)
+        assert eventually(lambda node=node: node.count_subscribers('last') == 1)
+        for index in range(100):
+            publisher.publish(Impact(index=index))
+        assert collector.expect('got') == '100 True'
+        collector.finish()
+        assert eventually(lambda node=node: node.count_subscribers('last') == 0)
+        node.destroy_node()
+
+
+def test_two_processes_that_flood_each_other_do_not_lock_up(either):
+    script = """
+        import sys, time
+        from mechanism_sim.messages import Impact
+        from mechanism_sim.nodes.middleware import *
+        me, other = sys.argv[1:]
+        init()
+        node = Node(me)
+        keep_all = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+        publisher = node.create_publisher(Impact, me, keep_all)
+        got = []
+        node.create_subscription(Impact, other, lambda m: got.append(m.index), keep_all)
+        while not (publisher.get_subscription_count() and node.count_publishers(other)):
+            time.sleep(0.001)
+        for index in range(5000):  # far more than queues and sockets hold
+            publisher.publish(Impact(index=index, joint='x' * 5000))
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        while len(got) < 5000:
+            executor.spin_once(1.0)
+        print('got', got == list(range(5000)))
+        leave([node])
+    """
+    pair = [either.start(script, *names) for names in (('a', 'b'), ('b', 'a'))]
+    for process in pair:
+        assert process.expect('got') == 'True'
+        process.finish()
+
+
+@pytest.mark.usefixtures('joined')
+def test_a_node_may_publish_more_to_itself_than_its_queue_holds():
+    node = Node('self')
+    got = []
+    publisher = node.create_publisher(Impact, 'impacts', KEEP_ALL)
+    node.create_subscription(Impact, 'impacts', lambda m: got.append(m.index), KEEP_ALL)
+    for index in range(3 * LIMIT):
+        publisher.publish(Impact(index=index))
+    spin_until(node, lambda: len(got) == 3 * LIMIT)
+    assert got == list(range(3 * LIMIT))
+
+
+def test_a_late_subscriber_gets_what_lasts_and_nothing_else(joined):
+    keeper = joined.start("""
+        import time
+        from mechanism_sim.messages import Impact
+        from mechanism_sim.nodes.middleware import *
+        init()
+        node = Node('keeper')
+        lasting = QoSProfile(depth=3, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        publishers = [node.create_publisher(Impact, 'lasts', lasting)]
+        publishers.append(node.create_publisher(Impact, 'passes', 10))
+        for publisher in publishers:
+            for index in range(5):
+                publisher.publish(Impact(index=index))
+        print('published')
+        while input() == 'more':
+            for publisher in publishers:
+                while not publisher.get_subscription_count():
+                    time.sleep(0.001)
+                publisher.publish(Impact(index=5))
+        shutdown()
+    """)
+    keeper.expect('published')
+    node = Node('late')
+    lasting, passing = [], []
+    node.create_subscription(Impact, 'lasts', lambda m: lasting.append(m.index), LATCHED)
+    node.create_subscription(Impact, 'passes', lambda m: passing.append(m.index), 10)
+    spin_until(node, lambda: len(lasting) == 3)
+    keeper.tell('more')
+    spin_until(node, lambda: len(lasting) == 4 and passing)
+    assert lasting == [2, 3, 4, 5]
+    assert passing == [5]
+    keeper.tell('end')
+    keeper.finish()
+
+
+@pytest.mark.usefixtures('joined')
+def test_a_late_subscriber_of_the_same_process_gets_what_lasts():
+    node = Node('both')
+    publisher = node.create_publisher(Impact, 'lasts', LATCHED)
+    for index in range(5):
+        publisher.publish(Impact(index=index))
+    got = []
+    node.create_subscription(Impact, 'lasts', lambda m: got.append(m.index), LATCHED)
+    publisher.publish(Impact(index=5))
+    spin_until(node, lambda: got[-1:] == [5])
+    assert got == [3, 4, 5]
+
+
+@pytest.mark.usefixtures('joined')
+def test_several_threads_may_publish_at_once():
+    node = Node('threads')
+    got = []
+    publisher = node.create_publisher(Impact, 'impacts', KEEP_ALL)
+    node.create_subscription(Impact, 'impacts', lambda m: got.append((m.joint, m.index)), KEEP_ALL)
+
+    def publish(name):
+        for index in range(500):
+            publisher.publish(Impact(index=index, joint=name))
+
+    threads = [threading.Thread(target=publish, args=name) for name in 'abcd']
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    spin_until(node, lambda: len(got) == 2000)
+    for name in 'abcd':
+        assert [index for joint, index in got if joint == name] == list(range(500))
+
+
+@pytest.mark.usefixtures('joined')
+def test_keep_last_keeps_the_last():
+    node = Node('short')
+    got = []
+    publisher = node.create_publisher(Impact, 'impacts', 10)
+    node.create_subscription(Impact, 'impacts', lambda m: got.append(m.index), 3)
+    for index in range(10):
+        publisher.publish(Impact(index=index))
+    spin_until(node, lambda: len(got) == 3)
+    assert got == [7, 8, 9]
+
+
+@pytest.mark.usefixtures('joined')
+def test_callbacks_get_bytes_or_information_if_they_ask():
+    node = Node('curious')
+    raw, informed = [], []
+    publisher = node.create_publisher(JointState, 'joint_states', 10)
+    node.create_subscription(JointState, 'joint_states', raw.append, 10, raw=True)
+    node.create_subscription(
+        JointState, 'joint_states', lambda message, info: informed.append((message, info)), 10
+    )
+    message = JointState(name=['crank'], position=[0.5])
+    before = time.time_ns()
+    publisher.publish(message)
+    publisher.publish(serialize(message))
+    spin_until(node, lambda: len(raw) == len(informed) == 2)
+    assert raw == [serialize(message)] * 2
+    for number, (found, info) in enumerate(informed, start=1):
+        assert found == message
+        assert info['publication_sequence_number'] == number
+        assert before <= info['source_timestamp'] <= info['received_timestamp']
+
+
+@pytest.mark.usefixtures('joined')
+def test_nodes_in_one_executor_run_in_the_order_of_arrival():
+    order = []
+    source = Node('source')
+    sinks = [Node(name) for name in ('first', 'second')]
+    publishers = {name: source.create_publisher(Impact, name, KEEP_ALL) for name in 'ab'}
+    executor = SingleThreadedExecutor()
+    for sink, topic in zip(sinks, 'ab', strict=True):
+        sink.create_subscription(
+            Impact, topic, lambda m, topic=topic: order.append((topic, m.index)), KEEP_ALL
+        )
+    executor.add_node(sinks[0])  # and the other when samples wait already
+    sent = [(topic, index) for index in range(20) for topic in ('ab' if index % 2 else 'ba')]
+    for topic, index in sent[:20]:
+        publishers[topic].publish(Impact(index=index))
+    executor.add_node(sinks[1])
+    for topic, index in sent[20:]:
+        publishers[topic].publish(Impact(index=index))
+    while len(order) < 40:
+        executor.spin_once(1.0)
+    assert sorted(order) == sorted(sent)
+    assert order[20:] == sent[20:] or order[-20:] == sent[20:]
+    executor.shutdown()
+
+
+@pytest.mark.usefixtures('joined')
+def test_a_callback_may_end_the_process():
+    node = Node('last')
+    node.create_timer(0.0, shutdown)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    executor.spin()
+    assert not ok()
+    with pytest.raises(ExternalShutdownException):
+        executor.spin_once(0.0)
+    init()  # for the fixture
+
+
+@pytest.mark.usefixtures('joined')
+def test_an_executor_in_a_thread_ends_when_told():
+    node = Node('threaded')
+    got = []
+    publisher = node.create_publisher(Impact, 'impacts', KEEP_ALL)
+    node.create_subscription(Impact, 'impacts', got.append, KEEP_ALL)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    publisher.publish(Impact())
+    assert eventually(lambda: len(got) == 1)
+    executor.shutdown()
+    thread.join(10.0)
+    assert not thread.is_alive()
+
+
+def test_the_graph_shows_who_is_there(joined):
+    other = joined.start("""
+        from mechanism_sim.messages import Impact, Trigger
+        from mechanism_sim.nodes.middleware import *
+        init()
+        node = Node('other', namespace='ns')
+        publisher = node.create_publisher(Impact, 'impacts', 7)
+        node.create_subscription(Impact, '~/private', print, 10)
+        node.create_service(Trigger, 'reset', lambda _, response: response)
+        input()
+        node.destroy_publisher(publisher)
+        input()
+        shutdown()
+    """)
+    node = Node('seer')
+    assert eventually(
+        lambda: ('/ns/reset', ['std_srvs/srv/Trigger']) in node.get_service_names_and_types()
+    )
+    assert ('other', '/ns') in node.get_node_names_and_namespaces()
+    assert set(node.get_node_names()) == {'other', 'seer'}
+    (info,) = node.get_publishers_info_by_topic('/ns/impacts')
+    assert (info.node_name, info.node_namespace) == ('other', '/ns')
+    assert info.topic_type == 'mechanism_sim/msg/Impact'
+    assert info.qos_profile.depth == 7
+    assert len(info.endpoint_gid) == 16
+    assert node.count_subscribers('/ns/other/private') == 1
+    assert ('/ns/impacts', ['mechanism_sim/msg/Impact']) in node.get_topic_names_and_types()
+    other.tell()
+    assert eventually(lambda: node.count_publishers('/ns/impacts') == 0)
+    other.tell()
+    assert eventually(lambda: node.get_node_names() == ['seer'])
+    other.finish()
+
+
+@pytest.mark.usefixtures('joined')
+def test_what_is_destroyed_is_gone():
+    node = Node('fleeting')
+    got = []
+    publisher = node.create_publisher(Impact, 'impacts', KEEP_ALL)
+    subscription = node.create_subscription(Impact, 'impacts', got.append, KEEP_ALL)
+    assert publisher.get_subscription_count() == 1
+    assert node.destroy_subscription(subscription)
+    assert not node.destroy_subscription(subscription)
+    publisher.publish(Impact())
+    spin_once(node, timeout_sec=0.05)
+    assert got == []
+    assert publisher.get_subscription_count() == 0
+    node.destroy_node()
+    with pytest.raises(MiddlewareError, match='/impacts: not published'):
+        publisher.publish(Impact())
+
+
+def test_a_subscriber_that_is_killed_does_not_hold_up_its_publisher(joined):
+    stalled: Process = joined.start("""
+        import time
+        from mechanism_sim.messages import Impact
+        from mechanism_sim.nodes.middleware import *
+        init()
+        node = Node('stalled')
+        keep_all = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+        node.create_subscription(Impact, 'impacts', lambda _: time.sleep(60), keep_all)
+        spin(node)
+    """)
+    node = Node('source')
+    publisher = node.create_publisher(Impact, 'impacts', KEEP_ALL)
+    assert eventually(lambda: publisher.get_subscription_count() == 1)
+    done = threading.Event()
+
+    def flood():
+        for index in range(8000):
+            publisher.publish(Impact(index=index, joint='x' * 2000))
+        done.set()
+
+    threading.Thread(target=flood, daemon=True).start()
+    assert not done.wait(1.0)  # were it not held up, it would be done by then
+    stalled.kill()
+    assert done.wait(PATIENCE)

@@ -1,0 +1,227 @@
+"""Commands that list, echo, publish and call without ROS, beside a machine that runs.
+
+Every block of docs/control.md is typed by `test_blocks.py`; here the same is done by the node of
+these commands, in one process, against a run in another.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+
+import pytest
+from middleware_network import eventually
+from running import TIMEOUT, environment, run, start
+
+from mechanism_sim import ending
+from mechanism_sim.messages import MessageError, message_class, service_class
+from mechanism_sim.nodes.player import player
+from mechanism_sim.recording import read_bag
+from ros_interfaces.names import InvalidNameError
+from ros_interfaces.plain import field, from_plain, to_plain
+from zenoh_rclpy.command_node import UsageError, command_node
+from zenoh_rclpy.commands import _values, main
+from zenoh_rclpy.errors import MiddlewareError
+
+PACKAGE = 'simulation_interfaces'
+
+
+@pytest.fixture
+def network(monkeypatch):
+    """A router and a domain that nobody else uses."""
+    env = environment()
+    for name in ('MECHANISM_SIM_MIDDLEWARE', 'MECHANISM_SIM_ROUTER', 'ROS_DOMAIN_ID'):
+        monkeypatch.setenv(name, env[name])
+    return env
+
+
+def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path):
+    bag = tmp_path / 'run.mcap'
+    running = start(
+        'run', 'four_bar_clearance', '--paused', '--hold', '--duration', '1', '--record', str(bag),
+        env=network,
+    )  # fmt: skip
+    try:
+        with command_node(60.0) as node:
+            kind = f'{PACKAGE}/srv/StepSimulation'
+            assert node.call('step_simulation', kind, {'steps': 20}).result.result == 1
+            topics = dict(node.topics())
+            assert topics['/impacts'] == ['mechanism_sim/msg/Impact']
+            assert not any('_action' in name for name in topics)
+            assert {'/crank_drive', '/linkage', '/recorder'} <= set(node.nodes())
+            assert node.actions() == ['/simulate_steps']
+            assert '/step_simulation' in dict(node.services())
+            drive = node.endpoints('drive')
+            assert [i.node_name for i in drive.publishers] == ['crank_drive']
+            assert 'linkage' in {i.node_name for i in drive.subscriptions}
+
+            assert 'step_size' in node.parameter_names('/crank_drive')
+            assert node.parameter('crank_drive', 'step_size') == 0.001
+            node.set_parameter('crank_drive', 'realtime_factor', 2)  # a whole number is good
+            assert node.parameter('crank_drive', 'realtime_factor') == 2.0
+            assert node.describe('crank_drive', 'realtime_factor').floating_point_range
+            with pytest.raises(MiddlewareError, match=r'outside \[0.0, 1.0\]'):
+                node.set_parameter('linkage', 'joints.coupler_rocker.clearance.restitution', 3.0)
+            with pytest.raises(UsageError, match="did you mean 'step_size'"):
+                node.parameter('crank_drive', 'step_siz')
+
+            meanwhile: list[int] = []
+            done = node.send_goal(
+                'simulate_steps', f'{PACKAGE}/action/SimulateSteps', {'steps': 3},
+                lambda m: meanwhile.append(int(m.completed_steps)),
+            )  # fmt: skip
+            assert (done.status, meanwhile) == (4, [1, 2, 3])
+
+            seen: list[float] = []
+            node.listen('/scene', lambda m: bool(seen.append(m.data)) or True)  # latched
+            assert 'coupler_rocker' in seen[0]
+            again: list[float] = []
+            assert node.call('set_simulation_state', None, {'state': {'state': 1}}).result.result
+            node.listen('/joint_states', lambda m: len(again.append(m.position[0]) or again) == 3)
+            assert again == sorted(again)
+            assert again[0] > 23e-3 * 300 * math.pi / 30
+            node.patience = 0.5
+            with pytest.raises(UsageError, match="did you mean '/joint_states'"):
+                node.endpoints('joint_stats')
+            with pytest.raises(UsageError, match="did you mean '/crank_drive'"):
+                node.parameter_names('/crank_driv')
+            with pytest.raises(MessageError, match="no field 'stat'; it has state"):
+                node.call('set_simulation_state', None, {'state': {'stat': 1}})
+            with pytest.raises(InvalidNameError):
+                node.publish('bad name', 'std_msgs/msg/Float64', None, 1, 1.0, lambda: None)
+            node.call('set_simulation_state', None, {'state': {'state': 3}})
+        assert running.wait(TIMEOUT) == 0
+        assert read_bag(bag).complete
+    finally:
+        running.kill()
+        running.communicate()
+
+
+def test_a_bag_is_replayed_as_its_nodes_published_it(network, tmp_path):
+    bag = tmp_path / 'run.mcap'
+    done = run(
+        'run', 'four_bar_clearance', '--revolutions', '3', '--record', str(bag), env=network
+    )
+    assert done.returncode == 0, done.stderr
+    recorded = [m for _, m, _ in read_bag(bag).messages('/impacts')]
+    assert len(recorded) > 20
+    words = ['topic', 'echo', '/impacts', 'mechanism_sim/msg/Impact', '--json', '--count']
+    listener = ending.start(
+        [sys.executable, '-m', 'zenoh_rclpy', *words, str(len(recorded))],
+        env=network, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        with player() as node:
+            find = node._node.get_subscriptions_info_by_topic
+            assert eventually(lambda: bool(find('/impacts')))
+            count = node.play(read_bag(bag), ['/impacts', '/scene'], rate=0.0)
+            assert count == len(recorded) + 1
+            texts, errors = listener.communicate(timeout=TIMEOUT)
+    finally:
+        listener.kill()
+    heard = [json.loads(line) for line in texts.splitlines()]
+    assert errors == ''
+    assert [m['normal_impulse'] for m in heard] == [m.normal_impulse for m in recorded]
+
+
+def test_messages_are_written_and_read_as_plain_data():
+    kind = message_class('sensor_msgs/msg/JointState')
+    given = {'header': {'stamp': {'sec': 3}}, 'name': ['a'], 'position': [1, 2.5]}
+    message = from_plain(kind, given)
+    assert message.header.stamp.sec == 3
+    plain = to_plain(message)
+    assert plain['position'] == [1.0, 2.5]
+    assert all(type(x) is float for x in plain['position'])
+    assert plain['velocity'] == []
+    assert field(message, 'position.1') == 2.5
+    assert to_plain(message, 1)['position'] == [1.0, '...']
+    again = from_plain(kind, plain)
+    assert to_plain(again) == plain
+    request = service_class('rcl_interfaces/srv/SetParameters').Request
+    one = {'parameters': [{'name': 'x', 'value': {'type': 3, 'double_value': 2}}]}
+    assert from_plain(request, one).parameters[0].value.double_value == 2.0
+
+
+@pytest.mark.parametrize(
+    ('values', 'said'),
+    [
+        ({'positon': [1]}, "has no field 'positon'; it has header, name, position"),
+        ({'position': 3}, 'is no list'),
+        ({'position': ['a']}, 'is no float64'),
+        ({'header': 3}, 'is no message'),
+        ({'header': {'stamp': {'sec': 2.5}}}, 'no whole number'),
+        ({'header': {'stamp': {'nanosec': -1}}}, 'from 0 to'),
+        ([1], 'is no message'),
+    ],
+)
+def test_values_that_do_not_fit_are_refused(values, said):
+    with pytest.raises(MessageError, match=said):
+        from_plain(message_class('sensor_msgs/msg/JointState'), values)
+
+
+@pytest.mark.parametrize(
+    ('args', 'said'),
+    [
+        (('topic', 'lst'), "'lst' (choose from"),
+        (('topic', 'echo'), 'topic echo: the following arguments are required: TOPIC'),
+        (('topic', 'echo', '/x', '--count', '0'), '--count'),
+        (('topic', 'echo', '/x', '--count', '3', '--once'), '--once: not allowed with'),
+        (('topic', 'list', '--count', '1'), '--count'),
+        (('param', 'set', 'a', 'b'), 'required: VALUE'),
+        (('service', 'call', 'a', '--timeout', '0'), "--timeout: '0' is no positive number"),
+        (('service', 'call', 'a', '{steps: ', '--json'), "'{steps: ': no YAML"),
+        ((), 'required: GROUP'),
+    ],
+)
+@pytest.mark.usefixtures('network')
+def test_command_lines_that_make_no_sense_are_refused(args, said, capsys):
+    assert main(list(args)) == 2
+    out, err = capsys.readouterr()
+    assert err.startswith('zros: ')
+    assert said in err
+    assert len(err.splitlines()) == 1
+    assert ('"code": 2' in out) == ('--json' in args)
+
+
+def test_what_is_not_there_is_said_in_one_sentence(network):
+    words = ['topic', 'echo', '/impacts', '--timeout', '0.2', '--json']
+    done = subprocess.run(
+        [sys.executable, '-m', 'zenoh_rclpy', *words], env=network, capture_output=True, text=True,
+        timeout=TIMEOUT, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == "zros: there is no topic '/impacts'\n"
+    assert json.loads(done.stdout) == {'error': "there is no topic '/impacts'", 'code': 2}
+
+
+def test_a_bag_is_not_played_backwards():
+    done = run('bag', 'play', 'x.mcap', '--rate', '-1')
+    assert (done.returncode, '--rate' in done.stderr) == (2, True)
+
+
+def test_messages_of_a_package_are_found_without_importing_it():
+    code = (
+        'import sys; from ros_interfaces.classes import message_class; '
+        'import zenoh_rclpy.command_node; '
+        'print(message_class("mechanism_sim/msg/Impact")(joint="a").joint, '
+        '"mechanism_sim" in sys.modules)'
+    )
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ['a', 'False']
+
+
+def test_values_are_yaml():
+    assert _values('{steps: 3}') == {'steps': 3}
+    assert _values('0.5') == 0.5
+    assert _values('[{a: 1e-3}, [b, 2]]') == [{'a': 1e-3}, ['b', 2]]
+    assert _values(None) is None
+    with pytest.raises(ValueError, match='no YAML'):
+        _values('{steps: ')
+
+
+def test_json_has_no_numbers_that_are_none():
+    message = message_class('std_msgs/msg/Float64')(data=math.nan)
+    assert to_plain(message, finite=True) == {'data': None}
+    assert math.isnan(to_plain(message)['data'])

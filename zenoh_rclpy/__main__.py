@@ -1,0 +1,16 @@
+"""The program ``zros``, or ``python -m zenoh_rclpy``."""
+
+import logging
+import sys
+
+from zenoh_rclpy import commands
+
+
+def main() -> None:
+    """Run a command, and end with its exit code."""
+    logging.basicConfig(format='zros: %(message)s')  # notices of what waits for others
+    sys.exit(commands.main())
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,388 @@
+"""A node that lists, echoes, publishes and calls, for the command ``zros``.
+
+What ``ros2 topic``, ``ros2 param``, ``ros2 service`` and ``ros2 action`` do, with ROS and without:
+on rclpy where it is installed, on this package elsewhere.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ros_interfaces.classes import action_class, message_class, service_class
+from ros_interfaces.origin import ros_installed
+from ros_interfaces.plain import from_plain
+from zenoh_rclpy.errors import MiddlewareError
+
+if TYPE_CHECKING or not ros_installed():
+    from zenoh_rclpy.surface import (
+        ActionClient,
+        DurabilityPolicy,
+        Duration,
+        HistoryPolicy,
+        Node,
+        Parameter,
+        QoSProfile,
+        ReliabilityPolicy,
+        init,
+        spin_once,
+        spin_until_future_complete,
+        try_shutdown,
+    )
+else:
+    from rclpy import init, spin_once, spin_until_future_complete, try_shutdown
+    from rclpy.action import ActionClient
+    from rclpy.duration import Duration
+    from rclpy.node import Node
+    from rclpy.parameter import Parameter
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+PATIENCE = 10.0
+"""[s] to wait for a topic, a node or a service."""
+_LOOK = 0.05  # [s] between two looks at the graph
+_QUIET = 0.4  # [s] in which nothing new appears: the graph is known
+_BEAT = 0.1  # [s] between two looks for a signal
+_LAST = 60.0  # [s] that subscriptions get to take in what was published
+
+_NAME = 'zros_'  # of nodes of commands, before a number
+_PARAMETERS = 'rcl_interfaces/srv'
+_ACTION_PARTS = '/_action/'
+
+AGAIN = 'try again in a moment'
+"""A service that answers so is asked again, while there is patience."""
+
+
+class UsageError(ValueError):
+    """Something that a command was given cannot be used."""
+
+
+def missing(sentence: str, name: str, known: Iterable[str]) -> UsageError:
+    """There is no such thing; the nearest of those that are there."""
+    (close,) = get_close_matches(name, list(known), 1, 0.5) or ('',)
+    return UsageError(f"{sentence}; did you mean '{close}'?" if close else sentence)
+
+
+def refusal(answer: Any) -> str:
+    """Why a service did not do what it was asked for; empty if it did, or does not say."""
+    result = getattr(answer, 'result', None)
+    if result is not None and hasattr(result, 'error_message'):
+        return str(result.error_message) or ('' if result.result == 1 else 'it failed')
+    if getattr(answer, 'success', True) is False:
+        return str(getattr(answer, 'message', '')) or 'it failed'
+    return ''
+
+
+class Endpoints(NamedTuple):
+    """A topic: its types, and who publishes and subscribes."""
+
+    name: str
+    types: list[str]
+    publishers: list[Any]
+    subscriptions: list[Any]
+
+
+@contextmanager
+def command_node(patience: float = PATIENCE) -> Iterator[CommandNode]:
+    """A node for the duration of a command.
+
+    Raises MiddlewareError if there is no network, or if others do not take in what is published.
+    """
+    init(args=[])
+    made: list[CommandNode] = []
+    try:
+        made.append(CommandNode(patience))
+        yield made[0]
+    finally:
+        for command in made:
+            command.node.destroy_node()
+        try_shutdown()
+
+
+class CommandNode:
+    """The node of a command.
+
+    Parameters
+    ----------
+    patience : [s] to wait for what is asked for
+    """
+
+    def __init__(self, patience: float = PATIENCE) -> None:
+        self.node = Node(
+            f'{_NAME}{os.getpid()}',
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self.patience = patience
+
+    # the graph
+
+    def settle(self) -> None:
+        """Wait until nothing new appears."""
+        began = last = time.monotonic()
+        seen: Any = None
+        while time.monotonic() - last < _QUIET and time.monotonic() - began < self.patience:
+            now = self.node.get_topic_names_and_types(), self.node.get_node_names()
+            if now != seen:
+                seen, last = now, time.monotonic()
+            time.sleep(_LOOK)
+
+    def _wait(self, there: Callable[[], Any]) -> Any:
+        end = time.monotonic() + self.patience
+        while not (found := there()) and time.monotonic() < end:
+            spin_once(self.node, timeout_sec=_LOOK)
+        return found
+
+    def topics(self) -> list[tuple[str, list[str]]]:
+        """Topics with their types, without those that serve actions."""
+        self.settle()
+        known = self.node.get_topic_names_and_types()
+        return [(name, types) for name, types in known if _ACTION_PARTS not in name]
+
+    def services(self) -> list[tuple[str, list[str]]]:
+        """Services with their types, without those that serve actions."""
+        self.settle()
+        known = self.node.get_service_names_and_types()
+        return [(name, types) for name, types in known if _ACTION_PARTS not in name]
+
+    def actions(self) -> list[str]:
+        """Names of actions."""
+        self.settle()
+        known = self.node.get_service_names_and_types()
+        return sorted({n.partition(_ACTION_PARTS)[0] for n, _ in known if _ACTION_PARTS in n})
+
+    def endpoints(self, topic: str) -> Endpoints:
+        """Who publishes on and subscribes to a topic.
+
+        Raises
+        ------
+        UsageError
+            If there is no such topic.
+        """
+        name, types = self._find(topic, self.node.get_topic_names_and_types, 'topic')
+        return Endpoints(
+            name,
+            types,
+            list(self.node.get_publishers_info_by_topic(name)),
+            list(self.node.get_subscriptions_info_by_topic(name)),
+        )
+
+    def nodes(self) -> list[str]:
+        """Full names of all nodes but those of commands."""
+        self.settle()
+        pairs = self.node.get_node_names_and_namespaces()
+        names = {f'{space.rstrip("/")}/{name}' for name, space in pairs}
+        return sorted(n for n in names if f'/{_NAME}' not in n)
+
+    def _find(self, name: str, look: Callable[[], Any], kind: str) -> tuple[str, list[str]]:
+        full = name if name.startswith('/') else f'/{name}'
+        found = self._wait(lambda: dict(look()).get(full))
+        if not found:
+            known = [n for n, _ in look() if _ACTION_PARTS not in n]
+            raise missing(f"there is no {kind} '{full}'", full, known)
+        return full, list(found)
+
+    # topics
+
+    def listen(
+        self,
+        topic: str,
+        heard: Callable[[Any], bool],
+        kind: str | None = None,
+        end: float | None = None,
+    ) -> None:
+        """Hand on messages of a topic until `heard` gives true, or the time `end` has come [s].
+
+        The profile is that of the publishers: reliable and latched if all of them are.
+        """
+        full, types = (topic, [kind]) if kind else self.endpoints(topic)[:2]
+        given = self.node.get_publishers_info_by_topic(full)
+        profiles = [info.qos_profile for info in given]
+        reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
+        latched = profiles and all(
+            p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles
+        )
+        over = False
+
+        def take(message: Any) -> None:
+            nonlocal over
+            over = over or heard(message)
+
+        subscription = self.node.create_subscription(
+            message_class(str(types[0])),
+            full,
+            take,
+            QoSProfile(
+                depth=1000,
+                history=HistoryPolicy.KEEP_LAST,
+                reliability=ReliabilityPolicy.RELIABLE
+                if reliable
+                else ReliabilityPolicy.BEST_EFFORT,
+                durability=DurabilityPolicy.TRANSIENT_LOCAL
+                if latched
+                else DurabilityPolicy.VOLATILE,
+            ),
+        )
+        try:
+            while not over and (end is None or time.monotonic() < end):
+                spin_once(self.node, timeout_sec=_BEAT)
+        finally:
+            self.node.destroy_subscription(subscription)
+
+    def rates(self, topic: str, over: Callable[[list[float]], bool]) -> list[float]:
+        """When messages of a topic came [s], until `over` gives true of them.
+
+        It is asked at every message, and now and then without any.
+        """
+        full, types, *_ = self.endpoints(topic)
+        times: list[float] = []
+        subscription = self.node.create_subscription(
+            message_class(types[0]),
+            full,
+            lambda _: times.append(time.monotonic()),
+            QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT),
+            raw=True,
+        )
+        try:
+            while not over(times):
+                spin_once(self.node, timeout_sec=_BEAT)
+        finally:
+            self.node.destroy_subscription(subscription)
+        return times
+
+    def publish(
+        self, topic: str, kind: str, values: Any, count: int, rate: float, told: Callable[[], None]
+    ) -> None:
+        """Publish a message so many times, once there is a subscription or patience ends."""
+        full = topic if topic.startswith('/') else f'/{topic}'
+        message = from_plain(message_class(kind), values)
+        publisher = self.node.create_publisher(type(message), full, 10)
+        self._wait(publisher.get_subscription_count)
+        for k in range(count):
+            publisher.publish(message)
+            told()
+            if k + 1 < count:
+                time.sleep(1.0 / rate)
+        if not publisher.wait_for_all_acked(Duration(seconds=_LAST)):
+            raise MiddlewareError(f'{full}: a subscription has not taken in all in {_LAST:g} s')
+
+    # services and actions
+
+    def call(self, service: str, kind: str | None, values: Any) -> Any:
+        """The response of a service.
+
+        Raises
+        ------
+        UsageError, MiddlewareError
+            If there is no such service, or no answer.
+        """
+        full = service if service.startswith('/') else f'/{service}'
+        if kind is None:
+            full, types = self._find(service, self.node.get_service_names_and_types, 'service')
+            kind = types[0]
+        made = service_class(kind)
+        client = self.node.create_client(made, full)
+        if not self._wait(client.service_is_ready):
+            self._find(service, self.node.get_service_names_and_types, 'service')
+            raise MiddlewareError(f'{full} is no service of the type {kind}')
+        request, end = from_plain(made.Request, values), time.monotonic() + self.patience
+        while True:
+            answer = self._answer(client.call_async(request), full)
+            if AGAIN not in refusal(answer) or time.monotonic() > end:
+                return answer
+            time.sleep(_BEAT)
+
+    def send_goal(
+        self, action: str, kind: str, values: Any, feedback: Callable[[Any], None] | None
+    ) -> Any:
+        """The result of an action.
+
+        Raises
+        ------
+        UsageError, MiddlewareError
+            If there is no such action, or it refuses the goal.
+        """
+        full = action if action.startswith('/') else f'/{action}'
+        made = action_class(kind)
+        client = ActionClient(self.node, made, full)
+        if not client.wait_for_server(self.patience):
+            raise missing(f"there is no action '{full}'", full, self.actions())
+        listener = (lambda m: feedback(m.feedback)) if feedback else None
+        goal = from_plain(made.Goal, values)
+        handle = self._answer(client.send_goal_async(goal, listener), full)
+        if not handle.accepted:
+            raise MiddlewareError(f'{full} does not accept the goal')
+        return self._answer(handle.get_result_async(), full)
+
+    def _answer(self, future: Any, name: str) -> Any:
+        while not future.done():
+            spin_until_future_complete(self.node, future, timeout_sec=_BEAT)
+        found = future.result()
+        if found is None:
+            raise MiddlewareError(f'{name} went away without an answer')
+        return found
+
+    # parameters
+
+    def _parameters(self, node: str, short: str, **fields: Any) -> Any:
+        full = node if node.startswith('/') else f'/{node}'
+        words = ''.join('_' + c.lower() if c.isupper() else c for c in short).lstrip('_')
+        try:
+            return self.call(f'{full}/{words}', f'{_PARAMETERS}/{short}', fields or None)
+        except UsageError:
+            known = self.nodes()
+            found = f'nodes: {", ".join(known) or "none"}'
+            raise missing(f"there is no node '{full}'; {found}", full, known) from None
+
+    def parameter_names(self, node: str) -> list[str]:
+        """Names of the parameters of a node."""
+        return sorted(self._parameters(node, 'ListParameters').result.names)
+
+    def parameter(self, node: str, name: str) -> Any:
+        """The value of a parameter.
+
+        Raises
+        ------
+        UsageError
+            If there is none.
+        """
+        values = self._parameters(node, 'GetParameters', names=[name]).values
+        if not values:
+            known = self.parameter_names(node)
+            raise missing(f"{node} has no parameter '{name}'", name, known)
+        message = message_class('rcl_interfaces/msg/Parameter')
+        found = message(name=name, value=values[0])
+        return Parameter.from_parameter_msg(found).value
+
+    def describe(self, node: str, name: str) -> Any:
+        """The descriptor of a parameter."""
+        found = self._parameters(node, 'DescribeParameters', names=[name]).descriptors
+        if not found:
+            known = self.parameter_names(node)
+            raise missing(f"{node} has no parameter '{name}'", name, known)
+        return found[0]
+
+    def set_parameter(self, node: str, name: str, value: Any) -> None:
+        """Set a parameter.
+
+        Raises
+        ------
+        MiddlewareError
+            If the node refuses it: its reason.
+        """
+        old = self.parameter(node, name)
+        if isinstance(old, float) and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if isinstance(old, str) and not isinstance(value, str):
+            value = str(value)
+        full = node if node.startswith('/') else f'/{node}'
+        kind = service_class(f'{_PARAMETERS}/SetParameters')
+        client = self.node.create_client(kind, f'{full}/set_parameters')
+        self._wait(client.service_is_ready)
+        request = kind.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        (answer,) = self._answer(client.call_async(request), full).results
+        if not answer.successful:
+            raise MiddlewareError(f'{full} refuses {name}: {answer.reason}')

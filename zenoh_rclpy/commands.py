@@ -1,0 +1,333 @@
+"""The command line ``zros``: topics, parameters, services and actions of what runs.
+
+The words are those of ``ros2``; every verb has ``--json`` and ``--timeout``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, NoReturn
+
+if TYPE_CHECKING:
+    from zenoh_rclpy.command_node import CommandNode
+
+Act = Callable[['CommandNode', argparse.Namespace], int | None]
+"""What a verb does, on the network; its exit code if it is not 0."""
+
+_SUCCEEDED = 4  # action_msgs/msg/GoalStatus
+_LONGEST = 128  # elements of an array that are shown
+
+
+class Parser(argparse.ArgumentParser):
+    """Says in one sentence what is wrong with a command line; takes no abbreviations."""
+
+    def __init__(self, **more: Any) -> None:
+        super().__init__(**more, allow_abbrev=False)
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the command line: raises argparse.ArgumentTypeError."""
+        context = self.prog.partition(' ')[2]
+        raise argparse.ArgumentTypeError(f'{context}: {message}' if context else message)
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The parser; `act` of what it reads is what is to be done."""
+    parser = Parser(
+        prog='zros', description='Topics, parameters, services and actions of what runs.'
+    )
+    groups = parser.add_subparsers(dest='group', metavar='GROUP', required=True)
+    common = Parser(add_help=False)
+    common.add_argument('--json', action='store_true', help='JSON to standard output')
+    common.add_argument(
+        '--timeout', metavar='S', type=_positive, default=10.0,
+        help='wait at most so long for what is asked for (default: %(default)s)',
+    )  # fmt: skip
+
+    def group(name: str, text: str) -> Callable[..., argparse.ArgumentParser]:
+        verbs = groups.add_parser(name, help=text, description=text).add_subparsers(
+            dest='verb', metavar='VERB', required=True
+        )
+
+        def verb(name: str, act: Act, text: str, *words: str) -> argparse.ArgumentParser:
+            sub = verbs.add_parser(name, help=text, description=text, parents=[common])
+            sub.set_defaults(act=act)
+            for word in words:
+                optional = word.startswith('[')
+                plain = word.strip('[]')
+                count = '?' if optional else None
+                sub.add_argument(plain.lower(), metavar=plain, nargs=count)
+            return sub
+
+        return verb
+
+    _add_topic(group('topic', 'list, echo, inspect and publish on topics'))
+    verb = group('param', 'list, get, set and describe parameters')
+    verb('list', _param_list, 'parameters of a node, or of all', '[NODE]')
+    verb('get', _param_get, 'the value of a parameter', 'NODE', 'NAME')
+    verb('describe', _param_describe, 'what a parameter is', 'NODE', 'NAME')
+    verb('set', _param_set, 'give a parameter a value', 'NODE', 'NAME', 'VALUE')
+    verb = group('service', 'list and call services')
+    _types(verb('list', lambda n, o: _list(o, n.services()), 'services'))
+    verb('call', _call, "call a service with VALUES as '{steps: 100}'",
+         'SERVICE', '[TYPE]', '[VALUES]')  # fmt: skip
+    verb = group('action', 'list actions, and send them goals')
+    verb('list', _action_list, 'actions')
+    sub = verb('send_goal', _send_goal, "send a goal with VALUES as '{steps: 10}'",
+               'ACTION', 'TYPE', '[VALUES]')  # fmt: skip
+    sub.add_argument('-f', '--feedback', action='store_true', help='print what comes meanwhile')
+    return parser
+
+
+def _add_topic(verb: Callable[..., argparse.ArgumentParser]) -> None:
+    _types(verb('list', lambda n, o: _list(o, n.topics()), 'topics'))
+    verb('info', _info, 'who publishes and subscribes', 'TOPIC')
+    echo = verb('echo', _echo, 'print messages of a topic', 'TOPIC', '[TYPE]')
+    hz = verb('hz', _hz, 'how often messages come', 'TOPIC')
+    pub = verb('pub', _pub, "publish VALUES as '{data: 0.5}'", 'TOPIC', 'TYPE', '[VALUES]')
+    for sub in (echo, pub):
+        only = sub.add_mutually_exclusive_group()
+        only.add_argument(
+            '--once', action='store_const', const=1, dest='count', help='one message'
+        )
+        only.add_argument('--count', metavar='N', type=_number, help='so many messages')
+    for sub in (echo, hz):
+        sub.add_argument('--duration', metavar='S', type=float, help='end after so many seconds')
+    echo.add_argument('--field', metavar='PATH', help="only this, as 'a.b' or 'position.0'")
+    echo.add_argument(
+        '--full', action='store_true', help=f'arrays whole, not their first {_LONGEST} elements'
+    )
+    hz.add_argument('--window', metavar='N', type=_number, default=10_000, help='messages to keep')
+    pub.add_argument('--rate', metavar='HZ', type=_positive, default=1.0, help='messages a second')
+
+
+def _types(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument('--types', action='store_true', help='types, too')
+
+
+def _positive(text: str) -> float:
+    with suppress(ValueError):
+        if (value := float(text)) > 0.0:
+            return value
+    raise argparse.ArgumentTypeError(f"'{text}' is no positive number")
+
+
+def _number(text: str) -> int:
+    with suppress(ValueError):
+        if (value := int(text)) > 0:
+            return value
+    raise argparse.ArgumentTypeError(f"'{text}' is no number from 1 on")
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run a command; exit code 0 done, 1 failed, 2 bad input, 130 interrupted."""
+    given = sys.argv[1:] if args is None else args
+    try:
+        options = make_parser().parse_args(given)
+        from zenoh_rclpy.command_node import command_node  # noqa: PLC0415 - not for --help
+
+        with command_node(options.timeout) as node:
+            return options.act(node, options) or 0
+    except (ValueError, ImportError, argparse.ArgumentTypeError) as error:
+        return _fail(str(error), 2, given)
+    except KeyboardInterrupt:
+        return _fail('interrupted', 130, given)
+    except BrokenPipeError:  # whoever read our output has had enough
+        return 0
+    except Exception as error:
+        if type(error).__name__ == 'ExternalShutdownException':  # of rclpy, or of this package
+            return _fail('interrupted', 130, given)
+        if isinstance(error, RuntimeError):
+            return _fail(str(error), 1, given)
+        raise
+
+
+def _fail(text: str, code: int, args: list[str]) -> int:
+    """Say what is wrong on standard error, and in JSON if that is asked for; gives the code."""
+    if '--json' in args and code != 130:
+        _print_json({'error': text, 'code': code})
+    print(f'zros: {text}', file=sys.stderr, flush=True)
+    return code
+
+
+# topics
+
+
+def _list(options: argparse.Namespace, known: list[tuple[str, list[str]]]) -> None:
+    if options.json:
+        _print_json([{'name': name, 'types': types} for name, types in known])
+        return
+    for name, types in known:
+        print(f'{name} [{", ".join(types)}]' if options.types else name)
+
+
+def _info(node: CommandNode, options: argparse.Namespace) -> None:
+    found = node.endpoints(options.topic)
+
+    def names(infos: list[Any]) -> list[str]:
+        return sorted(f'{i.node_namespace.rstrip("/")}/{i.node_name}' for i in infos)
+
+    publishers, subscriptions = names(found.publishers), names(found.subscriptions)
+    if options.json:
+        about = {'name': found.name, 'types': found.types}
+        _print_json({**about, 'publishers': publishers, 'subscriptions': subscriptions})
+        return
+    print(f'{found.name} [{", ".join(found.types)}]')
+    print(f'  published by {", ".join(publishers) or "nobody"}')
+    print(f'  subscribed by {", ".join(subscriptions) or "nobody"}')
+
+
+def _echo(node: CommandNode, options: argparse.Namespace) -> None:
+    from ros_interfaces.plain import field  # noqa: PLC0415
+
+    end = None if options.duration is None else time.monotonic() + options.duration
+    count = 0
+
+    def heard(message: Any) -> bool:
+        nonlocal count
+        count += 1
+        _print(options, field(message, options.field) if options.field else message, '---')
+        return bool(count == options.count)
+
+    node.listen(options.topic, heard, options.type, end=end)
+
+
+def _hz(node: CommandNode, options: argparse.Namespace) -> None:
+    import numpy as np  # noqa: PLC0415
+
+    end = None if options.duration is None else time.monotonic() + options.duration
+
+    def over(times: list[float]) -> bool:
+        del times[: -options.window]
+        return end is not None and time.monotonic() > end
+
+    times = node.rates(options.topic, over)
+    gaps = np.diff(times)
+    if not len(gaps):
+        raise ValueError(f'{options.topic}: {len(times)} messages came, which have no rate')
+    figures = {
+        'rate': 1.0 / gaps.mean(), 'least': gaps.min(), 'greatest': gaps.max(),
+        'deviation': gaps.std(), 'messages': len(times),
+    }  # fmt: skip
+    if options.json:
+        _print_json({k: float(v) for k, v in figures.items()})
+    else:
+        print(
+            f'{figures["rate"]:.3f} messages a second; between them {gaps.min():.6f} to '
+            f'{gaps.max():.6f} s, deviation {gaps.std():.6f} s, of {len(times)} messages'
+        )
+
+
+def _pub(node: CommandNode, options: argparse.Namespace) -> None:
+    def show() -> None:
+        if not options.json:
+            print(f'published on {options.topic}', flush=True)
+
+    count = options.count or sys.maxsize
+    values = _values(options.values)
+    node.publish(options.topic, options.type, values, count, options.rate, show)
+
+
+# parameters
+
+
+def _param_list(node: CommandNode, options: argparse.Namespace) -> None:
+    names = [options.node] if options.node else node.nodes()
+    found = {name: node.parameter_names(name) for name in names}
+    if options.json:
+        _print_json(found)
+        return
+    for name, parameters in found.items():
+        if not options.node:
+            print(f'{name}:')
+        for parameter in parameters:
+            print(f'{"" if options.node else "  "}{parameter}')
+
+
+def _param_get(node: CommandNode, options: argparse.Namespace) -> None:
+    from ros_interfaces.plain import to_plain  # noqa: PLC0415
+
+    value = to_plain(node.parameter(options.node, options.name), finite=options.json)
+    if options.json:
+        _print_json(value)
+    else:
+        print(value)
+
+
+def _param_describe(node: CommandNode, options: argparse.Namespace) -> None:
+    _print(options, node.describe(options.node, options.name), '')
+
+
+def _param_set(node: CommandNode, options: argparse.Namespace) -> None:
+    owner, name = options.node, options.name
+    node.set_parameter(owner, name, _values(options.value))
+    value = node.parameter(owner, name)
+    if options.json:
+        _print_json({'node': owner, 'parameter': name, 'value': value})
+    else:
+        print(f'{owner}: {name} = {value}')
+
+
+# services and actions
+
+
+def _call(node: CommandNode, options: argparse.Namespace) -> int:
+    from zenoh_rclpy.command_node import refusal  # noqa: PLC0415
+
+    kind, values = options.type, options.values
+    if kind is not None and values is None and ('/' not in kind or kind.lstrip()[:1] == '{'):
+        kind, values = None, kind  # the type may be left out
+    answer = node.call(options.service, kind, _values(values))
+    _print(options, answer, '')
+    return 1 if refusal(answer) else 0
+
+
+def _action_list(node: CommandNode, options: argparse.Namespace) -> None:
+    names = node.actions()
+    if options.json:
+        _print_json(names)
+    elif names:
+        print('\n'.join(names))
+
+
+def _send_goal(node: CommandNode, options: argparse.Namespace) -> int:
+    meanwhile = (lambda m: _print(options, m, '---')) if options.feedback else None
+    values = _values(options.values)
+    found = node.send_goal(options.action, options.type, values, meanwhile)
+    _print(options, found.result, '')
+    return 0 if found.status == _SUCCEEDED else 1
+
+
+# values and output
+
+
+def _values(text: str | None) -> Any:
+    """What somebody typed as a value, in the YAML of ROS; None if nothing."""
+    from zenoh_rclpy.parameter_files import parse  # noqa: PLC0415
+
+    try:
+        return None if text is None else parse(text)
+    except ValueError as error:
+        raise ValueError(f"'{text}': {error}") from error
+
+
+def _print(options: argparse.Namespace, message: Any, mark: str) -> None:
+    """A message or a part of one: as YAML, or as a line of JSON."""
+    from ros_interfaces.plain import to_plain  # noqa: PLC0415
+
+    if options.json:
+        print(json.dumps(to_plain(message, finite=True), allow_nan=False), flush=True)
+        return
+    import yaml  # noqa: PLC0415
+
+    plain = to_plain(message, None if getattr(options, 'full', False) else _LONGEST)
+    text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True).removesuffix('...\n')
+    print(f'{text}{mark}'.rstrip('\n'), flush=True)
+
+
+def _print_json(data: object) -> None:
+    print(json.dumps(data, indent=2), flush=True)

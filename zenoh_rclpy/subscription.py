@@ -1,0 +1,190 @@
+"""Subscriptions."""
+
+import time
+from collections.abc import Callable, Sequence
+from inspect import signature
+from threading import Lock
+from typing import Any
+
+import zenoh
+from zenoh import ext
+from zenoh.handlers import Callback
+
+from ros_interfaces.definitions import MessageError, type_name
+from ros_interfaces.refusals import check_message
+from ros_interfaces.similarity import SimilarMessages
+from zenoh_rclpy import wire
+from zenoh_rclpy.callback_groups import CallbackGroup
+from zenoh_rclpy.callbacks import direct
+from zenoh_rclpy.inbox import LIMIT, Inbox, Overflow
+from zenoh_rclpy.local import Item
+from zenoh_rclpy.node_graph import NodeGraph
+from zenoh_rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+
+PUBLISHERS = 1000  # whose last sequence numbers a subscription remembers
+
+
+class Subscription:
+    """Hands the messages of one topic to a callback, in the order in which they arrive.
+
+    The callback takes the message, or the message and a dictionary about it as in rclpy; with
+    ``raw`` it gets the serialised bytes. What comes twice from one publisher is handed on once,
+    and what is no message is dropped with a warning.
+    """
+
+    def __init__(
+        self,
+        node: NodeGraph,
+        kind: type[Any],
+        topic: str,
+        callback: Callable[..., Any],
+        qos: QoSProfile,
+        raw: bool,
+        group: CallbackGroup,
+    ) -> None:
+        context = node.context
+        self.msg_type = kind
+        self.topic_name = topic
+        self.topic = topic
+        self.qos_profile = qos
+        self.raw = raw
+        self._context = context
+        self._callback = node.tasks.plain(callback, group)
+        self._with_info = _takes_info(callback)
+        self._warn = node.warnings.put
+        self._known = SimilarMessages(kind)
+        # An advanced subscriber sees to this itself, and may bring in what came before.
+        self._once = qos.durability == DurabilityPolicy.VOLATILE
+        self._latest: dict[bytes, int] = {}
+        self._one_at_a_time = Lock()
+        self._received = 0
+        self.callback_group = group
+        self.inbox = Inbox(context, self, *_queue(qos), group)
+        name = type_name(kind)
+        key = context.key(topic, name)
+        self._subscriber = _declare(context.session, key, direct(self._receive), qos)
+        self._here = context.local.of(key)
+        self._here.append(self)
+        self._token = context.announce(node.token(wire.SUBSCRIPTION, topic, name, qos))
+
+    def execute(self) -> bool:
+        """Hand one sample to the callback; False if none waits."""
+        item = self.inbox.take()
+        if item is None:
+            return False
+        message, attachment, received = item
+        if not self._with_info:
+            self._callback(message)
+            return True
+        self._received += 1
+        info = {
+            'source_timestamp': attachment.time,
+            'received_timestamp': received,
+            'publication_sequence_number': attachment.sequence,
+            'reception_sequence_number': self._received,
+        }
+        self._callback(message, info)
+        return True
+
+    def get_publisher_count(self) -> int:
+        """Number of publishers on this topic with this type."""
+        name = type_name(self.msg_type)
+        return self._context.graph.count(wire.PUBLISHER, self.topic_name, name)
+
+    def destroy(self) -> None:
+        """Take the subscription off the network; what waits in its queue is dropped."""
+        self._context.retract(self._token)
+        self._here.remove(self)
+        self.inbox.close()
+        self._context.undeclare(self._subscriber)
+
+    def _receive(self, sample: zenoh.Sample) -> None:
+        """Take in a sample, in Zenoh's thread, if it is one of ROS with a message."""
+        extra = sample.attachment
+        attachment = None if extra is None else wire.parse_attachment(extra.to_bytes())
+        if attachment is None or sample.kind != zenoh.SampleKind.PUT:
+            self.refuse('attachment', 'a sample of ROS has an attachment of 33 bytes')
+            return
+        if self._once and attachment.sequence <= self._latest.get(attachment.gid, 0):
+            return
+        data = sample.payload.to_bytes()
+        message = None
+        if not self.raw or data not in self._known:
+            try:
+                message = check_message(data, self.msg_type)
+            except MessageError as error:
+                self.refuse('message', str(error))
+                return
+            if self.raw:
+                self._known.add(message, data)
+        self.accept([Item(message, data, attachment)])
+
+    def accept(self, items: Sequence[Item]) -> None:
+        """Put good messages of one publisher into the queue, unless they have come before."""
+        if self._once:
+            items = self._news(items)
+        now, raw = time.time_ns(), self.raw
+        queued = [((data if raw else message, about, now), len(data))
+                  for message, data, about in items]  # fmt: skip
+        for _ in range(len(queued) - self.inbox.put_all(queued)):
+            self.refuse('queue', 'its queue is full')
+
+    def _news(self, items: Sequence[Item]) -> list[Item]:
+        """Those with numbers that the publisher has not sent before."""
+        if not items:
+            return []
+        about = items[-1].attachment
+        with self._one_at_a_time:
+            last = self._latest.pop(about.gid, 0)
+            self._latest[about.gid] = max(last, about.sequence)
+            if len(self._latest) > PUBLISHERS:
+                del self._latest[next(iter(self._latest))]
+        return [item for item in items if item.attachment.sequence > last]
+
+    def refuse(self, kind: str, reason: str) -> None:
+        """Count what is not taken in, and warn of it now and then."""
+        self._context.refuse(self.topic_name, kind, reason, self._warn)
+
+
+def _takes_info(callback: Callable[..., Any]) -> bool:
+    """Whether a callback takes the message and a dictionary about it, as rclpy decides it."""
+    parameters = signature(callback)
+    try:
+        parameters.bind(object())
+    except TypeError:
+        parameters.bind(object(), object())
+        return True
+    return False
+
+
+def _queue(qos: QoSProfile) -> tuple[int, Overflow]:
+    if qos.history == HistoryPolicy.KEEP_LAST:
+        return qos.depth, Overflow.DROP_OLDEST
+    # An advanced subscriber calls back under a lock of its own; what waits there could hold up a
+    # publisher of this process.
+    if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+        return 100 * LIMIT, Overflow.REFUSE
+    reliable = qos.reliability == ReliabilityPolicy.RELIABLE
+    return LIMIT, Overflow.WAIT if reliable else Overflow.DROP_OLDEST
+
+
+def _declare(
+    session: zenoh.Session, key: str, receive: 'Callback[zenoh.Sample]', qos: QoSProfile
+) -> zenoh.Subscriber[None] | ext.AdvancedSubscriber[None]:
+    if qos.durability != DurabilityPolicy.TRANSIENT_LOCAL:
+        return session.declare_subscriber(key, receive)
+    recovery = None
+    if qos.reliability == ReliabilityPolicy.RELIABLE:
+        recovery = ext.RecoveryConfig(periodic_queries=None, heartbeat=True)
+    return ext.declare_advanced_subscriber(
+        session,
+        key,
+        receive,
+        history=ext.HistoryConfig(detect_late_publishers=True, max_samples=qos.depth),
+        recovery=recovery,
+    )

@@ -1,0 +1,80 @@
+"""Timers: callbacks every so often, executed by an executor."""
+
+from collections.abc import Callable
+from typing import Any
+
+from zenoh_rclpy.callback_groups import CallbackGroup
+from zenoh_rclpy.clock import SECOND, Clock
+
+
+class Timer:
+    """Calls back every ``period`` seconds of its node's clock; periods missed are left out."""
+
+    def __init__(
+        self, period: float, callback: Callable[[], Any], clock: Clock, group: CallbackGroup
+    ) -> None:
+        if period < 0:
+            raise ValueError(f'The period of a timer is {period} s; it cannot be negative')
+        self._period = round(period * SECOND)
+        self._callback = callback
+        self.callback_group = group
+        self._clock = clock
+        self._cancelled = False
+        self._last = self._next = 0
+        self._simulated = clock.simulated is not None
+        self.reset()
+
+    @property
+    def timer_period_ns(self) -> int:
+        """The period [ns]."""
+        return self._period
+
+    def time_since_last_call(self) -> int:
+        """Nanoseconds of the node's clock since the last call, or since the start."""
+        return self._clock.ticks() - self._last
+
+    def cancel(self) -> None:
+        """Do not call back until ``reset``."""
+        self._cancelled = True
+
+    def reset(self) -> None:
+        """Start over: the next call is one period away."""
+        self._cancelled = False
+        self._start_over()
+
+    def is_canceled(self) -> bool:
+        """Whether the timer stands still."""
+        return self._cancelled
+
+    def is_ready(self) -> bool:
+        """Whether the next call is due."""
+        return not self._cancelled and self.time_until_next_call() <= 0
+
+    def time_until_next_call(self) -> int:
+        """Nanoseconds of the node's clock to the next call; negative if it is late.
+
+        A clock that is another now, or was set back to before the last call, starts it over.
+        """
+        if self._simulated != (self._clock.simulated is not None):
+            self._simulated = not self._simulated
+            self._start_over()
+        elif self._clock.ticks() < self._last:
+            self._start_over()
+        return self._next - self._clock.ticks()
+
+    def wall_wait(self) -> float | None:
+        """Seconds that an executor may sleep; None if only ``/clock`` can make the timer due."""
+        if self._cancelled or self._clock.simulated is not None:
+            return None
+        return max(0, self.time_until_next_call()) / SECOND
+
+    def execute(self) -> None:
+        """Call back, and take the next call that is still to come."""
+        late = -self.time_until_next_call()
+        self._last = self._clock.ticks()
+        self._next += self._period * (1 + late // self._period if self._period else 1)
+        self._callback()
+
+    def _start_over(self) -> None:
+        self._last = self._clock.ticks()
+        self._next = self._last + self._period
