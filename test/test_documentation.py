@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import re
+import runpy
 import shlex
 import sys
 from pathlib import Path
@@ -199,3 +200,21 @@ def test_a_missing_joint_is_told_from_missing_masses(tmp_path):
     short = scene.read_text(encoding='utf-8').replace('[ground, crank]', '[ground]')
     scene.write_text(short, encoding='utf-8')
     assert 'must have 2 entries' in run('check', str(scene)).stderr
+
+
+def test_the_picture_of_the_rooms_is_that_of_the_layers():
+    drawn = runpy.run_path(str(DOCS / 'architecture.py'))
+    assert drawn['FILE'].read_text(encoding='utf-8') == drawn['draw']()
+
+
+@pytest.mark.parametrize('page', ['CONTRIBUTING.md', 'docs/architecture.md'])
+def test_pages_for_who_changes_the_program_are_short_and_name_what_there_is(page):
+    """Paths in backticks exist, from the repository or from the package."""
+    root = DOCS.parent
+    text = (root / page).read_text(encoding='utf-8')
+    assert len(text.split()) <= 1200
+    paths = re.findall(r'`([\w./]+/[\w.]*(?:\.py|/))`', text)
+    assert len(paths) > 20
+    for path in paths:
+        if 'KIND' not in path:
+            assert (root / path).exists() or (root / 'mechanism_sim' / path).exists(), path
