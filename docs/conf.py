@@ -35,6 +35,7 @@ extensions = [
     'mechanisms',
     'messages',
     'motion',
+    'tools',
 ]
 root_doc = 'docs/index'
 include_patterns = ['README.md', 'CHANGELOG.md', 'CONTRIBUTING.md', 'docs/**']

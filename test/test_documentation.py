@@ -82,7 +82,7 @@ def test_a_mistake_in_ten_links_is_answered_as_the_documentation_says(command, s
 def site(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / 'site'))
     yield
-    for name in ('commands', 'keys', 'messages'):
+    for name in ('commands', 'keys', 'messages', 'tools'):
         sys.modules.pop(name, None)
 
 
@@ -218,3 +218,12 @@ def test_pages_for_who_changes_the_program_are_short_and_name_what_there_is(page
     for path in paths:
         if 'KIND' not in path:
             assert (root / path).exists() or (root / 'mechanism_sim' / path).exists(), path
+
+
+@pytest.mark.usefixtures('site')
+def test_the_page_of_the_editor_has_a_place_for_its_tools():
+    import tools  # noqa: PLC0415 - of the site
+
+    assert (DOCS / 'editing.md').read_text(encoding='utf-8').count(tools.MARK) == 1
+    rows = re.findall(r'^\| ([^|]+) \| ((?:Shift\+)?[A-Z]) \| [^|]+ \|$', tools.table(), re.M)
+    assert len(rows) == len({key for _, key in rows}) > 25
