@@ -38,7 +38,13 @@ extensions = [
     'tools',
 ]
 root_doc = 'docs/index'
-include_patterns = ['README.md', 'CHANGELOG.md', 'CONTRIBUTING.md', 'docs/**']
+include_patterns = [
+    'README.md',
+    'CHANGELOG.md',
+    'CONTRIBUTING.md',
+    'zenoh_rclpy/README.md',
+    'docs/**',
+]
 exclude_patterns = ['.*', 'build', 'runs', 'docs/pictures', 'docs/site']
 highlight_language = 'text'
 
