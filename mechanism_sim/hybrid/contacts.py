@@ -393,11 +393,10 @@ class Contacts(Switching):
             if i < len(modes) and modes[i] == 1:
                 if x <= -margin and seen[count + i] < 0.0 and i != seen_now:
                     return i
-            elif i != seen_now and x <= (
-                floor if seen_now is None else _BEYOND * (floor - margin)
-            ):
-                if not self._leads_back(self._system.guards[i].switch):
-                    return i
+                continue
+            beyond = x <= (floor if seen_now is None else _BEYOND * (floor - margin))
+            if beyond and i != seen_now and not self._leads_back(self._system.guards[i].switch):
+                return i
         return None
 
     def _seat(self) -> None:
