@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import yaml
@@ -88,14 +89,7 @@ def _row(name: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Text that means itself in a table of Markdown."""
-    text = ' '.join(text.split())
-    for mark, written in (
-        ('<', '&lt;'),
-        ('"', '&quot;'),
-        ('|', r'\|'),
-        ('*', r'\*'),
-        ('_', r'\_'),
-    ):
-        text = text.replace(mark, written)
-    return text
+    """Text that means itself in a table of Markdown, but for code in backticks."""
+    text = ' '.join(text.split()).replace('|', r'\|').replace('<', '&lt;').replace('"', '&quot;')
+    parts = re.split('(`[^`]*`)', text)
+    return ''.join(x if x.startswith('`') else re.sub('([*_])', r'\\\1', x) for x in parts)
