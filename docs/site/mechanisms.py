@@ -80,8 +80,10 @@ def _section(title: str, names: tuple[str, ...]) -> str:
 
 
 def _row(name: str) -> str:
-    scene = yaml.safe_load((config_folder() / f'{name}.yaml').read_text(encoding='utf-8'))
-    title, description = (_plain(scene.get(key, '')) for key in ('title', 'description'))
+    text = (config_folder() / f'{name}.yaml').read_text(encoding='utf-8')
+    scene = yaml.safe_load(text)
+    above = ' '.join(re.findall('^# (.*)$', text.partition('title:')[0], re.MULTILINE))
+    title, description = _plain(scene['title']), _plain(scene.get('description') or above)
     freedoms = f'<br>{FREEDOMS[name]} degrees of freedom' if name in FREEDOMS else ''
     picture = f'<img src="pictures/mechanisms/{name}.svg" alt="{title}" width="360">'
     words = f'**{title}**<br>[`{name}`](../config/{name}.yaml)<br>{description}{freedoms}'
