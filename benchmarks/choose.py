@@ -15,13 +15,7 @@ _TESTS = 'hard', 'grid'
 
 
 def choose(names: Sequence[str]) -> tuple[list[Problem], set[str]]:
-    """Problems, and which other measurements, by their names; ``all``: everything.
-
-    Raises
-    ------
-    InputError
-        For an unknown name, with the nearest.
-    """
+    """Problems, and which other measurements, by their names; ``all``: everything."""
     known = problems()
     words = (*known, *TABLES)
     for name in names:
@@ -37,13 +31,7 @@ def choose(names: Sequence[str]) -> tuple[list[Problem], set[str]]:
 
 
 def methods(chosen: Sequence[Problem], text: str | None) -> set[str] | None:
-    """Names of methods out of a list with commas; ``None`` for all.
-
-    Raises
-    ------
-    InputError
-        For a name that no chosen problem knows, with the nearest.
-    """
+    """Names of methods out of a list with commas; ``None`` for all."""
     if text is None:
         return None
     known = list(dict.fromkeys(m.name for p in chosen for m in p.methods))
@@ -70,13 +58,7 @@ def _split_names(text: str, known: Sequence[str]) -> list[str]:
 
 
 def tolerances(text: str | None) -> list[float]:
-    """Numbers out of a list with commas.
-
-    Raises
-    ------
-    InputError
-        If one is not a number between 0 and 1.
-    """
+    """Numbers out of a list with commas."""
     found = []
     for part in text.split(',') if text else ():
         try:

@@ -110,11 +110,6 @@ class Pages:
     ----------
     found : measurements so far
     text : of each measurement, for people
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be made.
     """
 
     def __init__(self, folder: str | None) -> None:

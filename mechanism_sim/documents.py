@@ -40,13 +40,7 @@ class DocumentError(ValueError):
 
 
 def read(path: Path, kind: str) -> Any:
-    """The content of a file of some `kind`, named so in what is said of it.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or is not what `parse` reads.
-    """
+    """The content of a file of some `kind`, named so in what is said of it."""
     try:
         data = bytes_of(path, LARGEST)
     except OSError as error:

@@ -140,10 +140,6 @@ def check_path(option: str, file: Path | str, *suffixes: str, new: bool = False)
     option : of the command line, for the message
     suffixes : of which its ending is one
     new : whether nothing may be there
-
-    Raises
-    ------
-    InputError
     """
     path = Path(file)
     if path.suffix not in suffixes:
@@ -160,13 +156,7 @@ def check_path(option: str, file: Path | str, *suffixes: str, new: bool = False)
 
 
 def make_folder(path: Path, what: str = '') -> Path:
-    """A folder that is made, with those above it, if it is not there; `what` is it for.
-
-    Raises
-    ------
-    InputError
-        If it cannot be made.
-    """
+    """A folder that is made, with those above it, if it is not there; `what` is it for."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

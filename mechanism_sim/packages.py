@@ -43,13 +43,7 @@ def distribution(module: str) -> str:
 
 
 def needed(module: str, purpose: str = 'this') -> Any:
-    """A module without which a purpose cannot be served.
-
-    Raises
-    ------
-    InputError
-        If it is missing, or cannot be imported.
-    """
+    """A module without which a purpose cannot be served."""
     try:
         return import_module(module)
     except Exception as error:

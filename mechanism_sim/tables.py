@@ -83,25 +83,13 @@ class Table(dict[str, NDArray[Any]]):
         return f'<table>{"".join(lines)}</table><p>{rows} rows, {len(self)} columns{note}</p>'
 
     def to_pandas(self) -> Any:
-        """A `pandas.DataFrame`; its ``attrs['units']`` are the units.
-
-        Raises
-        ------
-        InputError
-            If pandas is not installed.
-        """
+        """A `pandas.DataFrame`; its ``attrs['units']`` are the units."""
         frame = needed('pandas').DataFrame(dict(self))
         frame.attrs['units'] = dict(self.units)
         return frame
 
     def to_polars(self) -> Any:
-        """A `polars.DataFrame`.
-
-        Raises
-        ------
-        InputError
-            If polars is not installed.
-        """
+        """A `polars.DataFrame`."""
         return needed('polars').DataFrame(dict(self))
 
 
@@ -115,13 +103,7 @@ def default_ending() -> str:
 
 
 def check_file(option: str, file: Path | str, *endings: str, new: bool = False) -> Path:
-    """A file for a table, checked before anything is computed: its ending, and what it takes.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written, or a library for it is not installed.
-    """
+    """A file for a table, checked before anything is computed: its ending, and what it takes."""
     path = output.check_path(option, file, *(endings or ENDINGS), new=new)
     if module := _NEEDS.get(path.suffix):
         needed(module, f'{option} {file}: write .csv, for {path.suffix}')
@@ -134,11 +116,6 @@ def write(file: Path, columns: Sequence[Column], about: dict[str, str] | None = 
     Parameters
     ----------
     about : texts that belong to the whole table
-
-    Raises
-    ------
-    InputError
-        If it cannot be written.
     """
     with output.beside(file) as part:
         write_part(part, columns, about)

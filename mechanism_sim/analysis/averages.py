@@ -24,11 +24,6 @@ def over_turns(record: Record, quantity: str, samples: int | None = None, skip: 
     quantity : a name of `Piece.sample`, such as ``acceleration.coupler``, or of a sensor
     samples : angles in a turn; 360 unless told, of a sensor as many as it has samples in a turn
     skip : whole turns at the start that are left out
-
-    Raises
-    ------
-    InputError
-        If there is no such quantity, the drive turns back, or no whole turn is left.
     """
     first, end = record.whole_turns(skip)
     if quantity in record.sensors:
@@ -43,13 +38,7 @@ def over_turns(record: Record, quantity: str, samples: int | None = None, skip: 
 
 
 def sampled(record: Record, quantity: str, t: Array) -> Array:
-    """A quantity of `Piece.sample` at times (N,) [s].
-
-    Raises
-    ------
-    InputError
-        If there is no such quantity; names the nearest.
-    """
+    """A quantity of `Piece.sample` at times (N,) [s]."""
     values = np.empty(len(t))
     for first in range(0, len(t), _BLOCK):
         columns = columns_of(

@@ -45,13 +45,7 @@ class Difference:
 
 
 def compare(first: Record, second: Record) -> list[Difference]:
-    """What two runs differ in, each all over its own length.
-
-    Raises
-    ------
-    InputError
-        If no link, joint or sensor has the same name in both.
-    """
+    """What two runs differ in, each all over its own length."""
     one, two = _figures(first), _figures(second)
     if not any(key in two for key in one if key[1]):
         raise InputError(

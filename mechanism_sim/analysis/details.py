@@ -175,11 +175,6 @@ def find_details(record: Record, wanted: Wanted, against: Record | None = None) 
     Parameters
     ----------
     against : another run, whose deviations the deviations are divided by
-
-    Raises
-    ------
-    InputError
-        If there is no such sensor, quantity or joint, or the run is too short for it.
     """
     skip = wanted.skip
     begin = record.begin(skip)

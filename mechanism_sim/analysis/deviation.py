@@ -91,11 +91,6 @@ def ideal_machine(machine: Machine) -> Machine:
     """The same machine with every joint ideal: no clearance, lift-off, backlash or elasticity.
 
     Its sensors keep their filters, but have no noise, converter or trigger.
-
-    Raises
-    ------
-    InputError
-        If a torque or a force moves it: then it would move otherwise without clearance.
     """
     if machine.plan.powered or not machine.plan.prescribed:
         raise InputError(
@@ -151,11 +146,6 @@ def deviation(
         ideal signal comes through the same instrument without its noise
     samples : angles in a turn; 1024 unless told, of a sensor as many as it has samples in a turn
     skip : whole turns at the start that are left out
-
-    Raises
-    ------
-    InputError
-        If there is no such quantity, or the drives do not prescribe the motion.
     """
     n = samples or (None if quantity in record.sensors else _SAMPLES)
     own = over_turns(record, quantity, n, skip)
@@ -172,11 +162,6 @@ def alpha(one: Deviation, other: Deviation, highest: int | None = None) -> Alpha
     Parameters
     ----------
     highest : order that counts; half the highest that both resolve unless told
-
-    Raises
-    ------
-    InputError
-        If the second does not deviate.
     """
     if not other.rms:
         raise InputError(f'{other.quantity} does not deviate from the ideal: there is no ratio')

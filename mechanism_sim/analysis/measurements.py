@@ -16,13 +16,7 @@ from mechanism_sim.sensing.features import FEWEST
 
 
 def signal_of(bag: Bag, sensor: str | None = None, namespace: str | None = None) -> Signal:
-    """The signal of a sensor of a bag; of its only one, if none is named.
-
-    Raises
-    ------
-    InputError
-        If there is no such sensor, or there are several and none is named.
-    """
+    """The signal of a sensor of a bag; of its only one, if none is named."""
     collectors: dict[str, SignalCollector] = {}
     topics = find_topics(bag, namespace)['sensors']
     for _, message, _ in bag.messages(topics) if topics else ():
@@ -56,11 +50,6 @@ def measurements(
     scenes : one for all bags, or one for each of them; without any, those the bags hold
     overrides : of every scene
     skip : samples before this time are left out [s]
-
-    Raises
-    ------
-    InputError
-        If a signal has gaps, is too short, or is not one of its scene's sensors.
     """
     if len(scenes) not in (0, 1, len(bags)):
         raise InputError(f'{len(bags)} bags need one --scene, as many, or none')

@@ -84,13 +84,7 @@ class MessagePath:
         return tuple(step.name for step in self.steps if isinstance(step, Field))
 
     def values(self, message: Any) -> list[Value]:
-        """The numbers of a message; none if it does not pass a filter.
-
-        Raises
-        ------
-        InputError
-            If there is no such field or item, or it is no number.
-        """
+        """The numbers of a message; none if it does not pass a filter."""
         return list(self._walk(message, self.steps, (), ()))
 
     def _walk(
@@ -133,13 +127,7 @@ class MessagePath:
         return range(max(0, first or 0), min(n, n if last is None else last + 1))
 
     def field(self, message: Any, name: str) -> Any:
-        """A field of a message.
-
-        Raises
-        ------
-        InputError
-            If there is none; names the nearest.
-        """
+        """A field of a message."""
         if not hasattr(message, '__msgtype__') and not hasattr(
             message, 'get_fields_and_field_types'
         ):

@@ -45,13 +45,7 @@ class Asked:
 
     @cached_property
     def record(self) -> Record:
-        """The run.
-
-        Raises
-        ------
-        InputError
-            If the bag does not hold the run of a machine.
-        """
+        """The run."""
         if self._given is not None or self._bag is None:
             assert self._given is not None  # noqa: S101 - one of both is
             return self._given
@@ -60,13 +54,7 @@ class Asked:
     def series(
         self, names: Sequence[str], start: float | None = None, end: float | None = None
     ) -> list[Series]:
-        """What these names stand for, in their order, from `start` to `end` [s].
-
-        Raises
-        ------
-        InputError
-            If one of them stands for nothing, or there is nothing between these times.
-        """
+        """What these names stand for, in their order, from `start` to `end` [s]."""
         paths = [self._path(name) for name in names]
         messages = iter(recorded(self._bag, [p for p in paths if p]) if self._bag else ())
         found: list[Series] = []
@@ -121,13 +109,7 @@ class Asked:
         return columns_of(self.record.piece, t, with_work, self.record.machine)
 
     def _chosen(self, columns: Mapping[str, Array], name: str) -> list[Series]:
-        """Those of a name.
-
-        Raises
-        ------
-        InputError
-            If there are none; names the nearest of all that can be asked for.
-        """
+        """Those of a name."""
         if not any(c == name or c.startswith(f'{name}.') for c in columns):
             known = [given.name for given in self.names()]
             known += sorted({column.partition('.')[0] for column in columns})

@@ -39,13 +39,7 @@ _NEWTON = 50
 
 
 def machine_of(bag: Bag | Path | str, namespace: str | None = None) -> Machine:
-    """The machine whose run a bag holds, from the recorded scene.
-
-    Raises
-    ------
-    InputError
-        If the scene is not recorded, or cannot be read by this version.
-    """
+    """The machine whose run a bag holds, from the recorded scene."""
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
     text = scene_text(bag, namespace)
     if text is None and not any(topic.count for topic in bag.topics.values()):
@@ -93,13 +87,7 @@ class Record:
         return self.piece.motion if self.whole is None else self.whole
 
     def part(self, start: float | None, end: float | None) -> tuple[float, float]:
-        """Start and end [s] of a part of the run; those of the run where they are None.
-
-        Raises
-        ------
-        InputError
-            If that is no part of it.
-        """
+        """Start and end [s] of a part of the run; those of the run where they are None."""
         begin, finish = (self.start if start is None else start, self.end if end is None else end)
         slack = 1e-9 * max(1.0, self.end)
         if not self.start - slack <= begin < finish <= self.end + slack:
@@ -150,13 +138,7 @@ class Record:
         return math.ceil(first - 1e-9), math.floor(last + 1e-9)
 
     def whole_turns(self, skip: int = 0) -> tuple[int, int]:
-        """The same without the first `skip` of them.
-
-        Raises
-        ------
-        InputError
-            If none is left.
-        """
+        """The same without the first `skip` of them."""
         if self.slides:
             raise InputError(
                 f'{self.machine.name}: {self.machine.main} is driven straight, it makes no turns'
@@ -196,13 +178,7 @@ class Record:
         return marks, self.turned(marks)
 
     def times_at(self, turns: Array) -> Array:
-        """When the main drive has made `turns` (N,), as `turned` counts them [s].
-
-        Raises
-        ------
-        InputError
-            If it turns back on the way.
-        """
+        """When the main drive has made `turns` (N,), as `turned` counts them [s]."""
         marks, passed = self._marks
         if np.any(np.diff(passed) < 0.0):
             raise InputError(f'{self.machine.name}: {self.machine.main} turns back')
@@ -220,13 +196,7 @@ class Record:
         return np.asarray(t)
 
     def between(self, start: float | None = None, end: float | None = None) -> Record:
-        """What happened from one time [s] to another; without them the whole.
-
-        Raises
-        ------
-        InputError
-            If they do not lie within the run, or nothing lies between them.
-        """
+        """What happened from one time [s] to another; without them the whole."""
         a, b = self.part(start, end)
         if (a, b) == (self.start, self.end):
             return self
@@ -254,13 +224,7 @@ class Record:
         return digest.hexdigest()
 
     def signal(self, sensor: str) -> Signal:
-        """What a sensor said, as recorded; computed from the motion if that is all there is.
-
-        Raises
-        ------
-        InputError
-            If there is no such sensor, or it took no sample.
-        """
+        """What a sensor said, as recorded; computed from the motion if that is all there is."""
         if sensor not in self.sensors:
             known = ', '.join(self.sensors) or 'none'
             raise InputError(
@@ -304,24 +268,12 @@ class Record:
         return [gap for j in self.machine.bearings for gap in gaps_of(mechanism, j.name, known)]
 
     def loose(self, joint: str) -> str:
-        """The joint, once sure that it has a pin loose in a bushing.
-
-        Raises
-        ------
-        InputError
-            If it has not.
-        """
+        """The joint, once sure that it has a pin loose in a bushing."""
         return one_of(self.loose_joints, joint, self.machine)
 
 
 def one_of(known: Sequence[str], joint: str, machine: Machine) -> str:
-    """The joint, if it is one of those known to have a pin loose in a bushing.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
+    """The joint, if it is one of those known to have a pin loose in a bushing."""
     if joint not in known:
         raise InputError(
             f"'{joint}' is no joint with a pin loose in a bushing{nearest(joint, known)}; "
@@ -331,14 +283,7 @@ def one_of(known: Sequence[str], joint: str, machine: Machine) -> str:
 
 
 def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
-    """A bag as a record: one pass, all of the motion in memory.
-
-    Raises
-    ------
-    InputError
-        If the scene or the motion is not recorded, a part of the motion is missing, or it is not
-        a motion of that machine.
-    """
+    """A bag as a record: one pass, all of the motion in memory."""
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
     topics = find_topics(bag, namespace)
     machine = machine_of(bag, namespace)

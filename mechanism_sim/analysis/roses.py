@@ -71,11 +71,6 @@ def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
     Parameters
     ----------
     skip : whole turns at the start that are left out; the part of a turn before them, too
-
-    Raises
-    ------
-    InputError
-        If the joint is of another kind, or the run has no whole turn after those skipped.
     """
     machine = record.machine
     play = machine.clearances.get(joint)
@@ -153,13 +148,7 @@ class ImpactCycles:
 
 
 def impact_cycles(record: Record, rose: Rose, skip: int = 0) -> ImpactCycles:
-    """The impacts of a rose turn by turn.
-
-    Raises
-    ------
-    InputError
-        If the run has no whole turn after those skipped.
-    """
+    """The impacts of a rose turn by turn."""
     first, end = record.whole_turns(skip)
     row = rose.turn - first
     inside = (row >= 0) & (row < end - first)

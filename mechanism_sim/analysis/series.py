@@ -66,11 +66,6 @@ def recorded(bag: Bag, paths: Sequence[MessagePath]) -> list[list[Series]]:
     Times are those that messages say themselves, else their stamps, else when they were logged;
     where these count from 1970, from the start of the bag. Arrays of samples, which come with a
     sample rate, are spread over time.
-
-    Raises
-    ------
-    InputError
-        If there is no such topic, field or item, it is no number, or no message passes.
     """
     origin = bag.start * 1e-9 if bag.start * 1e-9 > _EPOCH else 0.0
     by_topic: dict[str, list[_Collector]] = {}
@@ -174,13 +169,7 @@ def _unit(units: Sequence[str], which: tuple[str, ...], sliding: Collection[str]
 
 
 def sampled(piece: Piece, names: Sequence[str], t: Array) -> list[Series]:
-    """Quantities of `Piece.sample` at times (N,) [s], as `chosen` chooses them.
-
-    Raises
-    ------
-    InputError
-        If there is no such quantity; names the nearest.
-    """
+    """Quantities of `Piece.sample` at times (N,) [s], as `chosen` chooses them."""
     return chosen(piece, with_extremes(piece, partial(columns_of, piece), names, t), names)
 
 
@@ -200,13 +189,7 @@ def with_extremes(piece: Piece, at: Columns, names: Sequence[str], t: Array) -> 
 
 
 def chosen(piece: Piece, columns: Mapping[str, Array], names: Sequence[str]) -> list[Series]:
-    """Columns of a run by name, over its column ``t``; ``position`` means all ``position.NAME``.
-
-    Raises
-    ------
-    InputError
-        If there is no such column; names the nearest.
-    """
+    """Columns of a run by name, over its column ``t``; ``position`` means all of them."""
     found: dict[str, Series] = {}
     for name in names:
         below = [c for c in columns if c.startswith(f'{name}.')]

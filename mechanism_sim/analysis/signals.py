@@ -54,13 +54,7 @@ class Signal:
         return max(self.runs, key=len)
 
     def since(self, t: float) -> Signal:
-        """The samples from a time [s] on.
-
-        Raises
-        ------
-        InputError
-            If there are none.
-        """
+        """The samples from a time [s] on."""
         late = [
             (start + skip / self.rate, run[skip:])
             for start, run in zip(self.starts, self.runs, strict=True)
@@ -161,11 +155,6 @@ def measured(machine: Machine, motion: Motion, sensor: str) -> Signal:
     """The signal of a sensor of the scene, computed from a motion from the start of a run on.
 
     It is what the node `sensors` publishes, to the last bit.
-
-    Raises
-    ------
-    InputError
-        If it takes no sample.
     """
     scene, channel = machine.scene.sensors[sensor], machine.channel(sensor)
     collector = SignalCollector()

@@ -74,12 +74,6 @@ def wear_maps(
     Returns
     -------
     Of the bushing and of the pin.
-
-    Raises
-    ------
-    InputError
-        If the joint has no pin and bushing, forces are not known, or the radius contradicts the
-        scene's.
     """
     record.loose(joint)
     play = record.machine.clearances[joint_of_gap(record.machine.mechanism, joint).name]

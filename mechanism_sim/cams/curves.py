@@ -103,11 +103,6 @@ def spline_curve(x: ArrayLike, y: ArrayLike, ends: Ends = 'clamped') -> Piecewis
     x, y : shape (n,), n >= 2; from (0, 0) to (1, 1), x increasing
     ends : 'clamped' (no velocity), 'natural' (no acceleration), 'not-a-knot', or the order and
         the value of a derivative for either end
-
-    Raises
-    ------
-    InputError
-        If the points do not rise from (0, 0) to (1, 1) or the ends are unknown.
     """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if x.ndim != 1 or x.shape != y.shape or len(x) < 2:

@@ -41,11 +41,6 @@ class Law(Protocol):
         """The displacement (order 0) or a derivative by the angle at angles of any shape.
 
         At a break it is the limit from the right, or from the left if `left`.
-
-        Raises
-        ------
-        InputError
-            If a reciprocating cam is asked for what lies beyond its stroke.
         """
 
 
@@ -87,11 +82,6 @@ class Diagram:
     segments : in the order of their angles
     reciprocating : the cam slides; its stroke is from the first segment to the last, and the
         follower need not come back
-
-    Raises
-    ------
-    InputError
-        If a segment has no length, overlaps the next one, or the follower does not come back.
     """
 
     def __init__(self, segments: Sequence[Segment], reciprocating: bool = False) -> None:
@@ -173,11 +163,6 @@ class Measured:
         cam [m]
     displacement : [m] or [rad], shape (n,)
     reciprocating : the cam slides; its stroke is from the first point to the last
-
-    Raises
-    ------
-    InputError
-        If there are too few points, or they are not in order.
     """
 
     def __init__(

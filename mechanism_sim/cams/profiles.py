@@ -34,11 +34,6 @@ class Cam:
     follower : what touches the cam
     base_radius : the least distance of the profile from the camshaft, on the base circle, or from
         the line that takes its place [m]
-
-    Raises
-    ------
-    InputError
-        If follower, law and base circle do not fit, tried at 360 angles at least.
     """
 
     law: Law
@@ -65,13 +60,7 @@ class Cam:
         return greatest(self.law, lambda x: np.abs(self.at(x).pressure_angle))[1]
 
     def groove(self, angle: ArrayLike, clearance: float = 0.0) -> tuple[Array, Array]:
-        """Inner and outer wall, (2, N) [m], of a groove in which the roller has this clearance.
-
-        Raises
-        ------
-        InputError
-            If the follower has no roller.
-        """
+        """Inner and outer wall, (2, N) [m], of a groove in which the roller has this clearance."""
         touch, half = self.at(angle), _roller(self.follower) + 0.5 * clearance
         return touch.pitch - half * touch.normal, touch.pitch + half * touch.normal
 
@@ -143,12 +132,6 @@ def smallest_base_radius(
     Parameters
     ----------
     pressure_angle : the limit, between 0 and a right angle [rad]
-
-    Raises
-    ------
-    InputError
-        If no base circle is small or large enough, the cam has none, or the limit is no such
-        angle.
     """
     _needs_circle(law)
     if not 0 < pressure_angle < 0.5 * math.pi:
@@ -189,11 +172,6 @@ def smallest_flat_base_radius(law: Law, curvature_radius: float = 0.0, tilt: flo
     ----------
     curvature_radius : the least the profile may have [m]; at 0 it just has a cusp
     tilt : of the face [rad], as in `followers.FlatFaced`
-
-    Raises
-    ------
-    InputError
-        If the cam has no base circle.
     """
     _needs_circle(law)
     deepest = greatest(law, lambda x: -law(x) - law(x, 2))[1]

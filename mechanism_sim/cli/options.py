@@ -85,13 +85,7 @@ def length_options(sub: argparse.ArgumentParser, usual: str = '') -> None:
 
 
 def turns_of(options: argparse.Namespace, machine: Machine, usual: float) -> float:
-    """The length of a run on a command line in revolutions of a steady drive.
-
-    Raises
-    ------
-    InputError
-        If it is given twice, or not positive.
-    """
+    """The length of a run on a command line in revolutions of a steady drive."""
     if options.revolutions is not None and options.duration is not None:
         raise InputError('give either --revolutions or --duration, not both')
     turns = options.revolutions
@@ -109,13 +103,7 @@ def skip_option(sub: Options, more: str = '') -> None:
 
 
 def skipped_turns(options: argparse.Namespace, usual: int = 0) -> int:
-    """Whole turns that ``--skip`` leaves out; `usual` if it is not given.
-
-    Raises
-    ------
-    InputError
-        If it is no whole number from 0 on.
-    """
+    """Whole turns that ``--skip`` leaves out; `usual` if it is not given."""
     if options.skip is None:
         return usual
     if not options.skip.strip().isdecimal():
@@ -126,13 +114,7 @@ def skipped_turns(options: argparse.Namespace, usual: int = 0) -> int:
 
 
 def skipped_time(options: argparse.Namespace) -> float:
-    """Time [s] that ``--skip`` leaves out, of signals that know no turns; 0 if it is not given.
-
-    Raises
-    ------
-    InputError
-        If it is no time, or negative.
-    """
+    """Time [s] that ``--skip`` leaves out, of signals that know no turns; 0 if it is not given."""
     if options.skip is None:
         return 0.0
     skip = quantity('--skip', options.skip, 's')[0]
@@ -151,13 +133,7 @@ def measure_option(sub: argparse.ArgumentParser) -> None:
 
 
 def read_measures(options: argparse.Namespace, machine: Machine) -> list[Measure]:
-    """The measures of a scene, and those on a command line.
-
-    Raises
-    ------
-    InputError
-        If one cannot be read.
-    """
+    """The measures of a scene, and those on a command line."""
     from mechanism_sim.cycles.measure_text import read_all  # noqa: PLC0415
 
     if not machine.scene.measures and not options.measures:
@@ -184,11 +160,6 @@ def refuse_options(options: argparse.Namespace, names: Iterable[str], reason: st
     ----------
     names : of options, as `pin-radius`
     reason : the end of the sentence, as "goes with --wear"
-
-    Raises
-    ------
-    InputError
-        If one of them has another value than without it.
     """
     for name in names:
         if options.parser.is_given(options, name):
@@ -205,11 +176,6 @@ def read_machine(options: argparse.Namespace, remarks: bool = True) -> Machine:
 
     What looks as if its unit were wrong, and keys without effect, are said on standard error, but
     not if `remarks` is false.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or is no machine.
     """
     from mechanism_sim.report import progress  # noqa: PLC0415
 
@@ -265,13 +231,7 @@ def print_result(
 
 
 def quantity(option: str, text: str, *units: str) -> tuple[float, str]:
-    """A quantity given to an option, and which of these SI units it is a quantity of.
-
-    Raises
-    ------
-    InputError
-        If it is of none of them, or a bare number.
-    """
+    """A quantity given to an option, and which of these SI units it is a quantity of."""
     from mechanism_sim.units import EXAMPLES, to_si  # noqa: PLC0415
 
     example = ' or '.join(f"'{EXAMPLES[unit]}'" for unit in units)

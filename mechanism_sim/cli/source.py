@@ -54,13 +54,7 @@ def refuse_overrides(options: argparse.Namespace) -> None:
 
 
 def read_run(options: argparse.Namespace) -> Record:
-    """The run that a bag holds.
-
-    Raises
-    ------
-    InputError
-        If the bag is no good, or values of the scene are given with it.
-    """
+    """The run that a bag holds."""
     from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
     from mechanism_sim.recording import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415

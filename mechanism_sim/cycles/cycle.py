@@ -176,11 +176,6 @@ class Cycle(plotting.Rich):
 
         The keywords are those of `mechanism_sim.report.lines.plot`: ``against='time'``, and
         ``start`` and ``end`` [s]. A Matplotlib figure comes back.
-
-        Raises
-        ------
-        InputError
-            If there is no such column, or no such part of the cycle.
         """
         return plotting.plot(self, *names, **how)
 

@@ -131,13 +131,7 @@ class Figure:
         return [(name, x) for name, x in found if any(_names(x))]
 
     def evaluate(self, value_of: Callable[[str], Value]) -> Value:
-        """The expression, by what its names stand for.
-
-        Raises
-        ------
-        InputError
-            If units do not fit.
-        """
+        """The expression, by what its names stand for."""
         return evaluate(ast.parse(self.argument, mode='eval').body, value_of, self.argument)
 
     @property
@@ -179,13 +173,7 @@ class Measure:
 
 
 def read(text: str, name: str = '') -> Measure:
-    """A measure as people write it.
-
-    Raises
-    ------
-    InputError
-        One sentence: what cannot be read, and what is allowed.
-    """
+    """A measure as people write it."""
     times: list[str] = []
     words = _WINDOW.sub(lambda match: _as_keywords(match, times), text)
     words = _QUANTITY.sub(lambda m: f"_quantity('{m[1]} {' '.join(m[2].split())}')", words)
@@ -239,13 +227,7 @@ def read(text: str, name: str = '') -> Measure:
 
 
 def read_all(given: dict[str, str] | list[str] | tuple[str, ...], where: str) -> list[Measure]:
-    """Measures by name, or a list of texts ``NAME = TEXT`` or ``TEXT``.
-
-    Raises
-    ------
-    InputError
-        Which of them cannot be read, and why.
-    """
+    """Measures by name, or a list of texts ``NAME = TEXT`` or ``TEXT``."""
     pairs = [*given.items()] if isinstance(given, dict) else [_named(text) for text in given]
     found = []
     for name, text in pairs:
@@ -372,11 +354,6 @@ def evaluate(node: ast.expr, value_of: Callable[[str], Value], text: str) -> Val
     ----------
     value_of : what a dotted name stands for
     text : of which this is a part, for messages
-
-    Raises
-    ------
-    InputError
-        If it holds what is not known, or units do not fit.
     """
 
     def of(node: ast.expr) -> Value:

@@ -54,11 +54,6 @@ class Measurement:
     ----------
     measures : as they are written, by name or as a list, or read already
     since, until : the window [s] of figures that name none
-
-    Raises
-    ------
-    InputError
-        If a measure cannot be read, or is of a quantity that the machine does not have.
     """
 
     def __init__(
@@ -100,13 +95,7 @@ class Measurement:
         self.units()  # what cannot be added fails before anything runs
 
     def units(self) -> dict[str, str]:
-        """The SI unit of every measure by its name.
-
-        Raises
-        ------
-        InputError
-            If one adds what cannot be added.
-        """
+        """The SI unit of every measure by its name."""
         return {m.name: m.value(lambda f: Value(1.0, self._unit(f))).unit for m in self.measures}
 
     def _unit(self, f: Figure) -> str:
@@ -173,13 +162,7 @@ def _of_turn(measure: Measure, turn: Sequence[tuple[Value, str]]) -> float:
 
 
 def per_turn(measures: Sequence[Measure], skip: int) -> list[Measure]:
-    """Measures of every revolution after some that are left out.
-
-    Raises
-    ------
-    InputError
-        If a measure has a window of its own.
-    """
+    """Measures of every revolution after some that are left out."""
     found = []
     for m in measures:
         if any(f.since or f.until for f in m.figures):
@@ -207,11 +190,6 @@ def measure(
     pieces : a `Solution`, or a `stream`
     texts : the measures; those of the scene without any
     since, until : the window [s] of figures that name none
-
-    Raises
-    ------
-    InputError
-        As `Measurement`.
     """
     taken = Measurement(machine, list(texts) or dict(machine.scene.measures), since, until)
     for piece in [pieces] if isinstance(pieces, Piece) else pieces:
@@ -220,12 +198,7 @@ def measure(
 
 
 def check_measures(machine: Machine, measures: dict[str, str] | Sequence[str], where: str) -> None:
-    """Refuse measures that cannot be taken of a machine.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse measures that cannot be taken of a machine."""
     if measures:
         Measurement(machine, measures, where=where)
 

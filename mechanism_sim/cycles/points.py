@@ -20,13 +20,7 @@ def named_points(machine: Machine) -> dict[str, LinkPoint]:
 
 
 def choose(machine: Machine, names: Iterable[str]) -> dict[str, LinkPoint]:
-    """The points of these names, in this order.
-
-    Raises
-    ------
-    InputError
-        If there is no such point; names the nearest.
-    """
+    """The points of these names, in this order."""
     known = named_points(machine)
     for name in names:
         if name not in known:

@@ -36,11 +36,6 @@ class Quantities:
     Attributes
     ----------
     units : SI units by name
-
-    Raises
-    ------
-    InputError
-        If there is no such quantity; names the nearest.
     """
 
     def __init__(self, machine: Machine, names: Iterable[str]) -> None:

@@ -47,13 +47,7 @@ class Document:
 
     @classmethod
     def open(cls, scene: str) -> Document:
-        """A scene of the package by name, of which a copy is edited, or a file.
-
-        Raises
-        ------
-        InputError
-            If there is no such file, or it is no text.
-        """
+        """A scene of the package by name, of which a copy is edited, or a file."""
         path = find_scene(scene)
         documents.read(path, 'scene')  # of bounded size, in UTF-8, one document
         text = path.read_bytes().decode()
@@ -74,13 +68,7 @@ class Document:
         return len(self._before), len(self._after)
 
     def content(self) -> dict[str, Any]:
-        """Keys and values of the text.
-
-        Raises
-        ------
-        InputError
-            If it is no YAML, or no keys with values.
-        """
+        """Keys and values of the text."""
         if self._content is None or self._content[0] != self.text:
             try:
                 found = documents.parse(self.text)
@@ -92,13 +80,7 @@ class Document:
         return self._content[1]
 
     def scene(self, edits: Iterable[Edit] = ()) -> Scene:
-        """The scene that the document is, or would be with some edits.
-
-        Raises
-        ------
-        InputError
-            As `mechanism_sim.scene.files.check_scene`.
-        """
+        """The scene that the document is, or would be with some edits."""
         return check_scene(self.name, self.whole(edits))
 
     def whole(self, edits: Iterable[Edit] = ()) -> dict[str, Any]:
@@ -113,13 +95,7 @@ class Document:
         return found
 
     def change(self, edits: Iterable[Edit]) -> None:
-        """Make edits, which are undone together.
-
-        Raises
-        ------
-        InputError
-            If one of them is not possible; then none is made.
-        """
+        """Make edits, which are undone together."""
         text = self.text
         for path, value in edits:
             text = without(text, path) if value is GONE else with_value(text, path, value)
@@ -142,13 +118,7 @@ class Document:
         self.replace(renamed(text, path, name))
 
     def replace(self, text: str) -> None:
-        """Take another text.
-
-        Raises
-        ------
-        InputError
-            If it is too large, or cannot be written to a file.
-        """
+        """Take another text."""
         if text == self.text:
             return
         try:
@@ -192,13 +162,7 @@ class Document:
             self._clean = self._saved
 
     def save(self, name: str = '') -> Path:
-        """Write the file; of a given name, ending in .yaml, in the folder of the program or below.
-
-        Raises
-        ------
-        InputError
-            If it cannot be written, is another one that exists, or was changed by others.
-        """
+        """Write the file; of a given name, ending in .yaml, below the folder of the program."""
         file = self.file or Path('machine.yaml')
         if name:
             file = Path(name if name.endswith(('.yaml', '.yml')) else f'{name}.yaml')

@@ -63,11 +63,6 @@ class Turn:
     ----------
     mechanism : the tree whose coordinates these are
     q : (n, N) coordinates, the first column at the start; fewer columns where the way ends
-
-    Raises
-    ------
-    InputError
-        If the loops cannot be closed at the start.
     """
 
     def __init__(

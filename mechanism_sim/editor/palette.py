@@ -173,13 +173,7 @@ def to_json() -> list[dict[str, Any]]:
 
 
 def draw(sketch: Sketch, what: str, start: Spot, end: Spot) -> list[Edit]:
-    """A part drawn from one place to another.
-
-    Raises
-    ------
-    InputError
-        If it cannot be there: what it needs.
-    """
+    """A part drawn from one place to another."""
     if what not in _DRAWS:
         raise InputError(f"there is no '{what}' to be drawn")
     return _DRAWS[what](sketch, start, end)

@@ -25,13 +25,7 @@ _REQUIRED = ('links',), ('joints',)
 
 
 def with_value(text: str, path: Path, value: Any) -> str:
-    """The text with a value (None, bool, number, text, list, dict) at a path, there or not.
-
-    Raises
-    ------
-    InputError
-        If the path leads through a plain value or an alias.
-    """
+    """The text with a value (None, bool, number, text, list, dict) at a path, there or not."""
     root = yaml.compose(text, Loader=yaml.SafeLoader)
     if root is None:
         return f'{text.rstrip()}\n'.lstrip() + '\n'.join(_entry(path[0], _nest(path[1:], value)))

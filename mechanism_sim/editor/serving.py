@@ -54,11 +54,6 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
     ----------
     port : of this machine; None for 8080 or any other that is free
     opened : called with the address of the page
-
-    Raises
-    ------
-    InputError
-        If the port is out of range, not allowed or taken.
     """
     key = secrets.token_urlsafe(16)
     desk = Desk(document)

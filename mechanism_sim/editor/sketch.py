@@ -177,13 +177,7 @@ class Sketch:
         return spot.handle.at if spot.handle else self.grid.snapped(spot.at)
 
     def ends(self, start: Spot, end: Spot, what: str) -> tuple[Vector2, Vector2, float]:
-        """Where a gesture begins and ends, and how far apart that is [m].
-
-        Raises
-        ------
-        InputError
-            If that is the same place.
-        """
+        """Where a gesture begins and ends, and how far apart that is [m]."""
         a, b = self.where(start), self.where(end)
         if math.dist(a, b) < self.grid.step:
             raise InputError(f'a {what} is drawn from one point to another: press, and drag')
@@ -232,13 +226,7 @@ class Sketch:
         return f'{link}.{name}', [Edit(('links', link, 'points', name), local)]
 
     def on_link(self, spot: Spot, what: str) -> tuple[str, list[Edit]]:
-        """LINK.POINT of a place on a moving link, and the point if it is new.
-
-        Raises
-        ------
-        InputError
-            If there is none: what is put on a link.
-        """
+        """LINK.POINT of a place on a moving link, and the point if it is new."""
         if spot.handle:
             for link, name in reversed(spot.handle.members):
                 if link != GROUND:
@@ -283,11 +271,6 @@ class Sketch:
 
         Where one carries the other, a new one takes its place, about its own axis; it is held
         where a drive moves the machine.
-
-        Raises
-        ------
-        InputError
-            If it is one link.
         """
         one, two = (self.turning(spot, stem) for spot in (start, end))
         if two.on == one.link:

@@ -18,11 +18,6 @@ def to_dxf(outline: Outline) -> str:
 
     Edges and guides are polylines and circles on layers named after them, in capitals; guides are
     dashed. The layer SHAFT has two lines that cross at every shaft.
-
-    Raises
-    ------
-    InputError
-        If the package ezdxf is missing.
     """
     ezdxf = needed('ezdxf', 'drawings as DXF')
     document = ezdxf.new('R2010', setup=['linetypes'], units=ezdxf.units.MM)

@@ -215,13 +215,7 @@ class Coupling:
 
 
 def check_names(machine: Machine) -> None:
-    """Refuse a link whose name other programs have for the ground.
-
-    Raises
-    ------
-    InputError
-        If a link is named `world`.
-    """
+    """Refuse a link whose name other programs have for the ground."""
     if any(body.name == WORLD for body in machine.plan.bodies):
         raise InputError(
             f"{machine.name}: a link named '{WORLD}' cannot be exported, that is the ground of "

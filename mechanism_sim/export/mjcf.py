@@ -33,11 +33,6 @@ def to_mjcf(machine: Machine) -> str:
     others with an additional torque. The keyframe `start` has the rates at the start and the
     controls. Constraints are as stiff as MuJoCo allows, two time steps: what is wrong with them
     becomes less with the step. What is left out is in comments, see `left_out`.
-
-    Raises
-    ------
-    InputError
-        If the mechanism cannot be assembled, or a link is named `world`.
     """
     check_names(machine)
     return written(_Writer(Ideal(machine)).root)

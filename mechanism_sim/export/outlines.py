@@ -90,11 +90,6 @@ def cam_outline(cam: Cam, clearance: float | None = None, step: float | None = N
     clearance : of the roller in a groove [m], which then has both walls; None: no groove
     step : between the points of curves [rad] or [m]; without it a 3600th of the turn or stroke,
         which keeps a radius of 100 mm to 0.05 um
-
-    Raises
-    ------
-    InputError
-        If a groove is wanted, and the follower has no roller.
     """
     at = drawing_angles(cam.law, step or extent(cam.law) / 3600)
     touch, closed = cam.at(at), not cam.law.reciprocating

@@ -24,11 +24,6 @@ def to_sdf(machine: Machine) -> str:
     Links and joints are named as those of the scene, a joint named as a link is has `_joint`
     added; `ground` is a link fixed to the world. The
     coordinates of joints count from the start. What is left out is in comments, see `left_out`.
-
-    Raises
-    ------
-    InputError
-        If the mechanism cannot be assembled, or a link is named `world`.
     """
     check_names(machine)
     ideal = Ideal(machine)

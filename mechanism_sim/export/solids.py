@@ -54,11 +54,6 @@ def solids(machine: Machine) -> list[Solid]:
     rails, which are as long as the machine is large around where the sliders start; gears, cams
     and Geneva wheels are discs: a gear of its pitch radius, a cam of its base circle, a Geneva
     wheel as far as its slots reach.
-
-    Raises
-    ------
-    InputError
-        If the mechanism cannot be assembled.
     """
     ideal = Ideal(machine)
     mechanism = ideal.mechanism

@@ -32,11 +32,6 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
     Parameters
     ----------
     prefix : of the names of all frames, as `frame_prefix` of the nodes
-
-    Raises
-    ------
-    InputError
-        If the mechanism cannot be assembled, or a link is named `world`.
     """
     check_names(machine)
     mechanism = machine.mechanism

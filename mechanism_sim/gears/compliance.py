@@ -27,13 +27,7 @@ HARMONICS = 5
 
 @dataclass(frozen=True)
 class Elasticity:
-    """Stiffness and damping of a mesh along the line of action.
-
-    Raises
-    ------
-    InputError
-        If the stiffness is not positive in all positions.
-    """
+    """Stiffness and damping of a mesh along the line of action."""
 
     stiffness: float  #: k0 [N/m], the mean
     damping: float = 0.0  #: [N s/m]

@@ -38,13 +38,7 @@ class Transmission(NamedTuple):
 
 
 def ratio(driver_teeth: int, driven_teeth: int) -> float:
-    """Speed of driver over driven gear, without sign: N3/N2, [V] eqs. 5.7, 5.37, 5.51.
-
-    Raises
-    ------
-    InputError
-        If a gear has no teeth.
-    """
+    """Speed of driver over driven gear, without sign: N3/N2, [V] eqs. 5.7, 5.37, 5.51."""
     if driver_teeth < 1 or driven_teeth < 1:
         raise InputError('a gear has teeth, a worm threads')
     return driven_teeth / driver_teeth
@@ -64,11 +58,6 @@ def pitch_angles(ratio: float, shaft_angle: float = math.pi / 2) -> tuple[float,
 
     The cones roll on each other, sin gamma_3/sin gamma_2 = N3/N2, and fill the angle between the
     shafts.
-
-    Raises
-    ------
-    InputError
-        If the shafts do not meet at an angle, or the ratio is not positive.
     """
     if not (ratio > 0.0 and 0.0 < shaft_angle < math.pi):
         raise InputError('bevel shafts meet at an angle between 0 and 180 deg')
@@ -131,12 +120,6 @@ class WormPair:
 
         The threads slide along their helix. The worm's axial force is the wheel's tangential one
         and the other way round.
-
-        Raises
-        ------
-        InputError
-            If friction lets nothing through: a worm of steep thread, or a wheel that drives a
-            self-locking one.
         """
         _check(torque, self.diameter, self.pressure_angle)
         if not 0.0 <= friction < math.inf:

@@ -56,13 +56,7 @@ FULL_DEPTH = TOOTH_SYSTEMS['full 20']
 
 
 def module_of(diametral_pitch: float) -> float:
-    """Module [m] of a diametral pitch P_d [teeth per inch], [V] eqs. 5.26, 5.27.
-
-    Raises
-    ------
-    InputError
-        If the pitch is not positive.
-    """
+    """Module [m] of a diametral pitch P_d [teeth per inch], [V] eqs. 5.26, 5.27."""
     if not diametral_pitch > 0.0:
         raise InputError('a diametral pitch is positive')
     return INCH / diametral_pitch
@@ -80,11 +74,6 @@ def inverse_inv(value: float) -> float:
     """Angle psi [rad] between 0 and pi/2 with tan psi - psi = value.
 
     Newton's method from above: the function is convex, so it does not overshoot.
-
-    Raises
-    ------
-    InputError
-        If `value` is negative: no involute goes there.
     """
     if not 0.0 <= value < math.inf:
         raise InputError('the involute function is not negative')
@@ -128,12 +117,6 @@ class Gear:
     system : shape of the rack
     shift : how far the rack was moved outwards, in modules (profile shift)
     internal : teeth inwards
-
-    Raises
-    ------
-    InputError
-        If the teeth are pointed, or have no involute at their tips; undercut ones may be left
-        with none.
     """
 
     teeth: int
@@ -210,13 +193,7 @@ class Gear:
         return Fillet.of(self).end if self.undercut else self.base_radius
 
     def profile_angle(self, radius: float) -> float:
-        """Angle psi [rad] between involute and radius: cos psi = r_b/r, [V] eq. 5.16.
-
-        Raises
-        ------
-        InputError
-            If the radius lies inside the base circle.
-        """
+        """Angle psi [rad] between involute and radius: cos psi = r_b/r, [V] eq. 5.16."""
         if radius < self.base_radius * (1.0 - 1e-15):
             raise InputError('there is no involute inside the base circle')
         return math.atan2(self.tangent(radius), self.base_radius)
@@ -374,11 +351,6 @@ def rack_teeth(teeth: int, module: float, system: ToothSystem = FULL_DEPTH) -> A
     """Teeth of a rack towards x, counterclockwise, from y = 0 upwards: x, y [m], (4 teeth, 2).
 
     The pitch line is the y axis; the first tooth is about the x axis. [V] figure 5.11.
-
-    Raises
-    ------
-    InputError
-        If there is no tooth, no module, or no space between the teeth.
     """
     slope = math.tan(system.pressure_angle)
     if teeth < 1 or not 0.0 < module < math.inf:

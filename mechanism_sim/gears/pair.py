@@ -31,13 +31,6 @@ class Pair:
     ----------
     pinion, wheel : of one module and pressure angle
     centre_distance : C [m]; without it, that of no backlash
-
-    Raises
-    ------
-    InputError
-        If the two do not mesh, their teeth jam, or a tip would leave the other's involute;
-        or if tips of an internal wheel and its pinion meet beside the path of contact, as they do
-        where the numbers of teeth differ little.
     """
 
     pinion: Gear
@@ -210,11 +203,6 @@ class Pair:
         The n pairs of teeth in contact share the normal force F equally and slide at
         (w2 + w3) |s|, s from the pitch point (w3 - w2 for an internal wheel): with the base pitch
         p the loss is 2 pi mu (1/N2 + 1/N3)/p^2 times the integral of |s|/n along the path.
-
-        Raises
-        ------
-        InputError
-            If friction is negative.
         """
         if not 0.0 <= friction < math.inf:
             raise InputError('a coefficient of friction is not negative')

@@ -55,13 +55,7 @@ class Choice(NamedTuple):
 
 
 def ratio_of(text: str) -> Fraction:
-    """A ratio as it is written: ``3.5`` or ``7/2``.
-
-    Raises
-    ------
-    InputError
-        If it is neither, or not positive.
-    """
+    """A ratio as it is written: ``3.5`` or ``7/2``."""
     try:
         # a number with a huge exponent would be a fraction without end
         if '/' in text or math.isfinite(float(text)):
@@ -97,11 +91,6 @@ def choose(
     -------
     list of Choice
         Ranked by error, then by the number of teeth (the fewer are the larger), then in order.
-
-    Raises
-    ------
-    InputError
-        If nothing can be found, with the nearest ratio, or the search would be too long.
     """
     fewest, most = teeth
     if not 0 < ratio < math.inf:

@@ -85,13 +85,7 @@ class Snapshot:
 
     @classmethod
     def load(cls, path: str | Path) -> Snapshot:
-        """Read what `save` has written.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read or is not a snapshot.
-        """
+        """Read what `save` has written."""
         try:
             data = strict_json.loads(Path(path).read_text(encoding='utf-8'))
             if data.pop('checksum') != _checksum(data):

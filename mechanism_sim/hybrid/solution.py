@@ -94,11 +94,6 @@ class Piece(Rich):
 
         The keywords are those of `mechanism_sim.report.lines.plot`: ``against='angle'``, and
         ``start`` and ``end`` [s].
-
-        Raises
-        ------
-        InputError
-            If there is no such quantity, or no such part of the run.
         """
         return plotting.plot(self, *names, **how)
 

@@ -37,11 +37,6 @@ def parse_description(text: str, source: str) -> Machine:
     Parameters
     ----------
     source : where it comes from, for errors
-
-    Raises
-    ------
-    InputError
-        If it is none, or of a scene that this version does not understand.
     """
     try:
         content = strict_json.loads(text)

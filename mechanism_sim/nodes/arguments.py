@@ -59,13 +59,7 @@ class Parser(argparse.ArgumentParser):
             self.register('action', name, Once)
 
     def error(self, message: str) -> NoReturn:
-        """Refuse the command line.
-
-        Raises
-        ------
-        InputError
-            Always: which option of which command it is about, and what it may be.
-        """
+        """Refuse the command line."""
         raise InputError(self._context() + _plain(message))
 
     def refuse(self, rest: Sequence[str]) -> NoReturn:

@@ -29,11 +29,6 @@ class Commands:
     not go on without: the first period runs by the scene, the one after the n-th command by that.
     A controller that answers each state with one command then sees the same run every time. Time
     begins when there is a publisher of commands.
-
-    Raises
-    ------
-    InputError
-        If there is a period, but the drive takes no commands.
     """
 
     def __init__(self, drive: Drive) -> None:

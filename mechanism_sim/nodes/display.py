@@ -30,11 +30,6 @@ class Display(SimulationNode):
     Parameters of the node, besides those of every node: ``force_scale`` [m/N], length of arrows
     per force, 0: the largest of the first cycle fits half the machine;
     ``clearance_magnification``, 0: so that clearances are well visible.
-
-    Raises
-    ------
-    InputError
-        If one of these is negative or not finite.
     """
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:

@@ -66,11 +66,6 @@ class Picture:
     prefix : of the frames of links
     force_scale : length of arrows per force [m/N]; 0: the largest fits half the machine
     magnification : of clearances; 0: they are a third of the bushing's radius
-
-    Raises
-    ------
-    InputError
-        If one of these is negative or not finite.
     """
 
     def __init__(

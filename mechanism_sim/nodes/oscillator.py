@@ -36,13 +36,7 @@ def fields(states: FrameStates, i: int) -> dict[str, float]:
 
 
 class Oscillator(SimulationNode):
-    """Publishes ``oscillator_state`` of every frame, from the motion that it follows.
-
-    Raises
-    ------
-    InputError
-        If the scene has none.
-    """
+    """Publishes ``oscillator_state`` of every frame, from the motion that it follows."""
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('oscillator', parameters)

@@ -12,13 +12,7 @@ from mechanism_sim.nodes.simulation_node import SimulationNode
 
 
 class States:
-    """Publishes the states of all parts of one kind.
-
-    Raises
-    ------
-    InputError
-        If the scene of the node has none.
-    """
+    """Publishes the states of all parts of one kind."""
 
     def __init__(self, node: SimulationNode, name: str) -> None:
         machine = node.machine

@@ -33,11 +33,6 @@ class Recorder(SimulationNode):
     A reset ends the bag: the next run goes to a bag of its own, ``run-2.mcap`` after ``run.mcap``.
     The time it reports is that up to which all that was announced is in the bag. Parameters of the
     node, besides those of every node: ``file``, the bag to write; ``overwrite``.
-
-    Raises
-    ------
-    InputError
-        If there is no file to write, or it exists already.
     """
 
     keeps = True

@@ -46,14 +46,7 @@ class Content(NamedTuple):
 
 
 def next_machine(present: Machine, asked: Content) -> Machine:
-    """The machine of another scene, or with other overrides, for nodes that have run `present`.
-
-    Raises
-    ------
-    InputError
-        If the scene is not good, or has other coordinates, joints, drives, sensors or nodes: those
-        that run could not go on with it.
-    """
+    """The machine of another scene, or with other overrides, for nodes that have run `present`."""
     machine = asked.load()
     before, after = _structure(present), _structure(machine)
     for what, now in before.items():

@@ -97,11 +97,6 @@ class Server:
     Attributes
     ----------
     port : on which it listens
-
-    Raises
-    ------
-    InputError
-        If the port is out of range or not allowed.
     """
 
     def __init__(

@@ -54,11 +54,6 @@ class View(DescribedNode):
     ----------
     opened : called with the address of the page
     starting : whether a machine to be shown is being started
-
-    Raises
-    ------
-    InputError
-        If the port is not good.
     """
 
     def __init__(

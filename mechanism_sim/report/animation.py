@@ -82,12 +82,6 @@ def film(
     fps : frames a second
     speed : simulated seconds in a second of film; unless told a turn of the drive takes 3 s, or a
         run that has none 6 s
-
-    Raises
-    ------
-    InputError
-        If there is no such part of the run, a number is not positive, or there are too many
-        frames.
     """
     start, end = record.part(start, end)
     fps = target.usual_rate if fps is None else fps

@@ -54,10 +54,6 @@ def check_picture(option: str, file: str, folder_too: bool = False) -> Path:
     ----------
     option : of the command line, for the message
     folder_too : whether a folder will do; it is made when it is needed
-
-    Raises
-    ------
-    InputError
     """
     path = Path(file)
     folder = folder_too and (path.is_dir() or not path.suffix)
@@ -72,13 +68,7 @@ def check_picture(option: str, file: str, folder_too: bool = False) -> Path:
 
 
 def save(figure: Any, file: Path, cropped: bool = False) -> None:
-    """Write one picture, on request cropped to what is on it.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written there.
-    """
+    """Write one picture, on request cropped to what is on it."""
     metadata = {'Date': None} if file.suffix == '.svg' else None
     # In memory first: Matplotlib's writer of PDF cannot give up halfway.
     picture = BytesIO()
@@ -91,13 +81,7 @@ def save(figure: Any, file: Path, cropped: bool = False) -> None:
 
 
 def save_all(figures: Mapping[str, Any], path: Path) -> list[Path]:
-    """Write several pictures by name: pages of a PDF, else files ``STEM_NAME`` or in a folder.
-
-    Raises
-    ------
-    InputError
-        If they cannot be written there.
-    """
+    """Write several pictures by name: pages of a PDF, else files ``STEM_NAME`` or in a folder."""
     if path.suffix == '.pdf' and not path.is_dir():
         from matplotlib.backends.backend_pdf import PdfPages  # noqa: PLC0415
 

@@ -24,13 +24,7 @@ _MOST = 100  # lines that axes and legend have room for
 
 
 def over_angle_of(record: Record) -> Abscissa:
-    """Over the angle of the main drive of a recorded run.
-
-    Raises
-    ------
-    InputError
-        If it has none.
-    """
+    """Over the angle of the main drive of a recorded run."""
     return _over_angle_of(record.piece, record.machine.main)
 
 
@@ -38,13 +32,7 @@ def draw(
     series: Sequence[Series], title: str, over: Abscissa = TIME,
     numbers: Mapping[str, int] | None = None, impacts: Sequence[float] = (),
 ) -> Picture:  # fmt: skip
-    """Lines over a common abscissa, as `mechanism_sim.report.charts.lines.chart` has them.
-
-    Raises
-    ------
-    InputError
-        If there are more lines than can be told apart.
-    """
+    """Lines over a common abscissa, as `mechanism_sim.report.charts.lines.chart` has them."""
     if len(series) > _MOST:
         raise InputError(
             f'{len(series)} lines, {series[0].name} to {series[-1].name}, are more than the '
@@ -69,11 +57,6 @@ def plot(
     against : ``'time'``, or ``'angle'`` of the first drive; of a cycle that repeats its angle
         unless told
     start, end : [s] of the run; all of it unless told
-
-    Raises
-    ------
-    InputError
-        If there is no such quantity, or no such part of the run.
     """
     if against not in ('time', 'angle', ''):
         raise InputError(f"against '{against}': choose 'time' or 'angle'")

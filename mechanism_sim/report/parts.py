@@ -228,13 +228,7 @@ def bevel_sheet(title: str, pair: BevelPair) -> Sheet:
 
 
 def worm_sheet(title: str, pair: WormPair, friction: float) -> Sheet:
-    """Sizes of a worm and its wheel, and their efficiency for a coefficient of friction.
-
-    Raises
-    ------
-    InputError
-        If friction is negative, or lets nothing through.
-    """
+    """Sizes of a worm and its wheel, and their efficiency for a coefficient of friction."""
     figures = [
         Figure('ratio', pair.teeth / pair.threads),
         Figure('lead', pair.lead, 'm'),

@@ -31,13 +31,7 @@ class Plot:
 
 
 def resolve(namespace: str, topic: str) -> str:
-    """The full name of a topic, or path into it, in a namespace, which may be empty.
-
-    Raises
-    ------
-    InputError
-        If that is no namespace.
-    """
+    """The full name of a topic, or path into it, in a namespace, which may be empty."""
     try:
         home = resolve_namespace(namespace).rstrip('/')
     except InvalidNameError as error:

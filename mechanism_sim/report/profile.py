@@ -60,12 +60,6 @@ def profile(
     ----------
     gear : of a mesh: the outline of this one only
     friction : coefficient for the efficiency of teeth, `FRICTION` if not given
-
-    Raises
-    ------
-    InputError
-        If there is no such joint or gear, the joint has neither, friction is negative, or one of
-        them is given for a joint whose figures do not depend on it.
     """
     joints = {j.name: j for j in machine.plan.ideal.joints}
     fitting = [n for n, j in joints.items() if isinstance(j, CamPair | GearMesh | SpatialPair)]
@@ -99,13 +93,7 @@ def profile(
 
 
 def table(machine: Machine, name: str) -> dict[str, Array]:
-    """A cam over its turn, see `cam_table`.
-
-    Raises
-    ------
-    InputError
-        If the joint has no cam.
-    """
+    """A cam over its turn, see `cam_table`."""
     joint = next((j for j in machine.plan.joints if j.name == name), None)
     if not isinstance(joint, CamPair):
         cams = [j.name for j in machine.plan.joints if isinstance(j, CamPair)]
@@ -117,13 +105,7 @@ def table(machine: Machine, name: str) -> dict[str, Array]:
 
 
 def write(outline: Outline | None, path: Path) -> None:
-    """Write an outline as its ending says.
-
-    Raises
-    ------
-    InputError
-        If there is none, it cannot be written there, or the package for DXF is missing.
-    """
+    """Write an outline as its ending says."""
     if outline is None:
         raise InputError(f'--output {path}: bevel and worm pairs have no outline in the plane')
     output.write_text(path, WRITERS[path.suffix](outline))

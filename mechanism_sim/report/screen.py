@@ -66,11 +66,6 @@ class Screen:
     ----------
     figure : Matplotlib's
     size : its width and height [pixels], even numbers
-
-    Raises
-    ------
-    InputError
-        If there is no such point or loose joint, no forces are known, or the size is no good.
     """
 
     def __init__(
@@ -224,13 +219,7 @@ class Screen:
 
 
 def _lens_joint(record: Record, stage: Stage, wanted: str | None) -> str:
-    """The joint under the lens; none if empty.
-
-    Raises
-    ------
-    InputError
-        If it has no play.
-    """
+    """The joint under the lens; none if empty."""
     if wanted is None:
         return ''
     machine = record.machine
@@ -257,11 +246,6 @@ def _layout(shape: Array, size: int | tuple[int, int], lens: bool) -> _Layout:
     Parameters
     ----------
     shape : width and height of the drawing of the machine, in heights
-
-    Raises
-    ------
-    InputError
-        If that is too small.
     """
     wide, high = (size, size) if isinstance(size, int) else size
     if not 240 <= min(wide, high) <= max(wide, high) <= 4096:

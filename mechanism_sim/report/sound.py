@@ -50,11 +50,6 @@ def write(
     train : of a run that lasts up to `end` [s]
     pulse : [s], see `mechanism_sim.sensing.sound.pressure`
     realtime_factor : 0.25 plays a second of the machine in 4 s
-
-    Raises
-    ------
-    InputError
-        If nothing sounds, the listener is inside of the machine, or the file cannot be written.
     """
     if not realtime_factor > 0.0:
         raise InputError(f'--realtime-factor {realtime_factor:g}: must be more than 0')

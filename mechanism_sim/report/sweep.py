@@ -184,13 +184,7 @@ class Asked:
 
 
 def chart_of(plan: Plan, file: str | None, over: str | None) -> Asked | None:
-    """What is asked for; nothing without a file.
-
-    Raises
-    ------
-    InputError
-        If it cannot be drawn, before anything is computed.
-    """
+    """What is asked for; nothing without a file."""
     if file is None:
         if over is not None:
             raise InputError('--over needs --plot FILE')
@@ -270,11 +264,6 @@ def effects_chart(plan: Plan, rows: Sequence[dict[str, Value]]) -> Chart:
 
     Bars are two standard errors of a mean; the share is that of the variance which the factor
     explains by itself, and the index that of Sobol where the design gives it.
-
-    Raises
-    ------
-    InputError
-        If there are none.
     """
     found = {(e.measure, e.factor): e for e in effects(plan, rows)}
     factors = list(dict.fromkeys(factor for _, factor in found))

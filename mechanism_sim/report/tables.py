@@ -22,22 +22,12 @@ if TYPE_CHECKING:
 
 
 def check_output(file: str, option: str = '--output') -> None:
-    """Refuse what cannot be written before anything is computed.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse what cannot be written before anything is computed."""
     tables.check_file(option, file, new=True)
 
 
 def check_rate(rate: float | None) -> float:
-    """The rate of samples [Hz], refused unless it is positive.
-
-    Raises
-    ------
-    InputError
-    """
+    """The rate of samples [Hz], refused unless it is positive."""
     if rate is None or not 0.0 < rate < math.inf:
         raise InputError('--output needs a positive --sample-rate in Hz')
     return rate
@@ -51,11 +41,6 @@ def write(
     Parameters
     ----------
     units : SI units by name, which go into the file where its format has a place for them
-
-    Raises
-    ------
-    InputError
-        If nothing can be written there.
     """
     table, complete = _Table(Path(file), units), False
     try:
@@ -76,11 +61,6 @@ class Writer:
     ----------
     file : to write, see `check_output`
     rate : [Hz]
-
-    Raises
-    ------
-    InputError
-        If nothing can be written there.
     """
 
     def __init__(self, file: str, rate: float) -> None:

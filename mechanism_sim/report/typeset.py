@@ -255,12 +255,6 @@ _FORMS: dict[str, Callable[[Typesetter], str]] = {
 
 
 def write(setter: Typesetter, file: str) -> None:
-    """Write a file in the form that its ending says: .tex (a document), .md, .html or .txt.
-
-    Raises
-    ------
-    InputError
-        If the ending is another, or nothing can be written there.
-    """
+    """Write a file in the form that its ending says: .tex (a document), .md, .html or .txt."""
     path = output.check_path('--output', file, *_FORMS, new=True)
     output.write_text(path, _FORMS[path.suffix](setter))

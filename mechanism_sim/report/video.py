@@ -45,11 +45,6 @@ class Target:
     kind : ``.mp4``, ``.gif``, or empty for SVG frames
     files : those written so far
     usual_rate, usual_size : frames a second and longer side [pixels], unless told
-
-    Raises
-    ------
-    InputError
-        If it has another ending, its folder is missing, or there is no ffmpeg for MP4.
     """
 
     def __init__(self, name: str, option: str = '--output') -> None:
@@ -69,12 +64,7 @@ class Target:
         self._program = _ffmpeg() if self.kind == '.mp4' else ''
 
     def check_rate(self, fps: float) -> None:
-        """Refuse a number of frames a second that the file cannot hold.
-
-        Raises
-        ------
-        InputError
-        """
+        """Refuse a number of frames a second that the file cannot hold."""
         hundredths = 100.0 / fps
         if self.kind == '.gif' and abs(hundredths - max(1, round(hundredths))) > 1e-6:
             near = 100.0 / max(2, round(hundredths))

@@ -52,12 +52,6 @@ def assemble(machine: MachineModel, four_bar: FourBarLoop | None) -> Assembly:
     Parameters
     ----------
     four_bar : that it is, if it has a closed form
-
-    Raises
-    ------
-    InputError
-        If the loops cannot be closed: which is open by how much, near which configuration; or if
-        a cam starts beyond its law.
     """
     if four_bar and _follows(machine):
         return _assembled(machine, four_bar)
@@ -204,13 +198,7 @@ def _placed(machine: MachineModel, guess: Array) -> tuple[Kinematics, Array]:
 
 
 def _started(machine: MachineModel, kinematics: Kinematics, q: Array) -> Array:
-    """Rates with which all loops stay closed, those of drives and those given as they should be.
-
-    Raises
-    ------
-    InputError
-        If given rates would open a loop that has no clearance: which, and how fast.
-    """
+    """Rates with which all loops stay closed; those of drives and those given are kept."""
     plan, coordinates = machine.plan, machine.plan.ideal.coordinates
     rates = {c: machine.held[c][1] for c in plan.prescribed}
     for c, rate in plan.given[1].items():
@@ -255,11 +243,6 @@ def closed_near(
     Where Newton's method fails from the guess itself, it starts from others around it, and the
     nearest of its results is taken. Without `targets` the links must meet there as their joints
     say: the closure of a Geneva wheel also vanishes half a slot off, that of a guide half a turn.
-
-    Raises
-    ------
-    InputError
-        If none closes the loops.
     """
     q, left = kinematics.positions(guess[:, None], targets)
     if left[0] or not (targets is not None or _meet(kinematics, q[:, 0])):

@@ -24,13 +24,7 @@ from mechanism_sim.scene.singular_start import neighbours
 
 
 def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
-    """The machine of a scene; `questions` are doubts about what its file says.
-
-    Raises
-    ------
-    InputError
-        If the geometry is impossible, or forces are wanted without masses.
-    """
+    """The machine of a scene; `questions` are doubts about what its file says."""
     machine = Machine(name, scene, questions)
     _check_freedom(machine)
     _check_joints(machine)

@@ -74,13 +74,7 @@ class Report:
 
 
 def check(machine: Machine) -> Report:
-    """Look at a scene without running it.
-
-    Raises
-    ------
-    InputError
-        If the machine cannot start where it should; the rest was refused when it was built.
-    """
+    """Look at a scene without running it."""
     scene, level = machine.scene, machine.level
     admit(machine)
     rest = 'free (integrated)' if machine.dynamic else 'follows from the closed loops'

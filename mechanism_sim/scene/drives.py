@@ -19,13 +19,7 @@ _POWERED = 'they are of speeds; a torque takes commands of effort without this k
 
 
 def read_drives(places: Places) -> dict[str, DrivePart]:
-    """The drives by coordinate, the main one first.
-
-    Raises
-    ------
-    InputError
-        If it is not clear which coordinate they move.
-    """
+    """The drives by coordinate, the main one first."""
     scene, found = places.scene, {}
     if scene.drive:
         default = 'crank' if 'crank' in places.links else None
@@ -64,13 +58,7 @@ def is_straight(drive: DrivePart) -> bool:
 def read_laws(
     places: Places, c: str, drive: DrivePart, tree: Mechanism
 ) -> tuple[tuple[Law, ...], tuple[float, float], int]:
-    """The laws of a driven coordinate, its value and rate at the start, and whole turns beside.
-
-    Raises
-    ------
-    InputError
-        If what is given does not fit together, or the coordinate.
-    """
+    """The laws of a driven coordinate, its value and rate at the start, and whole turns beside."""
     own = drive_key(places, c)
     where = f'{places.name}: {own}'
     straight = c in tree.displacements
@@ -128,24 +116,14 @@ def read_laws(
 
 
 def _check_times(where: str, points: Sequence[tuple[float, Any]]) -> None:
-    """Refuse a profile whose times do not rise.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a profile whose times do not rise."""
     for (before, _), (after, _) in pairwise(points):
         if after <= before:
             raise InputError(f'{where}: times must rise, but {after:g} s follows {before:g} s')
 
 
 def _check_commands(where: str, commands: Commands | None, reason: str) -> None:
-    """Refuse commands of speed for a drive that can take none, for a `reason` (empty: it can).
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse commands of speed for a drive that can take none, for a `reason` (empty: it can)."""
     if commands and reason:
         raise InputError(f'{where}.commands: {reason}')
 
@@ -163,13 +141,7 @@ def read_motor(coordinate: str, drive: DrivePart) -> Motor | None:
 
 
 def _motor_law(where: str, coordinate: str, motor: MotorPart) -> TorqueLaw:
-    """The straight line of a direct-current motor; nothing beside another characteristic.
-
-    Raises
-    ------
-    InputError
-        If it does not come to rest at a speed.
-    """
+    """The straight line of a direct-current motor; nothing beside another characteristic."""
     if motor.stall_torque is None or motor.no_load_speed is None:
         return TorqueLaw(coordinate)
     if motor.no_load_speed == 0.0:

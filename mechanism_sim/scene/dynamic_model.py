@@ -39,13 +39,7 @@ class DynamicModel(NominalModel):
 
     @cached_property
     def system(self) -> System:
-        """The compiled equations of motion.
-
-        Raises
-        ------
-        InputError
-            If a gap can never change.
-        """
+        """The compiled equations of motion."""
         mechanism = self.mechanism
         gaps, films = gaps_and_films(mechanism, self.clearances)
         frames = Frames(mechanism.coordinates, Parameters())

@@ -33,13 +33,7 @@ _QUASI_STATIC, _RIGID = 20.0, 200.0
 def read_beams(
     places: Places, joints: Iterable[Joint], driven: Mapping[str, DrivePart]
 ) -> dict[str, Body]:
-    """The elastic links as bodies, of what they weigh by themselves, by name.
-
-    Raises
-    ------
-    InputError
-        If keys are missing, or something holds them that no beam bears.
-    """
+    """The elastic links as bodies, of what they weigh by themselves, by name."""
     found = {
         link: _body(f'{places.name}: links.{link}', link, given)
         for link in places.links

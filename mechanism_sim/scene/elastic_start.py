@@ -28,13 +28,7 @@ _SETTLED = 1e-11  # of the size of the machine
 
 
 def smooth_start(machine: DynamicModel) -> Assembly:
-    """The machine without clearance at the start, elastic links bent by its forces.
-
-    Raises
-    ------
-    InputError
-        If elastic coordinates are given as well, or forces bend the links without an end.
-    """
+    """The machine without clearance at the start, elastic links bent by its forces."""
     start, ideal = machine.assembly, machine.plan.ideal
     names = ideal.deformations
     given = [c for part in machine.plan.given for c in part if c in names]

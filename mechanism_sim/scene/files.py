@@ -26,24 +26,12 @@ _DOCS = {'scene': 'scenes.md', 'sweep': 'studies.md'}
 
 
 def find_scene(name: str) -> Path:
-    """The file of a scene: a path, or the name of one that comes with the package.
-
-    Raises
-    ------
-    InputError
-        If there is no such file; names the nearest.
-    """
+    """The file of a scene: a path, or the name of one that comes with the package."""
     return find_file(name, 'scene', config_folder(), "'mechanism-sim scenes' lists them")
 
 
 def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
-    """The file of a scene, or of another `kind`: a path, or the name of one in `folder`.
-
-    Raises
-    ------
-    InputError
-        If there is no such file; names the nearest, and says `known_by` what it could be.
-    """
+    """The file of a scene, or of another `kind`: a path, or the name of one in `folder`."""
     path = Path(name)
     if path.suffix == '.mcap':
         raise InputError(
@@ -74,24 +62,13 @@ def read_scene(name: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> 
     ----------
     name : a scene of the package or a path
     overrides : values by dotted path, or texts ``path=value``
-
-    Raises
-    ------
-    InputError
-        One sentence: file, key, value, what is allowed, the nearest valid key.
     """
     path = find_scene(name)
     return path.stem, check_scene(path.name, read_yaml(path, 'scene'), overrides)
 
 
 def read_yaml(path: Path, kind: str) -> dict[str, Any]:
-    """The keys and values of a scene, or of another `kind` of file, unchecked.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or is no list of keys with values.
-    """
+    """The keys and values of a scene, or of another `kind` of file, unchecked."""
     data = with_files(path.name, path.parent, documents.read(path, kind))
     if not isinstance(data, dict):
         raise InputError(
@@ -103,13 +80,7 @@ def read_yaml(path: Path, kind: str) -> dict[str, Any]:
 def check_scene(
     file: str, data: Mapping[str, Any], overrides: Mapping[str, Any] | Iterable[str] = ()
 ) -> Scene:
-    """The scene that a file's keys and values make, some of them overridden, in SI units.
-
-    Raises
-    ------
-    InputError
-        One sentence: file, key, value, what is allowed, the nearest valid key.
-    """
+    """The scene that a file's keys and values make, some of them overridden, in SI units."""
     content = overridden(file, data, overrides)
     scene = as_given(file, content)
     if isinstance(scene, FourBarScene):
@@ -119,13 +90,7 @@ def check_scene(
 
 
 def as_given(file: str, content: Mapping[str, Any]) -> AnyScene:
-    """The same without overrides, in the form in which it is written.
-
-    Raises
-    ------
-    InputError
-        One sentence: file, key, value, what is allowed, the nearest valid key.
-    """
+    """The same without overrides, in the form in which it is written."""
     kind = content.get('mechanism')
     if kind is None:
         raise InputError(f"{file}: 'mechanism' is missing; known are: {', '.join(MECHANISMS)}")
@@ -140,14 +105,7 @@ def as_given(file: str, content: Mapping[str, Any]) -> AnyScene:
 def overridden(
     file: str, data: Mapping[str, Any], overrides: Mapping[str, Any] | Iterable[str] = ()
 ) -> dict[str, Any]:
-    """A file's keys and values, some of them replaced, unchecked.
-
-    Raises
-    ------
-    InputError
-        If an override cannot be read, undoes an earlier one, or is of a key of what is a plain
-        value.
-    """
+    """A file's keys and values, some of them replaced, unchecked."""
     content = copy.deepcopy(dict(data))
     try:
         pairs = _pairs(overrides)
@@ -161,13 +119,7 @@ def overridden(
 
 
 def checked(file: str, model: type[Model], data: Mapping[str, Any]) -> Model:
-    """The keys and values of a file as a model of it.
-
-    Raises
-    ------
-    InputError
-        One sentence: file, key, value, what is allowed, the nearest valid key.
-    """
+    """The keys and values of a file as a model of it."""
     try:
         return model.model_validate(data)
     except ValidationError as error:

@@ -46,10 +46,6 @@ def admit(machine: Machine, duration: float | None = None) -> Machine:
     """The machine, if it can start where it should and go its way for so long [s].
 
     That it can for a turn, or for as long as its scene says, was found when it was built.
-
-    Raises
-    ------
-    InputError
     """
     if machine.dynamic:
         try:
@@ -68,12 +64,7 @@ def admit(machine: Machine, duration: float | None = None) -> Machine:
 
 
 def check_scenes_way(machine: Machine) -> None:
-    """Refuse drives that it cannot follow for a turn, or for as long as the scene says.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse drives that it cannot follow for a turn, or for as long as the scene says."""
     law = machine.law
     steady = (
         isinstance(law, DriveLaw)
@@ -91,11 +82,6 @@ def check_way(machine: Machine, duration: float) -> None:
 
     The way of one drive is tried once from the start to either end, a turn of it at most where
     all is as before after one. Several drives are tried together, at their own pace.
-
-    Raises
-    ------
-    InputError
-        At which place of the drive it stops, and what to do.
     """
     machine = machine.rigid
     if machine.torque_driven:
@@ -183,13 +169,7 @@ def _try_together(machine: Machine, duration: float) -> None:
 
 
 def _try_loops(machine: Machine, duration: float) -> None:
-    """Refuse drives along which loops without clearance cannot close, wherever other links go.
-
-    Raises
-    ------
-    InputError
-        When, and which loop stays open; places `_STEP` apart are tried.
-    """
+    """Refuse drives along which loops without clearance cannot close, wherever other links go."""
     mechanism, laws = machine.mechanism, machine.plan.laws
     firm = [joint for joint in mechanism.cut if joint not in machine.clearances]
     prescribed = machine.plan.prescribed

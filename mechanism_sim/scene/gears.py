@@ -38,25 +38,13 @@ class Wheel(NamedTuple):
 
     @property
     def gear(self) -> Gear:
-        """In the plane of rotation.
-
-        Raises
-        ------
-        InputError
-            If such teeth cannot be cut.
-        """
+        """In the plane of rotation."""
         shift = self.part.shift * math.cos(self.part.helix_angle)
         return Gear(self.part.teeth or 0, self.module, self.system, shift, self.part.internal)
 
 
 def read_wheel(places: Names, name: str) -> Wheel:
-    """A gear by name.
-
-    Raises
-    ------
-    InputError
-        If there is none, its keys contradict each other, or its teeth cannot be cut.
-    """
+    """A gear by name."""
     gears = places.scene.gears
     if name not in gears:
         raise InputError(
@@ -96,13 +84,7 @@ class Placed(NamedTuple):
 
 
 def place(places: Names, one: Wheel, two: Wheel) -> Placed:
-    """Two gears, or a gear and a rack, where they stand on their carrier.
-
-    Raises
-    ------
-    InputError
-        If they have no common carrier, jam, or let go of each other; without the scene's name.
-    """
+    """Two gears, or a gear and a rack, where they stand on their carrier."""
     return _with_rack(places, one, two) if two.part.rack else _pair(places, one, two)
 
 
@@ -197,13 +179,7 @@ class _Axis(NamedTuple):
 
 
 def _axes(places: Names, wheel: Wheel) -> dict[str, _Axis]:
-    """The links that turn about a gear's centre.
-
-    Raises
-    ------
-    InputError
-        If one does so with a clearance.
-    """
+    """The links that turn about a gear's centre."""
     found = {wheel.link: _Axis(wheel.at)}
     waiting = [n for n, joint in places.scene.joints.items() if joint.revolute]
     while True:

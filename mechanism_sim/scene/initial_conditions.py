@@ -39,11 +39,6 @@ def initial_state(machine: DynamicModel) -> State:
     on its bushing in the direction of the nominal force of the first-named on the second-named
     link; nominal rates. Coordinates given in `initial` replace those, exactly; then all gaps
     count as open at first.
-
-    Raises
-    ------
-    InputError
-        If it cannot be assembled, or given coordinates put a pin outside of its bushing.
     """
     q, v = _placed(machine)
     system = machine.system
@@ -178,11 +173,6 @@ def _rates(
     """Rates of the loose mechanism: those of the ideal one, and those given.
 
     Links keep turning as they would without clearance while ideal joints can stay closed so.
-
-    Raises
-    ------
-    InputError
-        If given rates would open a joint that has no clearance.
     """
     plan, loose = machine.plan, machine.mechanism
     _, rates = converted(plan.ideal, loose, start.q, start.v)

@@ -59,12 +59,7 @@ def carrier(machine: DynamicModel, name: str) -> str:
 
 
 def check_sensors(machine: DynamicModel) -> None:
-    """Refuse sensors that are nowhere on this machine.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse sensors that are nowhere on this machine."""
     for name, sensor in machine.scene.sensors.items():
         where = f'{machine.name}: sensors.{name}'
         if not name.isidentifier():

@@ -56,11 +56,6 @@ def read_loads(places: Names, tree: Mechanism) -> Elements:
     ----------
     places : of the scene
     tree : the ideal mechanism; the displacements of its links are what formulas name
-
-    Raises
-    ------
-    InputError
-        If a load does not fit together, or a formula cannot be read.
     """
     makers: Sequence[Elements] = [
         kind.read(places, name, part, tree)

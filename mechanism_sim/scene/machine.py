@@ -77,11 +77,6 @@ class Machine(DynamicModel):
 
         ``machine.oscillator('frame').take(solution.motion)`` gives its motion, a function of time;
         `take` may also be called with the motion of one `Piece` after the other.
-
-        Raises
-        ------
-        InputError
-            If there is none of that name, or what shakes it is not known.
         """
         return ShakenFrame(*self.shaken_frame(name))
 
@@ -128,13 +123,7 @@ class Machine(DynamicModel):
         return replace(run.snapshot(), machine=self.fingerprint)
 
     def resume(self, snapshot: Snapshot) -> Run:
-        """A run that goes on where another of this machine stood, bit by bit.
-
-        Raises
-        ------
-        InputError
-            If the snapshot is of another machine.
-        """
+        """A run that goes on where another of this machine stood, bit by bit."""
         if snapshot.machine != self.fingerprint:
             raise InputError(
                 f'the snapshot is of another machine than {self.name}: give the same scene with '

@@ -46,13 +46,7 @@ class MachineModel(Rich):
 
     @cached_property
     def plan(self) -> Plan:
-        """Links, joints, drives and forces.
-
-        Raises
-        ------
-        InputError
-            If they do not fit together.
-        """
+        """Links, joints, drives and forces."""
         return plan_of(self.name, self.scene)
 
     @property
@@ -149,13 +143,7 @@ class MachineModel(Rich):
         return 2.0 * math.pi / fastest if fastest else math.inf
 
     def time_of(self, revolutions: float) -> float:
-        """When the main drive has turned so far [s].
-
-        Raises
-        ------
-        InputError
-            If its law does not say, or never turns it so far.
-        """
+        """When the main drive has turned so far [s]."""
         if not isinstance(self.law, DriveLaw):
             raise InputError(
                 f'how fast {self.main} turns is not known beforehand: give a duration in seconds, '

@@ -38,11 +38,6 @@ def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[st
     name : of the scene; its file is ``NAME.yaml``, in a folder that exists
     source : a scene of the package or a path
     overrides : values by dotted path, or texts ``path=value``
-
-    Raises
-    ------
-    InputError
-        If the file exists or cannot be written, or the scene cannot be read or built.
     """
     file = Path(name if name.endswith(('.yaml', '.yml')) else f'{name}.yaml')
     if file.stem.startswith('.') or not Path(name).name or name.endswith('/'):

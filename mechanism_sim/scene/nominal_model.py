@@ -49,13 +49,7 @@ class NominalModel(MachineModel):
 
     @property
     def linkage(self) -> FourBar:
-        """Lengths and branch of a four-bar whose links' angles are those from joint to joint.
-
-        Raises
-        ------
-        InputError
-            If it is another mechanism.
-        """
+        """Lengths and branch of a four-bar whose links' angles are those from joint to joint."""
         loop = self.closed_form
         if loop is None or any(loop.turned):
             raise InputError(
@@ -66,13 +60,7 @@ class NominalModel(MachineModel):
 
     @cached_property
     def assembly(self) -> Assembly:
-        """Where the mechanism without clearance is at the start.
-
-        Raises
-        ------
-        InputError
-            If it cannot be assembled.
-        """
+        """Where the mechanism without clearance is at the start."""
         return assemble(self, self.closed_form)
 
     @cached_property
@@ -219,13 +207,7 @@ class NominalModel(MachineModel):
         return self.ideal.kinematics.edges if isinstance(self.ideal, LinkageMotion) else None
 
     def started_at(self, angle: float) -> Self:
-        """The same machine with its main drive at another angle [rad] at the start.
-
-        Raises
-        ------
-        InputError
-            If it has no drive.
-        """
+        """The same machine with its main drive at another angle [rad] at the start."""
         scene, update = self.scene, {'start_angle': angle}
         if not scene.drive:
             raise InputError(f"{self.name}: there is no 'drive' to start at an angle")

@@ -20,13 +20,7 @@ _FASTEST = 1e6
 
 
 def read_frame(machine: DynamicModel, name: str) -> Frame:
-    """A frame of the scene.
-
-    Raises
-    ------
-    InputError
-        If there is none of that name, or its mounts do not hold it.
-    """
+    """A frame of the scene."""
     parts = machine.scene.oscillators
     if name not in parts:
         known = ', '.join(parts) or 'none'
@@ -70,12 +64,7 @@ def joint_impulses(machine: DynamicModel) -> JointImpulses:
 
 
 def check_impulses(machine: DynamicModel) -> None:
-    """Refuse machines whose impacts make friction in ideal joints: steps do not tell it apart.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse machines whose impacts make friction in ideal joints: steps do not tell it apart."""
     rubbing = [n for n, j in machine.scene.joints.items() if j.friction and j.friction.coefficient]
     if rubbing and machine.level is Level.NONSMOOTH:
         raise InputError(
@@ -86,12 +75,7 @@ def check_impulses(machine: DynamicModel) -> None:
 
 
 def check_oscillators(machine: DynamicModel) -> None:
-    """Refuse frames that cannot be.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse frames that cannot be."""
     for name, part in machine.scene.oscillators.items():
         where = f'{machine.name}: oscillators.{name}'
         if not name.isidentifier():

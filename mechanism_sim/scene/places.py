@@ -24,11 +24,6 @@ class Places:
     name, scene : the scene
     links : the moving ones
     points : named points of all links, in their frames [m]
-
-    Raises
-    ------
-    InputError
-        If a name cannot be used, or there is no moving link.
     """
 
     def __init__(self, name: str, scene: Scene) -> None:
@@ -78,13 +73,7 @@ class Places:
         return link, points[point or 'start']
 
     def ends(self, name: str, joint: JointKeys) -> tuple[LinkPoint, LinkPoint]:
-        """The two points that a joint connects.
-
-        Raises
-        ------
-        InputError
-            If there is none of that name, or both are the same link's.
-        """
+        """The two points that a joint connects."""
         first, second = (self.find(f'joints.{name}.{joint.kind}', p) for p in joint.points)
         if first[0] == second[0]:
             raise InputError(
@@ -94,23 +83,11 @@ class Places:
         return first, second
 
     def pivot(self, where: str, link: str) -> tuple[Vector2, Vector2]:
-        """Where a link turns on the ground, in the world and in its own frame [m].
-
-        Raises
-        ------
-        InputError
-            If it does not, or in a loose joint.
-        """
+        """Where a link turns on the ground, in the world and in its own frame [m]."""
         return self.shaft(where, link)[1:]
 
     def shaft(self, where: str, link: str, on: str = GROUND) -> tuple[str, Vector2, Vector2]:
-        """The joint in which a link turns on another, and where on that and on itself [m].
-
-        Raises
-        ------
-        InputError
-            If there is none, or it is loose.
-        """
+        """The joint in which a link turns on another, and where on that and on itself [m]."""
         for name, joint in self.scene.joints.items():
             if not joint.revolute:
                 continue
@@ -180,11 +157,6 @@ class Places:
         ----------
         tree, loose : the machine without and with its clearances
         unit : of displacements
-
-        Raises
-        ------
-        InputError
-            If it has no such coordinate, or one in another unit.
         """
         found = {}
         for c, measure in given.items():

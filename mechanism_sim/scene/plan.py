@@ -140,13 +140,7 @@ class Plan:
 
 
 def plan_of(name: str, scene: Scene) -> Plan:
-    """The plan of a scene that names its links and joints.
-
-    Raises
-    ------
-    InputError
-        One sentence: where, what, what is allowed, the nearest.
-    """
+    """The plan of a scene that names its links and joints."""
     places = Places(name, scene)
     for gear in scene.gears:  # those that mesh with none, too
         read_wheel(places, gear)

@@ -43,11 +43,6 @@ def load_scene(name: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> 
     ----------
     name : such as ``'four_bar_clearance'`` or ``'my/machine.yaml'``
     overrides : values by dotted path, such as ``{'drive.speed': '300 rpm'}``
-
-    Raises
-    ------
-    InputError
-        One sentence that says what is wrong, where, and what is allowed.
     """
     path = find_scene(name)
     content = overridden(path.name, read_yaml(path, 'scene'), overrides)
@@ -58,11 +53,6 @@ def span(machine: Machine, revolutions: float | None, duration: float | None) ->
     """The duration [s] asked for, as revolutions of the crank or in seconds.
 
     If none is asked for, that of the scene, or else one revolution.
-
-    Raises
-    ------
-    InputError
-        If both are given, or it is not positive and finite.
     """
     if revolutions is not None and duration is not None:
         raise InputError('give either revolutions or a duration, not both')
@@ -77,13 +67,7 @@ def span(machine: Machine, revolutions: float | None, duration: float | None) ->
 
 
 def run_length(machine: Machine, revolutions: float | None, duration: float | None) -> float:
-    """The same for commands and nodes, which refuse what cannot be run for so long.
-
-    Raises
-    ------
-    InputError
-        As `span`, or as `mechanism_sim.scene.gate.admit`.
-    """
+    """The same for commands and nodes, which refuse what cannot be run for so long."""
     end = span(machine, revolutions, duration)
     admit(machine, end)
     return end
@@ -231,11 +215,6 @@ def stream(
     ``for piece in stream(machine, revolutions=100_000): ...`` gives a `Piece` of some thousand
     steps at a time, which can be sampled as a whole solution can. The arguments are those of
     `simulate`.
-
-    Raises
-    ------
-    InputError
-        If the length of the run is not positive, or the snapshot is of another machine.
     """
     return Stream(machine, span(machine, revolutions, duration), progress, resume)
 

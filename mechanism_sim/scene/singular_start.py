@@ -54,11 +54,6 @@ def begin(
     q, guess : (n,)
     drive : (3, p) driven coordinates, rates, accelerations; of p = 1 by themselves, else by time
     pace : rate of that parameter
-
-    Raises
-    ------
-    InputError
-        If no branch goes on there, or the rule does not tell two apart.
     """
     found = branch.beginnings(kinematics, q, drive)
     names = kinematics.coordinates

@@ -22,11 +22,6 @@ def seats(machine: DynamicModel, q: Array, v: Array, a: Array) -> dict[str, Arra
     Parameters
     ----------
     q, v, a : (n, 1) of the ideal mechanism
-
-    Raises
-    ------
-    InputError
-        If no force presses a pin anywhere.
     """
     found: dict[str, Array] = {}
     pressed = [

@@ -18,13 +18,7 @@ from mechanism_sim.scene.tilted_links import tilted
 
 
 def read_joints(places: Places) -> tuple[Joint, ...]:
-    """All joints; every link must hang on the ground by them.
-
-    Raises
-    ------
-    InputError
-        If a point is not there, keys do not fit the kind, or a link hangs on nothing.
-    """
+    """All joints; every link must hang on the ground by them."""
     joints = tuple(_joint(places, name, j) for name, j in places.scene.joints.items())
     _check_connected(places, joints)
     return joints
@@ -47,13 +41,7 @@ def _joint(places: Places, name: str, joint: JointPart) -> Joint:
 
 
 def read_frictions(places: Places) -> Callable[[Mechanism], list[JointFriction]]:
-    """Friction in ideal joints.
-
-    Raises
-    ------
-    InputError
-        If keys do not fit the kind, or the joint is loose itself.
-    """
+    """Friction in ideal joints."""
     rubs = {}
     for name, joint in places.scene.joints.items():
         given, kind = joint.friction, KINDS[joint.kind]
@@ -82,13 +70,7 @@ def read_frictions(places: Places) -> Callable[[Mechanism], list[JointFriction]]
 
 
 def read_rotors(places: Places) -> dict[str, Rotor]:
-    """What gives way of the links that are rotors, by link.
-
-    Raises
-    ------
-    InputError
-        If one is in two joints of that kind, or is elastic itself.
-    """
+    """What gives way of the links that are rotors, by link."""
     found: dict[str, Rotor] = {}
     for name, joint in places.scene.joints.items():
         make = KINDS[joint.kind].rotor
@@ -126,13 +108,7 @@ def read_bodies(
     elastic: Mapping[str, Body],
     rotors: Mapping[str, Rotor],
 ) -> tuple[Body, ...]:
-    """The moving links with what they weigh, point masses and flywheels included.
-
-    Raises
-    ------
-    InputError
-        If a link that turns has a mass, but no inertia.
-    """
+    """The moving links with what they weigh, point masses and flywheels included."""
     found = []
     for name, mass in places.scene.masses.items():
         if places.find(f'masses.{name}.at', mass.at)[0] == GROUND:

@@ -57,13 +57,7 @@ class TablePart(Part):
 
 
 def with_files(file: str, folder: Path, content: Any) -> Any:
-    """The keys and values of a scene with the points of the files that it names.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-    """
+    """The keys and values of a scene with the points of the files that it names."""
     if isinstance(content, list):
         return [with_files(file, folder, x) for x in content]
     if not isinstance(content, dict):

@@ -38,11 +38,6 @@ def tilted(body: Body, places: Places, spin: float = 0.0) -> Body:
     Parameters
     ----------
     spin : [kg m^2] of its inertia that turns in the plane, but does not lean
-
-    Raises
-    ------
-    InputError
-        If it has no mass, or no body has such moments of inertia.
     """
     given, where = places.scene.links[body.name].tilt, f'{places.name}: links.{body.name}'
     if given is None:
@@ -75,13 +70,7 @@ def tilted(body: Body, places: Places, spin: float = 0.0) -> Body:
 
 
 def check_tilts(places: Places, joints: tuple[Joint, ...]) -> None:
-    """Links that lean are rigid, and have revolute joints only.
-
-    Raises
-    ------
-    InputError
-        If not.
-    """
+    """Links that lean are rigid, and have revolute joints only."""
     leaning = {x for x in places.links if places.scene.links[x].tilt}
     for link in places.links:
         if link in leaning and places.scene.links[link].elastic:

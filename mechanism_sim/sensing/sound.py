@@ -53,13 +53,7 @@ class Material:
 
 @dataclass(frozen=True)
 class Listener:
-    """Where the ear is, from the joint that knocks, in the plane of the machine.
-
-    Raises
-    ------
-    InputError
-        If it has no distance.
-    """
+    """Where the ear is, from the joint that knocks, in the plane of the machine."""
 
     distance: float = 1.0  #: [m]
     direction: float = 0.0  #: [rad] from the x axis
@@ -238,11 +232,6 @@ def pressure(
     rate : [Hz]
     end : [s] up to which samples are wanted
     pulse : [s] duration of all impacts; without it each lasts as long as a Hertzian contact
-
-    Raises
-    ------
-    InputError
-        If the listener is inside of a sphere, or pulses have no duration.
     """
     if pulse is not None and not pulse > 0.0:
         raise InputError(f'a pulse must last longer than {pulse:g} s')

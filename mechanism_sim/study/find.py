@@ -74,13 +74,7 @@ class Finding:
 
 
 def read_goal(so_that: str | None, minimise: str | None) -> Goal:
-    """A goal as it is written: ``largest(reaction.pin) = 20 kN``, or without a value.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
-    """
+    """A goal as it is written: ``largest(reaction.pin) = 20 kN``, or without a value."""
     if (so_that is None) == (minimise is None):
         raise InputError("give one of --so-that 'MEASURE = VALUE' and --minimise")
     if so_that is None:
@@ -112,11 +106,6 @@ def find(
     vary : dotted path, lowest and highest value as in a scene file
     progress : told the number of cycles so far
     how : arguments of `cycle`: ``duration`` [s], ``periods``
-
-    Raises
-    ------
-    InputError
-        If the path, a limit or the quantity is not known, or the machine runs at no value.
     """
     path, low, high = vary
     (parameter,) = parameters(machine, [path], '', limits={path: (low, high)})

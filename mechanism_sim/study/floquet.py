@@ -132,11 +132,6 @@ def station(machine: Machine, turning: bool = False) -> Station:
     Parameters
     ----------
     turning : whether to leave out the equilibrium
-
-    Raises
-    ------
-    InputError
-        If nothing can vibrate, there is no such motion, or time itself acts on it.
     """
     if turning and not applies(machine):
         raise InputError(
@@ -152,13 +147,7 @@ def station(machine: Machine, turning: bool = False) -> Station:
 
 
 def repeated(machine: Machine) -> Station:
-    """The modes about the motion that a machine repeats in each turn of its main drive.
-
-    Raises
-    ------
-    InputError
-        If it does not settle to one, or time itself acts on it.
-    """
+    """The modes about the motion that a machine repeats in each turn of its main drive."""
     moving = any(machine.held[c][1] for c in machine.plan.prescribed)
     if 'time' in machine.system.outside or moving:
         raise InputError(

@@ -44,13 +44,7 @@ def coordinates_of(machine: Machine) -> dict[str, tuple[str, int]]:
 
 
 def load_on(machine: Machine, option: str, place: str, direction: float | None) -> Array:
-    """A force in a direction [rad], or a moment, on a frame (3,): FRAME, or FRAME.MOUNT.
-
-    Raises
-    ------
-    InputError
-        If there is no such mount, or a frame that cannot turn gets a moment.
-    """
+    """A force in a direction [rad], or a moment, on a frame (3,): FRAME, or FRAME.MOUNT."""
     name, _, mount = place.partition('.')
     frame, mounts = read_frame(machine, name), machine.scene.oscillators[name].mounts
     if mount and mount not in mounts:
@@ -68,13 +62,7 @@ def load_on(machine: Machine, option: str, place: str, direction: float | None) 
 
 
 def receptance(machine: Machine, name: str, w: Array) -> ComplexArray:
-    """Displacements per force (N, n, n) of a frame at angular frequencies w (N,) [rad/s].
-
-    Raises
-    ------
-    InputError
-        At a resonance without damping.
-    """
+    """Displacements per force (N, n, n) of a frame at angular frequencies w (N,) [rad/s]."""
     frame: Frame = read_frame(machine, name)
     each = np.asarray(w, float)[:, None, None]
     Z = np.asarray(frame.K + 1j * each * frame.C - each**2 * frame.M, complex)
@@ -96,11 +84,6 @@ def harmonics_of(
     """Positions [m, rad] of frames in the steady motion of their machine over a period [s].
 
     Places count from where the mounts carry the frame alone.
-
-    Raises
-    ------
-    InputError
-        If the machine's ideal motion does not follow from its drives, or does not repeat itself.
     """
     ideal = without_play(machine)
     if ideal.torque_driven:

@@ -84,12 +84,6 @@ def harmonics(
         are not driven, of which this is the vibration alone; positions of all if empty
     count : of harmonics
     period : [s]; a turn of the first drive that turns if not given
-
-    Raises
-    ------
-    InputError
-        If a quantity is not known, nothing gives the period, the forces do not repeat after it, a
-        harmonic meets a resonance without damping, or as `mechanism_sim.study.modes.linearised`.
     """
     if count < 1:
         raise InputError(f'--harmonics {count}: expected 1 or more')
@@ -145,11 +139,6 @@ def unbalance_response(
     Parameters
     ----------
     quantities : as those of `harmonics`
-
-    Raises
-    ------
-    InputError
-        As `harmonics`; or if there is no drive that turns.
     """
     main = turning(machine, '--speeds')
     one = linearised(machine, known=derivatives(machine, held=kept(machine)))
@@ -238,13 +227,7 @@ def _at_speed(one: LinearMachine, driven: list[int], rates: Array) -> LinearMach
 
 
 def _period(machine: Machine, rates: Array, period: float | None) -> float:
-    """The period of the excitation [s]: as given, or a turn of the first drive that turns.
-
-    Raises
-    ------
-    InputError
-        If there is none, or another drive does not make whole turns in it.
-    """
+    """The period of the excitation [s]: as given, or a turn of the first drive that turns."""
     if period is not None:
         if not (period > 0.0 and math.isfinite(period)):
             raise InputError(f'--period {period:g} s: must be positive and finite')
@@ -351,12 +334,7 @@ class _Excitation:
         return np.asarray(found)
 
     def check_period(self) -> None:
-        """Refuse a period after which the forces are not what they were, at several instants.
-
-        Raises
-        ------
-        InputError
-        """
+        """Refuse a period after which the forces are not what they were, at several instants."""
         machine, t = self._one.machine, self._length * _LOOKS
         if np.abs(self(t + self._length) - self(t)).max() > 1e-9 * self.scale:
             raise InputError(

@@ -57,11 +57,6 @@ def lift_offs(machine: Machine, progress: Callable[[str], None] = lambda _: None
     The motion is that of the machine without any play; at other speeds rates scale with the speed
     and accelerations with its square. Speeds from a hundredth to a hundred times that of the scene
     are tried from below; the root is found to rounding. `progress` is called with the present cam.
-
-    Raises
-    ------
-    InputError
-        If there is no such cam, or no drive that turns at a constant speed.
     """
     pairs = [
         j for j in machine.plan.joints if isinstance(j, CamPair) and not isinstance(j, GroovePair)

@@ -186,13 +186,7 @@ class LinearMachine:
         return M, C, K
 
     def modes(self) -> list[Mode]:
-        """The slowest first.
-
-        Raises
-        ------
-        InputError
-            If a coordinate has no mass.
-        """
+        """The slowest first."""
         M, C, K = self.matrices
         names = self.derivatives.coordinates
         size = np.sqrt(np.abs(np.diag(M)))
@@ -328,11 +322,6 @@ def derivatives(
     Parameters
     ----------
     held : coordinates that a torque moves, but whose motion is given here
-
-    Raises
-    ------
-    InputError
-        If nothing can vibrate, or links have no mass.
     """
     plan, ideal = machine.plan, machine.plan.ideal
     if not plan.weighed:
@@ -380,12 +369,6 @@ def linearised(
     speed : of the main drive [rad/s, m/s]; links that it carries turn with it
     known : derivatives of the same machine
     turning : whether to look for the steady rotation in which a torque keeps it, not for rest
-
-    Raises
-    ------
-    InputError
-        If nothing can vibrate, there is no equilibrium, or the speed moves links against each
-        other.
     """
     found = known or derivatives(machine, excitation)
     q = machine.assembly.q if start is None else start
@@ -454,13 +437,7 @@ def steady_rates(machine: Machine, speed: float) -> Array:
 
 
 def modes(machine: Machine) -> list[Mode]:
-    """The modes of a machine, as `about`, and of its frames on springs.
-
-    Raises
-    ------
-    InputError
-        As `about`.
-    """
+    """The modes of a machine, as `about`, and of its frames on springs."""
     return about(machine).modes
 
 
@@ -472,11 +449,6 @@ def about(machine: Machine, turning: bool = False) -> Station:
     Parameters
     ----------
     turning : whether to look for the rotation only
-
-    Raises
-    ------
-    InputError
-        If nothing can vibrate, or there is no equilibrium.
     """
     found = [mode for name in machine.scene.oscillators for mode in _frame_modes(machine, name)]
     if found and not machine.torque_driven:
@@ -504,11 +476,6 @@ def along(machine: Machine, count: int) -> list[Station]:
 
     At each the equilibrium is sought from that at the place before. A torque or a motor is
     replaced by what holds its link (frozen).
-
-    Raises
-    ------
-    InputError
-        As `linearised`; or if no drive turns an angle.
     """
     if count < 1:
         raise InputError(f'--along {count}: expected 1 angle or more')
@@ -533,11 +500,6 @@ def campbell(machine: Machine, speeds: Array) -> list[Station]:
     """The modes at steady speeds (s,) [rad/s] of the drive, about the relative equilibrium.
 
     A torque or a motor is replaced by what keeps the speed.
-
-    Raises
-    ------
-    InputError
-        As `linearised`; or if no drive turns an angle.
     """
     turning(machine, '--speeds')
     found = derivatives(machine, held=kept(machine))
@@ -598,13 +560,7 @@ def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[Criti
 
 
 def turning(machine: Machine, option: str) -> str:
-    """The main drive's coordinate, which an option turns.
-
-    Raises
-    ------
-    InputError
-        If it is no angle, or nothing drives it.
-    """
+    """The main drive's coordinate, which an option turns."""
     plan = machine.plan
     driven = machine.main in plan.prescribed or machine.scene.drive is not None
     if not driven or machine.main in plan.ideal.displacements:

@@ -66,12 +66,6 @@ def parameters(
     joint : whose restitution, friction and radial clearance are meant; not needed if one is loose
     limits : low and high, as in a scene file, by name; other parameters than those with a short
         name have none of their own
-
-    Raises
-    ------
-    InputError
-        If a name or a joint is not known, limits are missing or wrong, or noise is to be found
-        where there is none.
     """
     given = dict(limits or {})
     for name in given:
@@ -102,13 +96,7 @@ def parameters(
 
 
 def ranges(texts: Sequence[str], key: str = '--range') -> dict[str, tuple[str, str]]:
-    """Limits by name, from texts ``name=low:high`` of an option.
-
-    Raises
-    ------
-    InputError
-        If a text is not of this form.
-    """
+    """Limits by name, from texts ``name=low:high`` of an option."""
     found = {}
     for text in texts:
         name, _, limits = text.partition('=')

@@ -79,11 +79,6 @@ def read_source(
     force : ``LINK.POINT`` at which a force acts, in a `direction` of the world [rad]
     torque : link on which a moment acts
     base : driven coordinate that moves
-
-    Raises
-    ------
-    InputError
-        If there is not one source, or no such thing.
     """
     if sum(x is not None for x in (force, torque, base)) != 1:
         raise InputError('give one of --force LINK.POINT, --torque LINK and --base COORDINATE')
@@ -129,12 +124,6 @@ def response(
         ``reaction.JOINT.y``; the first of every free coordinate if empty
     frequency : (N,) [Hz]
     speed : of the main drive, which turns steadily [rad/s]
-
-    Raises
-    ------
-    InputError
-        If a quantity is not known, the source moves nothing, a frequency is negative or meets a
-        resonance without damping, or as `mechanism_sim.study.modes.linearised`.
     """
     if not (np.isfinite(frequency).all() and (frequency >= 0.0).all()):
         raise InputError('frequencies must be finite and not negative')

@@ -51,13 +51,7 @@ class Factor(NamedTuple):
 
 
 def factor(path: str, given: Any) -> Factor:
-    """A factor as a sweep file has it.
-
-    Raises
-    ------
-    InputError
-        If its distribution cannot be read.
-    """
+    """A factor as a sweep file has it."""
     stats = scipy.stats
     kind, values = 'uniform', given
     if isinstance(given, str) and (match := _TOLERANCE.fullmatch(given)):
@@ -102,11 +96,6 @@ def points(factors: list[Factor], kind: str, samples: int, seed: int) -> Array:
 
     Of `INDICES` there are the n points A, then B, then for each factor A with that one from B
     (Saltelli et al., Computer Physics Communications 181 (2010) 259-270).
-
-    Raises
-    ------
-    InputError
-        If there are too few samples.
     """
     qmc, d = scipy.stats.qmc, len(factors)
     if kind == INDICES and samples & (samples - 1):

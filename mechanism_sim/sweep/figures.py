@@ -56,13 +56,7 @@ def of_sensors(machine: Machine, given: Sequence[Measure] = ()) -> list[Measure]
 
 
 def own_columns(machine: Machine, measures: Sequence[Measure] = ()) -> list[Column]:
-    """Figures that a machine has beside `FIGURES`: of joints and drives, and measures.
-
-    Raises
-    ------
-    InputError
-        If a measure is of what the machine does not have.
-    """
+    """Figures that a machine has beside `FIGURES`: of joints and drives, and measures."""
     physics, found = machine.physics, []
     if physics.has_forces:
         found += [

@@ -141,11 +141,6 @@ def read_plan(
     ----------
     measures : more of them, as ``NAME = TEXT`` or ``TEXT``
     show : called with how far it is
-
-    Raises
-    ------
-    InputError
-        One sentence: file, run, key, value, what is allowed.
     """
     known = ', '.join(sweep_names())
     path = find_file(name, 'sweep', config_folder() / 'sweeps', f'known are: {known}')

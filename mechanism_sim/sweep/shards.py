@@ -155,13 +155,7 @@ class ShardWriter:
                     self._flush()
 
     def finish(self) -> None:
-        """Write what is left, and give the file its name.
-
-        Raises
-        ------
-        InputError
-            If there are fewer windows than asked for.
-        """
+        """Write what is left, and give the file its name."""
         self._gather(final=True)
         wanted = self._shard.windows.per_run or 1
         for sensor in self._sensors:

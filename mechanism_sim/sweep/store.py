@@ -37,12 +37,6 @@ class Journal:
     Attributes
     ----------
     rows : figures of the finished runs by key
-
-    Raises
-    ------
-    InputError
-        If the file is there already and of another sweep, is damaged, cannot be written, or
-        another process is writing it.
     """
 
     def __init__(self, table: Path, plan: Plan, restart: bool = False) -> None:
@@ -126,11 +120,6 @@ def write_table(file: Path, plan: Plan, rows: Sequence[dict[str, Value]]) -> Non
 
     Columns: ``run``, the swept values, the figures of `FIGURES`, those of the scene's own joints,
     drives and measures, ``steps``, ``digest``, ``status``, with units and meanings.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written.
     """
     figures = [
         Column(c.name, [row.get(c.name) for row in rows], c.unit, c.meaning)

@@ -51,11 +51,6 @@ class Windows:
         """Refuse what a run from `since` to `end` [s] cannot give.
 
         How many windows a trigger gives shows in the run only.
-
-        Raises
-        ------
-        InputError
-            If a sensor is not there, or gives too few windows.
         """
         known = list(machine.scene.sensors)
         if not known:

@@ -248,11 +248,6 @@ def trial(bag: Path, skip: int | None = None, ideals: IdealRuns | None = None) -
     ----------
     skip : whole turns of the crank that are left out; the first half of them unless told
     ideals : of the runs before, so that the ideal mechanism is not simulated anew for each
-
-    Raises
-    ------
-    InputError
-        If it is another machine, its crank is not steady, or a link has no sensor across it.
     """
     record = read_record(bag)
     machine = record.machine
@@ -571,13 +566,7 @@ def order_amplitudes(of: Trial) -> Array:
 
 
 def bags_of(folders: Sequence[Path]) -> list[Path]:
-    """The bags in some folders, by name.
-
-    Raises
-    ------
-    InputError
-        If there are none in one of them.
-    """
+    """The bags in some folders, by name."""
     found = []
     for folder in folders:
         bags = sorted(folder.glob('*.mcap')) if folder.is_dir() else []
@@ -601,12 +590,6 @@ def read_experiment(
     ----------
     skip : as for `trial`
     show : called with the number of bags read, and 0
-
-    Raises
-    ------
-    InputError
-        If two runs are the same, or machines of one condition differ in more than their start, or
-        as for `trial`.
     """
     groups: dict[Condition, list[Trial]] = {}
     ideals = IdealRuns()

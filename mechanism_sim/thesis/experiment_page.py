@@ -21,13 +21,7 @@ _MARKED = re.compile(
 
 
 def read_page(option: str, path: str) -> tuple[Path, str]:
-    """A page with marks, and that it can be written.
-
-    Raises
-    ------
-    InputError
-        If there is no such page, or it has no marks.
-    """
+    """A page with marks, and that it can be written."""
     file = output.check_path(option, path, '.md')
     try:
         text = file.read_text(encoding='utf-8')
@@ -42,13 +36,7 @@ def read_page(option: str, path: str) -> tuple[Path, str]:
 
 
 def renewed(text: str, found: Experiment) -> str:
-    """The text of a page with its tables made anew.
-
-    Raises
-    ------
-    InputError
-        If it asks for a table that this experiment does not have.
-    """
+    """The text of a page with its tables made anew."""
     parts = {'summary': summary(found), **{t.name: t.markdown() for t in tables(found)}}
 
     def made(mark: re.Match[str]) -> str:

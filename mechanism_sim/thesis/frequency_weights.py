@@ -95,11 +95,6 @@ def fade(
     window : its name, and parameter if it has one, as for `scipy.signal.get_window`
     length : of the window, in samples; all of the record for a rectangular window, else an eighth
         of it
-
-    Raises
-    ------
-    InputError
-        If there is no such window, or it is longer than the record.
     """
     count = len(samples)
     rectangular = window == 'boxcar'

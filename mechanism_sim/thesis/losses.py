@@ -37,11 +37,6 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
     """Criteria and reality for every loose joint.
 
     The criteria of the clearance link are known for the joint between coupler and rocker only.
-
-    Raises
-    ------
-    InputError
-        If it is no four-bar, the crank has no constant speed, or there is no clearance.
     """
     angle, speed = machine.start_of_crank
     if machine.torque_driven or len(machine.laws) > 1 or not speed or not machine.clearances:

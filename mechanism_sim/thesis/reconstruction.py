@@ -54,11 +54,6 @@ def angular_acceleration(
     angle : of the link [rad]: the ideal mechanism's as in [SB], or better
     joint : (2, N) acceleration of the joint that the distance counts from; at rest if not given
     gravity : of the world, for instruments that read acceleration less gravity; else 0
-
-    Raises
-    ------
-    InputError
-        If the sensor sits in the joint.
     """
     if at == 0.0:
         raise InputError('a sensor in the joint of its link does not feel it turn')
@@ -77,11 +72,6 @@ def by_two(first: Array, second: Array, at_first: float, at_second: float) -> Ar
     ----------
     first, second : readings (N,) [m/s^2]
     at_first, at_second : where they sit [m], on one line through the joint
-
-    Raises
-    ------
-    InputError
-        If both sit in the same place.
     """
     if at_first == at_second:
         raise InputError('two sensors at the same place of a link give no angular acceleration')
@@ -137,11 +127,6 @@ def by_filter(
     ----------
     low : corner frequency [Hz], well below that of the crank
     order : of the filter in each direction
-
-    Raises
-    ------
-    InputError
-        If the corner is not between zero and half the sampling rate.
     """
     if not 0.0 < low < 0.5 * sample_rate:
         raise InputError(

@@ -43,13 +43,7 @@ def starts(
     revolutions: float = 3.0,
     progress: Callable[[int], None] | None = None,
 ) -> list[Start]:
-    """Seated starts at so many crank angles around the turn, in the order of the angles.
-
-    Raises
-    ------
-    InputError
-        If the crank has no constant speed, there is no clearance, or less than one angle.
-    """
+    """Seated starts at so many crank angles around the turn, in the order of the angles."""
     if machine.torque_driven or len(machine.laws) > 1 or not machine.clearances:
         raise InputError(f'{machine.name}: this needs clearance and a crank at constant speed')
     if angles < 1:

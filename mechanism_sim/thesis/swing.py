@@ -82,11 +82,6 @@ def sensors_across(machine: Machine, link: str) -> dict[str, SensorPart]:
 
     Ideal sensors are taken only if there are no others; the second one has the rate of the first,
     and feels gravity if that does.
-
-    Raises
-    ------
-    InputError
-        If there is none.
     """
     across = {
         name: sensor
@@ -129,11 +124,6 @@ def swings(
     nominal : of a link, the samples of its angular acceleration in the ideal mechanism by an
         instrument, from the start of the run on
     turns, first : from and up to which turn: to be analysed, and the first with impacts
-
-    Raises
-    ------
-    InputError
-        If a link has no sensor across it.
     """
     rows = [record.machine.physics.coordinates.index(link) for link in LINKS]
     late, early = (_deviations(record, rows, within) for within in (turns, first))

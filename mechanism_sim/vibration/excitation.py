@@ -48,11 +48,6 @@ class FourierSeries:
         period : [s]
         harmonics : so many
         breaks : times inside the period at which the function jumps or bends [s]
-
-        Raises
-        ------
-        InputError
-            If there is no period, or a break is not inside of it.
         """
         if not period > 0.0 or harmonics < 0 or any(not 0.0 < b < period for b in breaks):
             raise InputError('a Fourier series needs a period, and breaks inside of it')

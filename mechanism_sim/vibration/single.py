@@ -34,11 +34,6 @@ class Oscillator:
 
     Natural frequency and rate of decay are what is kept, so that nothing is lost where the one is
     close to the other (critical damping), or to the frequency of a force (resonance).
-
-    Raises
-    ------
-    InputError
-        If something is not finite, the mass not positive, or frequency or decay negative.
     """
 
     natural_frequency: float | Array  #: wn = sqrt(k/m) [rad/s]; 0 without a spring
@@ -56,13 +51,7 @@ class Oscillator:
 
     @classmethod
     def of_coefficients(cls, mass: float, damping: float, stiffness: float) -> Self:
-        """From m [kg], c [N s/m] and k [N/m], [V] eq. 6.17.
-
-        Raises
-        ------
-        InputError
-            If the mass is not positive, or damping or stiffness are negative.
-        """
+        """From m [kg], c [N s/m] and k [N/m], [V] eq. 6.17."""
         if not mass > 0.0 or not stiffness >= 0.0:
             raise InputError('an oscillator needs a mass, and a stiffness that is not negative')
         return cls(float(np.sqrt(stiffness / mass)), damping / (2.0 * mass), mass)

@@ -44,14 +44,7 @@ class DampedModes(NamedTuple):
     shapes: ComplexArray  #: (n, 2n), an amplitude vector in each column
 
     def free(self, t: ArrayLike, displacement: ArrayLike, velocity: ArrayLike) -> Response:
-        """Free vibration as a sum of exponentials, [V] eqs. 6.197, 6.198; as `System.free`.
-
-        Raises
-        ------
-        InputError
-            If roots are so nearly repeated that the exponentials do not span the motions;
-            `System.free` can do it.
-        """
+        """Free vibration as a sum of exponentials, [V] eqs. 6.197, 6.198; as `System.free`."""
         whole = np.concatenate([self.shapes, self.shapes * self.roots])
         if np.linalg.cond(whole / np.linalg.norm(whole, axis=0)) > DEPENDENT:
             raise InputError('damped modes with repeated roots cannot be summed: take System.free')
@@ -69,11 +62,6 @@ class System:
     mass : M (n, n) [kg], symmetric and positive definite
     damping : C (n, n) [N s/m]
     stiffness : K (n, n) [N/m], symmetric, without negative eigenvalues
-
-    Raises
-    ------
-    InputError
-        If a matrix is not as described.
     """
 
     mass: Array
@@ -226,11 +214,6 @@ def chain(masses: ArrayLike, stiffnesses: ArrayLike, dampings: ArrayLike = 0.0) 
     stiffnesses : (n,) or (n + 1,) [N/m]: of the spring before each mass, the first one from the
         ground (0 for a free end), and of one behind the last
     dampings : as many [N s/m], or one for all
-
-    Raises
-    ------
-    InputError
-        If there are not as many springs as it takes, or a number cannot be.
     """
     m = np.atleast_1d(np.asarray(masses, np.float64))
     k = np.atleast_1d(np.asarray(stiffnesses, np.float64))

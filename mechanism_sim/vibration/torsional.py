@@ -57,11 +57,6 @@ def disks(inertias: ArrayLike, stiffnesses: ArrayLike, dampings: ArrayLike = 0.0
     ----------
     inertias : (n,) [kg m^2]
     stiffnesses, dampings : of the n - 1 shafts between them [N m/rad, N m s/rad]
-
-    Raises
-    ------
-    InputError
-        As `chain`.
     """
     k = np.atleast_1d(np.asarray(stiffnesses, np.float64))
     c = np.broadcast_to(np.asarray(dampings, np.float64), k.shape)

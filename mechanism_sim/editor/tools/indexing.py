@@ -14,13 +14,7 @@ from mechanism_sim.scene.kinds.rack import RackKeys
 
 
 def _crank_of(sketch: Sketch, start: Spot, what: str) -> tuple[str, Vector2, Shaft]:
-    """The pin of a crank, where it is [m], and where the crank turns.
-
-    Raises
-    ------
-    InputError
-        If there is no such pin.
-    """
+    """The pin of a crank, where it is [m], and where the crank turns."""
     pin, at = sketch.on_link(start, f'the pin of {what} is')[0], sketch.where(start)
     shaft = sketch.pivot(pin.partition('.')[0])
     if start.handle is None or shaft is None or math.dist(shaft.at, at) < 1e-9:

@@ -21,11 +21,6 @@ def sections(record: Record, skip: int = 0) -> list[Section]:
     Parameters
     ----------
     skip : whole turns of the main drive at the start that are left out
-
-    Raises
-    ------
-    InputError
-        If the run has no whole turn after those skipped.
     """
     course = Course(record, skip)
     found = (

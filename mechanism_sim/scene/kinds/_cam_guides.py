@@ -30,11 +30,6 @@ def find_guide(places: Names, where: str, link: str, at: Vector2, what: str) -> 
     ----------
     where : the joint that asks
     what : ``cam`` or ``follower``
-
-    Raises
-    ------
-    InputError
-        If it is not, or by a loose joint.
     """
     for name, joint in places.scene.joints.items():
         if joint.kind not in ('revolute', 'prismatic'):
@@ -59,13 +54,7 @@ def find_guide(places: Names, where: str, link: str, at: Vector2, what: str) -> 
 
 
 def around(cam: Guide, follower: Guide, clockwise: bool) -> Frame:
-    """For a cam that turns, `clockwise` where its angle grows.
-
-    Raises
-    ------
-    InputError
-        If the point of the cam is not its axis.
-    """
+    """For a cam that turns, `clockwise` where its angle grows."""
     if cam.arm != (0.0, 0.0):
         raise InputError('name the point where the cam turns on the ground')
     (x, y), (px, py) = cam.at, follower.at
@@ -74,13 +63,7 @@ def around(cam: Guide, follower: Guide, clockwise: bool) -> Frame:
 
 
 def along(cam: Guide, follower: Guide) -> Frame:
-    """For a cam that slides: the centre is abreast of the pivot of a swinging follower.
-
-    Raises
-    ------
-    InputError
-        If the follower slides, but not square to the cam.
-    """
+    """For a cam that slides: the centre is abreast of the pivot of a swinging follower."""
     (x, y), (px, py) = cam.at, follower.at
     if follower.swings:
         way, across = rotate((px - x, py - y), -cam.axis)

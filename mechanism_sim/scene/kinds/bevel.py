@@ -50,12 +50,7 @@ class BevelKeys(SpatialKeys):
 
 
 def needed(places: Names, name: str, joint: SpatialKeys, *keys: str) -> None:
-    """Refuse a pair without one of these keys, or with a wrong pressure angle.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a pair without one of these keys, or with a wrong pressure angle."""
     where = f'{places.name}: joints.{name}'
     for key in keys:
         if getattr(joint, key) is None:
@@ -75,13 +70,7 @@ def placed(joint: SpatialKeys) -> tuple[tuple[float, float], tuple[float, float]
 
 
 def _read(places: Names, name: str, joint: BevelKeys) -> BevelPair:
-    """A bevel pair.
-
-    Raises
-    ------
-    InputError
-        If keys are missing, shafts do not meet, or teeth reach beyond the apex.
-    """
+    """A bevel pair."""
     needed(places, name, joint, 'teeth', 'module', 'face_width')
     where = f'{places.name}: joints.{name}'
     (a, on_a), (b, on_b) = places.ends(name, joint)

@@ -184,14 +184,7 @@ LARGEST_PRESSURE = {False: 30.0, True: 45.0}  # for followers that slide, that s
 
 
 def _read(places: Names, name: str, joint: CamKeys) -> CamPair:
-    """The joint of a cam and its follower.
-
-    Raises
-    ------
-    InputError
-        If keys are missing or do not fit, the displacement jumps or does not come back, or the
-        profile of a law without corners would be undercut.
-    """
+    """The joint of a cam and its follower."""
     cam, follower = places.ends(name, joint)
     reader = _Reader(places, name, joint)
     try:

@@ -89,13 +89,7 @@ class MeshKeys(JointKeys):
 
 
 def _read(places: Names, name: str, joint: MeshKeys) -> GearMesh:
-    """Two gears in mesh; their phase is set by `in_mesh`.
-
-    Raises
-    ------
-    InputError
-        If they do not mesh, are not where they should be, or have no common carrier.
-    """
+    """Two gears in mesh; their phase is set by `in_mesh`."""
     where = f'{places.name}: joints.{name}'
     one, two = (read_wheel(places, gear) for gear in joint.points)
     if one.part.rack:
@@ -213,12 +207,7 @@ def _errors(
 
 
 def check_bearings(places: Names, joints: tuple[Joint, ...], closing: Collection[str]) -> None:
-    """Refuse gears whose shafts cannot all be joints of the tree.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse gears whose shafts cannot all be joints of the tree."""
     for mesh in (j for j in joints if isinstance(j, GearMesh)):
         if torn := [n for n in mesh.bearings if n in closing]:
             raise InputError(
@@ -238,11 +227,6 @@ def in_mesh(
     Parameters
     ----------
     start : coordinates; others are zero
-
-    Raises
-    ------
-    InputError
-        If the teeth of a mesh meet teeth.
     """
     q = {c: start.get(c, 0.0) for c in tree.coordinates}
     teeth: dict[str, float] = {}  # by gear: angle of a tooth in its link [rad], of a rack [m]

@@ -27,13 +27,7 @@ class RevoluteKeys(JointKeys):
 
 
 def _read(places: Names, name: str, joint: RevoluteKeys) -> Revolute:
-    """A pin or a shaft.
-
-    Raises
-    ------
-    InputError
-        If a shaft has not two bearings apart, one of which is the locating one.
-    """
+    """A pin or a shaft."""
     where, given = f'{places.name}: joints.{name}', joint.bearings
     if given and len({*given.values()}) != 2:
         raise InputError(

@@ -116,13 +116,7 @@ def _both(given: float | tuple[float, float]) -> tuple[float, float]:
 
 
 def _read(places: Names, name: str, joint: RotorKeys) -> Revolute:
-    """The revolute joint of the undeformed shaft.
-
-    Raises
-    ------
-    InputError
-        If it is not in the ground.
-    """
+    """The revolute joint of the undeformed shaft."""
     (a, on_a), (b, on_b) = places.ends(name, joint)
     if a != GROUND:
         raise InputError(
@@ -161,13 +155,7 @@ class _Reading:
 
 
 def _rotor(places: Names, name: str, joint: RotorKeys) -> tuple[str, Rotor]:
-    """The link of the disks, and how it gives way.
-
-    Raises
-    ------
-    InputError
-        If the supports do not hold it, or something would move that has no mass.
-    """
+    """The link of the disks, and how it gives way."""
     where = f'{places.name}: joints.{name}'
     (_, place), (link, _) = places.ends(name, joint)
     polar = places.scene.links[link].inertia or 0.0
@@ -312,13 +300,7 @@ def _bending(given: _Reading) -> Rotor:
 def _sections(
     where: str, shaft: RotorShaftPart, modulus: float
 ) -> list[tuple[float, float, float]]:
-    """Where the shaft has another E I, and which [m, m, N m^2].
-
-    Raises
-    ------
-    InputError
-        If one has no length, or two overlap.
-    """
+    """Where the shaft has another E I, and which [m, m, N m^2]."""
     found, before = [], ('', -np.inf)
     for key, s in sorted(shaft.sections.items(), key=lambda item: item[1].begin):
         if not s.end > s.begin:

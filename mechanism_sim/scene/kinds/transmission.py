@@ -53,13 +53,7 @@ class TransmissionKeys(CarrierKeys):
 
 
 def _read(places: Names, name: str, joint: TransmissionKeys) -> Transmission:
-    """Two links with a ratio.
-
-    Raises
-    ------
-    InputError
-        If there is no ratio, or one of the links is the carrier.
-    """
+    """Two links with a ratio."""
     where = f'{places.name}: joints.{name}'
     if joint.ratio is None:
         raise InputError(f"{where}.ratio is missing: how fast the second turns, such as '1/2'")
@@ -71,13 +65,7 @@ def _read(places: Names, name: str, joint: TransmissionKeys) -> Transmission:
 
 
 def carrier_of(places: Names, name: str, joint: CarrierKeys) -> str:
-    """The link from which angles count.
-
-    Raises
-    ------
-    InputError
-        If it is one of the two that turn.
-    """
+    """The link from which angles count."""
     carrier, _ = places.find(f'joints.{name}.carrier', joint.carrier or GROUND)
     if carrier in [link for link, _ in places.ends(name, joint)]:
         raise InputError(

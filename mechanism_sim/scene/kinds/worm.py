@@ -32,13 +32,7 @@ class WormKeys(SpatialKeys):
 
 
 def _read(places: Names, name: str, joint: WormKeys) -> WormDrive:
-    """A worm and its wheel.
-
-    Raises
-    ------
-    InputError
-        If keys are missing, or angles are out of bounds.
-    """
+    """A worm and its wheel."""
     needed(places, name, joint, 'teeth', 'diameter', 'lead_angle')
     (a, on_a), (b, on_b) = places.ends(name, joint)
     threads, teeth = joint.teeth or (1, 1)

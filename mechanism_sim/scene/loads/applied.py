@@ -119,13 +119,7 @@ def _read(places: Names, name: str, load: LoadPart, tree: Mechanism) -> Elements
 def _unknown(
     places: Names, name: str, load: LoadPart, point: LinkPoint, other: LinkPoint | None
 ) -> Callable[[Mechanism], UnknownForce]:
-    """A load whose size is to be found.
-
-    Raises
-    ------
-    InputError
-        If it has not one direction that is always the same.
-    """
+    """A load whose size is to be found."""
     key = f'loads.{name}'
     where = f'{places.name}: {key}'
     if any(isinstance(part, str) for part in (*load.force, load.torque)):
@@ -154,13 +148,7 @@ def _unknown(
 def read_effort(
     places: Names, where: str, link: str, effort: Measure | str, tree: Mechanism
 ) -> Callable[[Mechanism], DriveEffort]:
-    """What a drive of a link supplies while its motion is prescribed.
-
-    Raises
-    ------
-    InputError
-        If it is of the other kind, or its formula cannot be read.
-    """
+    """What a drive of a link supplies while its motion is prescribed."""
     if isinstance(effort, str):
         check_formula(places, where, effort)
         size: float | str = effort
@@ -174,12 +162,7 @@ def read_effort(
 
 
 def check_formula(places: Names, where: str, text: str) -> None:
-    """Refuse a formula that names or calls what is not known.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a formula that names or calls what is not known."""
     known = {'t', 'x', 'y', 'vx', 'vy', *places.links, *(f'{x}_rate' for x in places.links)}
     used = formula.names(text)
     for other in used - known:
@@ -202,13 +185,7 @@ def check_formula(places: Names, where: str, text: str) -> None:
 
 
 def _range(places: Names, where: str, given: DuringPart, tree: Mechanism) -> CycleRange:
-    """The part of a cycle in which a load acts.
-
-    Raises
-    ------
-    InputError
-        If it is empty, or not one of the coordinate.
-    """
+    """The part of a cycle in which a load acts."""
     c = places.coordinate(f'{where}.coordinate', given.coordinate)
     straight = tree.frame(c) != (c, 0.0)
     ends = [

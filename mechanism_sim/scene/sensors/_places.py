@@ -9,12 +9,7 @@ from mechanism_sim.errors import InputError, nearest
 
 
 def check_link(machine: Any, where: str, link: str, frames: Iterable[str] = ()) -> None:
-    """Refuse a sensor on a link that does not move, or on no frame of these.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a sensor on a link that does not move, or on no frame of these."""
     known = [*machine.links, *frames]
     if link not in known:
         raise InputError(
@@ -24,12 +19,7 @@ def check_link(machine: Any, where: str, link: str, frames: Iterable[str] = ()) 
 
 
 def check_joint(where: str, joint: str, known: Iterable[str], what: str) -> None:
-    """Refuse a sensor in a joint that is none of those `known`, which are `what`.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a sensor in a joint that is none of those `known`, which are `what`."""
     known = list(known)
     if joint not in known:
         raise InputError(
