@@ -1,4 +1,4 @@
-"""The site: ``make docs`` writes build/site from README.md, CHANGELOG.md and docs/.
+"""The site: ``make docs`` writes build/site from docs/ and the pages beside it.
 
 Its source folder is that of the repository, so that links between pages, pictures and scenes mean
 here what they mean where the files are read as they are. Nobody who reads it needs a network.
@@ -32,11 +32,19 @@ extensions = [
     'keys',
     'mathml',
     'measurements',
+    'mechanisms',
     'messages',
     'motion',
+    'tools',
 ]
 root_doc = 'docs/index'
-include_patterns = ['README.md', 'CHANGELOG.md', 'docs/**']
+include_patterns = [
+    'README.md',
+    'CHANGELOG.md',
+    'CONTRIBUTING.md',
+    'zenoh_rclpy/README.md',
+    'docs/**',
+]
 exclude_patterns = ['.*', 'build', 'runs', 'docs/pictures', 'docs/site']
 highlight_language = 'text'
 

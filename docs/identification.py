@@ -1,7 +1,7 @@
 """Trials of `mechanism-sim analyze --fit`: bags of known machines, and what is found in them.
 
 Records ten run-ups of the scene `bearing_run_up` as nodes, each with another restitution,
-friction, clearance and noise, identifies them, and puts the table into docs/analysis.md. The
+friction, clearance and noise, identifies them, and writes the table of docs/analysis.md. The
 first round of simulations knows nothing of a signal yet, so it is made once and serves all trials;
 everything else is what the command does.
 """
@@ -21,8 +21,7 @@ from mechanism_sim.analysis.measurements import measurements
 from mechanism_sim.study.identification import ROUNDS, Identification
 from mechanism_sim.study.parameters import OF_JOINT, parameters
 
-PAGE = Path(__file__).with_name('analysis.md')
-BEGIN, END = '<!-- trials -->\n', '<!-- end of trials -->\n'
+FILE = Path(__file__).parent / 'pictures' / 'identification.txt'
 SCENE = 'bearing_run_up'
 LIMITS = {
     'restitution': ('0.2', '0.8'),
@@ -87,10 +86,7 @@ def main() -> None:
     counted = f'All three within their limits in {within} of {TRIALS} trials.'
     rows += ['', f'{counted} The first round took {first:.0f} s of CPU.']
     print(rows[-1])
-    before, _, rest = PAGE.read_text(encoding='utf-8').partition(BEGIN)
-    after = rest.partition(END)[2]
-    table = '\n'.join(rows) + '\n'
-    PAGE.write_text(f'{before}{BEGIN}\n{table}\n{END}{after}', encoding='utf-8')
+    FILE.write_text('\n'.join(rows) + '\n', encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -10,13 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mechanism_sim.report import figures
-from mechanism_sim.vibration.rotors import (
-    DiskRotor,
-    Rotor,
-    influence_coefficients,
-    shaft_rigidity,
-)
+from mechanism_sim.vibration.shafts import shaft_rigidity
 from mechanism_sim.vibration.single import Oscillator
+
+sys.path.insert(0, str(Path(__file__).parent / 'books'))
+from rotors import DiskRotor, Rotor, influence_coefficients
 
 FOLDER = Path(__file__).parent / 'pictures'
 GREYS = ('0.0', '0.35', '0.6')

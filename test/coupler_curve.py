@@ -1,4 +1,14 @@
-"""Curves that points of the coupler of a four-bar trace ([V] 2.3.7), and who else traces them."""
+"""Curves that points of the coupler of a four-bar trace ([V] 2.3.7), and who else traces them.
+
+With a coupler point at m from the crank pin and n from the rocker pin (complex, in the coupler's
+frame), z in the plane and the ground l1,
+
+    2 Re(conj(z) m e^(i th3)) = |z|^2 + |m|^2 - l2^2
+    2 Re((conj(z) - l1) n e^(i th3)) = |z - l1|^2 + |n|^2 - l4^2
+
+Both are linear in cosine and sine of th3, whose squares add to one: a curve of the sixth degree.
+Two other four-bars trace it too (Roberts, Chebyshev).
+"""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ CASES = {
     'test_display.py::test_arrows_are_the_reactions_of_the_same_run': 1,
     'test_display.py::test_markers_are_what_viewers_accept': 1,
     'test_drawing.py::test_names_do_not_cover_each_other': 4,
-    'test_documentation.py::test_the_mobility_in_its_row_is_that_of_the_scene': 8,
+    'test_documentation.py::test_the_mobility_in_the_gallery_is_that_of_the_scene': 8,
     'test_edit.py::test_a_value_changes_one_line_and_comes_back_as_yaml': 3,
     'test_edit.py::test_whatever_is_done_to_a_scene_it_stays_one_that_can_be_undone': 2,
     'test_edit.py::test_every_scene_opens_and_a_number_changed_by_the_panel_is_one_line': 3,

@@ -13,16 +13,34 @@ from test.grid.command import make_parser as grid_parser
 from zenoh_rclpy.commands import make_parser as zros_parser
 
 PAGES = {page: blocks(page) for page in pages()}
+EXERCISES = 'docs/exercises.md'  # a test for each chapter
+
+
+def chapters(page: str) -> dict[str, list[Block]]:
+    """Blocks of a page by its headings of the second level."""
+    found: dict[str, list[Block]] = {}
+    lines = (ROOT / page).read_text('utf-8').splitlines()
+    begins = [k for k, line in enumerate(lines) if line.startswith('## ')]
+    for begin, end in zip(begins, [*begins[1:], len(lines)], strict=True):
+        within = [block for block in PAGES[page] if begin < block.line <= end]
+        found[f'{page}: {lines[begin].removeprefix("## ")}'] = within
+    assert sum(map(len, found.values())) == len(PAGES[page])
+    return found
+
+
+PAGES |= chapters(EXERCISES)
+del PAGES[EXERCISES]
 ELSEWHERE = {'docs/tutorial.md'}  # test_tutorial.py follows it word by word
 NOT_RUN = [block for found in PAGES.values() for block in found if block.mark == 'not run']
 
 
 DEEP = {
+    'docs/exercises.md: Chapter 2: kinematics',
+    'docs/exercises.md: Chapter 3: forces',
     *(
         f'docs/{page}.md'
         for page in (
             'analysis',
-            'exercises',
             'faq',
             'linkages',
             'looking',

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from conjugacy import find_contacts
 from scipy.interpolate import make_interp_spline
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.gears.conjugacy import find_contacts
 from mechanism_sim.gears.involute import TOOTH_SYSTEMS, Gear
 from mechanism_sim.gears.pair import Pair
 

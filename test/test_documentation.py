@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import re
+import runpy
 import shlex
 import sys
 from pathlib import Path
@@ -17,15 +19,12 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Level
 from mechanism_sim.scene.check import check
 
+sys.path.insert(0, str(Path(__file__).parents[1] / 'docs' / 'site'))
+
+import mechanisms as gallery
+
 DOCS = Path(__file__).parents[1] / 'docs'
 LINKAGES = (DOCS / 'linkages.md').read_text(encoding='utf-8')
-MECHANISMS = (DOCS / 'mechanisms.md').read_text(encoding='utf-8')
-ROW = re.compile(
-    r'^\| <img src="(?P<picture>[^"]*)" alt="(?P<alt>[^"]*)" width="360"> '
-    r'\| \[`(?P<name>\w+)`\]\((?P<file>\S+)\)<br>(?P<title>.*?) '
-    r'\| .+ \| (?P<freedom>\d+) \|$',
-    re.MULTILINE,
-)
 
 
 def blocks(indent: str) -> list[str]:
@@ -41,26 +40,28 @@ def written(folder: Path, text: str) -> str:
     return str(file)
 
 
-def test_every_scene_has_a_picture_and_a_true_row():
-    rows = {row['name']: row for row in ROW.finditer(MECHANISMS)}
-    assert len(rows) == MECHANISMS.count('<img ')
-    assert sorted(rows) == ms.scene_names()
-    for name, row in rows.items():
-        machine = ms.load_scene(name)
-        assert row['title'] == machine.scene.title
-        assert row['alt'] == name
-        assert (DOCS / row['file']).is_file()
-        picture = DOCS / row['picture']
-        assert picture.stem == name
+def test_every_scene_is_once_in_the_gallery_with_its_picture():
+    text = gallery.gallery()
+    listed = [name for names in gallery.SECTIONS.values() for name in names]
+    assert sorted(listed) == ms.scene_names()
+    assert set(gallery.FREEDOMS) <= set(listed)
+    for name in listed:
+        scene = ms.load_scene(name).scene
+        (row,) = (line for line in text.splitlines() if f'](../config/{name}.yaml)' in line)
+        assert scene.title.replace('_', r'\_') in row
+        words = ' '.join(scene.description.split())
+        assert ' '.join(html.unescape(row).replace('\\', '').split()).count(words)
+        assert (DOCS.parent / 'config' / f'{name}.yaml').is_file()
+        picture = DOCS / 'pictures' / 'mechanisms' / f'{name}.svg'
+        assert f'<img src="{picture.relative_to(DOCS)}"' in row
         assert 5_000 < picture.stat().st_size < 75_000
-        assert machine.scene.title in picture.read_text(encoding='utf-8').replace('&#x27;', "'")
+        assert scene.title in picture.read_text(encoding='utf-8').replace('&#x27;', "'")
 
 
 @pytest.mark.parametrize('name', ms.scene_names())
-def test_the_mobility_in_its_row_is_that_of_the_scene(name):
-    (row,) = (row for row in ROW.finditer(MECHANISMS) if row['name'] == name)
+def test_the_mobility_in_the_gallery_is_that_of_the_scene(name):
     machine = ms.load_scene(name)
-    assert f'mobility: {row["freedom"]},' in ' '.join(check(machine).notes)
+    assert f'mobility: {gallery.FREEDOMS.get(name, 1)},' in ' '.join(check(machine).notes)
 
 
 @pytest.mark.parametrize(
@@ -81,7 +82,7 @@ def test_a_mistake_in_ten_links_is_answered_as_the_documentation_says(command, s
 def site(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / 'site'))
     yield
-    for name in ('commands', 'keys', 'messages'):
+    for name in ('commands', 'keys', 'messages', 'tools'):
         sys.modules.pop(name, None)
 
 
@@ -199,3 +200,30 @@ def test_a_missing_joint_is_told_from_missing_masses(tmp_path):
     short = scene.read_text(encoding='utf-8').replace('[ground, crank]', '[ground]')
     scene.write_text(short, encoding='utf-8')
     assert 'must have 2 entries' in run('check', str(scene)).stderr
+
+
+def test_the_picture_of_the_rooms_is_that_of_the_layers():
+    drawn = runpy.run_path(str(DOCS / 'architecture.py'))
+    assert drawn['FILE'].read_text(encoding='utf-8') == drawn['draw']()
+
+
+@pytest.mark.parametrize('page', ['CONTRIBUTING.md', 'docs/architecture.md'])
+def test_pages_for_who_changes_the_program_are_short_and_name_what_there_is(page):
+    """Paths in backticks exist, from the repository or from the package."""
+    root = DOCS.parent
+    text = (root / page).read_text(encoding='utf-8')
+    assert len(text.split()) <= 1200
+    paths = re.findall(r'`([\w./]+/[\w.]*(?:\.py|/))`', text)
+    assert len(paths) > 20
+    for path in paths:
+        if 'KIND' not in path:
+            assert (root / path).exists() or (root / 'mechanism_sim' / path).exists(), path
+
+
+@pytest.mark.usefixtures('site')
+def test_the_page_of_the_editor_has_a_place_for_its_tools():
+    import tools  # noqa: PLC0415 - of the site
+
+    assert (DOCS / 'editing.md').read_text(encoding='utf-8').count(tools.MARK) == 1
+    rows = re.findall(r'^\| ([^|]+) \| ((?:Shift\+)?[A-Z]) \| [^|]+ \|$', tools.table(), re.M)
+    assert len(rows) == len({key for _, key in rows}) > 25

@@ -301,6 +301,45 @@ def test_whoever_serves_waits_for_no_run_to_take_its_document():
         runs.close()
 
 
+def test_who_draws_and_has_grown_gives_way_to_another_and_nothing_is_lost(monkeypatch):
+    sizes: dict[int, float] = {}
+    monkeypatch.setattr(worker, 'resident', lambda pid: sizes.setdefault(pid, 200.0))
+    document, states = Document(), []
+
+    def send(kind, _number, text):
+        if kind == 'state':
+            states.append(json.loads(text))
+
+    def catch_up():
+        while found.busy:
+            wait(found.links, 0.05)
+            found.take()
+
+    found = worker.Worker(document, send, print)
+    try:
+        for item in ('text', 'title: newer\n'), ('path', ['links']):
+            catch_up()
+            assert not found.grown
+            found.ask(
+                'page', {'type': 'select' if item[0] == 'path' else 'text', item[0]: item[1]}
+            )
+        catch_up()
+        (first,) = sizes
+        sizes[first] = 450.0
+        assert found.grown
+        found.renew()
+        assert not found.grown  # it begins
+        catch_up()
+        assert not found.grown
+        assert (states[-1]['text'], states[-1]['path']) == ('title: newer\n', ['links'])
+        assert states[-1]['undo']
+        assert len(sizes) == 2
+        sizes |= dict.fromkeys(sizes, 250.0)
+        assert not found.grown
+    finally:
+        found.close()
+
+
 @pytest.mark.parametrize(('error', 'said'), [
     (KeyError('coupler'), "it cannot be checked and run (KeyError: 'coupler')"),
     (MemoryError(), 'it cannot be checked and run (MemoryError)'),
@@ -357,7 +396,9 @@ def test_whoever_serves_waits_for_no_disk(tmp_path, monkeypatch):
     monkeypatch.setattr(os, 'fsync', lambda number: (free.wait(TIMEOUT), sync(number)))
     document = Document('title: old\n', Path('m.yaml'), 'm')
     desk, asked = Desk(document), []
-    idle = SimpleNamespace(busy=0.0, job=None, number=0, document=document, ask=asked.append)
+    idle = SimpleNamespace(
+        busy=0.0, grown=False, job=None, number=0, document=document, ask=asked.append
+    )
     desk._worker, desk._since = idle, 0.0
     document.replace('title: new\n')
     assert ends(lambda: [desk._work(idle, None) for _ in range(3)])

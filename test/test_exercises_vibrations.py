@@ -8,16 +8,12 @@ import numpy as np
 import pytest
 import scipy
 from blocks import ROOT, blocks
+from rotors import Rotor, influence_coefficients, peak_radius
 
 import mechanism_sim as ms
 from mechanism_sim.study.modes import modes
 from mechanism_sim.study.response import read_source, response
-from mechanism_sim.vibration.rotors import (
-    Rotor,
-    influence_coefficients,
-    peak_radius,
-    shaft_rigidity,
-)
+from mechanism_sim.vibration.shafts import shaft_rigidity
 
 NAME = 'docs/exercises.md'
 PAGE = (ROOT / NAME).read_text('utf-8')

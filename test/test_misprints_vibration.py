@@ -7,9 +7,7 @@ import math
 import numpy as np
 import pint
 import pytest
-
-from mechanism_sim.vibration import state_space
-from mechanism_sim.vibration.damping import (
+from damping import (
     damping_coefficient,
     damping_ratio,
     decrement,
@@ -17,21 +15,14 @@ from mechanism_sim.vibration.damping import (
     logarithmic_decrement,
     loss_factors,
 )
-from mechanism_sim.vibration.excitation import (
-    FourierSeries,
-    base_excited,
-    periodic_response,
-    relative_transmissibility,
-)
-from mechanism_sim.vibration.rotors import (
-    DiskRotor,
-    Rotor,
-    influence_coefficients,
-    peak_radius,
-    shaft_rigidity,
-)
+from excitations import base_excited, periodic_response, relative_transmissibility
+from rotors import DiskRotor, Rotor, influence_coefficients, peak_radius
+from two_masses import TwoMasses
+
+from mechanism_sim.vibration import state_space
+from mechanism_sim.vibration.excitation import FourierSeries
+from mechanism_sim.vibration.shafts import shaft_rigidity
 from mechanism_sim.vibration.single import Oscillator
-from mechanism_sim.vibration.two_masses import TwoMasses
 
 WN, XI, M, P0 = 7.0, 0.15, 2.0, 3.0
 OSCILLATOR = Oscillator.of_ratio(WN, XI, M)

@@ -4,7 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from damping import damping_ratio, logarithmic_decrement
+from excitations import relative_transmissibility
+from rotors import Rotor
 from running import run, run_json
+from two_masses import TwoMasses
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
@@ -25,12 +29,8 @@ from mechanism_sim.study.modes import (
     natural_modes,
 )
 from mechanism_sim.study.response import read_source, response
-from mechanism_sim.vibration.damping import damping_ratio, logarithmic_decrement
-from mechanism_sim.vibration.excitation import relative_transmissibility
-from mechanism_sim.vibration.rotors import Rotor
 from mechanism_sim.vibration.single import Oscillator
 from mechanism_sim.vibration.systems import chain
-from mechanism_sim.vibration.two_masses import TwoMasses
 
 TURN = 2.0 * np.pi
 EXACT = {'rel': 1e-10, 'abs': 1e-13}

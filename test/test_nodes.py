@@ -350,7 +350,8 @@ def test_a_partner_that_never_comes_is_named():
 @pytest.mark.parametrize(
     'given', ['recorder --file x.mcap --hold', 'linkage --force-scale 2', 'display --lead 3']
 )
-def test_an_option_of_another_node_is_refused(given):
+def test_an_option_of_another_node_is_refused(given, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     name, *options = given.split()
     done = run('node', name, '--scene', SCENE, *options)
     assert done.returncode == 2

@@ -5,6 +5,7 @@ import random
 
 import numpy as np
 import pytest
+from rotors import DiskRotor, Rotor, influence_coefficients
 from running import run, run_json
 
 import mechanism_sim as ms
@@ -16,13 +17,7 @@ from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.harmonics import harmonics, unbalance_response
 from mechanism_sim.study.modes import campbell, critical_speeds, modes
 from mechanism_sim.study.response import read_source, response
-from mechanism_sim.vibration.rotors import (
-    DiskRotor,
-    Rotor,
-    influence_coefficients,
-    shaft_rigidity,
-)
-from mechanism_sim.vibration.shafts import Bearing, condensed
+from mechanism_sim.vibration.shafts import Bearing, condensed, shaft_rigidity
 
 EXACT = {'rel': 1e-10, 'abs': 1e-13}
 TURN = 2.0 * np.pi

@@ -7,19 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from damping import logarithmic_decrement
+from excitations import periodic_response
+from orbits import Orbit
+from rotors import DiskRotor, Rotor, influence_coefficients
 from scipy.integrate import solve_ivp
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.vibration import state_space
-from mechanism_sim.vibration.damping import logarithmic_decrement
-from mechanism_sim.vibration.excitation import FourierSeries, periodic_response
-from mechanism_sim.vibration.orbits import Orbit
-from mechanism_sim.vibration.rotors import (
-    DiskRotor,
-    Rotor,
-    influence_coefficients,
-    shaft_rigidity,
-)
+from mechanism_sim.vibration.excitation import FourierSeries
+from mechanism_sim.vibration.shafts import shaft_rigidity
 from mechanism_sim.vibration.single import Oscillator
 from mechanism_sim.vibration.systems import System, chain
 from mechanism_sim.vibration.torsional import (

@@ -8,14 +8,14 @@ from __future__ import annotations
 import mpmath as mp
 import numpy as np
 import pytest
+from rotors import Rotor, influence_coefficients, peak_radius
+from two_masses import TwoMasses
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.vibration.exponentials import first_difference, second_difference
-from mechanism_sim.vibration.rotors import Rotor, influence_coefficients, peak_radius
 from mechanism_sim.vibration.single import Oscillator
 from mechanism_sim.vibration.systems import System, chain
 from mechanism_sim.vibration.torsional import disks
-from mechanism_sim.vibration.two_masses import TwoMasses
 
 NEARNESS = (0.0, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3)
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from excitations import base_excited, periodic_response
+from rotors import DiskRotor, Rotor, influence_coefficients
+from two_masses import TwoMasses
 
 from mechanism_sim.vibration import state_space
-from mechanism_sim.vibration.excitation import FourierSeries, base_excited, periodic_response
-from mechanism_sim.vibration.rotors import DiskRotor, Rotor, influence_coefficients
+from mechanism_sim.vibration.excitation import FourierSeries
 from mechanism_sim.vibration.single import Oscillator
 from mechanism_sim.vibration.systems import System, chain
-from mechanism_sim.vibration.two_masses import TwoMasses
 
 #: of each kind; ten kinds
 COUNT = 100

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -131,13 +132,19 @@ def main(args: list[str] | None = None) -> int:
         from zenoh_rclpy.command_node import command_node  # noqa: PLC0415 - not for --help
 
         with command_node(options.timeout) as node:
-            return options.act(node, options) or 0
+            code = int(options.act(node, options) or 0)
+        sys.stdout.flush()
+        return code
     except (ValueError, ImportError, argparse.ArgumentTypeError) as error:
         return _fail(str(error), 2, given)
     except KeyboardInterrupt:
         return _fail('interrupted', 130, given)
-    except BrokenPipeError:  # whoever read our output has had enough
-        return 0
+    except OSError as error:
+        # Python would write to an output that is closed or full again at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):  # whoever read it has had enough
+            return 0
+        return _fail(f'the output cannot be written: {error.strerror or error}', 1, [])
     except Exception as error:
         if type(error).__name__ == 'ExternalShutdownException':  # of rclpy, or of this package
             return _fail('interrupted', 130, given)

@@ -1,4 +1,4 @@
-"""The reference of a scene's keys: what the schema says, so that it is never old."""
+"""The reference of the keys of scenes and sweeps: what their schemas say, so it is never old."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from typing import Any, Literal, get_args, get_origin
 from mechanism_sim.scene.four_bar import FourBarScene, Link
 from mechanism_sim.scene.quantities import Part, Quantity, meanings
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.sweep.schema import SweepFile
 from mechanism_sim.units import Measure
 
 PAGE = 'docs/keys'
-TITLES = {Scene: 'A scene', FourBarScene: 'A four-bar', Link: 'Link of a four-bar'}
+TITLES = {
+    Scene: 'A scene', FourBarScene: 'A four-bar', Link: 'Link of a four-bar', SweepFile: 'A sweep',
+}  # fmt: skip
 BOUNDS = {'gt': '> {}', 'ge': '>= {}', 'lt': '< {}', 'le': '<= {}'}
 
 
@@ -28,14 +31,14 @@ def _append(_app: Any, page: str, source: list[str]) -> None:
 
 
 def reference() -> str:
-    """All parts of scenes as Markdown, a section each."""
+    """All parts of scenes and sweeps as Markdown, a section each."""
     return ''.join(_section(part) for part in parts())
 
 
 def parts() -> list[type[Part]]:
-    """Every part that a scene may hold, the scene itself first."""
+    """Every part that a scene or a sweep may hold, the scene itself first."""
     found: list[type[Part]] = []
-    waiting: list[type[Part]] = [Scene, FourBarScene]
+    waiting: list[type[Part]] = [Scene, FourBarScene, SweepFile]
     while waiting:
         part = waiting.pop(0)
         if part not in found:

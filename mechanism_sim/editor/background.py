@@ -12,6 +12,7 @@ from threading import Thread
 from typing import Any, NamedTuple
 
 from mechanism_sim import ending, strict_json
+from mechanism_sim.editor.processes import LARGEST, resident, work_unseen
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.packages import reason
 
@@ -65,7 +66,12 @@ class Background:
         self._jobs.put(job)
 
     def look(self, newest: Callable[[], Job | None]) -> None:
-        """End a process that goes on with what is not wanted, and begin with the newest."""
+        """End a process that goes on with what is not wanted, and begin with the newest.
+
+        One that waits and has grown large is ended, too: the next job begins a new one.
+        """
+        if self._process is not None and not self._busy and self._grown():
+            self.close()
         if self._since is not None and time.monotonic() > self._since + PATIENCE:
             self.close()
             if job := newest():
@@ -77,6 +83,9 @@ class Background:
             self._process.kill()
             self._process.join()
         self._process, self._since, self._busy = None, None, False
+
+    def _grown(self) -> bool:
+        return resident(self._process.pid) > LARGEST
 
     def _start(self) -> None:
         context = get_context('spawn')
@@ -117,11 +126,7 @@ class _NotWanted(Exception):  # noqa: N818 - no error: the job is dropped
 
 def _serve(link: Connection) -> None:
     """Do jobs until nobody gives any."""
-    import os  # noqa: PLC0415
-    import signal  # noqa: PLC0415
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is for the one who edits
-    ending.follow(os.getppid())
+    work_unseen()
     try:
         job = link.recv()
         while True:

@@ -189,6 +189,9 @@ class Desk:
         """Give the worker what is next; where nothing is, run the document or keep it."""
         if worker.busy:
             return
+        if worker.grown and not self._drags:
+            worker.renew()
+            return
         if self._todo:
             kind, item = self._todo.popleft()
             worker.ask(kind, item)
@@ -205,6 +208,15 @@ class Desk:
         elif self._paused != worker.number:
             self._paused = worker.number
             worker.ask('pause')
+
+    @property
+    def _drags(self) -> bool:
+        """Whether somebody goes on to drag: that would begin anew with another process."""
+        return (
+            bool(self._todo)
+            and self._todo[0][0] == 'page'
+            and (self._todo[0][1].get('type') in (*_FOLLOWED, 'drop'))
+        )
 
     def _keep_meanwhile(self) -> None:
         """Keep what is not saved, in a thread; say so if the last time it was not possible."""

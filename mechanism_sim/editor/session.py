@@ -37,6 +37,8 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import Scene
 
 Send = Callable[[dict[str, Any]], None]
+Chosen = tuple[tuple[str, ...], dict[str, bool]]
+"""The path of the part whose keys are listed; points whose paths somebody wants drawn, or not."""
 
 _BUDGET = 0.012
 """[s] of a frame, of 17 ms; where forces take it beyond, they come with one frame in `_SOME`."""
@@ -83,6 +85,7 @@ class Session:
     send : to all pages
     number : of the first state
     heavy : why texts are not drawn, for those that are too much
+    chosen : as of another session of the document that this one follows
 
     Attributes
     ----------
@@ -95,11 +98,11 @@ class Session:
         send: Send,
         number: int = 0,
         heavy: Mapping[str, str] | None = None,
+        chosen: Chosen | None = None,
     ) -> None:
         self.document, self._send = document, send
         self.number, self._heavy = number, dict(heavy or {})
-        self._path: tuple[str, ...] = ()
-        self._traced: dict[str, bool] = {}  # points whose paths somebody asked for, or not
+        self._path, self._traced = chosen or ((), {})
         self._picture = Picture(Document().scene(), None, {GROUND: ORIGIN}, '')
         self._grabbed: tuple[str, Picture] | None = None
         self._of: str | None = None  # the text whose picture this is
@@ -180,6 +183,11 @@ class Session:
             'place': _place_of(picture.problem, content),
             **self._drawn(picture),
         }
+
+    @property
+    def chosen(self) -> Chosen:
+        """What is shown beside the document, by the choice of those who edit."""
+        return self._path, self._traced
 
     @property
     def greeting(self) -> list[dict[str, Any]]:

@@ -6,17 +6,15 @@ of hundreds of links. The process that serves pages holds the document and waits
 
 from __future__ import annotations
 
-import os
-import signal
 import time
 from collections.abc import Callable, Iterator
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import Any
 
 from mechanism_sim import ending, strict_json
 from mechanism_sim.editor.document import Document
+from mechanism_sim.editor.processes import LARGEST, cpu_time, resident, work_unseen
 from mechanism_sim.packages import reason
 
 PATIENCE = 15.0
@@ -67,6 +65,8 @@ class Worker:
         self._asked: tuple[str, Any] | None = None  # of which nothing has come yet
         self._retried: tuple[str, Any] | None = None
         self._tried, self.trouble = False, ''
+        self._chosen: Any = None  # what its session shows beside the document
+        self._small = 0.0  # [MiB] when it was new
         self._process: Any = None
         self._link: Any = None
         self._start()
@@ -81,6 +81,19 @@ class Worker:
         """How long it is at work [s]; 0 if it waits."""
         return 0.0 if self._since is None else max(time.monotonic() - self._since, 1e-9)
 
+    @property
+    def grown(self) -> bool:
+        """Whether it waits, and holds much more memory than when it was new."""
+        if self.busy or self._process is None:
+            return False
+        size = resident(self._process.pid)
+        self._small = self._small or size
+        return size > max(LARGEST, 1.5 * self._small)
+
+    def renew(self) -> None:
+        """Let a new process go on with the document as it is."""
+        self._again('')
+
     def ask(self, kind: str, item: Any = None) -> None:
         """Let it do something, which it may only if it is not busy.
 
@@ -89,7 +102,7 @@ class Worker:
         kind : ``page`` with a message of a page, ``found`` with the arguments of `Session.found`,
             ``pause``, ``job``
         """
-        self._since, self._before = time.monotonic(), _cpu_time(self._process.pid) or 0.0
+        self._since, self._before = time.monotonic(), cpu_time(self._process.pid) or 0.0
         self._asked = kind, item
         try:
             self._link.send((kind, item))
@@ -117,7 +130,7 @@ class Worker:
 
     def _spends(self) -> float:
         """CPU time [s] of what it does, or a part of the time, where that is not known."""
-        spent = _cpu_time(self._process.pid)
+        spent = cpu_time(self._process.pid)
         return self.busy / _BUSY if spent is None else max(spent - self._before, self.busy / _BUSY)
 
     def close(self) -> None:
@@ -129,7 +142,7 @@ class Worker:
 
     def _start(self) -> None:
         self._since, self._before, self._begun = time.monotonic(), 0.0, False
-        self._process = self._link = None
+        self._process, self._link, self._small = None, None, 0.0
         context = get_context('spawn')
         ours: list[Connection] = []
         # It gets the document when it is there to take it: until then nobody reads, and a document
@@ -189,9 +202,9 @@ class Worker:
         elif kind == 'begun':  # its modules are there; from here on it draws
             self._since, self._begun = time.monotonic(), True
             heavy = {text: why for text, why in self._heavy.items() if text == self.document.text}
-            self._link.send((self.document, self.number, heavy))
+            self._link.send((self.document, self.number, heavy, self._chosen))
         else:
-            (self.number,) = items
+            self.number, self._chosen = items
             self._since = self._asked = None
             again, self._retried = self._retried, None
             self._tried = again is not None
@@ -199,21 +212,11 @@ class Worker:
                 self.ask(*again)
 
 
-def _cpu_time(pid: int | None) -> float | None:
-    """CPU time [s] of a process, where the system tells it."""
-    try:
-        fields = Path(f'/proc/{pid}/stat').read_text('utf-8').rpartition(')')[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
-    except (OSError, IndexError, ValueError):
-        return None
-
-
 def _work(link: Connection) -> None:
     """Do what is asked for until nobody asks."""
     from mechanism_sim.editor.session import Session  # noqa: PLC0415 - here it is loaded
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is for the one who edits
-    ending.follow(os.getppid())
+    work_unseen()
 
     def send(message: dict[str, Any]) -> None:
         text = strict_json.dumps(message)
@@ -221,9 +224,9 @@ def _work(link: Connection) -> None:
 
     try:
         link.send(('begun',))
-        document, number, heavy = link.recv()
+        document, number, heavy, chosen = link.recv()
         document.watch = lambda change, value: link.send(('document', change, value))
-        session = Session(document, send, number, heavy)
+        session = Session(document, send, number, heavy, chosen)
         for message in session.greeting:
             send(message)
         for kind, item in _requests(link, session):
@@ -247,5 +250,5 @@ def _work(link: Connection) -> None:
 
 def _requests(link: Connection, session: Any) -> Iterator[tuple[str, Any]]:
     while True:
-        link.send(('idle', session.number))
+        link.send(('idle', session.number, session.chosen))
         yield link.recv()

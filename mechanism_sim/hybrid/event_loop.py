@@ -107,8 +107,9 @@ class EventLoop:
         self._quickest = _QUICKEST * fastest
         steep = system.steep
         # polynomials of what moves are known as it is
-        checked = steep and steep.enclosure.count
-        self._check = StepCheck(system, steep, self._ta, limit) if checked else None
+        self._check: StepCheck | None = None
+        if steep and steep.enclosure.count:
+            self._check = StepCheck(system, steep, self._ta, limit)
         quick = (system.lone or not system.guards) and not system.timed
         self._quick = quick and self._check is None
         f, width = len(system.free), self._ta.order + 1

@@ -6,17 +6,15 @@ import math
 import time
 from collections import deque
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import Float64
+from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SETTLE
 from mechanism_sim.planar.drive import DriveLaw
-
-if TYPE_CHECKING:
-    from mechanism_sim.nodes.crank_drive import CrankDrive
 
 
 class Commands:
@@ -38,7 +36,7 @@ class Commands:
         If there is a period, but the drive takes no commands.
     """
 
-    def __init__(self, drive: CrankDrive) -> None:
+    def __init__(self, drive: Drive) -> None:
         self._drive, law = drive, drive.law
         self._period = drive.declare(
             'command_period', 0.0, 'One command for each such time [s]; 0: at any time',

@@ -6,14 +6,11 @@ among each other. A step of the clock cuts no step of the solver.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mechanism_sim.messages import MessageError, action_class, message_class, service_class
+from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import ActionServer, CancelResponse, ReentrantCallbackGroup
-from mechanism_sim.nodes.worlds import Worlds
-
-if TYPE_CHECKING:
-    from mechanism_sim.nodes.crank_drive import CrankDrive
 
 PACKAGE = 'simulation_interfaces'
 # SetSimulationState.Response; constants of a service are not in the classes made from definitions
@@ -33,10 +30,11 @@ class Control:
     ----------
     busy : what is under way, such as steps or a reset; empty for nothing
     stopped : whether the run is at time 0, paused, by a request
+    available : whether the services are there
     """
 
-    def __init__(self, drive: CrankDrive) -> None:
-        self._drive, self.busy, self.stopped = drive, '', False
+    def __init__(self, drive: Drive) -> None:
+        self._drive, self.busy, self.stopped, self.available = drive, '', False, False
         try:
             self._features = message_class(f'{PACKAGE}/msg/SimulatorFeatures')
         except MessageError as error:
@@ -56,7 +54,6 @@ class Control:
         ):
             kind = service_class(f'{PACKAGE}/srv/{short}')
             drive.create_service(kind, name, answer, callback_group=group)
-        self._worlds = Worlds(drive, self)
         self._action = ActionServer(
             drive,
             action_class(f'{PACKAGE}/action/SimulateSteps'),
@@ -65,6 +62,7 @@ class Control:
             callback_group=group,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )
+        self.available = True
 
     # --- services -----------------------------------------------------------------------------
 

@@ -9,19 +9,20 @@ from typing import Any
 from mechanism_sim.messages import Clock, DiagnosticStatus, DriveLaw, stamp
 from mechanism_sim.messages.events import drive_law
 from mechanism_sim.nodes.commands import Commands
+from mechanism_sim.nodes.content_propagation import ContentPropagation
 from mechanism_sim.nodes.control import Control
 from mechanism_sim.nodes.described_node import Diagnosis
+from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import Future, Parameter
 from mechanism_sim.nodes.pace import Pace
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
-from mechanism_sim.nodes.scene_values import ContentPropagation
-from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.nodes.worlds import Worlds
 
 BEHIND = 0.95
 """Share of the real-time factor asked for below which the diagnostics warn."""
 
 
-class CrankDrive(SimulationNode):
+class CrankDrive(Drive):
     """Announces the law of the crank ahead of the slowest partner, by credit.
 
     A law and not samples, which would bring a delay of a tick; credit and not a common clock, so
@@ -32,12 +33,6 @@ class CrankDrive(SimulationNode):
     law is announced ahead of the slowest partner; ``realtime_factor``, simulated seconds per
     second, 0 for as fast as possible; ``paused``, to begin so; ``hold``, to pause at the end of
     the run instead of ending; ``step_size`` [s]; ``publish_clock``.
-
-    Attributes
-    ----------
-    announced : [s] up to which the law is promised: what is commanded now holds from then on
-    playing : whether time goes on by itself
-    final : whether the law is announced to the end of the run: nothing can be done any more
     """
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
@@ -69,6 +64,8 @@ class CrankDrive(SimulationNode):
             self._clock_publisher = self.create_publisher(Clock, '/clock', CLOCK)
         self._commands = Commands(self)
         self.control = Control(self)
+        if self.control.available:
+            self._worlds = Worlds(self, self.control)
         self._content_of_partners = ContentPropagation(self)
         self.join()
 

@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.messages import MessageError, message_class, service_class, stamp
-
-if TYPE_CHECKING:
-    from mechanism_sim.nodes.integration import Integration
-    from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.planar.inverse_dynamics import Observation
 
 PACKAGE = 'simulation_interfaces'
+
+
+class Observable(Protocol):
+    """The integration of a machine, as far as its entities look at it."""
+
+    @property
+    def begun(self) -> bool:
+        """Whether any motion of the run is known."""
+
+    def observe_latest(self) -> tuple[float, Observation]:
+        """The last time [s] up to which the motion is known, and the machine then."""
 
 
 class Entities:
@@ -23,7 +32,7 @@ class Entities:
     services, see `Control`.
     """
 
-    def __init__(self, node: SimulationNode, integration: Integration) -> None:
+    def __init__(self, node: SimulationNode, integration: Observable) -> None:
         self._node, self._integration = node, integration
         try:
             self._result = message_class(f'{PACKAGE}/msg/Result')

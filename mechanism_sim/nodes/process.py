@@ -9,11 +9,12 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mechanism_sim import ending
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.nodes.arguments import Parser, split_ros_args
+from mechanism_sim.nodes.described_node import DescribedNode
 from mechanism_sim.nodes.middleware import (
     InvalidQosOverridesError,
     MiddlewareError,
@@ -27,9 +28,6 @@ from mechanism_sim.nodes.middleware import (
 )
 from mechanism_sim.terminal import print_error
 from ros_interfaces.names import InvalidNameError
-
-if TYPE_CHECKING:
-    from mechanism_sim.nodes.described_node import DescribedNode
 
 PATIENCE, PATIENCE_AFTER_INTERRUPT, PATIENCE_AFTER_FAILURE = 60.0, 0.5, 1.0
 """[s] that others get to take in what was published: at the end of a run, after a signal, and

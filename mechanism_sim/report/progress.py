@@ -1,4 +1,4 @@
-"""Progress of long work on a terminal, and the closing lines of a run."""
+"""Progress of long work on a terminal."""
 
 from __future__ import annotations
 

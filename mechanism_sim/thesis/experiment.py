@@ -396,7 +396,7 @@ class Repeats:
         """
         spans = [x.impacts if turns is None else x.since_first(turns) for x in self.trials]
         if len(spans) == 1 and turns is None:
-            count, impulse = spans[0].count, spans[0].impulse
+            count, impulse = spans[0].count.astype(float), spans[0].impulse
         else:
             count, impulse = np.array([(x.count.mean(), x.impulse.mean()) for x in spans]).T
         if name == 'I_n':

@@ -27,6 +27,11 @@ class Bearing:
     clamped: bool = False  #: whether the shaft cannot tilt there
 
 
+def shaft_rigidity(modulus: float, diameter: float) -> float:
+    """E I of a round shaft [N m^2], from E [Pa] and its diameter [m]."""
+    return modulus * np.pi * diameter**4 / 64.0
+
+
 def beam(rigidity: float, length: float) -> Array:
     """Stiffness (4, 4) of a beam for its ends' deflections and slopes, w1, s1, w2, s2.
 

@@ -434,6 +434,7 @@ def main() -> int:
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--log', type=Path, help='file for a line of every message')
     options = parser.parse_args()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's & takes away
     with tempfile.TemporaryDirectory() as folder:
         found = edit(Path(folder) / 'editor', options.messages, options.seed, log=options.log)
     print(dict(found.counts), f'{len(found.saves.texts)} files saved')

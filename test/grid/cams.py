@@ -14,6 +14,12 @@ CURVES = (
     'cycloidal', 'harmonic', 'four_spline', 'modified_trapezoid', 'modified_sine',
     'polynomial_345', 'polynomial_4567', 'spline',
 )  # fmt: skip
+KINDS = {
+    'knife': ('knife', False), 'roller': ('roller', False), 'flat': ('flat', False),
+    'tilted': ('flat', False), 'swinging roller': ('roller', True),
+    'swinging face': ('flat', True),
+}  # fmt: skip
+"""Followers: what touches the cam, and whether it swings."""
 SPLINE = [[0, 0], [0.3, 0.2], [0.6, 0.75], [1, 1]]
 # what the program is right to refuse
 UNFIT = (
@@ -50,23 +56,29 @@ def law(random: Random, lift: float) -> Scene:
     return {'segments': segments}
 
 
-def cam(random: Random, contact: Scene | None = None) -> Scene:
+def cam(
+    random: Random, contact: Scene | None = None, kind: str | None = None, sense: int | None = None
+) -> Scene:
     """A scene as a dictionary: a camshaft at constant speed and one follower.
 
-    `contact` are keys of the joint such as `lift_off`.
+    `contact` are keys of the joint such as `lift_off`; `kind`, of `KINDS`, and `sense`, 1 for
+    counterclockwise and -1, are drawn if they are not given.
     """
     base = float(random.uniform(0.02, 0.04))
     centre, direction = random.uniform(-0.1, 0.1, 2), float(random.uniform(-3.0, 3.0))
-    sense = int(random.choice([1, -1]))
+    drawn = int(random.choice([1, -1]))
+    sense = drawn if sense is None else sense
     groove = 'groove' in (contact or {})
-    kind = 'roller' if groove else str(random.choice(['knife', 'roller', 'flat']))
+    follower = 'roller' if groove else str(random.choice(['knife', 'roller', 'flat']))
     swings, own = random.random() < 0.5, random.uniform(-0.02, 0.02, 2)
+    if kind is not None:
+        follower, swings = KINDS[kind]
     joint: Scene = {
-        'cam': ['shaft.axis', 'follower.tip'], 'follower': kind, 'base_radius': base,
+        'cam': ['shaft.axis', 'follower.tip'], 'follower': follower, 'base_radius': base,
         'phase': float(random.uniform(-4.0, 4.0)), **(contact or {}),
         'sense': 'counterclockwise' if sense == 1 else 'clockwise',
     }  # fmt: skip
-    if kind == 'roller':
+    if follower == 'roller':
         joint['roller'] = float(random.uniform(0.005, 0.01))
     guess, axis = {}, random.uniform(-0.01, 0.01, 2).tolist()
 
@@ -80,7 +92,7 @@ def cam(random: Random, contact: Scene | None = None) -> Scene:
         a = float(random.uniform(2.5, 4.0)) * reach
         arm = math.sqrt(a * a - reach * reach) * float(random.uniform(0.95, 1.0))
         arm_angle = float(random.uniform(-3.0, 3.0))
-        if kind == 'flat':
+        if follower == 'flat':
             joint['face'] = float(random.uniform(-0.3, 0.3)) * base
         joint['law'] = law(random, float(random.uniform(0.1, 0.3)))
         pivot = centre + world(a, 0.0)
@@ -91,8 +103,9 @@ def cam(random: Random, contact: Scene | None = None) -> Scene:
             math.remainder(-sense * side * place - arm_angle + direction + math.pi, 2.0 * math.pi)
         )
     else:
-        if kind == 'flat':
-            joint['tilt'] = float(random.uniform(-0.3, 0.3)) * (random.random() < 0.5)
+        if follower == 'flat':
+            tilt, tilts = float(random.uniform(-0.3, 0.3)), random.random() < 0.5
+            joint['tilt'] = tilt * (tilts if kind is None else kind == 'tilted')
         joint['law'] = law(random, 0.5 * base)
         beside = float(random.uniform(-0.4, 0.4)) * base
         turn = float(random.uniform(-3.0, 3.0))

@@ -27,13 +27,20 @@ def main() -> None:
 
     seed, memory, *names = sys.argv[1:]
     for case in grid(int(seed), names):
-        _, most = resource.getrlimit(resource.RLIMIT_CPU)
-        resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + MOST_CPU, most))
+        _limit_cpu()
         outcome = asdict(run_case(case))
         peak = peak_memory(os.getpid())
         print(json.dumps(outcome | {'peak_memory': peak}), flush=True)
         if peak > int(memory):
             return
+
+
+def _limit_cpu() -> None:
+    """Let the system end this process if it needs `MOST_CPU` more from now on."""
+    until, (_, most) = int(time.process_time()) + MOST_CPU, resource.getrlimit(resource.RLIMIT_CPU)
+    if most != resource.RLIM_INFINITY:
+        until = min(until, most)
+    resource.setrlimit(resource.RLIMIT_CPU, (until, most))
 
 
 if __name__ == '__main__':

@@ -1,14 +1,15 @@
 """Cases of the grid in processes of bounded memory.
 
 Expressions that a process has met and code that it has compiled stay in its memory, some 2 MB a
-case: one process for the whole grid grew to 3.8 GB. So cases are run in shards, one process after
-the other for neighbouring cases, which share what is compiled. A process that dies costs the case
-that it was at; the next one goes on behind it.
+case: one process for the whole grid grew to 3.8 GB. So cases are run in shards: a process takes
+neighbouring ones, which share what is compiled, until it has run them or holds too much. One that
+dies costs the case that it was at; the next one goes on behind it.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -16,7 +17,6 @@ import sys
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 from selectors import EVENT_READ, DefaultSelector
 
@@ -46,12 +46,8 @@ class Shards:
     ) -> None:
         self.ended, self.peak_memory = 0, 0
         self._workers, self._memory = workers, memory
-        self._waiting = deque(
-            part[i : i + size]
-            for _, family in groupby(cases, lambda case: case.family.name)
-            for part in [list(family)]
-            for i in range(0, len(part), size)
-        )
+        size = min(size, math.ceil(len(cases) / workers))  # so that all have some
+        self._waiting = deque([*cases[i : i + size]] for i in range(0, len(cases), size))
         self._running: list[_Shard] = []
 
     def outcomes(self) -> Iterator[Outcome]:

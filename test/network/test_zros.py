@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import signal
 import subprocess
 import sys
 
@@ -15,7 +16,6 @@ import pytest
 from middleware_network import eventually
 from running import TIMEOUT, environment, run, start
 
-from mechanism_sim import ending
 from mechanism_sim.messages import MessageError, message_class, service_class
 from mechanism_sim.nodes.player import player
 from mechanism_sim.recording import read_bag
@@ -108,7 +108,7 @@ def test_a_bag_is_replayed_as_its_nodes_published_it(network, tmp_path):
     recorded = [m for _, m, _ in read_bag(bag).messages('/impacts')]
     assert len(recorded) > 20
     words = ['topic', 'echo', '/impacts', 'mechanism_sim/msg/Impact', '--json', '--count']
-    listener = ending.start(
+    listener = subprocess.Popen(
         [sys.executable, '-m', 'zenoh_rclpy', *words, str(len(recorded))],
         env=network, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
@@ -168,7 +168,11 @@ def test_values_that_do_not_fit_are_refused(values, said):
         (('topic', 'echo'), 'topic echo: the following arguments are required: TOPIC'),
         (('topic', 'echo', '/x', '--count', '0'), '--count'),
         (('topic', 'echo', '/x', '--count', '3', '--once'), '--once: not allowed with'),
-        (('topic', 'list', '--count', '1'), '--count'),
+        (('topic', 'list', '--count', '3'), 'unrecognized arguments: --count 3'),
+        (('topic', 'echo', '/a', '--rate', '3'), 'unrecognized arguments: --rate 3'),
+        (('topic', 'pub', '/a', 'std_msgs/msg/String', '--once', '--count', '2'), '--count'),
+        (('service', 'call', '/x', '--types'), 'unrecognized arguments: --types'),
+        (('action', 'list', '-f'), 'unrecognized arguments: -f'),
         (('param', 'set', 'a', 'b'), 'required: VALUE'),
         (('service', 'call', 'a', '--timeout', '0'), "--timeout: '0' is no positive number"),
         (('service', 'call', 'a', '{steps: ', '--json'), "'{steps: ': no YAML"),
@@ -194,6 +198,35 @@ def test_what_is_not_there_is_said_in_one_sentence(network):
     assert done.returncode == 2
     assert done.stderr == "zros: there is no topic '/impacts'\n"
     assert json.loads(done.stdout) == {'error': "there is no topic '/impacts'", 'code': 2}
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_command_in_one_sentence(network, number):
+    words = ['topic', 'echo', '/nothing', 'std_msgs/msg/String']
+    with command_node(60.0) as node:
+        listener = subprocess.Popen(
+            [sys.executable, '-m', 'zenoh_rclpy', *words], env=network,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        try:
+            find = node.node.get_subscriptions_info_by_topic
+            assert eventually(lambda: bool(find('/nothing')))
+            listener.send_signal(number)
+            assert listener.communicate(timeout=TIMEOUT) == ('', 'zros: interrupted\n')
+        finally:
+            listener.kill()
+            listener.communicate()
+    assert listener.returncode == 130
+
+
+def test_an_output_that_is_full_is_said(network):
+    with open('/dev/full', 'w') as full:
+        done = subprocess.run(
+            [sys.executable, '-m', 'zenoh_rclpy', 'service', 'list', '--json'], env=network,
+            stdout=full, stderr=subprocess.PIPE, text=True, timeout=TIMEOUT, check=False,
+        )  # fmt: skip
+    said = 'zros: the output cannot be written: No space left on device\n'
+    assert (done.returncode, done.stderr) == (1, said)
 
 
 def test_a_bag_is_not_played_backwards():

@@ -27,8 +27,7 @@ from mechanism_sim.scene.quantities import (
     one_or_two,
     si,
 )
-from mechanism_sim.vibration.rotors import shaft_rigidity
-from mechanism_sim.vibration.shafts import Bearing, condensed
+from mechanism_sim.vibration.shafts import Bearing, condensed, shaft_rigidity
 
 _NOT_NEGATIVE = Field(ge=0.0, allow_inf_nan=False)
 _Stiffness = Annotated[float | tuple[float, float], one_or_two('N/m', 'a pair along x and y', 0.0)]

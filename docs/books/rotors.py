@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from orbits import Orbit
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.vibration.orbits import Orbit
 from mechanism_sim.vibration.single import Oscillator
 from mechanism_sim.vibration.systems import System
 
@@ -155,8 +155,3 @@ def influence_coefficients(positions: ArrayLike, span: float, rigidity: float) -
         raise InputError('forces act between the supports of a beam, at different places')
     a, rest = np.minimum.outer(x, x), span - np.maximum.outer(x, x)
     return np.asarray(a * rest * (span**2 - a**2 - rest**2) / (6.0 * rigidity * span))
-
-
-def shaft_rigidity(modulus: float, diameter: float) -> float:
-    """E I of a round shaft [N m^2], from E [Pa] and its diameter [m]."""
-    return modulus * np.pi * diameter**4 / 64.0

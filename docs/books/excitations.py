@@ -1,0 +1,67 @@
+"""One oscillator excited by its base, and by any periodic force ([V] 6.10, 6.11)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechanism_sim.vibration.excitation import FourierSeries
+from mechanism_sim.vibration.single import Oscillator, Response
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+def relative_transmissibility(oscillator: Oscillator, frequency: ArrayLike) -> ComplexArray:
+    """Steady displacement of the mass against its base, per displacement of the base.
+
+    [V] eq. 6.119 without its stray c: the mass is shaken by m w^2 Yb. 6.118 has the wrong sign.
+    """
+    w = np.asarray(frequency, np.float64)
+    return np.asarray(oscillator.mass * w**2 * oscillator.receptance(w))
+
+
+def base_excited(
+    oscillator: Oscillator,
+    t: ArrayLike,
+    amplitude: ArrayLike,
+    frequency: ArrayLike,
+    displacement: ArrayLike = 0.0,
+    velocity: ArrayLike = 0.0,
+) -> Response:
+    """Absolute motion of a mass whose base moves as Re(amplitude e^(i w t)) from t = 0 on.
+
+    Spring and damper pass the force (k + i c w) times the base's displacement ([V] 6.10).
+
+    Parameters
+    ----------
+    t : times [s], not negative
+    amplitude : complex, of the base [m]
+    frequency : of the base [rad/s]
+    displacement, velocity : of the mass at t = 0, absolute [m, m/s]; all are broadcast
+    """
+    passed = oscillator.stiffness + 1j * np.asarray(frequency) * oscillator.damping
+    return oscillator.forced(t, np.asarray(amplitude) * passed, frequency, displacement, velocity)
+
+
+def periodic_response(
+    oscillator: Oscillator,
+    t: ArrayLike,
+    force: FourierSeries,
+    displacement: float = 0.0,
+    velocity: float = 0.0,
+) -> Response:
+    """Response to a periodic force [N] from t = 0 on: the sum over its harmonics ([V] 6.11).
+
+    The steady part alone is ``force.passed(oscillator.receptance)``, where a cosine is answered by
+    a cosine: [V] eq. 6.128 answers it by a sine.
+    """
+    t = np.asarray(t, np.float64)
+    frequencies = np.concatenate([[0.0], force.frequencies])
+    amplitudes = np.concatenate([[force.mean], force.amplitudes])
+    parts = oscillator.forced(t[..., None], amplitudes, frequencies)
+    free = oscillator.free(t, displacement, velocity)
+    return Response(
+        free.displacement + parts.displacement.sum(axis=-1),
+        free.velocity + parts.velocity.sum(axis=-1),
+    )

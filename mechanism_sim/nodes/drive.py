@@ -1,0 +1,59 @@
+"""The drive of a run as its commands and services know it."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any
+
+from mechanism_sim.nodes.simulation_node import SimulationNode
+
+
+class Drive(SimulationNode):
+    """A node that announces laws of motion and lets time go on, see `CrankDrive`.
+
+    Attributes
+    ----------
+    announced : [s] up to which the law is promised: what is commanded now holds from then on
+    playing : whether time goes on by itself
+    final : whether the law is announced to the end of the run: nothing can be done any more
+    """
+
+    announced: float
+    playing: bool
+    final: bool
+
+    @property
+    @abstractmethod
+    def law(self) -> Any:
+        """The law that holds where it is announced to."""
+
+    @abstractmethod
+    def take_over(self, laws: Sequence[Any]) -> None:
+        """Let other laws take over, the first at `announced`."""
+
+    @abstractmethod
+    def play(self) -> None:
+        """Let time go on by itself."""
+
+    @abstractmethod
+    def pause(self) -> None:
+        """Stop where the law is announced to; who waits for more waits for that."""
+
+    @abstractmethod
+    async def arrive(self, goal: float) -> bool:
+        """Let a paused simulation go on to `goal` [s], and wait until all partners are there.
+
+        False if it was paused again before.
+        """
+
+    @abstractmethod
+    async def start_over(self) -> str:
+        """Begin a new run at time 0, once what was announced of this one is done.
+
+        Gives back why not, if a partner does not take the values of the scene that are asked for.
+        """
+
+    @abstractmethod
+    def quit(self) -> None:
+        """End the run where the law is announced to."""
