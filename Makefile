@@ -36,7 +36,7 @@ docs: $(VENV)/installed-docs
 
 # Screenshots of every kind of page, narrow and wide, light and dark, each looked at by axe-core.
 evidence: docs
-	MECHANISM_SIM_EVIDENCE=build/evidence $(BIN)/pytest -m '' test/test_pages.py
+	MECHANISM_SIM_EVIDENCE=build/evidence $(BIN)/pytest -m '' test/pages/test_pages.py
 
 install: $(VENV)/installed
 

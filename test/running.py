@@ -21,6 +21,8 @@ import pytest
 from mechanism_sim import ending
 from mechanism_sim.cli import main
 
+ROOT = Path(__file__).parents[1]
+"""The folder of the repository."""
 TIMEOUT = 600.0
 """[s] for what has to happen: waited for in full only if it never does; machines may be busy."""
 BACKENDS = ('zenoh', 'rclpy')
@@ -60,9 +62,9 @@ def free_port() -> int:
 
 
 def one_of(count: int, values: Iterable[Any]) -> list[Any]:
-    """Parameters of a test that costs much for each: of so many the first; the others are deep."""
+    """Parameters of a test that costs much for each: of so many the first; the others are slow."""
     return [
-        pytest.param(value, marks=[pytest.mark.deep] * (k % count > 0))
+        pytest.param(value, marks=[pytest.mark.slow] * (k % count > 0))
         for k, value in enumerate(values)
     ]
 
@@ -129,7 +131,7 @@ def start(*args: str, env: dict[str, str]) -> subprocess.Popen[str]:
 
 
 FOLLOW = (
-    f'import sys; sys.path.insert(1, {str(Path(__file__).parents[1])!r})\n'
+    f'import sys; sys.path.insert(1, {str(ROOT)!r})\n'
     f'from mechanism_sim.ending import follow; follow({os.getpid()})\n'
 )
 """Beginning of a program that finds what is not installed, and ends with this process."""

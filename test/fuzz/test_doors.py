@@ -24,7 +24,7 @@ EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '60'))
 SAMPLE = settings(max_examples=EXAMPLES, deadline=None, derandomize=EXAMPLES < 1000, database=None)
 
 
-@pytest.mark.parametrize('count', [40, pytest.param(1000, marks=pytest.mark.deep)])
+@pytest.mark.parametrize('count', [40, pytest.param(1000, marks=pytest.mark.slow)])
 def test_no_message_of_a_page_ends_the_editor(count, tmp_path):
     """On a small disk that is full now and then: nothing lost, nothing outside is touched."""
     found = edit(tmp_path / 'editor', count, 3, hang=60.0)
@@ -33,7 +33,7 @@ def test_no_message_of_a_page_ends_the_editor(count, tmp_path):
 
 
 @pytest.mark.parametrize('seed', [
-    1, 2, *(pytest.param(seed, marks=pytest.mark.deep) for seed in range(3, 40))
+    1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 40))
 ])  # fmt: skip
 def test_no_message_ends_a_session(seed, tmp_path, monkeypatch):
     """Without a process between: nothing but sentences, whatever the state it is in."""
@@ -114,7 +114,7 @@ output.write_text = lose
 """
 
 
-@pytest.mark.deep
+@pytest.mark.slow
 def test_an_editor_that_loses_a_letter_is_noticed(tmp_path, monkeypatch):
     (tmp_path / 'sitecustomize.py').write_text(LOSES)
     monkeypatch.setenv('PYTHONPATH', f'{tmp_path}{os.pathsep}{os.environ.get("PYTHONPATH", "")}')

@@ -42,9 +42,10 @@ CASES = [c for name, count in SAMPLE.items() for c in grid(only=[name])[:count]]
 CASES += grid(only=ONCE)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     'case',
-    [pytest.param(c, marks=[pytest.mark.deep] * (k % 2), id=c.name) for k, c in enumerate(CASES)],
+    [pytest.param(c, marks=[pytest.mark.slow] * (k % 2), id=c.name) for k, c in enumerate(CASES)],
 )
 def test_a_case_comes_through(case):
     outcome = run_case(case)
@@ -67,7 +68,7 @@ def test_a_case_is_the_same_in_any_part_of_the_grid():
     assert other.draft() != few[0].draft()
 
 
-@pytest.mark.deep
+@pytest.mark.slow
 def test_the_noise_of_a_gap_does_not_rule_the_steps():
     """A rough pin that starts to roll: errors were taken back faster with every shorter step."""
     rough = {'radial': 2e-3, 'restitution': 0.05, 'friction': 'rough', 'pin_radius': 5e-3}
@@ -98,7 +99,7 @@ def test_every_scene_of_the_grid_can_be_written(tmp_path):
         assert yaml.safe_load((tmp_path / f'{case.name}.yaml').read_text()) == case.draft().scene
 
 
-@pytest.mark.deep
+@pytest.mark.slow
 def test_a_jam_that_is_none_is_not_confirmed(monkeypatch):
     """The run is told that nothing keeps the contact; the second route finds what does."""
     machine = ms.load_scene('four_bar_clearance', {
@@ -150,7 +151,7 @@ def test_what_goes_wrong_is_told_apart(monkeypatch):
         assert judged(Draft(scene)).kind == 'energy'
 
 
-@pytest.mark.deep
+@pytest.mark.slow
 def test_what_is_exchanged_is_the_integral_of_power():
     """Of a slider-crank with a drag: the drive gives and takes, densely sampled."""
     machine = ms.load_scene('slider_crank', {
@@ -253,7 +254,7 @@ def test_one_contact_never_jams_for_good(friction):
     assert not jams(A, b, v, [friction])
 
 
-@pytest.mark.deep
+@pytest.mark.slow
 def test_joints_that_jam_beside_a_contact_have_no_forces_and_others_have():
     outcome = run_case(grid(only=['rubbing_loose_037'])[0])
     assert outcome.ok

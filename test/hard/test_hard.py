@@ -9,7 +9,7 @@ from running import run_json
 from test.hard.case import cases, run
 from test.hard.command import main
 
-DEEP = {
+SLOW = {
     'a_million_revolutions_later', 'closure_after_five_thousand_revolutions', 'cut_anywhere',
     'flywheel_and_clearance', 'forty_windows_in_a_line', 'four_loose_joints',
     'friction_in_four_joints',
@@ -23,13 +23,14 @@ DEEP = {
 
 def marked():
     found = cases()
-    assert {case.name for case in found} >= DEEP
+    assert {case.name for case in found} >= SLOW
     return [
-        pytest.param(case, marks=[pytest.mark.deep] * (case.name in DEEP), id=case.name)
+        pytest.param(case, marks=[pytest.mark.slow] * (case.name in SLOW), id=case.name)
         for case in found
     ]
 
 
+@pytest.mark.sample(12)
 @pytest.mark.parametrize('case', marked())
 def test_hard_case(case):
     (outcome,) = run((case,))

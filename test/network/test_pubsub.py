@@ -81,7 +81,7 @@ def spin_until(node, condition):
         spin_once(node, timeout_sec=0.1)
 
 
-@pytest.mark.deep
+@pytest.mark.slow
 def test_twenty_thousand_messages_reach_a_slow_subscriber_in_order(joined):
     collector = joined.start(COLLECT, 20_000, 50e-6)
     node = Node('source')
@@ -123,7 +123,7 @@ def test_a_publisher_that_ends_at_once_loses_nothing(either):
 
 
 @pytest.mark.parametrize(
-    'router', [pytest.param('embedded', marks=pytest.mark.deep), 'third process']
+    'router', [pytest.param('embedded', marks=pytest.mark.slow), 'third process']
 )
 def test_who_sees_the_last_endpoint_reaches_every_earlier_one(joined, router):
     if router == 'third process':

@@ -1,0 +1,548 @@
+"""The editor in a browser: machines built from nothing by the mouse, changed, saved and run."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browsing import Firefox, Tab, boxes, firefox, overlapping, violations
+from middleware_network import PATIENCE
+from running import command
+from test_edit import FOUR_BAR
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+import mechanism_sim as ms
+from mechanism_sim import documents, ending
+from mechanism_sim.scene import load_scene
+
+LOADER = """\
+title: A new machine
+mechanism: linkage
+links:
+  ground: {points: {p1: [0 mm, 0 mm], p2: [0 mm, -600 mm], p3: [300 mm, 300 mm]}}
+  link_1: {length: 2500 mm, points: {p1: [1500 mm, 0 mm], p2: [1000 mm, 0 mm]},
+           mass: 2.5 kg, inertia: 1.3 kg m^2, cog: 1250 mm}
+  link_2: {length: 850 mm, points: {p1: [-480 mm, -140 mm]},
+           mass: 0.85 kg, inertia: 0.0512 kg m^2, cog: 425 mm}
+  link_3: {length: 640 mm, points: {p1: [550 mm, -840 mm]},
+           mass: 0.64 kg, inertia: 0.0218 kg m^2, cog: 320 mm}
+  link_4: {length: 950 mm, mass: 0.95 kg, inertia: 0.0714 kg m^2, cog: 475 mm}
+  cylinder_1: {mass: 1 kg, inertia: 0.001 kg m^2}
+  rod_1: {mass: 1 kg, inertia: 0.001 kg m^2}
+  cylinder_2: {mass: 1 kg, inertia: 0.001 kg m^2}
+  rod_2: {mass: 1 kg, inertia: 0.001 kg m^2}
+joints:
+  ground_link_1: {revolute: [ground.p1, link_1]}
+  link_1_link_2: {revolute: [link_1.p1, link_2]}
+  link_1_link_3: {revolute: [link_1.end, link_3]}
+  link_2_link_4: {revolute: [link_2.p1, link_4]}
+  link_3_link_4: {revolute: [link_3.end, link_4.end]}
+  ground_cylinder_1: {revolute: [ground.p2, cylinder_1]}
+  cylinder_1_rod_1: {prismatic: [cylinder_1, rod_1]}
+  link_1_rod_1: {revolute: [link_1.p2, rod_1]}
+  ground_cylinder_2: {revolute: [ground.p3, cylinder_2]}
+  cylinder_2_rod_2: {prismatic: [cylinder_2, rod_2]}
+  link_2_rod_2: {revolute: [link_2.end, rod_2]}
+guess: {link_1: -36.9 deg, link_2: 110.6 deg, link_3: 51.3 deg, link_4: 18.4 deg,
+        cylinder_1: 0 deg, cylinder_2: -33.8 deg}
+drives:
+  rod_1: {speed: 80 mm/s, start_position: 800 mm}
+  rod_2: {speed: 70 mm/s, start_position: 730 mm}
+duration: 1 s
+gravity: [0, -9.81 m/s^2]
+"""
+
+
+CAM_TRAIN = """\
+title: A new machine
+mechanism: linkage
+links:
+  ground: {points: {p1: [0 mm, 0 mm], p2: [200 mm, 0 mm], p3: [200 mm, 90 mm]}}
+  cam_1: {mass: 1 kg, inertia: 0.001 kg m^2}
+  follower_1: {mass: 1 kg, inertia: 0.001 kg m^2}
+  pulley_1: {mass: 1 kg, inertia: 0.001 kg m^2}
+  wheel_1: {mass: 1 kg, inertia: 0.001 kg m^2}
+gears:
+  gear_1: {at: pulley_1, teeth: 20, module: 3 mm}
+  gear_2: {at: wheel_1, teeth: 40, module: 3 mm}
+joints:
+  ground_cam_1: {revolute: [ground.p1, cam_1]}
+  ground_follower_1: {prismatic: [ground.p1, follower_1], axis: 90 deg}
+  cam_1_follower_1:
+    cam: [cam_1, follower_1]
+    follower: roller
+    roller: 15 mm
+    base_radius: 45 mm
+    law:
+      segments:
+        - {from: 40 deg, to: 140 deg, rise: 15 mm}
+        - {from: 220 deg, to: 320 deg, rise: -15 mm}
+  ground_pulley_1: {revolute: [ground.p2, pulley_1]}
+  cam_1_pulley_1: {belt: [cam_1, pulley_1], radii: [30 mm, 50 mm]}
+  ground_wheel_1: {revolute: [ground.p3, wheel_1]}
+  pulley_1_wheel_1: {mesh: [gear_1, gear_2]}
+loads:
+  force_1: {at: follower_1, force: [0 N, -40 N]}
+sensors:
+  accelerometer_1: {link: follower_1}
+guess: {follower_1: 60 mm}
+drive: {coordinate: cam_1, speed: 60 rpm}
+"""
+
+
+class Hand:
+    """A hand with a mouse at the page of an editor."""
+
+    def __init__(self, tab: Any, address: str) -> None:
+        self.tab, self.page, self.mouse, self.address = tab, tab.page, tab.page.mouse, address
+        self.page.goto(address)
+        self.until(lambda: self.data('number'))
+
+    def data(self, name: str) -> str:
+        """What the page says of itself."""
+        return str(self.page.evaluate(f'document.documentElement.dataset.{name} ?? ""'))
+
+    def until(self, condition: Callable[[], Any]) -> None:
+        """Wait until something is so."""
+        end = time.monotonic() + 2.0 * PATIENCE
+        while not condition():
+            assert time.monotonic() < end, self.tab.complaints
+            self.page.wait_for_timeout(20)
+
+    def after(self, act: Callable[[], Any]) -> None:
+        """Do something, and wait for what comes of it."""
+        before = self.data('number')
+        act()
+        self.until(lambda: self.data('number') != before)
+
+    def at(self, x: float, y: float) -> tuple[float, float]:
+        """Where on the page a place [m] of the sheet is."""
+        over = self.page.locator('#over')
+        left, low, scale = map(float, over.get_attribute('data-view').split())
+        box = over.bounding_box()
+        return (
+            box['x'] + 0.5 * box['width'] + (x - left) * scale,
+            box['y'] + 0.5 * box['height'] - (y - low) * scale,
+        )
+
+    def tool(self, name: str) -> None:
+        """Take a tool."""
+        self.page.locator(f'[data-tool="{name}"]').first.click()
+
+    def click(self, *at: float) -> None:
+        """Click on a place."""
+        self.after(lambda: self.mouse.click(*self.at(*at)))
+
+    def drag(self, x: float, y: float, u: float, v: float, steps: int = 4) -> None:
+        """Drag from one place to another."""
+
+        def act() -> None:
+            self.mouse.move(*self.at(x, y))
+            self.mouse.down()
+            self.mouse.move(*self.at(u, v), steps=steps)
+            self.mouse.up()
+
+        self.after(act)
+
+    def shift(self, right: float, down: float) -> None:
+        """Shift the sheet by so many pixels."""
+        self.tool('move')
+        x, y = self.at(0.0, 0.0)
+        self.mouse.move(x + 5.0, y + 5.0)
+        self.mouse.down()
+        self.mouse.move(x + 5.0 + right, y + 5.0 + down, steps=3)
+        self.mouse.up()
+
+    def fill(self, path: str, text: str) -> None:
+        """Fill in a field of the panel."""
+        field = self.page.locator(f'[name="{path}"]')
+        field.fill(text)
+        self.after(lambda: field.press('Tab'))
+
+    def save(self, name: str) -> None:
+        """Save under a name."""
+        self.page.locator('#file').fill(name)
+        self.page.locator('#save').click()
+        self.page.get_by_text(f'saved: {name}').wait_for()
+
+    def ran(self) -> str:
+        """Wait for the run of what is shown; its digest."""
+        self.until(lambda: self.data('run') == self.data('number') and self.data('run'))
+        return self.data('digest')
+
+    @property
+    def text(self) -> str:
+        return str(self.page.locator('#text').input_value())
+
+
+@contextmanager
+def editing(*args: str) -> Iterator[str]:
+    """An editor in a process of its own: its address."""
+    process = ending.start(
+        command('edit', *args, '--port', '0', '--json'), text=True, stdout=subprocess.PIPE
+    )
+    try:
+        assert process.stdout is not None
+        text = ''
+        while '}' not in text:
+            line = process.stdout.readline()
+            assert line
+            text += line
+        yield json.loads(text)['address']
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE) == 0
+    finally:
+        process.kill()
+        process.wait()
+
+
+def same(hand: Hand, name: str, written: str, folder: Path) -> None:
+    """What was drawn, saved, is what was written by hand, and both run alike to the last bit."""
+    hand.save(name)
+    file = folder / 'written.yaml'
+    file.write_text(written)
+    assert documents.parse((folder / name).read_text()) == documents.parse(written)
+    digest = ms.simulate(load_scene(str(file))).digest()
+    assert ms.simulate(load_scene(str(folder / name))).digest() == digest == hand.ran()
+
+
+def clean(hand: Hand) -> None:
+    """Nothing was complained of, nobody else was asked."""
+    assert hand.tab.complaints == []
+    home = hand.address.partition('?')[0]
+    assert all(request.startswith(home) for request in hand.tab.requests)
+
+
+def train(hand: Hand) -> None:
+    """A cam with its follower, a belt, gears, a force and a sensor, from nothing."""
+    hand.tool('cam')
+    hand.drag(0.0, 0.0, 0.0, 0.06)
+    hand.tool('belt')
+    hand.drag(0.0, 0.0, 0.2, 0.0)
+    hand.tool('gears')
+    hand.drag(0.2, 0.0, 0.2, 0.09)
+    hand.tool('force')
+    hand.drag(0.0, 0.06, 0.0, 0.02)
+    hand.tool('accelerometer')
+    hand.click(0.0, 0.06)
+
+
+def test_a_cam_a_belt_gears_a_force_and_a_sensor_are_drawn_dragged_and_played(
+    tab, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    with editing() as address:
+        hand = Hand(tab, address)
+        train(hand)
+        same(hand, 'drawn.yaml', CAM_TRAIN, tmp_path)
+        assert hand.page.locator('.sign').count() == 2
+        # every move of the mouse that the page answers is a frame, with forces, of gears that mesh
+        before = hand.text
+        hand.tool('move')
+        arrows = hand.page.locator('#stage .forces path[d^="M"]')
+        hand.until(lambda: arrows.count() >= 2)
+        hand.mouse.move(*hand.at(0.2, 0.09))
+        hand.mouse.down()
+        for k in range(1, 6):
+            hand.mouse.move(*hand.at(0.2 + 2e-3 * k, 0.09 - 2e-3 * k))
+            hand.until(lambda k=k: int(hand.data('frames') or 0) >= k)
+            assert arrows.count() >= 2
+        hand.after(hand.mouse.up)
+        assert hand.data('problem') == ''
+        assert hand.text.count('module: 2.687419249 mm') == 2  # sqrt(80^2 + 10^2)/30
+        hand.after(lambda: hand.page.keyboard.press('Control+z'))
+        assert hand.text == before
+        # by the keyboard: the force is chosen and removed
+        hand.page.locator('[data-mark="loads.force_1"]').press('Enter')
+        hand.page.locator('[name="loads.force_1.at"]').wait_for()
+        hand.after(lambda: hand.page.keyboard.press('Delete'))
+        assert 'force_1' not in hand.text
+        hand.ran()
+        hand.page.locator('#play').click()
+        hand.until(lambda: float(hand.data('time') or 0.0) > 0.05)
+        assert hand.tab.shoot('edit_train').stat().st_size > 10_000
+        clean(hand)
+
+
+@pytest.mark.slow
+def test_it_is_drawn_by_the_keyboard_alone(tab, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with editing() as address:
+        hand = Hand(tab, address)
+        press = hand.page.keyboard.press
+
+        def go(right: int, up: int) -> None:
+            """So many steps of the grid."""
+            for key, count in (('Right', right), ('Left', -right), ('Up', up), ('Down', -up)):
+                for _ in range(max(count, 0) // 10):
+                    press(f'Shift+Arrow{key}')
+                for _ in range(max(count, 0) % 10):
+                    press(f'Arrow{key}')
+
+        press('Tab')
+        while hand.page.evaluate('document.activeElement.id') != 'over':
+            press('Tab')
+        x, y = map(float, hand.page.locator('#over').get_attribute('data-view').split()[:2])
+        press('a')
+        go(-round(1e3 * x), -round(1e3 * y))  # to the origin
+        press('Enter')
+        go(0, 60)
+        hand.after(lambda: press('Enter'))
+        press('b')
+        go(0, -60)
+        press('Enter')
+        go(200, 0)
+        hand.after(lambda: press('Enter'))
+        press('e')
+        press('Enter')
+        go(0, 90)
+        hand.after(lambda: press('Enter'))
+        press('Shift+F')
+        go(-200, -30)
+        press('Enter')
+        go(0, -40)
+        hand.after(lambda: press('Enter'))
+        press('Shift+A')
+        go(0, 40)
+        hand.after(lambda: press('Enter'))
+        same(hand, 'drawn.yaml', CAM_TRAIN, tmp_path)
+        clean(hand)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('width', [390, 1440])
+@pytest.mark.parametrize('scheme', ['light', 'dark'])
+def test_what_is_drawn_is_accessible_and_overlaps_nowhere(
+    width, scheme, browser, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    Path('train.yaml').write_text(CAM_TRAIN)
+    with editing('train.yaml') as address:
+        context = browser.new_context(
+            viewport={'width': width, 'height': 900}, color_scheme=scheme, bypass_csp=True
+        )
+        hand = Hand(Tab(context.new_page(), tmp_path), address)
+        hand.page.locator('[data-path="sensors.accelerometer_1"]').click()
+        hand.page.locator('[name="sensors.accelerometer_1.link"]').wait_for()
+        hand.ran()
+        assert violations(hand.page) == []
+        for chosen in ('header > h1, header .file > *', '#palette button, #palette h2',
+                       '.tabs button', 'footer > *', '.zoom > *, .grid text',
+                       '.sign circle'):  # fmt: skip
+            assert overlapping(boxes(hand.page, chosen)) == []
+        assert hand.page.evaluate('document.documentElement.scrollWidth') <= width
+        names = hand.page.locator('#palette span')
+        wide = names.evaluate_all(
+            'all => all.filter(x => x.scrollWidth > x.parentElement.offsetWidth)'
+            '.map(x => x.textContent)'
+        )
+        assert wide == []
+        hand.tab.shoot(f'edit_train_{width}_{scheme}')
+        clean(hand)
+        context.close()
+
+
+@pytest.mark.slow
+def test_firefox_drags_a_joint(tmp_path, tmp_path_factory, monkeypatch):
+    if firefox() is None:
+        pytest.skip('no Firefox here: install the package firefox-esr')
+    monkeypatch.chdir(tmp_path)
+    profile = tmp_path_factory.mktemp('profile')
+    with editing('four_bar_clearance') as address, Firefox(profile) as found:
+        found.goto(address)
+
+        def until(text: str) -> None:
+            end = time.monotonic() + 2.0 * PATIENCE
+            while not found.evaluate(text):
+                assert time.monotonic() < end, found.complaints
+                time.sleep(0.02)
+
+        until('Boolean(document.documentElement.dataset.run)')
+        x, y = found.evaluate(
+            """JSON.stringify((({x, y, width}) => [x + width / 2, y + width / 2])(
+                document.querySelector('[data-handle="coupler_rocker"]').getBoundingClientRect()))"""
+        )
+        before = found.evaluate("JSON.stringify(document.getElementById('text').value)")
+        found.drag([(x, y), *((x + k, y - k) for k in range(2, 31, 2))])
+        until("document.getElementById('undo').disabled === false")
+        after = found.evaluate("JSON.stringify(document.getElementById('text').value)")
+        assert after != before
+        assert found.evaluate('Number(document.documentElement.dataset.frames)') >= 1
+        assert found.evaluate('JSON.stringify(document.documentElement.dataset.problem)') == ''
+        until('document.documentElement.dataset.run === document.documentElement.dataset.number')
+        found.shoot('edit_firefox')
+        assert found.complaints == []
+
+
+@pytest.mark.slow
+def test_a_four_bar_is_built_from_nothing_dragged_and_played(tab, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with editing() as address:
+        hand = Hand(tab, address)
+        hand.tool('ground')
+        hand.click(0.0, 0.0)
+        hand.click(0.2, 0.0)
+        hand.tool('link')
+        hand.drag(0.0, 0.0, 0.0, 0.05)
+        hand.drag(0.0, 0.05, 0.15, 0.17)
+        hand.drag(0.2, 0.0, 0.15, 0.17)
+        hand.tool('drive')
+        hand.click(0.0, 0.025)
+        hand.tool('point')
+        hand.click(0.075, 0.11)
+        same(hand, 'drawn.yaml', FOUR_BAR, tmp_path)
+        before = hand.text
+        # every move of the mouse that the page answers is a frame with the machine assembled
+        hand.tool('move')
+        hand.drag(0.15, 0.17, 0.17, 0.18, steps=30)
+        assert int(hand.data('frames')) >= 5
+        assert hand.data('problem') == ''
+        assert hand.text != before
+        hand.after(lambda: hand.page.keyboard.press('Control+z'))
+        assert hand.text == before
+        hand.after(lambda: hand.page.keyboard.press('Control+Shift+Z'))
+        assert hand.text != before
+        hand.after(lambda: hand.page.locator('#undo').click())
+        # the machine turns by hand, and nothing changes
+        hand.tool('turn')
+        hand.mouse.move(*hand.at(0.0, 0.05))
+        hand.mouse.down()
+        hand.mouse.move(*hand.at(-0.05, 0.0), steps=8)
+        hand.until(lambda: int(hand.data('poses') or 0) > 2)
+        hand.mouse.up()
+        assert hand.text == before
+        hand.ran()
+        hand.page.locator('#play').click()
+        hand.until(lambda: float(hand.data('time') or 0.0) > 0.05)
+        assert hand.tab.shoot('edit_four_bar').stat().st_size > 10_000
+        clean(hand)
+
+
+@pytest.mark.slow
+def test_a_loader_is_built_from_nothing(tab, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with editing() as address:
+        hand = Hand(tab, address)
+        for _ in range(11):
+            hand.page.locator('#out').click()
+        hand.shift(-230.0, -100.0)
+        hand.tool('ground')
+        for place in ((0.0, 0.0), (0.0, -0.6), (0.3, 0.3)):
+            hand.click(*place)
+        hand.tool('link')
+        hand.drag(0.0, 0.0, 2.0, -1.5)  # the arm
+        hand.drag(1.2, -0.9, 0.9, -0.1)  # the bellcrank
+        hand.drag(2.0, -1.5, 2.4, -1.0)  # the bucket
+        hand.tool('point')
+        hand.click(1.05, -0.5)
+        hand.click(2.2, -1.25)
+        hand.tool('move')
+        hand.drag(1.05, -0.5, 1.5, -1.3)
+        hand.drag(2.2, -1.25, 3.0, -1.6)
+        hand.tool('link')
+        hand.drag(1.5, -1.3, 2.4, -1.0)
+        hand.tool('cylinder')
+        hand.drag(0.0, -0.6, 0.8, -0.6)
+        hand.drag(0.3, 0.3, 0.9, -0.1)
+        hand.after(lambda: hand.tool('masses'))
+        hand.page.get_by_text('the whole scene').click()
+        hand.page.locator('[name="gravity"]').wait_for()
+        hand.fill('gravity', '[0, -9.81 m/s^2]')
+        same(hand, 'drawn.yaml', LOADER, tmp_path)
+        hand.page.locator('#tab-run').click()
+        hand.page.locator('[data-figure="force"]').first.wait_for()
+        hand.tab.shoot('edit_loader')
+        clean(hand)
+
+
+@pytest.mark.slow
+def test_what_is_wrong_stands_beside_its_field(tab, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with editing('four_bar_clearance') as address:
+        hand = Hand(tab, address)
+        hand.page.locator('#outline [data-path="links.crank"]').click()
+        hand.page.locator('[name="links.crank.length"]').wait_for()
+        hand.fill('links.crank.length', '-5 mm')
+        wrong = hand.page.locator('.row.wrong')
+        assert wrong.locator('label').inner_text() == 'length'
+        sentence = wrong.locator('[role="alert"]').inner_text()
+        assert sentence == hand.data('problem')
+        assert "links.crank.length = '-5 mm' is out of bounds: it must be more than 0" in sentence
+        hand.tab.shoot('edit_wrong')
+        hand.fill('links.crank.length', '70 mm')
+        assert hand.data('problem') == ''
+        assert wrong.count() == 0
+        # a sentence that comes while somebody is typing leaves what is typed
+        field = hand.page.locator('[name="links.crank.mass"]')
+        field.fill('0.7 k')
+        hand.ran()
+        assert field.input_value() == '0.7 k'
+        hand.fill('links.crank.mass', '0.7 kg')
+        clean(hand)
+    assert list(tmp_path.glob('*.yaml')) == []
+
+
+@pytest.mark.slow
+def test_it_fits_windows_of_every_size_by_day_and_night(browser, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with editing('four_bar_coupler_curve') as address:
+        for width, height in ((390, 844), (1440, 900)):
+            for scheme in ('light', 'dark'):
+                context = browser.new_context(
+                    viewport={'width': width, 'height': height}, color_scheme=scheme
+                )
+                hand = Hand(Tab(context.new_page(), tmp_path), address)
+                hand.page.locator('#outline [data-path="links.coupler"]').click()
+                hand.page.locator('[name="links.coupler.length"]').wait_for()
+                hand.ran()
+                wide = hand.page.evaluate('document.documentElement.scrollWidth')
+                assert wide <= width
+                sheet = hand.page.locator('#over').bounding_box()
+                assert sheet['width'] >= 0.6 * width
+                assert sheet['height'] >= 220
+                places = hand.page.evaluate(
+                    "[...document.querySelectorAll('.knob')].map((x) => x.getBoundingClientRect())"
+                    '.map(({ x, y }) => [x - {x}, y - {y}])'.replace(
+                        '{x}', str(sheet['x'])
+                    ).replace('{y}', str(sheet['y']))
+                )
+                assert len(places) == 7
+                fills = hand.page.evaluate(
+                    "[...document.querySelectorAll('#stage .machine :is(.plate, .body)')]"
+                    '.map((x) => getComputedStyle(x).fill)'
+                )
+                assert len(set(fills)) == 3  # of three links, each in its colour
+                assert all(
+                    0 <= x <= sheet['width'] and 0 <= y <= sheet['height'] for x, y in places
+                )
+                hand.tab.shoot(f'edit_{width}_{scheme}')
+                clean(hand)
+                context.close()
+
+
+def test_nobody_gets_in_without_the_key_or_from_another_site(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with editing() as address:
+        home, _, key = address.partition('?')
+        door = home.replace('http', 'ws') + 'live'
+        for where, origin in (
+            (door, None),
+            (f'{door}?key=x', None),
+            (f'{door}?{key}', 'http://a'),
+        ):
+            with pytest.raises(InvalidStatus) as refused:
+                connect(where, origin=origin)
+            assert refused.value.response.status_code == 403
+        with connect(f'{door}?{key}', origin=home.rstrip('/')) as socket:
+            assert json.loads(socket.recv(PATIENCE))['type'] == 'state'
+            socket.send('no JSON')
+            with pytest.raises(ConnectionClosed, match='no JSON'):
+                list(iter(lambda: socket.recv(PATIENCE), None))

@@ -1,0 +1,105 @@
+"""How long peaks of loads last, and what impulse they carry: pulses of known shape."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from running import run, run_json
+from scipy.special import erf
+
+import mechanism_sim as ms
+from mechanism_sim.analysis.loads import BearingCollector, of_motion
+from mechanism_sim.hybrid.peaks import LoadPeaks
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.schema import Scene
+
+SPEED = 40.0
+
+
+def wheel(torque, **more):
+    """A link that a drive turns at a steady speed against a torque: that is the drive's, too."""
+    return build('wheel', Scene.model_validate({
+        'title': 'Wheel', 'mechanism': 'linkage',
+        'links': {'wheel': {'mass': 1.0, 'inertia': 0.1}},
+        'joints': {'shaft': {'revolute': ['ground', 'wheel']}},
+        'loads': {'brake': {'at': 'wheel', 'torque': torque}},
+        'drive': {'coordinate': 'wheel', 'speed': SPEED, 'start_angle': 0.0},
+        'gravity': [0.0, 0.0], **more,
+    }))  # fmt: skip
+
+
+@pytest.mark.parametrize('width', [pytest.param(5e-3, marks=pytest.mark.slow), 0.03])
+def test_a_pulse_lasts_as_long_as_it_is_wide(width):
+    """A bell curve: of microseconds at this speed, and of a millisecond."""
+    machine = wheel(f'-500*exp(-((wheel-2.0)/{width})**2)')
+    shape = ms.cycle(machine, samples=36).peaks()['drive_torque']
+    time, half = width / SPEED, math.sqrt(math.log(2.0))
+    assert shape.whole
+    assert (shape.begin, shape.end) == pytest.approx(
+        (2.0 / SPEED - half * time, 2.0 / SPEED + half * time), abs=1e-8 * time + 1e-16
+    )
+    assert shape.duration == pytest.approx(2.0 * half * time, rel=1e-8)
+    assert shape.impulse == pytest.approx(500.0 * time * math.sqrt(math.pi) * erf(half), rel=1e-8)
+
+
+def test_a_step_begins_and_ends_at_once():
+    points = [[0, 2], [90, 2], [90, 7], [91, 7], [91, 2], [360, 2]]
+    table = {'points': [[f'{a} deg', f'{m} N m'] for a, m in points], 'cyclic': True}
+    machine = wheel('-step(wheel)', tables={'step': table})
+    shape = ms.cycle(machine, samples=36).peaks()['drive_torque']
+    time = np.radians(1.0) / SPEED
+    assert shape.whole
+    assert shape.duration == pytest.approx(time, rel=1e-9)
+    assert shape.impulse == pytest.approx(7.0 * time, rel=1e-9)
+
+
+def test_a_load_that_stays_is_longer_than_the_run():
+    shape = ms.cycle(wheel('-5-0.1*sin(wheel)'), samples=36).peaks()['drive_torque']
+    assert not shape.whole
+    assert shape.duration == pytest.approx(2.0 * math.pi / SPEED, rel=1e-12)
+
+
+def test_a_peak_between_batches_is_one():
+    """The run in pieces that end within the pulse, as the messages of a bag do."""
+    machine = wheel('-500*exp(-((wheel-2.0)/0.05)**2)')
+    motion = ms.simulate(machine, duration=0.1).motion
+    peaks = LoadPeaks(machine.physics, shapes=True)
+    times = [0.0, 0.03, 0.0495, 0.0498, 0.0502, 0.051, 0.07, 0.1]
+    for a, b in itertools.pairwise(times):
+        peaks.add(motion.between(a, b))
+    shape = peaks.shapes[1]['wheel']
+    time, half = 0.05 / SPEED, math.sqrt(math.log(2.0))
+    assert shape.whole
+    assert shape.duration == pytest.approx(2.0 * half * time, rel=1e-8)
+
+
+def test_peaks_of_a_motion_have_their_duration():
+    """As `cycle` has them; the summary of a bag is made of the same."""
+    machine = ms.load_scene('punch')
+    peaks, bearings = LoadPeaks(machine.physics, shapes=True), BearingCollector(machine)
+    for piece in ms.stream(machine, duration=0.5):
+        peaks.add(piece.motion)
+    loads = of_motion(peaks, bearings, lambda _: None)
+    found = ms.cycle(machine, samples=36).peaks()
+    for peak in (*loads.joints, loads.drive_torque):
+        name = f'reaction.{peak.name}.size' if peak.name != 'drive' else 'drive_torque'
+        assert peak.whole
+        assert peak.duration == pytest.approx(found[name].duration, rel=1e-6)
+        assert peak.impulse == pytest.approx(found[name].impulse, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_peaks_are_told_with_their_duration(tmp_path):
+    bag = tmp_path / 'run.mcap'
+    assert run('run', 'punch', '--record', str(bag)).returncode == 0
+    loads = run_json('analyze', str(bag))['loads']
+    found = run_json('cycle', 'punch', '--duration', '0.5')['peaks']
+    for peak in [*loads['joints'], loads['drive_torque']]:
+        name = f'reaction.{peak["name"]}.size' if peak['name'] != 'drive' else 'drive_torque'
+        assert peak['whole']
+        assert peak['duration'] == pytest.approx(found[name]['duration'], rel=1e-6)
+        assert peak['impulse'] == pytest.approx(found[name]['impulse'], rel=1e-6)
+    assert 'above half for' in run('analyze', str(bag)).stdout
+    line = f'drive_torque is above half of its peak for {found["drive_torque"]["duration"]:.4g} s'
+    assert line in run('cycle', 'punch').stdout

@@ -1,0 +1,67 @@
+"""What the package computes is what its record says (`net.py`), until a commit says otherwise."""
+
+from pathlib import Path
+
+import net
+import pytest
+
+RECORD = net.load()
+LINES = {' '.join(line): line for lines in net.COMMANDS.values() for line in lines}
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Bags of the three runs."""
+    place = tmp_path_factory.mktemp('net')
+    net.record_bags(place)
+    return place
+
+
+def differences(part: str, name: str, new: object) -> str:
+    """What differs, a line each; empty if nothing does."""
+    same = net.same_bits(RECORD)
+    return '\n'.join(net.compare(part, name, RECORD[part][name], new, same))
+
+
+def test_the_record_is_of_all_scenes_and_commands():
+    assert sorted(RECORD['scenes']) == net.scene_names()
+    assert RECORD['commands'].keys() == LINES.keys()
+    assert RECORD['topics'].keys() == {net.IDEAL, net.LOOSE, net.FREE}
+
+
+@pytest.mark.sample(14)
+@pytest.mark.parametrize('name', net.scene_names())
+def test_a_scene_moves_as_recorded(name):
+    duration = RECORD['scenes'][name]['duration']
+    assert not differences('scenes', name, net.scene_entry(name, duration))
+
+
+@pytest.mark.parametrize('line', sorted(LINES))
+def test_a_command_says_what_is_recorded(line, folder):
+    assert not differences('commands', line, net.command_entry(LINES[line], folder))
+
+
+def test_topics_hold_what_is_recorded(folder):
+    for name in RECORD['topics']:
+        assert not differences('topics', name, net.topic_entries(folder / f'{name}.mcap'))
+
+
+def test_a_changed_figure_or_key_is_seen():
+    old = RECORD['scenes'][net.IDEAL]
+    moved = {**old, 'position': [x * (1.0 + 1e-6) for x in old['position']]}
+    (said,) = net.differences('x', old, moved, same_bits=False)
+    assert said.startswith('x.position: ')
+    lost = {key: value for key, value in old.items() if key != 'level'}
+    assert net.differences('x', old, lost, same_bits=False) == ['x.level: lost']
+    assert net.differences('x', old, {**old, 'digest': ''}, same_bits=False) == []
+    assert len(net.differences('x', old, {**old, 'digest': ''}, same_bits=True)) == 1
+
+
+def test_figures_behind_many_impacts_are_compared_on_one_processor_only():
+    name = f'statistics {net.LOOSE} --revolutions 24 --skip 2'
+    old = RECORD['commands'][name]
+    key = 'means.impacts.mean'
+    other = {**old, 'leaves': {**old['leaves'], key: [1, 60.0, 60.0]}}
+    assert not net.compare('commands', name, old, other, same_bits=False)
+    assert len(net.compare('commands', name, old, other, same_bits=True)) == 1
+    assert net.compare('commands', name, old, {**old, 'leaves': {}}, same_bits=False)

@@ -1,0 +1,270 @@
+"""Nodes of runs in this process: what slow tests show of processes, on small cases."""
+
+from __future__ import annotations
+
+import ast
+import os
+import runpy
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from middleware_network import PATIENCE, Network, spin_until
+from running import ROOT, start
+from test_control import by_hand
+from test_nodes import FOREIGN
+from test_parts import KINDS, assert_states_follow_from_motion, digest_of, fields_of, states_of
+
+import mechanism_sim as ms
+from mechanism_sim.analysis import analyze
+from mechanism_sim.errors import RunError
+from mechanism_sim.export.urdf import to_urdf
+from mechanism_sim.messages import Impact, JointState, service_class
+from mechanism_sim.nodes import middleware, simulation_node
+from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
+from mechanism_sim.nodes.process import report_end
+from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.nodes.run import NODES, Plan
+from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.recording import read_bag
+
+SCENE = 'four_bar_clearance'
+PLAYING = 1
+
+pytestmark = pytest.mark.usefixtures('network')
+
+
+@pytest.fixture
+def network(monkeypatch) -> Iterator[Network]:
+    """This process on a network of its own, without what earlier runs have left on theirs."""
+    network = Network()
+    for name, value in network.settings.items():
+        monkeypatch.setenv(name, value)
+    middleware.init()
+    yield network
+    middleware.shutdown()
+    network.close()
+
+
+def spin(nodes: list[Node], condition: Callable[[], bool]) -> None:
+    """Run callbacks of nodes until a condition comes true."""
+    executor = SingleThreadedExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    try:
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < end
+            executor.spin_once(timeout_sec=0.1)
+    finally:
+        for node in nodes:
+            executor.remove_node(node)
+
+
+@contextmanager
+def nodes_of(
+    scene: str,
+    duration: float,
+    *names: str,
+    record: Path | None = None,
+    overrides: tuple[str, ...] = (),
+    drive: dict[str, float | bool] | None = None,
+    **options: float | bool,
+) -> Iterator[dict[str, SimulationNode]]:
+    """The nodes of a run by name, those it needs or these; taken down at the end."""
+    plan = Plan(
+        ms.load_scene(scene, overrides), scene, overrides, duration, str(record or ''), **options
+    )
+    chosen = [*names, *(['recorder'] if record else [])] if names else plan.nodes
+    more = {'crank_drive': [Parameter(key, value=value) for key, value in (drive or {}).items()]}
+    made: dict[str, SimulationNode] = {}
+    try:
+        for name in chosen:
+            given = [p for p in plan.parameters(name) if p.name != 'partners']
+            partners = Parameter('partners', value=','.join(n for n in chosen if n != name))
+            made[name] = NODES[name]([*given, partners, *more.get(name, [])])
+        yield made
+    finally:
+        for node in made.values():
+            node.destroy_node()
+
+
+def finish(nodes: dict[str, SimulationNode], *others: Node) -> None:
+    """Run nodes until all are done."""
+    spin([*nodes.values(), *others], lambda: all(n.done for n in nodes.values()))
+
+
+def test_a_subscriber_that_is_slower_than_a_whole_run_loses_nothing():
+    listener, got = Node('slow_listener'), []
+    listener.create_subscription(Impact, 'impacts', lambda m: got.append(m.index), RESULTS)
+    try:
+        with nodes_of(SCENE, 0.1, overrides=('start=centred',)) as nodes:
+            finish(nodes)
+            sent = nodes['linkage'].counts['/impacts']
+            assert not got
+            spin_until(listener, lambda: len(got) >= sent)
+        assert got == list(range(sent))
+        assert sent > 10
+    finally:
+        listener.destroy_node()
+
+
+def test_a_partner_that_leaves_is_named(monkeypatch):
+    monkeypatch.setattr(simulation_node, 'GONE_AFTER', 0.0)
+    with nodes_of(SCENE, 1e5, 'crank_drive', 'linkage', realtime_factor=1.0) as nodes:
+        spin([*nodes.values()], lambda: bool(nodes['linkage'].progress_of))
+        nodes.pop('crank_drive').destroy_node()
+        said = "linkage: 'crank_drive' left before the run was finished"
+        with pytest.raises(RunError, match=said):
+            spin([nodes['linkage']], lambda: False)
+
+
+def test_a_process_that_was_killed_is_named(capsys):
+    assert report_end('recorder', -9) == 1
+    assert "'recorder' was killed by signal 9" in capsys.readouterr().err
+
+
+def test_two_runs_on_one_network_are_kept_apart(tmp_path):
+    """The second one ends, and the first one moves as if it had been alone."""
+    bag = tmp_path / 'run.mcap'
+    with nodes_of(SCENE, 0.05, record=bag, paused=True) as nodes:
+        spin([*nodes.values()], lambda: all(n.ready for n in nodes.values()))
+        with (
+            nodes_of(SCENE, 0.05, 'crank_drive', 'linkage') as second,
+            pytest.raises(RunError, match=r"another '\w+' is running in this domain"),
+        ):
+            spin([*second.values()], lambda: all(n.ready for n in second.values()))
+        play(nodes)
+    assert analyze(bag).digest == digest_of(SCENE, duration=0.05)
+
+
+def play(nodes: dict[str, SimulationNode]) -> None:
+    """Let a paused run go on to its end."""
+    operator, kind = (
+        Node('operator'),
+        service_class('simulation_interfaces/srv/SetSimulationState'),
+    )
+    client = operator.create_client(kind, 'set_simulation_state')
+    request = kind.Request()
+    request.state.state = PLAYING
+    try:
+        spin([*nodes.values(), operator], client.service_is_ready)
+        client.call_async(request)
+        finish(nodes, operator)
+    finally:
+        operator.destroy_node()
+
+
+def test_machines_in_two_namespaces_do_not_disturb_each_other(network, tmp_path):
+    """One in another process runs to its end while one of no namespace waits in this."""
+    bags = {'': tmp_path / 'plain.mcap', 'left/': tmp_path / 'left.mcap'}
+    speeds = {'': 'drive.speed=320 rpm', 'left/': 'drive.speed=300 rpm'}
+    with nodes_of(SCENE, 0.05, record=bags[''], paused=True, overrides=(speeds[''],)) as nodes:
+        process = start(
+            'run', SCENE, '--set', speeds['left/'], '--duration', '0.05',
+            '--record', str(bags['left/']), '--namespace', 'left',
+            env={**os.environ, **network.settings},
+        )  # fmt: skip
+        spin([*nodes.values()], lambda: process.poll() is not None)
+        assert process.returncode == 0, process.communicate()
+        process.communicate()
+        play(nodes)
+    links = ms.load_scene(SCENE).links
+    for prefix, bag in bags.items():
+        assert analyze(bag).digest == digest_of(SCENE, (speeds[prefix],), 0.05)
+        found = read_bag(bag)
+        frames = [t for _, m, _ in found.messages('/tf') for t in m.transforms]
+        assert {t.child_frame_id for t in frames} == {f'{prefix}{link}' for link in links}
+        assert {t.header.frame_id for t in frames} == {f'{prefix}world'}
+        (described,) = [m.data for _, m, _ in found.messages(f'/{prefix}robot_description')]
+        assert described == to_urdf(ms.load_scene(SCENE, [speeds[prefix]]), prefix)
+        (names,) = {tuple(m.name) for _, m, _ in found.messages(f'/{prefix}joint_states')}
+        assert all(f'<joint name="{name}" type="continuous">' in described for name in names)
+        own = {topic for topic in found.topics if topic not in ('/tf', '/clock', '/diagnostics')}
+        assert all(topic.startswith(f'/{prefix}') for topic in own)
+
+
+def test_a_controller_outside_commands_each_sample_as_by_hand():
+    """The program of the pages, with a node of its own."""
+    program = ROOT / 'docs' / 'speed_controller.py'
+    controller, speed = runpy.run_path(str(program))['SpeedController'](), []
+    controller.create_subscription(
+        JointState, 'joint_states', lambda m: speed.append(m.velocity[0]), RESULTS
+    )
+    try:
+        with nodes_of('four_bar_governed', 0.05, drive={'command_period': 0.005}) as nodes:
+            finish(nodes, controller)
+            spin([controller], lambda: len(speed) == 10)
+        assert np.abs(by_hand(10) - speed).max() < 1e-6
+        assert max(speed) - min(speed) > 0.1
+    finally:
+        controller.destroy_node()
+
+
+def test_a_program_with_nothing_but_zenoh_sees_the_graph_and_decodes_joint_states(network):
+    text = FOREIGN % (network.settings['MECHANISM_SIM_ROUTER'], network.settings['ROS_DOMAIN_ID'])
+    with nodes_of(SCENE, 1e5, realtime_factor=1.0) as nodes:
+        program = network.start(text)
+        spin([*nodes.values()], lambda: program.process.poll() is not None)
+    kinds, names, joints = ast.literal_eval('(' + program.expect('('))
+    assert {'NN', 'MP', 'MS', 'SS'} <= set(kinds)
+    assert {'crank_drive', 'linkage', 'sensors'} <= set(names)
+    for t, words, position in joints:
+        assert words == ['crank', 'coupler', 'rocker']
+        assert abs(position[0] - 36.6519 * t) < 1e-7
+
+
+def test_the_nominal_mechanism_runs_as_nodes_too(tmp_path):
+    bag = tmp_path / 'run.mcap'
+    with nodes_of('four_bar_nominal', 0.05, record=bag) as nodes:
+        finish(nodes)
+    assert analyze(bag).digest == digest_of('four_bar_nominal', duration=0.05)
+
+
+def test_a_node_of_parts_integrates_and_follows_alike(tmp_path):
+    """Alone, and beside a linkage that its scene does not need."""
+    bags = {('crank_drive', 'geneva'): tmp_path / 'alone.mcap',
+            ('crank_drive', 'linkage', 'geneva'): tmp_path / 'beside.mcap'}  # fmt: skip
+    told = []
+    for names, bag in bags.items():
+        with nodes_of('geneva', 0.3, *names, record=bag) as nodes:
+            finish(nodes)
+        found = analyze(bag)
+        assert found.digest == digest_of('geneva', duration=0.3)
+        assert found.ledger.finished == tuple(sorted(names))
+        assert not found.ledger.lost
+        assert_states_follow_from_motion(bag, 'geneva', 'geneva')
+        told.append([fields_of(m, KINDS['geneva']) for m in states_of(bag, '/geneva_state')])
+    assert len(told[0]) > 20
+    assert told[0] == told[1]
+
+
+def test_blocks_are_those_of_the_channel_and_an_inertial_unit_knows_its_attitude(tmp_path):
+    bag, imu = tmp_path / 'run.mcap', ('sensors.rocker.imu=true',)
+    with nodes_of('four_bar_measured', 0.2, record=bag, overrides=imu) as nodes:
+        finish(nodes)
+    machine, found = ms.load_scene('four_bar_measured'), read_bag(bag)
+    solution = ms.simulate(machine, duration=0.2)
+    for name, sensor in machine.scene.sensors.items():
+        channel = machine.channel(name)
+        channel.take(solution.motion)
+        messages = [m for _, m, _ in found.messages(f'/accelerometer/{name}')]
+        blocks = channel.blocks(final=True)
+        assert len(messages) == len(blocks) > 0
+        for message, block in zip(messages, blocks, strict=True):
+            assert (message.quantity, message.unit) == (sensor.measures, sensor.unit)
+            assert np.array_equal(message.samples, block.samples)
+            assert (message.time, message.overloads) == (block.time, block.overloads)
+    messages = [m for _, m, _ in found.messages('/imu/rocker')]
+    blocks = [m for _, m, _ in found.messages('/accelerometer/rocker')]
+    across = np.concatenate([m.samples for m in blocks])
+    assert np.array_equal([m.linear_acceleration.y for m in messages], across)
+    t = np.concatenate([b.time + np.arange(len(b.samples)) / b.sample_rate for b in blocks])
+    seen = solution.sample(t)
+    turned = np.array([(m.orientation.w + 1j * m.orientation.z) ** 2 for m in messages])
+    assert np.abs(turned - np.exp(1j * seen['position.rocker'])).max() < 1e-12
+    rate = np.array([m.angular_velocity.z for m in messages])
+    assert np.abs(rate - seen['velocity.rocker']).max() < 1e-9

@@ -1,0 +1,139 @@
+"""Notebooks: what objects show, what `ms.` completes to, tables of other libraries."""
+
+from __future__ import annotations
+
+import base64
+import re
+import sys
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from running import ROOT
+
+import mechanism_sim as ms
+from mechanism_sim.errors import InputError
+
+LONGEST_LINE, LONGEST_PAGE = 1_000, 120_000  # characters
+API = (ROOT / 'docs' / 'api.md').read_text(encoding='utf-8')
+
+
+class Cells(HTMLParser):
+    """Texts of the cells of tables; fails if a tag is not closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.cells, self.open = [], []
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in ('br', 'img'):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] in ('td', 'th'):
+            self.cells.append(data)
+
+
+@pytest.fixture(scope='module')
+def shown():
+    machine = ms.load_scene('four_bar_clearance')
+    return {
+        'machine': machine,
+        'solution': ms.simulate(machine, revolutions=2),
+        'piece': next(iter(ms.stream(machine, revolutions=1))),
+        'cycle': ms.cycle(ms.load_scene('four_bar_nominal')),
+    }
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        'solution',
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ('machine', 'piece', 'cycle')),
+    ],
+)
+def test_objects_show_a_picture_and_a_table_and_are_short_as_text(shown, name):
+    one = shown[name]
+    assert len(repr(one)) < LONGEST_LINE
+    page = one._repr_html_()
+    assert len(page) < LONGEST_PAGE
+    assert len(Cells(page).cells) > 3
+    (data,) = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
+    assert base64.b64decode(data).startswith(b'\x89PNG')
+
+
+@pytest.mark.slow
+def test_a_cycle_shows_its_extremes_in_units_of_people(shown):
+    cells = Cells(shown['cycle']._repr_html_()).cells
+    at = cells.index('reaction.coupler_rocker.size')
+    assert cells[at + 1] == 'N'
+    assert float(cells[at + 4]) == pytest.approx(
+        shown['cycle'].extremes()['reaction.coupler_rocker.size'].greatest.value, rel=1e-5
+    )
+
+
+def test_tables_are_short_and_have_units(shown):
+    for table in (
+        shown['solution'].sample(np.linspace(0.0, 0.3, 20_000)),
+        shown['cycle'].table(),
+        shown['solution'].impact_table(),
+    ):
+        assert len(repr(table)) < LONGEST_LINE
+        page = table._repr_html_()
+        assert len(page) < 10_000
+        assert 't [s]' in Cells(page).cells
+        assert f'{len(table["t"])} rows' in page
+    assert shown['cycle'].table().units['reaction.coupler_rocker.size'] == 'N'
+    impacts = shown['solution'].impact_table()
+    assert list(impacts['normal_impulse']) == [i.normal_impulse for i in shown['solution'].impacts]
+    assert impacts.units['energy_loss'] == 'J'
+
+
+@pytest.mark.parametrize('library', ['pandas', 'polars'])
+def test_tables_become_data_frames(shown, library):
+    pytest.importorskip(library)
+    table = shown['solution'].sample([0.0, 0.1])
+    frame = getattr(table, f'to_{library}')()
+    assert list(frame.columns) == list(table)
+    assert frame['position.rocker'].to_numpy().tolist() == table['position.rocker'].tolist()
+
+
+def test_a_library_that_is_missing_is_named(shown, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'pandas', None)
+    with pytest.raises(InputError, match='pip install pandas'):
+        shown['cycle'].table().to_pandas()
+
+
+def test_the_package_completes_to_what_is_documented_and_nothing_else():
+    documented = re.findall(r'^\.\. autofunction:: (\w+)$', API, re.MULTILINE)
+    assert sorted([*documented, '__version__']) == dir(ms)
+    assert sorted(ms.__all__) == sorted(documented)
+    assert all(callable(getattr(ms, name)) for name in documented)
+    spaces = {name for name in vars(ms) if not name.startswith('_')}
+    modules = {name for name in spaces if type(vars(ms)[name]).__name__ == 'module'}
+    assert spaces - modules - {*documented, 'annotations'} == set()
+
+
+@pytest.mark.slow
+def test_a_notebook_runs_headless_and_shows_what_it_should():
+    nbformat, nbclient = pytest.importorskip('nbformat'), pytest.importorskip('nbclient')
+    pytest.importorskip('ipykernel')
+    book = nbformat.v4.new_notebook()
+    lines = (
+        "import mechanism_sim as ms\nm = ms.load_scene('four_bar_clearance')",
+        'm',
+        's = ms.simulate(m, revolutions=1)\ns',
+        's.sample([0.0, 0.1])',
+        'ms.cycle(m)',
+    )
+    book.cells = [nbformat.v4.new_code_cell(line) for line in lines]
+    nbclient.NotebookClient(book, timeout=600, kernel_name='python3').execute()
+    for cell in book.cells[1:]:
+        (given,) = (out for out in cell.outputs if out.output_type == 'execute_result')
+        assert len(given.data['text/plain']) < LONGEST_LINE
+        assert 100 < len(given.data['text/html']) < LONGEST_PAGE
