@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from absolute import differences
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.cams import curves
@@ -19,9 +20,7 @@ from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.switched_functions import SwitchedFunction
-from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
-from mechanism_sim.scene.files import check_scene
 from test.grid.cams import KINDS, UNFIT, cam
 
 TURN = 2 * math.pi
@@ -33,7 +32,7 @@ def scene(kind, sense, seed=1):
     while True:
         content = cam(np.random.default_rng(seed), kind=kind, sense=SENSES[sense])
         try:
-            return build(kind, check_scene(kind, content))
+            return made(content, kind)
         except InputError as error:
             if not any(text in str(error) for text in UNFIT):
                 raise

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from absolute import differences
+from builders import made
 from event_solution import Machine, Wall, apart, solve
 
 import mechanism_sim as ms
@@ -14,8 +15,6 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.points import rotate
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
 from mechanism_sim.sensing.joint_view import JointView
 
 KINDS = ('knife', 'roller', 'swinging roller', 'swinging face')
@@ -98,7 +97,7 @@ def content(kind, seed):
 def scene(kind, seed, **more):
     said = content(kind, seed)
     said['joints']['contact'] |= more
-    return build(kind, check_scene(kind, said))
+    return made(said, kind)
 
 
 def pressed(kind, seed, force, **more):
@@ -107,7 +106,7 @@ def pressed(kind, seed, force, **more):
     push = rotate((-force, 0.0), pair_of(scene(kind, seed)).direction)
     said['loads'] = {'press': {'at': 'follower.tip', 'force': list(push)}}
     said['joints']['contact'] |= more
-    return build(kind, check_scene(kind, said))
+    return made(said, kind)
 
 
 def pair_of(machine):
@@ -250,7 +249,7 @@ def thrown(restitution, **more):
         'duration': 0.052,
         **more,
     }  # fmt: skip
-    return build('thrown', check_scene('thrown', said))
+    return made(said, 'thrown')
 
 
 @pytest.mark.sample(1)

@@ -1,9 +1,7 @@
 """Full disks, folders that nobody may write to, and readers that have had enough."""
 
-import contextlib
 import csv
 import os
-import resource
 import stat
 import subprocess
 import sys
@@ -11,6 +9,7 @@ import sys
 import numpy as np
 import openpyxl
 import pytest
+from running import full_disk
 from running import run as command
 
 from mechanism_sim import output, tables
@@ -51,19 +50,6 @@ WRITING = {
     'analyze': ('analyze', '{bag}', '--plots', '{}.svg'),
     'sweep': ('sweep', '{sweep}', '-o', '{}.parquet', '--workers', '1'),
 }  # fmt: skip
-
-
-@contextlib.contextmanager
-def full_disk(left):
-    """No file of this process grows beyond so many bytes."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    sys.dont_write_bytecode = True  # Python keeps a module of which only a part was written
-    resource.setrlimit(resource.RLIMIT_FSIZE, (left, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-        sys.dont_write_bytecode = False
 
 
 @pytest.fixture(scope='module')

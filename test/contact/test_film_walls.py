@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss
-from test_compliant import motions, pressure, squeeze
+from short_bearing import motions, pressure, squeeze
 
 import mechanism_sim as ms
 from mechanism_sim.contact.film import JournalMotion, ShortBearing

@@ -8,8 +8,8 @@ from __future__ import annotations
 import re
 
 import pytest
-from blocks import NUMBER, ROOT, Block, blocks, commands, words
-from running import environment, run
+from blocks import NUMBER, Block, blocks, commands, words
+from running import ROOT, environment, run
 
 BLOCKS = blocks('docs/tutorial.md')
 COLUMN = r' (?P<{}>[\d.]+)[ %]* \|'

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from builders import made
 from scipy.integrate import solve_ivp
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.skeleton import skeleton_of
 from mechanism_sim.hybrid.events import StopReason
-from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
-from mechanism_sim.scene.files import check_scene
 
 J1, J2, R1, R2, K = 0.003, 0.08, 0.04, 0.1, 5e4
 CENTRES = np.array([0.4, 0.1])
@@ -36,7 +35,7 @@ def drive(belt=(), **more):
         'drive': {'coordinate': 'a', 'torque': {}},
         **more,
     }
-    return build('belt', check_scene('belt', data))
+    return made(data, 'belt')
 
 
 def strands(crossed):

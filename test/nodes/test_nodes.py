@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from operating import FOREIGN
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from running import TIMEOUT, environment, run, run_json, script, start
@@ -207,44 +208,6 @@ def test_a_slow_subscriber_loses_nothing(tmp_path):
     assert sent == received
     assert int(sent) > 50
     assert in_order == 'True'
-
-
-FOREIGN = """
-import struct, sys, time, zenoh
-config = zenoh.Config()
-config.insert_json5('mode', '"client"')
-config.insert_json5('connect/endpoints', '["%s"]')
-session = zenoh.open(config)
-domain = %s
-tokens, joints = set(), []
-watch = session.liveliness().declare_subscriber(
-    f'@ros2_lv/{domain}/**', lambda s: tokens.add(str(s.key_expr)), history=True)
-def hear(sample):
-    data = bytes(sample.payload)
-    assert data[:4] == bytes([0, 1, 0, 0])
-    assert len(bytes(sample.attachment)) == 33
-    sec, nanosec, size = struct.unpack_from('<iII', data, 4)
-    at = 16 + size + (-size) %% 4
-    (names,) = struct.unpack_from('<I', data, at)
-    at += 4
-    words = []
-    for _ in range(names):
-        (length,) = struct.unpack_from('<I', data, at)
-        words.append(data[at + 4:at + 3 + length].decode())
-        at += 4 + length + (-length) %% 4
-    (count,) = struct.unpack_from('<I', data, at)
-    at += 4
-    at += (4 - at) %% 8
-    joints.append((sec + 1e-9 * nanosec, words, struct.unpack_from(f'<{count}d', data, at)))
-states = session.declare_subscriber(f'{domain}/joint_states/**', hear)
-print('listening', flush=True)
-while len(joints) < 20:
-    time.sleep(0.05)
-kinds = sorted({key.split('/')[5] for key in tokens})
-nodes = sorted({key.split('/')[8] for key in tokens if key.split('/')[5] == 'NN'})
-print(repr((kinds, nodes, joints[:20])), flush=True)
-session.close()
-"""
 
 
 @pytest.mark.slow

@@ -6,14 +6,13 @@ import heyoka as hy
 import numpy as np
 import pytest
 import scipy
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.cycles.measures import measure
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.numerics.enclosure import Course, Enclosure, reach_of
 from mechanism_sim.numerics.formula import FUNCTIONS
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 
 ROOT = math.sqrt(math.pi)
 
@@ -29,7 +28,7 @@ def slider(*forces, speed=0.0, mass=1.0, **changes):
         'loads': {f'f{k}': {'at': 'block', 'force': [f, 0]} for k, f in enumerate(forces)},
         **changes,
     }
-    return build('block', Scene.model_validate(scene))
+    return made(scene, 'block')
 
 
 def wheel(torque, speed=20.0, inertia=0.01, **changes):
@@ -42,7 +41,7 @@ def wheel(torque, speed=20.0, inertia=0.01, **changes):
         'drive': {'coordinate': 'wheel', 'speed': f'{speed} rad/s', 'torque': {}},
         **changes,
     }
-    return build('wheel', Scene.model_validate(scene))
+    return made(scene, 'wheel')
 
 
 def last_speed(machine, duration, link='block'):
@@ -129,7 +128,7 @@ def test_a_free_pendulum_meets_a_pulse_of_its_angle(width):
         'loads': {'f': {'at': 'bob', 'torque': f'exp(-((bob+1.5)/{width})**2)'}},
         'drive': {'coordinate': 'bob', 'speed': 0.0, 'start_angle': '-30 deg', 'torque': {}},
     }
-    solution = ms.simulate(build('pendulum', Scene.model_validate(scene)), duration=0.6)
+    solution = ms.simulate(made(scene, 'pendulum'), duration=0.6)
     q, v = (float(solution.sample([0.6])[f'{x}.bob'][0]) for x in ('position', 'velocity'))
     assert q < -1.6  # past the pulse, which held against it
     inertia, weight = 0.02 + 2.0 * 0.4**2, 2.0 * 9.81 * 0.4
@@ -169,7 +168,7 @@ def test_a_pulse_lifts_what_hangs_in_a_loose_pin():
         'loads': {'f': {'at': 'bob', 'force': [0, '-20 + 3000*exp(-((t-0.503)/1e-3)**2)']}},
         'drive': {'coordinate': 'bob', 'torque': {}, 'speed': 0.0, 'start_angle': '-90 deg'},
     }
-    solution = ms.simulate(build('bob', Scene.model_validate(scene)), duration=0.51)
+    solution = ms.simulate(made(scene, 'bob'), duration=0.51)
     reach = math.sqrt(math.log(3000.0 / 20.0))
     begin, share = 0.503 - 1e-3 * reach, 0.5 * (1.0 + math.erf(reach))
     v = 3.0 * ROOT * share - 20.0 * (0.51 - begin)
@@ -199,7 +198,7 @@ def test_a_load_that_moves_nothing_is_seen(width):
         'drive': {'coordinate': 'crank', 'speed': '10 rad/s', 'start_angle': 0.0},
         'initial': {'position': {'disk.x': 0.2}, 'velocity': {'disk.x': -0.5, 'disk.y': 1.0}},
     }
-    machine = build('disk', Scene.model_validate(scene))
+    machine = made(scene, 'disk')
     solution = ms.simulate(machine, duration=0.09)
     assert not solution.impacts
     mean, highest = measure(machine, solution, 'mean(drive_torque)', 'highest(drive_torque)')
@@ -291,7 +290,7 @@ def driven(torque, speed=20.0, **changes):
         'loads': {'f': {'at': 'cr', 'torque': torque, **changes}},
         'drive': {'coordinate': 'cr', 'speed': f'{speed} rad/s'},
     }
-    return build('crank', Scene.model_validate(scene))
+    return made(scene, 'crank')
 
 
 def figures(machine):
@@ -359,7 +358,7 @@ def test_a_narrow_part_of_a_turn_is_passed_in_every_turn(share, free):
         scene = machine.scene.model_dump(exclude_none=True, by_alias=True)
         scene['drive'] = {'coordinate': 'cr', 'speed': '20 rad/s', 'torque': {}}
         scene['links']['cr']['inertia'] = 100.0
-        machine = build('crank', Scene.model_validate(scene))
+        machine = made(scene, 'crank')
     solution = ms.simulate(machine, duration=0.9)  # not quite three turns
     # ends are located to some roundings of a step's range of angles
     assert solution.energy.dissipated == pytest.approx(3.0, rel=max(1e-9, 1e-11 / width))

@@ -6,10 +6,10 @@ import re
 
 import numpy as np
 import pytest
+from bags import messages_of
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import MCAP0_MAGIC, Writer
-from mcap_ros2.decoder import DecoderFactory
 from running import run as command
 from running import run_json
 
@@ -43,16 +43,10 @@ def ended(tmp_path_factory):
     return path, run_json(*RUN, '--record', str(path))
 
 
-def foreign(path, topic):
-    with path.open('rb') as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        return [m for *_, m in reader.iter_decoded_messages(topics=[topic])]
-
-
 def test_a_run_that_ends_with_a_batch_says_nothing_twice(ended):
     """Another author's reader finds no message without segments, and the motion whole."""
     path, _ = ended
-    messages = foreign(path, '/motion')
+    messages = messages_of(path, '/motion')
     assert messages
     assert all(m.segments for m in messages)
     ends = [m.start[-1] + m.duration[-1] for m in messages]
@@ -266,7 +260,7 @@ def test_what_was_said_before_a_failure_is_in_the_bag(states):
     record = read_record(states['failed'])
     assert record.machine.name == 'slider_crank'
     assert record.end > 0.0
-    assert len(foreign(states['failed'], '/scene')) == 1
+    assert len(messages_of(states['failed'], '/scene')) == 1
 
 
 def test_a_signal_that_is_too_short_is_named(states):

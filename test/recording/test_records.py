@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from bags import angle_at, foreign
+from bags import angle_at, messages_of
 from running import run as command
 
 import mechanism_sim as ms
@@ -114,7 +114,7 @@ def test_a_signal_that_was_not_recorded_follows_from_the_motion(tmp_path):
 
 def test_roses_are_the_messages_turned_by_hand(bag):
     rose = impact_rose(read_record(bag), JOINT)
-    messages, motions = foreign(bag, '/impacts'), foreign(bag, '/motion')
+    messages, motions = messages_of(bag, '/impacts'), messages_of(bag, '/motion')
     assert rose.time.tolist() == [m.time for m in messages]
     assert (rose.pin, rose.bushing) == ('coupler', 'rocker')
     for k, m in list(enumerate(messages))[::7]:

@@ -6,9 +6,8 @@ import io
 
 import numpy as np
 import pytest
+from bags import messages_of
 from matplotlib.colors import same_color
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer
 from PIL import Image
 from running import run, run_json
@@ -41,13 +40,6 @@ def solution():
     return ms.simulate(ms.load_scene('four_bar_clearance'), revolutions=2)
 
 
-def foreign(bag, topic):
-    """All messages of a topic, by a reader that is not ours."""
-    with bag.open('rb') as stream:
-        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        return [message for *_, message in reader.iter_decoded_messages([topic])]
-
-
 def drawn(bag, *names, **span):
     """The lines (label, x, y) of a plot of a bag, and the labels of its axes."""
     figure = lines.draw(Asked(read_bag(bag)).series(names, **span), 'title')
@@ -57,7 +49,7 @@ def drawn(bag, *names, **span):
 
 def test_lines_are_the_messages_that_others_read(bag):
     (gap, force), words = drawn(bag, 'linkage_state.gaps[0]', '/linkage_state.normal_forces')
-    states = foreign(bag, '/linkage_state')
+    states = messages_of(bag, '/linkage_state')
     assert len(states) > 10
     for line in (gap, force):
         np.testing.assert_array_equal(line[1], [m.time for m in states])
@@ -71,13 +63,13 @@ def test_filters_choose_messages_and_items_of_arrays(bag):
         bag, 'impacts{normal_impulse>1e-3}.normal_impulse',
         'tf.transforms{child_frame_id==coupler}.transform.translation.x',
     )  # fmt: skip
-    impacts = [m for m in foreign(bag, '/impacts') if m.normal_impulse > 1e-3]
-    assert 0 < len(impacts) < len(foreign(bag, '/impacts'))
+    impacts = [m for m in messages_of(bag, '/impacts') if m.normal_impulse > 1e-3]
+    assert 0 < len(impacts) < len(messages_of(bag, '/impacts'))
     np.testing.assert_array_equal(hard[1], [m.time for m in impacts])
     np.testing.assert_array_equal(hard[2], [m.normal_impulse for m in impacts])
     frames = [
         (m.transforms[0].header.stamp, t.transform.translation.x)
-        for m in foreign(bag, '/tf')
+        for m in messages_of(bag, '/tf')
         for t in m.transforms
         if t.child_frame_id == 'coupler'
     ]
@@ -88,7 +80,7 @@ def test_filters_choose_messages_and_items_of_arrays(bag):
 
 def test_blocks_of_samples_are_spread_over_time(bag):
     ((_, t, y),), words = drawn(bag, 'accelerometer/rocker_accelerometer.samples')
-    blocks = foreign(bag, '/accelerometer/rocker_accelerometer')
+    blocks = messages_of(bag, '/accelerometer/rocker_accelerometer')
     np.testing.assert_array_equal(y, np.concatenate([m.samples for m in blocks]))
     due = [m.time + k / m.sample_rate for m in blocks for k in range(len(m.samples))]
     np.testing.assert_allclose(t, due, rtol=1e-15)
@@ -120,8 +112,8 @@ def test_numbers_go_to_a_file(bag, tmp_path):
     assert said['files'] == [str(csv), str(picture)]
     assert [s['unit'] for s in said['series']] == ['s', 'J']
     table = np.genfromtxt(csv, delimiter=',', names=True, deletechars='', replace_space=' ')
-    impacts = [m.time for m in foreign(bag, '/impacts') if m.time <= 0.3]
-    states = [(m.time, m.drive_work) for m in foreign(bag, '/linkage_state') if m.time <= 0.3]
+    impacts = [m.time for m in messages_of(bag, '/impacts') if m.time <= 0.3]
+    states = [(m.time, m.drive_work) for m in messages_of(bag, '/linkage_state') if m.time <= 0.3]
     got = table['/impacts.time']
     np.testing.assert_array_equal(got[np.isfinite(got)], impacts)
     got = table['/linkage_state.drive_work']
@@ -138,7 +130,7 @@ def test_over_the_angle_of_the_drive(bag, tmp_path):
         asked.series(['linkage_state.kinetic_energy']), '', lines.over_angle_of(asked.record)
     )
     x, y = np.concatenate([line.get_data() for line in figure.axes[0].lines], axis=1)
-    states, machine = foreign(bag, '/linkage_state'), ms.load_scene('four_bar_clearance')
+    states, machine = messages_of(bag, '/linkage_state'), ms.load_scene('four_bar_clearance')
     angle, speed = machine.start_of_crank
     true = np.degrees(np.array([angle + speed * m.time for m in states])) % 360.0
     energy = np.array([m.kinetic_energy for m in states])

@@ -17,7 +17,6 @@ import pytest
 import yaml
 from four_bars import RADIAL
 from running import ROOT, command, environment, run, run_json
-from test_sweep import in_this_process  # noqa: F401 - a fixture
 
 import mechanism_sim as ms
 from mechanism_sim import ending

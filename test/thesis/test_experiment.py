@@ -9,9 +9,8 @@ import re
 import numpy as np
 import pytest
 import scipy
-from blocks import ROOT
 from matplotlib.figure import Figure
-from running import run
+from running import ROOT, run
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.deviation import alpha, deviation
