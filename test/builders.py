@@ -9,10 +9,16 @@ import yaml
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.numerics import compiled
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 
+PLAY = 'joints.coupler_rocker.clearance'
+"""Of the scene four_bar_clearance."""
+ROUGH = {f'{PLAY}.friction': 0.05, f'{PLAY}.pin_radius': '6 mm', f'{PLAY}.restitution': 0.7,
+         'start': 'centred'}  # fmt: skip
+"""Overrides of four_bar_clearance: impacts, sliding and following."""
 EVERY_KIND = (
     'four_bar_clearance', 'bearing_run_up', 'ten_links', 'whole_machine', 'planetary', 'loader',
     'geneva', 'linear_intermittent', 'valve_train', 'rack_and_pinion', 'scotch_yoke', 'pendulum',
@@ -60,6 +66,11 @@ joints:
 drive: {speed: 10 rad/s}
 guess: {coupler: 60 deg, rocker: 120 deg}
 """
+
+
+def cam_pair(machine: ms.Machine) -> CamPair:
+    """The first pair of a cam and its follower."""
+    return next(j for j in machine.plan.joints if isinstance(j, CamPair))
 
 
 def compilations() -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from absolute import cross
 from builders import made
 from scipy.integrate import solve_ivp
 
@@ -49,10 +50,6 @@ def strands(crossed):
         n = np.array([c * u[0] - sn * u[1], sn * u[0] + c * u[1]])
         found.append((R1 * n, CENTRES + s * R2 * n))
     return found
-
-
-def cross(a, b):
-    return a[0] * b[1] - a[1] * b[0]
 
 
 @pytest.mark.parametrize('crossed', [False, True])

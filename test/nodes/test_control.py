@@ -11,6 +11,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from builders import PLAY
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from operating import CONTROL, by_hand, operate
@@ -25,7 +26,6 @@ from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 from mechanism_sim.recording import read_bag
 
 SCENE = 'four_bar_clearance'
-PLAY = 'joints.coupler_rocker.clearance'
 JOINT = f'{PLAY}.restitution'
 
 

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import running
-from running import ROOT, TIMEOUT, environment, ros_found, run, run_json
+from running import ROOT, TIMEOUT, ros_found, run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
@@ -113,13 +112,6 @@ def example(name: str) -> Path | None:
 
 
 built = pytest.mark.skipif(example('observer') is None, reason='no C++ example built here')
-
-
-@pytest.fixture
-def ros(monkeypatch) -> dict[str, str]:
-    """Environment of processes on rclpy and rclcpp, in a domain of their own."""
-    monkeypatch.setattr(running, 'middleware', 'rclpy')
-    return environment()
 
 
 @contextmanager

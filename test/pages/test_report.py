@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bags import write_bag
-from builders import EVERY_KIND, simulated
+from builders import EVERY_KIND, ROUGH, simulated
 from live_pages import unpacked
 from running import run as command
 from scipy.interpolate import CubicHermiteSpline
@@ -27,13 +27,7 @@ from mechanism_sim.planar.points import GROUND
 @pytest.fixture(scope='module')
 def loose():
     """Three turns with impacts, sliding and following."""
-    play = 'joints.coupler_rocker.clearance'
-    return simulated(
-        'four_bar_clearance',
-        {f'{play}.friction': 0.05, f'{play}.pin_radius': '6 mm', f'{play}.restitution': 0.7,
-         'start': 'centred'},
-        revolutions=3,
-    )  # fmt: skip
+    return simulated('four_bar_clearance', ROUGH, revolutions=3)
 
 
 def at(poses, link, place):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from bags import angle_at, messages_of, write_bag
 from browsing import Tab, boxes, open_page, overlapping, scrub, time_of, violations
-from builders import EVERY_KIND, simulated
+from builders import EVERY_KIND, ROUGH, simulated
 
 import mechanism_sim as ms
 from mechanism_sim import output
@@ -19,9 +19,6 @@ from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.recorded import NEAR, recorded
 
-PLAY = 'joints.coupler_rocker.clearance'
-ROUGH = {f'{PLAY}.friction': 0.05, f'{PLAY}.pin_radius': '6 mm', f'{PLAY}.restitution': 0.7,
-         'start': 'centred'}  # fmt: skip
 LENGTHS = {'ground': 0.387, 'crank': 0.064, 'coupler': 0.309, 'rocker': 0.312}
 CLEARANCE = 0.254e-3
 

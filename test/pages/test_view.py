@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builders import PLAY
 from live_pages import Acted, data, motion_messages, unpacked
 from middleware_network import PATIENCE, eventually
 from running import command, run
@@ -37,7 +38,6 @@ from mechanism_sim.pages.server import PAGES, Command, Mailbox, Server
 from mechanism_sim.pages.view import NEWEST
 
 SCENE = 'four_bar_clearance'
-PLAY = 'joints.coupler_rocker.clearance'
 COMMANDS = 'drive.commands={acceleration: 1000 rad/s^2, fastest: 60 rad/s}'
 
 
