@@ -49,6 +49,7 @@ def compared(bags, tmp_path_factory):
     return file, run_json('report', *map(str, bags), '-o', str(file))
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_differences_are_those_that_another_reader_finds_in_the_bags(bags, compared):
     """Impacts message by message; the signal by scipy's own estimate of its spectrum."""
@@ -89,6 +90,7 @@ def test_differences_are_those_that_another_reader_finds_in_the_bags(bags, compa
     assert found['impacts', 'count']['change'] > 20
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_an_ideal_bag_differs_from_a_worn_one_as_another_reader_finds(bags, tmp_path):
     """Impacts, signal, and the forces of the messages, which the largest ones come up to."""
@@ -199,6 +201,7 @@ def test_no_common_name_is_refused():
         compare(one, two)
 
 
+@pytest.mark.network
 @pytest.mark.slow
 @pytest.mark.parametrize('width', [1440, 390])
 def test_the_page_shows_both_machines(compared, tmp_path, width):

@@ -65,6 +65,7 @@ def given(tmp_path_factory):
     return found
 
 
+@pytest.mark.network
 @pytest.mark.sample(5)
 @pytest.mark.parametrize('name', WRITING)
 def test_a_full_disk_ends_in_a_sentence_and_leaves_nothing(capsys, given, tmp_path, name):
@@ -79,6 +80,7 @@ def test_a_full_disk_ends_in_a_sentence_and_leaves_nothing(capsys, given, tmp_pa
     assert [path.name for path in tmp_path.iterdir()] == KEPT.get(name, [])
 
 
+@pytest.mark.network
 @pytest.mark.sample(5)
 @pytest.mark.skipif(not os.path.isdir('/sys'), reason='needs a folder that nobody may write to')
 @pytest.mark.parametrize('name', WRITING)

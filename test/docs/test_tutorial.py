@@ -44,6 +44,7 @@ def answer(block: Block, env: dict[str, str]) -> list[str]:
     return said
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_every_command_answers_as_shown(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -238,6 +238,7 @@ def test_what_is_drawn_is_accessible_and_overlaps_nowhere(
         context.close()
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_firefox_drags_a_joint(tmp_path, tmp_path_factory, monkeypatch):
     if firefox() is None:

@@ -88,6 +88,7 @@ def test_peaks_of_a_motion_have_their_duration():
         assert peak.impulse == pytest.approx(found[name].impulse, rel=1e-6)
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_peaks_are_told_with_their_duration(tmp_path):
     bag = tmp_path / 'run.mcap'

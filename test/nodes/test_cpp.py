@@ -70,6 +70,7 @@ int main()
 
 
 @pytest.mark.skipif(COMPILER is None, reason='no C++ compiler here')
+@pytest.mark.network
 def test_the_header_evaluates_what_python_evaluates(tmp_path):
     assert COMPILER
     source, program, bag = (tmp_path / name for name in ('main.cpp', 'main', 'run.mcap'))

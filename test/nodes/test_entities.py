@@ -17,6 +17,8 @@ from mechanism_sim.analysis import analyze
 from mechanism_sim.recording import read_bag
 from mechanism_sim.scene.files import find_scene
 
+pytestmark = pytest.mark.network
+
 SCENE = 'four_bar_clearance'
 
 WORLDS = (

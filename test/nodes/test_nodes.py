@@ -210,6 +210,7 @@ def test_a_slow_subscriber_loses_nothing(tmp_path):
     assert in_order == 'True'
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_a_program_with_nothing_but_zenoh_sees_the_graph_and_decodes_joint_states(tmp_path):
     env = environment()
@@ -416,6 +417,7 @@ def test_linkages_run_as_nodes_bit_by_bit_as_without(tmp_path, scene):
     assert frames == set(ms.load_scene(scene).links)
 
 
+@pytest.mark.network
 def test_a_paced_run_is_not_faster_than_its_clock():
     outcome = run_json('run', SCENE, '--duration', '1', '--realtime-factor', '1')
     assert outcome['duration'] == pytest.approx(1.0, abs=1e-12)

@@ -145,6 +145,7 @@ def test_every_reading_has_the_fields_of_its_message(name):
         assert ['header', 'time', 'joint', *fields] == wanted
 
 
+@pytest.mark.network
 def test_a_node_without_its_part_says_what_the_scene_needs():
     done = run('node', 'geneva', '--scene', 'film_advance')
     assert done.returncode == 2
@@ -380,6 +381,7 @@ def alone(tmp_path_factory) -> Path:
     return bag
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_a_geneva_node_integrates_in_a_process_of_its_own(alone):
     """Its motion is that of `solve` bit by bit, and what it reads is what the engine says."""
@@ -400,6 +402,7 @@ def test_a_geneva_node_integrates_in_a_process_of_its_own(alone):
     assert speed.highest == pytest.approx(0.0, abs=1e-12)  # the motion's own, up to rounding
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_beside_a_linkage_the_node_follows(tmp_path, mixed):
     bag = tmp_path / 'run.mcap'
@@ -421,6 +424,7 @@ def test_beside_a_linkage_the_node_follows(tmp_path, mixed):
         assert np.abs(published - columns[column]).max() <= 1e-9 * np.abs(published).max()
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_integrating_and_following_say_the_same(tmp_path, alone):
     """The user starts a linkage beside the node of a scene that needs none."""
@@ -443,6 +447,7 @@ def test_integrating_and_following_say_the_same(tmp_path, alone):
     assert one == other
 
 
+@pytest.mark.network
 @pytest.mark.parametrize(
     ('scene', 'name', 'duration'),
     [
@@ -462,6 +467,7 @@ def test_a_node_of_parts_integrates(tmp_path, scene, name, duration):
     assert found.parts.keys() == {KINDS[name].topic}
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_bearings_of_shafts_have_a_topic(tmp_path):
     """Both bearings together carry the reaction of the plane, and one of them the axial force."""
@@ -501,6 +507,7 @@ def test_a_cam_state_says_where_the_follower_touches():
     assert np.abs(seen.sliding_speed) == pytest.approx(height * seen.cam_speed, rel=1e-12)
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_a_whole_machine_runs_as_six_nodes(tmp_path):
     """Motor, gears, cam and loose four-bar: everyone's forces are in one bag."""

@@ -295,6 +295,7 @@ def foreign_boxes(page, selector):
     )
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 @pytest.mark.parametrize('width', [1440, 390])
 def test_firefox_shows_the_live_view_and_is_obeyed(foreign, width):
@@ -343,6 +344,7 @@ def test_firefox_shows_the_live_view_and_is_obeyed(foreign, width):
 FILES = [x for x in TEXTS if x not in ('live', 'waiting', 'edit')]
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 @pytest.mark.parametrize('kind', FILES)
 def test_firefox_shows_and_plays_the_same(foreign, pages, kind):

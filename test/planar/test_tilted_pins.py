@@ -503,6 +503,7 @@ def test_bearings_in_line_add_nothing_to_messages():
     assert [len(x) for x in (message.moment_x, message.moment_y, message.force_z)] == [0, 0, 0]
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_nodes_publish_bearing_moments_and_bags_give_them_back(tmp_path):
     bag = tmp_path / 'run.mcap'

@@ -91,6 +91,7 @@ def test_a_bag_tells_what_the_run_would_have_told(rough, bag):
     assert len(found.piece.impacts) == len(rough.piece.impacts) > 20
 
 
+@pytest.mark.network
 def test_a_signal_that_was_not_recorded_follows_from_the_motion(tmp_path):
     path = tmp_path / 'run.mcap'
     noisy = 'sensors.rocker_accelerometer.noise.rms=0.5 m/s^2'

@@ -47,6 +47,7 @@ def drawn(bag, *names, **span):
     return found, [axes.get_ylabel() for axes in figure.axes]
 
 
+@pytest.mark.network
 def test_lines_are_the_messages_that_others_read(bag):
     (gap, force), words = drawn(bag, 'linkage_state.gaps[0]', '/linkage_state.normal_forces')
     states = messages_of(bag, '/linkage_state')
@@ -58,6 +59,7 @@ def test_lines_are_the_messages_that_others_read(bag):
     assert words == ['gaps [mm]', 'normal forces [N]']
 
 
+@pytest.mark.network
 def test_filters_choose_messages_and_items_of_arrays(bag):
     (hard, place), words = drawn(
         bag, 'impacts{normal_impulse>1e-3}.normal_impulse',
@@ -78,6 +80,7 @@ def test_filters_choose_messages_and_items_of_arrays(bag):
     assert words == ['normal impulse [N·s]', 'x [mm]']
 
 
+@pytest.mark.network
 def test_blocks_of_samples_are_spread_over_time(bag):
     ((_, t, y),), words = drawn(bag, 'accelerometer/rocker_accelerometer.samples')
     blocks = messages_of(bag, '/accelerometer/rocker_accelerometer')
@@ -90,6 +93,7 @@ def test_blocks_of_samples_are_spread_over_time(bag):
     np.testing.assert_array_equal(same, y)
 
 
+@pytest.mark.network
 def test_quantities_of_a_bag_are_those_of_the_solution(bag, solution):
     """Of the polynomials, on both sides of impacts; one unit, one axes."""
     found, words = drawn(bag, 'velocity.rocker', f'normal_force.{JOINT}', 'reaction', start=0.1)
@@ -103,6 +107,7 @@ def test_quantities_of_a_bag_are_those_of_the_solution(bag, solution):
     assert np.isin(hits, found[0][1]).all()
 
 
+@pytest.mark.network
 def test_numbers_go_to_a_file(bag, tmp_path):
     csv, picture = tmp_path / 'numbers.csv', tmp_path / 'picture.png'
     said = run_json(
@@ -123,6 +128,7 @@ def test_numbers_go_to_a_file(bag, tmp_path):
     assert picture.read_bytes().startswith(b'\x89PNG')
 
 
+@pytest.mark.network
 def test_over_the_angle_of_the_drive(bag, tmp_path):
     """Messages over the angle the crank then has, which turns at a constant speed."""
     asked = Asked(read_bag(bag))
@@ -145,6 +151,7 @@ def test_over_the_angle_of_the_drive(bag, tmp_path):
     assert done.stdout.strip() == str(file)
 
 
+@pytest.mark.network
 def test_bags_of_others_count_from_their_start(tmp_path):
     """An inertial unit on the clock of the wall, written by another program."""
     file = tmp_path / 'foreign.mcap'
@@ -233,6 +240,7 @@ def test_an_overview_of_a_solution(solution):
     assert image.size[0] > 1000
 
 
+@pytest.mark.network
 def test_colours_say_of_what_lines_are_and_impacts_are_marked(solution):
     """Those of the links in the drawing; components by dashes; small multiples share a scale."""
     machine = ms.load_scene('four_bar_clearance')
@@ -276,6 +284,7 @@ def test_turns_that_overlap_are_a_band_around_all_and_the_last_whole_one():
     np.testing.assert_allclose(y[once], true, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.network
 def test_angles_begin_anew_with_every_turn(solution):
     """The crank over its own angle is that angle; the rocker stays where it was."""
     axes = solution.plot('position', against='angle').axes[0]
@@ -313,6 +322,7 @@ def test_every_kind_of_machine_has_an_overview(scene, panels):
     assert all(axes.get_ylabel().endswith(']') for axes in figure.axes if axes.lines)
 
 
+@pytest.mark.network
 def test_all_that_can_be_plotted_is_listed_with_units(bag):
     listed = {x['name']: x['unit'] for x in run_json('plot', str(bag))}
     assert listed[f'gap.{JOINT}'] == 'm'
@@ -324,6 +334,7 @@ def test_all_that_can_be_plotted_is_listed_with_units(bag):
     assert 'drive_torque               N m' in done.stdout
 
 
+@pytest.mark.network
 @pytest.mark.parametrize(
     ('what', 'words'),
     [

@@ -87,6 +87,7 @@ def rows_of(table):
     return pyarrow.dataset.dataset(folder_of(table)).to_table().to_pylist()
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_windows_are_what_the_node_publishes(reference, tmp_path):
     """The same samples to the last bit, by messages of a run in another process."""

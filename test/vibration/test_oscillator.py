@@ -421,6 +421,7 @@ def test_a_load_much_faster_than_the_machine_is_followed():
         assert np.abs(row - column).max() < 1e-7 * np.abs(column).max()
 
 
+@pytest.mark.network
 def test_a_node_without_a_frame_says_so():
     done = run('node', 'oscillator', '--scene', 'pendulum')
     assert done.returncode == 2
@@ -473,6 +474,7 @@ def test_a_filter_behind_a_frame_hears_its_acceleration():
     assert np.abs(samples[:100] - wanted.y[0]).max() < 1e-7 * np.abs(wanted.y[0]).max()
 
 
+@pytest.mark.network
 def test_as_a_node_the_frame_moves_as_in_the_library(tmp_path):
     bag = tmp_path / 'run.mcap'
     run_json('run', 'gear_housing', '--duration', '0.05', '--record', str(bag))
