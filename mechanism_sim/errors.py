@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
+import re
 import reprlib
 from collections.abc import Iterable
+
+_LONG_WORD = re.compile(r'(\S{100})\S{300,}(\S{50})')
+
+
+def printable(text: str) -> str:
+    """A sentence for any terminal: long words cut in the middle, half characters escaped.
+
+    Names and values that somebody gave are quoted in it, whatever they are.
+    """
+    whole = text.encode('utf-8', 'backslashreplace').decode()
+    return _LONG_WORD.sub(r'\1...\2', whole)
 
 
 class InputError(ValueError):
     """Something the user gave cannot be used; the command line ends with code 2."""
 
+    def __init__(self, text: str) -> None:
+        super().__init__(printable(text))
+
 
 class RunError(RuntimeError):
     """A run failed although its input was good; the command line ends with code 1."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(printable(text))
 
 
 _SHORT = reprlib.Repr()

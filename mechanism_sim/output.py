@@ -40,6 +40,10 @@ def errors_as_sentences(path: Path | str) -> Iterator[None]:
     except OSError as error:
         kind = RunError if error.errno in _FULL else InputError
         raise kind(f"'{path}' cannot be written: {error.strerror or error}") from error
+    except InputError:
+        raise
+    except ValueError as error:  # a zero byte in a name, or what no name can be written as
+        raise InputError(f"'{path}' is no name of a file: {error}") from error
 
 
 @contextmanager
