@@ -218,7 +218,6 @@ def thrown(restitution, **more):
     x = np.linspace(0.0, STROKE, 6)
     said = {
         'title': 'Thrown wedge',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'seat': [0.0, 0.2]}},
             'wedge': {'mass': MASSES[0]},

@@ -331,7 +331,6 @@ def test_meshes_that_contradict_each_other_lock():
 def test_a_belt_turns_the_camshaft_at_half_speed():
     content = {
         'title': 'belt',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'cam': [0.0, 0.2]}},
             'crank': {'mass': 1.0, 'inertia': 1e-3},
@@ -448,7 +447,6 @@ def test_gears_on_all_pivots_of_a_loop_are_refused():
     gears = {f'g{k}': {'mass': 1.0, 'inertia': 1e-3} for k in range(4)}
     content = {
         'title': 'geared four-bar',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'right': [0.21, 0.0]}},
             'crank': {'length': 0.1, 'mass': 1.0, 'inertia': 1e-3},

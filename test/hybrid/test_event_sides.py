@@ -35,7 +35,6 @@ def press(joint, loads, drive=None, start=0.3):
     """A press whose ram is loaded in a part of the cycle."""
     scene = {
         'title': 'press',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'O': [0, 0]}},
             'crank': {'length': 0.1, 'mass': 1.0, 'inertia': 0.01, 'cog': 0.05},

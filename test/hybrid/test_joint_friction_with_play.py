@@ -18,7 +18,7 @@ SPEED = PUSH / m * STRIKES
 def ball(angle, mu, block, length=None, cog=0.0, **clearance):
     """A ball in the hole of a block that slides with friction, pushed against its wall."""
     scene = {
-        'mechanism': 'linkage', 'title': 'ball', 'gravity': [0.0, 0.0], 'start': 'centred',
+        'title': 'ball', 'gravity': [0.0, 0.0], 'start': 'centred',
         'links': {'block': {'mass': M, 'cog': cog},
                   'ball': {'mass': m, 'inertia': 2e-5, 'cog': 0.0}},
         'joints': {'guide': {'prismatic': ['ground', 'block'],

@@ -22,7 +22,6 @@ def drive(belt=(), **more):
     """Two rotors without friction, of which the first may be driven."""
     data = {
         'title': 'belt',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'far': [0.4, 0.1]}},
             'a': {'mass': 1, 'inertia': J1},

@@ -131,7 +131,7 @@ def test_a_guide_that_turns():
     """
     mu, w, play = 0.2, 10.0, 1e-3
     scene = {
-        'title': 'arm', 'mechanism': 'linkage',
+        'title': 'arm',
         'links': {'arm': {'length': 1.0, 'mass': 1.0, 'inertia': 0.1},
                   'block': {'mass': 0.5, 'inertia': 1e-3}},
         'joints': {'pivot': {'revolute': ['ground', 'arm']},

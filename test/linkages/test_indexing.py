@@ -17,7 +17,6 @@ def geneva(slots, sense=1.0, distance=None, **keys):
     b = RADIUS / math.sin(math.pi / slots) if distance is None else distance
     content = {
         'title': 'Geneva wheel',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'centre': [b, 0.0]}},
             'crank': {'length': RADIUS, 'mass': 0.6, 'inertia': 6e-4},

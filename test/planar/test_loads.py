@@ -15,7 +15,6 @@ def machine(**changes):
     """A crank whose pin carries a block on a rocker."""
     scene = {
         'title': 'quick return',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'O': [0, 0], 'C': [0.3, 0]}},
             'crank': {'length': 0.1, 'mass': 1.0, 'inertia': 0.01, 'cog': 0.05},
@@ -65,7 +64,6 @@ def test_a_coordinate_in_a_load_is_what_it_is_without_clearance(load, moment, lo
 def wheel(drive, **loads):
     scene = {
         'title': 'wheel',
-        'mechanism': 'linkage',
         'links': {'ground': {}, 'wheel': {'mass': 1.0, 'inertia': 0.01}},
         'joints': {'O': {'revolute': ['ground', 'wheel']}},
         'loads': {'f': {'at': 'wheel', **loads}},
@@ -94,7 +92,6 @@ def test_steep_formulas_are_not_stepped_over(width):
     """``m v' = -F tanh(v/w)``: sinh(v/w) falls as exp(-F t/(m w)), whatever w is."""
     scene = {
         'title': 'a block that friction stops',
-        'mechanism': 'linkage',
         'links': {'block': {'mass': 2.0}},
         'joints': {'guide': {'prismatic': ['ground', 'block']}},
         'drive': {'coordinate': 'block', 'speed': '1 m/s', 'force': {}},
@@ -154,7 +151,7 @@ def test_a_formula_out_of_its_range_ends_in_a_sentence_without_free_coordinates(
 def on_spring(free_length, damping, start):
     """A block whose spring hangs on the middle of its guide."""
     scene = {
-        'mechanism': 'linkage', 'title': 'made', 'gravity': [0.0, 0.0],
+        'title': 'made', 'gravity': [0.0, 0.0],
         'links': {'block': {'mass': 1.0}}, 'joints': {'guide': {'prismatic': ['ground', 'block']}},
         'springs': {'s': {'between': ['ground', 'block'], 'stiffness': '100 N/m',
                           'free_length': free_length, 'damping': f'{damping} N s/m'}},

@@ -16,7 +16,7 @@ G, L, R = 9.81, 0.2, 0.05
 
 
 def lumped(links, joints, **more):
-    scene = {'title': 'lumped', 'mechanism': 'linkage', 'links': links, 'joints': joints, **more}
+    scene = {'title': 'lumped', 'links': links, 'joints': joints, **more}
     return made(scene, 'lumped')
 
 

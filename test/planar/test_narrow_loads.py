@@ -151,7 +151,7 @@ def test_a_drive_that_changes_its_speed_within_a_microsecond(ramp):
     width, inertia = 1e-6, 0.01
     points = [[0, 10.0], [0.05, 10.0], [0.05 + width, 12.0], [0.1, 12.0]]
     scene = {
-        'title': 'a wheel', 'mechanism': 'linkage', 'gravity': [0, 0],
+        'title': 'a wheel', 'gravity': [0, 0],
         'links': {'ground': {}, 'wheel': {'mass': 1.0, 'inertia': inertia, 'cog': 0.0}},
         'joints': {'O': {'revolute': ['ground', 'wheel']}},
         'drive': {'coordinate': 'wheel', 'start_angle': 0.0, 'profile': {

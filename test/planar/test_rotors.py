@@ -29,7 +29,6 @@ MASS, POLAR = 8.0, 0.04
 def rotor(speed=100.0, polar=POLAR, off=1e-4, drive=None, gravity=(0.0, 0.0), mass=MASS, **joint):
     return made({
         'title': 'Rotor',
-
         'links': {'disk': {'mass': mass, 'inertia': polar, 'cog': off}},
         'joints': {'shaft': {'rotor': ['ground', 'disk'], **joint}},
         'drive': {'coordinate': 'disk', **(drive or {'speed': speed}), 'start_angle': 0.0},
@@ -341,7 +340,6 @@ def disks_of_the_book(**given):
     second = {'along': 0.35, 'mass': mass, 'inertia': polar, 'cog': [0.0, 46e-6]}
     return made({
         'title': 'Two disks',
-
         'links': {'disk': {'mass': mass, 'inertia': polar, 'cog': 35e-6}},
         'joints': {'shaft': {
             'rotor': ['ground', 'disk'],

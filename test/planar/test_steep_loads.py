@@ -21,7 +21,6 @@ def slider(*forces, speed=0.0, mass=1.0, **changes):
     """A block on a guide under forces along it."""
     scene = {
         'title': 'a block',
-        'mechanism': 'linkage',
         'links': {'block': {'mass': mass}},
         'joints': {'guide': {'prismatic': ['ground', 'block']}},
         'drive': {'coordinate': 'block', 'speed': f'{speed} m/s', 'force': {}},
@@ -34,7 +33,6 @@ def slider(*forces, speed=0.0, mass=1.0, **changes):
 def wheel(torque, speed=20.0, inertia=0.01, **changes):
     scene = {
         'title': 'a wheel',
-        'mechanism': 'linkage',
         'links': {'ground': {}, 'wheel': {'mass': 1.0, 'inertia': inertia}},
         'joints': {'O': {'revolute': ['ground', 'wheel']}},
         'loads': {'f': {'at': 'wheel', 'torque': torque}},
@@ -121,7 +119,6 @@ def test_a_free_pendulum_meets_a_pulse_of_its_angle(width):
     """Energy: the pulse takes its work whenever it is passed, here twice, once each way."""
     scene = {
         'title': 'a pendulum',
-        'mechanism': 'linkage',
         'links': {'ground': {}, 'bob': {'mass': 2.0, 'inertia': 0.02, 'cog': 0.4, 'length': 0.8}},
         'joints': {'O': {'revolute': ['ground', 'bob.start']}},
         'gravity': [0, -9.81],
@@ -162,7 +159,6 @@ def test_a_pulse_lifts_what_hangs_in_a_loose_pin():
     loose = {'revolute': ['ground', 'bob.start'], 'clearance': {'radial': 0.05, 'restitution': 0}}
     scene = {
         'title': 'a pendulum that hangs in a loose pin',
-        'mechanism': 'linkage',
         'links': {'ground': {}, 'bob': {'mass': 1.0, 'inertia': 1.0, 'cog': 0.4, 'length': 0.8}},
         'joints': {'O': loose},
         'loads': {'f': {'at': 'bob', 'force': [0, '-20 + 3000*exp(-((t-0.503)/1e-3)**2)']}},
@@ -180,7 +176,6 @@ def test_a_load_that_moves_nothing_is_seen(width):
     """On a crank that is driven, beside a disk that flies in its loose pin."""
     scene = {
         'title': 'a disk in a loose pin',
-        'mechanism': 'linkage',
         'gravity': [0, 0],
         'links': {
             'ground': {},
@@ -283,7 +278,6 @@ def driven(torque, speed=20.0, **changes):
     """A crank that turns steadily under its weight and a torque."""
     scene = {
         'title': 'a crank',
-        'mechanism': 'linkage',
         'links': {'ground': {}, 'cr': {'mass': 1.0, 'inertia': 0.01, 'cog': 0.1, 'length': 0.2}},
         'joints': {'O': {'revolute': ['ground', 'cr.start']}},
         'gravity': [0, -9.81],

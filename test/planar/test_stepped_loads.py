@@ -18,7 +18,6 @@ def block(speed=1.0, tables=None, force=None, **loads):
     """A block of 2 kg on a guide."""
     scene = {
         'title': 'block',
-        'mechanism': 'linkage',
         'links': {'block': {'mass': MASS}},
         'joints': {'guide': {'prismatic': ['ground', 'block']}},
         'tables': tables or {},
@@ -32,7 +31,6 @@ def rotor(speed=0.0, loads=None, **motor):
     """A wheel that a motor turns."""
     scene = {
         'title': 'rotor',
-        'mechanism': 'linkage',
         'links': {'rotor': {'mass': 2.0, 'inertia': 0.05}},
         'joints': {'O': {'revolute': ['ground', 'rotor']}},
         'drive': {'coordinate': 'rotor', 'speed': speed, 'motor': motor},
@@ -170,7 +168,6 @@ def test_two_blocks_that_rub_on_each_other_and_on_the_ground():
     """Both hold at once: then they rest until the pull is larger than what the ground holds."""
     scene = {
         'title': 'blocks',
-        'mechanism': 'linkage',
         'links': {'lower': {'mass': 3.0}, 'upper': {'mass': 1.0}},
         'joints': {
             'a': {'prismatic': ['ground', 'lower']},

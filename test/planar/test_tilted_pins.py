@@ -31,7 +31,7 @@ def bob(clearance, tilt=None, start='seated', cog=0.0, **parts):
     """A link that hangs on a pin of its own in a bushing of the ground."""
     link = {'mass': MASS, 'inertia': 4e-4, 'cog': cog, **({'tilt': tilt} if tilt else {})}
     whole = {
-        'title': 'bob', 'mechanism': 'linkage', 'gravity': [0.0, -G], 'start': start,
+        'title': 'bob', 'gravity': [0.0, -G], 'start': start,
         'links': {'bob': link},
         'joints': {'pin': {'revolute': ['bob', 'ground'], 'clearance': {
             'radial': C, 'restitution': 0.0, 'length': B, **clearance}}},
@@ -308,7 +308,7 @@ def test_a_link_that_turns_and_leans_obeys_eulers_equations(gravity):
     w, a, k, about = 60.0, 0.04, 35.0, (6e-4, 9e-4)
     normal, mass = 1.2e-3, 0.5
     parts = {
-        'title': 's', 'mechanism': 'linkage', 'gravity': [0.0, 0.0],
+        'title': 's', 'gravity': [0.0, 0.0],
         'links': {'arm': {'mass': mass, 'inertia': normal, 'cog': a,
                           'tilt': {'stiffness': k, 'inertia': list(about)}}},
         'joints': {'hub': {'revolute': ['ground', 'arm']}},

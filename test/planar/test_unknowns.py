@@ -160,7 +160,6 @@ def test_virtual_power_balance_of_a_five_bar_with_two_unknowns(seed):
     lengths = {'a': 0.1, 'b': 0.3, 'c': 0.32, 'd': 0.12}
     base = {
         'title': 'five-bar',
-        'mechanism': 'linkage',
         'gravity': [0, -9.81],
         'links': {
             'ground': {'points': {'right': [0.2, 0]}},

@@ -19,7 +19,6 @@ def rotor(**changes):
     """A bar that turns about its end at a constant speed, with a brake."""
     scene = {
         'title': 'bar',
-        'mechanism': 'linkage',
         'links': {'bar': {'mass': 2.0, 'inertia': 0.05, 'cog': ARM}},
         'masses': {'weight': {'at': 'bar.start', 'mass': 1.0}},
         'joints': {'O': {'revolute': ['ground', 'bar']}},
