@@ -1,15 +1,20 @@
-"""Bags that are written without nodes, and read by readers of other authors."""
+"""Bags that are written without nodes, and what readers of other authors find in bags."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
 
+import numpy as np
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+import mechanism_sim as ms
+from mechanism_sim.messages.part_states import KINDS
+from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.recording import BagWriter, Qos, read_bag
 from mechanism_sim.sweep.bags import RunBag
+from ros_interfaces.definitions import field_descriptions
 
 
 def write_bag(path, record, prefixes=('',)):
@@ -42,7 +47,30 @@ def angle_at(motions, link, t):
     raise AssertionError(f'no motion at {t}')
 
 
-def foreign(path, topic):
-    with Path(path).open('rb') as stream:
+def messages_of(bag, topic):
+    """All messages of a topic, decoded by a reader of other authors."""
+    with Path(bag).open('rb') as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        return [row.decoded_message for row in reader.iter_decoded_messages(topics=[topic])]
+        return [message for *_, message in reader.iter_decoded_messages(topics=[topic])]
+
+
+def fields_of(message, kind):
+    """The fields of a decoded state, as a reading has them."""
+    names = [name for name, _ in field_descriptions(kind.message.__msgtype__)]
+    return {name: getattr(message, name) for name in names if name not in ('header',)}
+
+
+def assert_states_follow_from_motion(bag, scene, name, rate=100.0):
+    """States in a bag are those of its Motion messages, to the last bit."""
+    machine, kind = ms.load_scene(scene), KINDS[name]
+    expected, sampled = [], 0
+    for _, message, _ in read_bag(bag).messages('/motion'):
+        motion = motion_of(message)
+        t = np.arange(sampled, int(motion.curve.end * rate) + 2) / rate
+        t = t[t < motion.curve.end]
+        sampled += len(t)
+        expected += kind.states(machine, motion, t) if t.size else []
+    got = [fields_of(m, kind) for m in messages_of(bag, f'/{kind.topic}')]
+    wanted = [{'time': t, 'joint': joint, **fields} for t, joint, fields in expected]
+    np.testing.assert_equal(got, wanted)
+    assert len(got) == int(np.ceil(rate * motion.curve.end)) * len(kind.joints(machine))

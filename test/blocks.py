@@ -27,8 +27,10 @@ from pathlib import Path
 from typing import Any
 
 import running
+from running import ROOT
 
-ROOT = Path(__file__).parents[1]
+import mechanism_sim as ms
+
 RUN = ('sh', 'python', 'console')
 PROGRAMS = ('mechanism-sim', '-m mechanism_sim '), ('zros', '-m zenoh_rclpy '), ('python', '')
 """Programs that a shell of a page finds, and arguments of Python that start them."""
@@ -144,6 +146,16 @@ def _split(line: str) -> tuple[list[str] | None, str]:
     """Arguments of a command of ours, and what its output is piped into."""
     command, _, filtered = line.partition(' | ')
     return words(command), filtered
+
+
+def new_scene(page: str, name: str, *changes: str) -> ms.Machine:
+    """A scene that a page makes by `new NAME --from SCENE --set ...`, changed."""
+    (line,) = re.findall(rf'^mechanism-sim new {name} .*$', page, re.MULTILINE)
+    words = shlex.split(line)
+    changed = {change.partition('=')[0] for change in changes}
+    own = [words[i + 1] for i, word in enumerate(words) if word == '--set']
+    own = [x for x in own if x.partition('=')[0] not in changed]  # one path, one value
+    return ms.load_scene(words[words.index('--from') + 1], [*own, *changes])
 
 
 def run(block: Block, names: dict[str, Any]) -> None:

@@ -225,3 +225,15 @@ class Firefox:
             self.complaints.append(str(told['text']))
         elif event == 'network.beforeRequestSent':
             self.requests.append(told['request']['url'])
+
+
+def time_of(page):
+    return float(page.evaluate('document.documentElement.dataset.time'))
+
+
+def scrub(page, share):
+    page.locator('#scrub').evaluate(
+        "(range, share) => { range.value = share; range.dispatchEvent(new Event('input')); }",
+        share,
+    )
+    return time_of(page)

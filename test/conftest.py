@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import quick
 import running
+import sampling
 from browsing import Tab, browsing
 from hypothesis import settings
 from middleware_network import Network
@@ -41,10 +41,17 @@ code_cache.FOLDER, code_cache.LIMIT = 'heyoka', 20 * 2**30
 kernels.COMPILING = math.inf
 
 
+NEEDS = {'network': 'network', 'backend': 'network', 'ros': 'network', 'browser': 'browser'}
+"""Marks of tests by the fixtures they use; what starts nodes by commands is marked itself."""
+
+
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of broad tests a sample is quick."""
-    quick.mark(items)
+    """Of broad tests a sample is quick; what needs a network or a browser is marked so."""
+    sampling.mark(items)
+    for item in items:
+        for mark in {NEEDS[x] for x in getattr(item, 'fixturenames', ()) if x in NEEDS}:
+            item.add_marker(mark)
 
 
 @pytest.fixture

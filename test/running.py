@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import itertools
 import json
 import os
+import resource
 import socket
 import subprocess
 import sys
@@ -141,3 +143,16 @@ def script(path: Path, text: str) -> Path:
     """Write a program of another process."""
     path.write_text(FOLLOW + text, encoding='utf-8')
     return path
+
+
+@contextlib.contextmanager
+def full_disk(left):
+    """No file of this process grows beyond so many bytes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    sys.dont_write_bytecode = True  # Python keeps a module of which only a part was written
+    resource.setrlimit(resource.RLIMIT_FSIZE, (left, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        sys.dont_write_bytecode = False

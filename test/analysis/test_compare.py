@@ -9,11 +9,9 @@ import re
 import numpy as np
 import pytest
 import scipy
-from bags import write_bag
+from bags import messages_of, write_bag
 from browsing import Tab, browsing
 from builders import simulated
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 from running import run, run_json
 
 import mechanism_sim as ms
@@ -51,18 +49,13 @@ def compared(bags, tmp_path_factory):
     return file, run_json('report', *map(str, bags), '-o', str(file))
 
 
-def foreign(bag, topic):
-    with bag.open('rb') as stream:
-        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        return [message for *_, message in reader.iter_decoded_messages([topic])]
-
-
+@pytest.mark.network
 @pytest.mark.slow
 def test_differences_are_those_that_another_reader_finds_in_the_bags(bags, compared):
     """Impacts message by message; the signal by scipy's own estimate of its spectrum."""
     found = {(d['subject'], d['name']): d for d in compared[1]['differences']}
     for which, bag in zip(('first', 'second'), bags, strict=True):
-        impacts = foreign(bag, '/impacts')
+        impacts = messages_of(bag, '/impacts')
         value = {key: d[which] for key, d in found.items()}
         assert value['impacts', 'count'] == len(impacts) > 20
         assert value['impacts', 'count per turn'] == pytest.approx(len(impacts) / 3)
@@ -74,7 +67,7 @@ def test_differences_are_those_that_another_reader_finds_in_the_bags(bags, compa
             wanted = of(getattr(m, field) for m in impacts)
             assert value['impacts', name] == pytest.approx(wanted, rel=1e-14)
             assert value['impacts', f'coupler_rocker {name}'] == value['impacts', name]
-        blocks = foreign(bag, f'/accelerometer/{SENSOR}')
+        blocks = messages_of(bag, f'/accelerometer/{SENSOR}')
         x, rate = np.concatenate([m.samples for m in blocks]), blocks[0].sample_rate
         assert value['sensors', f'{SENSOR} rms'] == pytest.approx(np.sqrt(np.mean(x**2)))
         assert value['sensors', f'{SENSOR} peak'] == np.abs(x).max()
@@ -97,6 +90,7 @@ def test_differences_are_those_that_another_reader_finds_in_the_bags(bags, compa
     assert found['impacts', 'count']['change'] > 20
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_an_ideal_bag_differs_from_a_worn_one_as_another_reader_finds(bags, tmp_path):
     """Impacts, signal, and the forces of the messages, which the largest ones come up to."""
@@ -106,8 +100,8 @@ def test_an_ideal_bag_differs_from_a_worn_one_as_another_reader_finds(bags, tmp_
     assert done.returncode == 0, done.stderr
     said = run_json('report', str(ideal), str(worn), '-o', str(tmp_path / 'both.html'))
     found = {(d['subject'], d['name']): d for d in said['differences']}
-    hits = foreign(worn, '/impacts')
-    assert foreign(ideal, '/impacts') == []
+    hits = messages_of(worn, '/impacts')
+    assert messages_of(ideal, '/impacts') == []
     for name, wanted in (
         ('count', len(hits)), ('sum of impulses', math.fsum(m.normal_impulse for m in hits)),
         ('energy loss', math.fsum(m.energy_loss for m in hits)),
@@ -117,10 +111,10 @@ def test_an_ideal_bag_differs_from_a_worn_one_as_another_reader_finds(bags, tmp_
         assert difference['second'] == difference['change'] == pytest.approx(wanted, rel=1e-14)
     rms = []
     for which, bag in (('first', ideal), ('second', worn)):
-        signal = np.concatenate([m.samples for m in foreign(bag, f'/accelerometer/{SENSOR}')])
+        signal = np.concatenate([m.samples for m in messages_of(bag, f'/accelerometer/{SENSOR}')])
         rms.append(np.sqrt(np.mean(signal**2)))
         assert found['sensors', f'{SENSOR} rms'][which] == pytest.approx(rms[-1])
-        reactions = foreign(bag, '/joint_reactions')
+        reactions = messages_of(bag, '/joint_reactions')
         for k, joint in enumerate(reactions[0].joints):
             largest = max(math.hypot(m.force_x[k], m.force_y[k]) for m in reactions)
             told = found['peaks', f'{joint} largest force'][which]
@@ -207,6 +201,7 @@ def test_no_common_name_is_refused():
         compare(one, two)
 
 
+@pytest.mark.network
 @pytest.mark.slow
 @pytest.mark.parametrize('width', [1440, 390])
 def test_the_page_shows_both_machines(compared, tmp_path, width):

@@ -8,13 +8,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from builders import made
 from event_solution import Machine, Wall, apart, solve
 from rattling import CycloidalLaw, EccentricLaw, GrooveCam, SprungFollower
 
 import mechanism_sim as ms
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
 from mechanism_sim.study.lift_off import lift_offs
 from test.grid.case import variant
 
@@ -89,7 +88,7 @@ def test_a_torque_starts_a_cam_from_rest():
     scene = variant('offset_roller_cam', {
         'drive': {'coordinate': 'cam', 'speed': 0, 'start_angle': 2.5, 'torque': {'constant': 2}},
     })  # fmt: skip
-    solution = ms.simulate(build('cam', check_scene('cam', scene)), duration=0.01)
+    solution = ms.simulate(made(scene, 'cam'), duration=0.01)
     x = solution.sample(np.array([0.0, 0.01]))
     assert abs(solution.energy.residual) < 1e-12
     assert x['velocity.cam'][1] * np.ptp(x['position.cam']) > 0.0 == x['velocity.cam'][0]

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 from absolute import differences
+from builders import cam_pair, made
 
 import mechanism_sim as ms
 from mechanism_sim.cams import curves
 from mechanism_sim.cams.expressions import displacement
 from mechanism_sim.cams.laws import Diagram, Eccentric, Measured, Raised, Segment
-from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics.symbolic import dense
@@ -19,9 +19,7 @@ from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.switched_functions import SwitchedFunction
-from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
-from mechanism_sim.scene.files import check_scene
 from test.grid.cams import KINDS, UNFIT, cam
 
 TURN = 2 * math.pi
@@ -33,15 +31,11 @@ def scene(kind, sense, seed=1):
     while True:
         content = cam(np.random.default_rng(seed), kind=kind, sense=SENSES[sense])
         try:
-            return build(kind, check_scene(kind, content))
+            return made(content, kind)
         except InputError as error:
             if not any(text in str(error) for text in UNFIT):
                 raise
         seed += 1
-
-
-def pair_of(machine):
-    return next(j for j in machine.plan.joints if isinstance(j, CamPair))
 
 
 def world(machine, link, q, points):
@@ -58,7 +52,7 @@ def world(machine, link, q, points):
 def test_the_drawn_profile_touches_the_follower(kind, sense):
     """The part of the profile around the contact, drawn finely, at angles all round."""
     machine = scene(kind, sense, seed=3 * list(KINDS).index(kind) + (sense == 'clockwise'))
-    pair, names = pair_of(machine), machine.plan.ideal.coordinates
+    pair, names = cam_pair(machine), machine.plan.ideal.coordinates
     whole = pair.cam.at(np.linspace(0, TURN, 3601)).profile
     solution = ms.simulate(machine)
     t = np.linspace(0.0, solution.duration, 25)[:-1]
@@ -189,7 +183,7 @@ def test_a_follower_keeps_to_its_law_through_all_rows(law, drive, lift_off):
     solution = ms.simulate(machine, duration=0.6)
     assert not [m for m in solution.modes if m.mode == Mode.FREE_FLIGHT]
     t = np.linspace(0.0, 0.6, 1201)
-    o, pair = solution.samples(t).observed, pair_of(machine)
+    o, pair = solution.samples(t).observed, cam_pair(machine)
     (x, y), (w, v), (alpha, a) = o.position, o.velocity, o.acceleration
     u, u1, u2 = (pair.cam.law(x, k) for k in range(3))
     assert np.abs(y - pair.distance.lowest - u).max() < 1e-15
@@ -212,7 +206,7 @@ def test_runs_begin_and_turn_back_exactly_on_a_break(towards):
     other = follower_on(QUARTERS, back, **{'joints.contact.lift_off': {'restitution': 0.0}})
     returned = ms.simulate(other, duration=0.8)
     for run in (solution, returned):
-        o, pair = run.samples(np.linspace(0.0, run.duration, 401)).observed, pair_of(machine)
+        o, pair = run.samples(np.linspace(0.0, run.duration, 401)).observed, cam_pair(machine)
         x, y = o.position
         assert np.abs(y - pair.distance.lowest - pair.cam.law(x)).max() < 1e-15
         assert abs(run.energy.residual) < 1e-12

@@ -5,17 +5,15 @@ import math
 import numpy as np
 import pytest
 from absolute import differences
+from builders import cam_pair, made
 from event_solution import Machine, Wall, apart, solve
 
 import mechanism_sim as ms
-from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.cams.reading import read_cam
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.points import rotate
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
 from mechanism_sim.sensing.joint_view import JointView
 
 KINDS = ('knife', 'roller', 'swinging roller', 'swinging face')
@@ -98,20 +96,16 @@ def content(kind, seed):
 def scene(kind, seed, **more):
     said = content(kind, seed)
     said['joints']['contact'] |= more
-    return build(kind, check_scene(kind, said))
+    return made(said, kind)
 
 
 def pressed(kind, seed, force, **more):
     """The same with a load that presses the follower on its cam, instead of gravity."""
     said = content(kind, seed) | {'gravity': [0.0, 0.0]}
-    push = rotate((-force, 0.0), pair_of(scene(kind, seed)).direction)
+    push = rotate((-force, 0.0), cam_pair(scene(kind, seed)).direction)
     said['loads'] = {'press': {'at': 'follower.tip', 'force': list(push)}}
     said['joints']['contact'] |= more
-    return build(kind, check_scene(kind, said))
-
-
-def pair_of(machine):
-    return next(j for j in machine.plan.joints if isinstance(j, CamPair))
+    return made(said, kind)
 
 
 def placed(machine, link, q, points):
@@ -126,7 +120,7 @@ def placed(machine, link, q, points):
 @pytest.mark.parametrize('kind', KINDS)
 def test_the_drawn_profile_touches_the_follower(kind, seed):
     machine = scene(kind, seed)
-    pair, names = pair_of(machine), machine.plan.ideal.coordinates
+    pair, names = cam_pair(machine), machine.plan.ideal.coordinates
     law, said = pair.cam.law, machine.scene.joints
     drawn = pair.profile(pair.cam.at(np.linspace(*law.breaks[[0, -1]], 40_001)).profile)
     solution = ms.simulate(machine)
@@ -184,7 +178,7 @@ def test_a_follower_keeps_to_its_law_there_and_back(kind, lift_off):
     machine = pressed(kind, 3, 60.0, lift_off=lift_off)
     solution = ms.simulate(machine)
     assert not [m for m in solution.modes if m.mode == Mode.FREE_FLIGHT]
-    o, pair = solution.samples(np.linspace(0.0, 0.65, 1301)).observed, pair_of(machine)
+    o, pair = solution.samples(np.linspace(0.0, 0.65, 1301)).observed, cam_pair(machine)
     (x, y), (w, v), (alpha, a) = o.position, o.velocity, o.acceleration
     assert x.max() > 0.141  # past six edges of the table, and back
     u, u1, u2 = (pair.cam.law(x, k) for k in range(3))
@@ -224,7 +218,6 @@ def thrown(restitution, **more):
     x = np.linspace(0.0, STROKE, 6)
     said = {
         'title': 'Thrown wedge',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'seat': [0.0, 0.2]}},
             'wedge': {'mass': MASSES[0]},
@@ -250,7 +243,7 @@ def thrown(restitution, **more):
         'duration': 0.052,
         **more,
     }  # fmt: skip
-    return build('thrown', check_scene('thrown', said))
+    return made(said, 'thrown')
 
 
 @pytest.mark.sample(1)
@@ -305,7 +298,7 @@ def test_a_roller_rattles_between_the_drawn_walls_of_a_groove(kind):
     clearance = 2e-4
     groove = {'clearance': clearance, 'restitution': 0.5}
     machine = pressed(kind, 2, 0.3 if kind == 'roller' else 0.02, groove=groove)
-    pair, solution = pair_of(machine), ms.simulate(machine)
+    pair, solution = cam_pair(machine), ms.simulate(machine)
     assert {i.joint for i in solution.impacts} == {'contact_left', 'contact_right'}
     assert abs(solution.energy.residual) < 1e-12
     t = np.random.default_rng(1).uniform(0.0, solution.duration, 30)
@@ -333,7 +326,7 @@ def test_readings_balance(kind):
     solution = ms.simulate(machine)
     t = np.linspace(0.0, 0.65, 200)[:-1]
     k, dt = solution.motion.curve.find(t)
-    o, pair = machine.physics.observe(solution.motion, k, dt), pair_of(machine)
+    o, pair = machine.physics.observe(solution.motion, k, dt), cam_pair(machine)
     view = JointView(machine.mechanism, pair, machine.physics, o, solution.motion.modes[k].T)
     r = read_cam(pair, view)
     assert r.cam_angle == pytest.approx(o.position[0], abs=1e-15)

@@ -216,6 +216,7 @@ def test_two_ranges_of_find_are_refused():
     assert 'find: --vary takes one value' in done.stderr
 
 
+@pytest.mark.network
 def test_a_bag_is_never_overwritten_without_being_told(tmp_path):
     bag = tmp_path / 'run.mcap'
     bag.write_bytes(b'precious')
@@ -244,6 +245,7 @@ def test_samples_as_files(tmp_path, suffix):
     assert (columns['gap.coupler_rocker'] > -1e-12).all()
 
 
+@pytest.mark.network
 def test_info_and_analyze_as_json(tmp_path):
     bag = tmp_path / 'run.mcap'
     run_json('run', 'four_bar_clearance', '--revolutions', '2', '--record', str(bag))

@@ -114,6 +114,7 @@ def run(capsys, files, name, args):
     return ended.value.code, capsys.readouterr()
 
 
+@pytest.mark.network
 @pytest.mark.sample(10)
 @pytest.mark.parametrize('name', sorted(GOOD))
 def test_results_are_strict_json(capsys, files, name):
@@ -122,6 +123,7 @@ def test_results_are_strict_json(capsys, files, name):
     strict(said.out)
 
 
+@pytest.mark.network
 @pytest.mark.parametrize('name', sorted(BAD))
 def test_refusals_are_strict_json(capsys, files, name):
     code, said = run(capsys, files, name, BAD[name])

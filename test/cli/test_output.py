@@ -1,9 +1,7 @@
 """Full disks, folders that nobody may write to, and readers that have had enough."""
 
-import contextlib
 import csv
 import os
-import resource
 import stat
 import subprocess
 import sys
@@ -11,6 +9,7 @@ import sys
 import numpy as np
 import openpyxl
 import pytest
+from running import full_disk
 from running import run as command
 
 from mechanism_sim import output, tables
@@ -53,19 +52,6 @@ WRITING = {
 }  # fmt: skip
 
 
-@contextlib.contextmanager
-def full_disk(left):
-    """No file of this process grows beyond so many bytes."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    sys.dont_write_bytecode = True  # Python keeps a module of which only a part was written
-    resource.setrlimit(resource.RLIMIT_FSIZE, (left, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-        sys.dont_write_bytecode = False
-
-
 @pytest.fixture(scope='module')
 def given(tmp_path_factory):
     """Files that some of them read."""
@@ -79,6 +65,7 @@ def given(tmp_path_factory):
     return found
 
 
+@pytest.mark.network
 @pytest.mark.sample(5)
 @pytest.mark.parametrize('name', WRITING)
 def test_a_full_disk_ends_in_a_sentence_and_leaves_nothing(capsys, given, tmp_path, name):
@@ -93,6 +80,7 @@ def test_a_full_disk_ends_in_a_sentence_and_leaves_nothing(capsys, given, tmp_pa
     assert [path.name for path in tmp_path.iterdir()] == KEPT.get(name, [])
 
 
+@pytest.mark.network
 @pytest.mark.sample(5)
 @pytest.mark.skipif(not os.path.isdir('/sys'), reason='needs a folder that nobody may write to')
 @pytest.mark.parametrize('name', WRITING)

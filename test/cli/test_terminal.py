@@ -76,6 +76,7 @@ def plain_terminal(monkeypatch, tmp_path):
         monkeypatch.delenv(name, raising=False)
 
 
+@pytest.mark.network
 @pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ('command', 'shown'),
@@ -127,6 +128,7 @@ def test_other_programs_say_what_they_do_to_a_terminal_only(program, args, shown
 RED, BOLD, END = '\x1b[1;31m', '\x1b[1m', '\x1b[0m'
 
 
+@pytest.mark.network
 @pytest.mark.parametrize(
     ('command', 'heading'),
     [

@@ -7,16 +7,16 @@ from dataclasses import replace
 import heyoka as hy
 import numpy as np
 import pytest
+from builders import PLAY
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss
-from test_compliant import motions, pressure, squeeze
+from short_bearing import motions, pressure, squeeze
 
 import mechanism_sim as ms
 from mechanism_sim.contact.film import JournalMotion, ShortBearing
 from mechanism_sim.errors import InputError
 
-PLAY = 'joints.coupler_rocker.clearance'
 OIL = {'law': 'film', 'viscosity': 0.03, 'width': 0.02, 'radius': 0.01}
 TURN = 2.0 * np.pi / 36.6519
 

@@ -6,7 +6,8 @@ import re
 import shlex
 
 import pytest
-from blocks import ROOT, Block, blocks, commands, compare, pages, run, words, workplace
+from blocks import Block, blocks, commands, compare, pages, run, words, workplace
+from running import ROOT
 
 from mechanism_sim.cli.entry import make_parser
 from test.grid.command import make_parser as grid_parser

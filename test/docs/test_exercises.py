@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from blocks import ROOT
+from running import ROOT
 from willis import Mesh, Train
 
 import mechanism_sim as ms

@@ -1,30 +1,20 @@
 """The exercises of mobility, kinematics and forces by a second route, not the program's own."""
 
 import math
-import re
-import shlex
 from collections import Counter
 
 import numpy as np
 import pytest
 from absolute import Absolute
-from blocks import ROOT
+from blocks import new_scene
+from builders import made
+from running import ROOT
 
 import mechanism_sim as ms
 from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.linkages.mobility import kutzbach
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 
 PAGE = (ROOT / 'docs/exercises.md').read_text('utf-8')
-
-
-def made(name):
-    """The scene that a page makes by `new NAME --from SCENE --set ...`."""
-    (line,) = re.findall(rf'^mechanism-sim new {name} .*$', PAGE, re.MULTILINE)
-    words = shlex.split(line)
-    changes = [words[i + 1] for i, word in enumerate(words) if word == '--set']
-    return ms.load_scene(words[words.index('--from') + 1], changes)
 
 
 def swing(crank, rod, rocker, ground):
@@ -131,7 +121,7 @@ def test_strokes_jaws_and_wipers():
 
 def test_inverted_slider_cranks():
     """Problems 2.1 and 2.2 by the law of cosines, 2.3 and 2.13 by the angle of the pin."""
-    machine = made('cylinder_given')
+    machine = new_scene(PAGE, 'cylinder_given')
     t = np.linspace(0.0, 0.5, 11)
     seen = ms.simulate(machine, duration=0.5).sample(t)
     D = 0.25 - seen['position.piston']
@@ -254,14 +244,14 @@ def test_a_given_moment_and_the_resistance_do_what_energy_takes(name):
 
 def test_forces_of_links_without_mass():
     """Problems 3.1 to 3.5, 3.7, and [V] 3.25, 3.30 with the page's number."""
-    light = made('light')
+    light = new_scene(PAGE, 'light')
 
     def loaded(loads, **drive):
         content = light.scene.model_dump(exclude_none=True, by_alias=True)
         content['loads'] = loads
         content['links']['rod']['points'] = {'P': [0.05, 0.0]}
         content['drive'] |= drive
-        return build('light', Scene.model_validate(content))
+        return made(content, 'light')
 
     push = {'at': 'rod.P', 'force': [0.0, 20.0], 'frame': 'link'}
     found = cycle(loaded({'across': push}), local=True)
@@ -290,7 +280,7 @@ def test_forces_of_links_without_mass():
 
 def test_moments_of_the_exercises_by_virtual_power():
     """Exercises 3.1 to 3.7: drives supply what loads, weights and inertia take."""
-    film = cycle(made('film'), points=['coupler.end'])
+    film = cycle(new_scene(PAGE, 'film'), points=['coupler.end'])
     load = film.machine.scene.loads['film']
     v = [film[f'velocity.coupler.end.{axis}'] for axis in 'xy']
     power = load.force[0] * v[0] + load.force[1] * v[1]
@@ -299,18 +289,18 @@ def test_moments_of_the_exercises_by_virtual_power():
     assert acting.any()
     assert not acting.all()
     assert drive[acting] == pytest.approx(-power[acting], rel=1e-9, abs=1e-12)
-    carrier = cycle(made('carrier'), points=['coupler.A'])
+    carrier = cycle(new_scene(PAGE, 'carrier'), points=['coupler.A'])
     v, a = ([carrier[f'{kind}.coupler.A.{axis}'] for axis in 'xy']
             for kind in ('velocity', 'acceleration'))  # fmt: skip
     taken = 5.0 * (a[0] * v[0] + (a[1] + 9.81) * v[1])
     drive = carrier['drive_torque'] * carrier['velocity.crank']
     assert drive == pytest.approx(taken, abs=1e-9)
-    rocker = cycle(made('rocker'), points=['connecting_link.tracer'])
+    rocker = cycle(new_scene(PAGE, 'rocker'), points=['connecting_link.tracer'])
     vx, w = rocker['velocity.connecting_link.tracer.x'], rocker['velocity.left_arm']
     known = np.isfinite(rocker['load.moment']) & (np.abs(vx) > 1e-9)
     expected = np.where(vx > 0.0, 10.0 * vx / w, 0.0)
     assert rocker['load.moment'][known] == pytest.approx(expected[known], rel=1e-7, abs=1e-9)
-    puncher = cycle(made('puncher'))
+    puncher = cycle(new_scene(PAGE, 'puncher'))
     v = puncher['velocity.punch']
     drive = puncher['drive_torque'] * puncher['velocity.crank']
     held = np.abs(drive) > 1e-9

@@ -1,14 +1,13 @@
 """The exercises of vibrations by a second route: closed forms, not the program's own."""
 
 import math
-import re
-import shlex
 
 import numpy as np
 import pytest
 import scipy
-from blocks import ROOT, blocks
+from blocks import blocks, new_scene
 from rotors import Rotor, influence_coefficients, peak_radius
+from running import ROOT
 
 import mechanism_sim as ms
 from mechanism_sim.study.modes import modes
@@ -19,16 +18,6 @@ NAME = 'docs/exercises.md'
 PAGE = (ROOT / NAME).read_text('utf-8')
 M, K = 2.0, 500.0
 WN = math.sqrt(K / M)
-
-
-def made(name, *changes):
-    """A scene that the page makes by `new NAME --from SCENE --set ...`, changed."""
-    (line,) = re.findall(rf'^mechanism-sim new {name} .*$', PAGE, re.MULTILINE)
-    words = shlex.split(line)
-    changed = {change.partition('=')[0] for change in changes}
-    own = [words[i + 1] for i, word in enumerate(words) if word == '--set']
-    own = [x for x in own if x.partition('=')[0] not in changed]  # one path, one value
-    return ms.load_scene(words[words.index('--from') + 1], [*own, *changes])
 
 
 def written(name, folder, *changes):
@@ -45,18 +34,18 @@ def damping(c):
 def test_free_vibrations():
     """Problems 6.1 to 6.5, 6.9, 6.10."""
     t = np.linspace(0.0, 1.0, 21)
-    x = ms.simulate(made('free'), duration=1.0).sample(t)['position.mass'] - 0.3
+    x = ms.simulate(new_scene(PAGE, 'free'), duration=1.0).sample(t)['position.mass'] - 0.3
     assert x == pytest.approx(0.01 * np.cos(WN * t), abs=1e-12)
-    x = ms.simulate(made('pushed'), duration=1.0).sample(t)['position.mass'] - 0.3
+    x = ms.simulate(new_scene(PAGE, 'pushed'), duration=1.0).sample(t)['position.mass'] - 0.3
     assert x == pytest.approx(0.1 / WN * np.sin(WN * t), abs=1e-12)
     for change, factor in (
         ('links.mass.mass=8 kg', 0.5),
         ('springs.spring.stiffness=2000 N/m', 2),
     ):
-        (mode,) = modes(made('free', change))
+        (mode,) = modes(new_scene(PAGE, 'free', change))
         assert mode.frequency == pytest.approx(factor * WN / (2.0 * math.pi), rel=1e-12)
     for c in (20.0, 70.0):
-        (mode, *_) = modes(made('free', damping(c)))
+        (mode, *_) = modes(new_scene(PAGE, 'free', damping(c)))
         assert mode.damping_ratio == pytest.approx(c / (2.0 * math.sqrt(K * M)), rel=1e-12)
     xi = 10.0 / (2.0 * math.sqrt(K * M))
     assert f'{2.0 * math.pi * xi / math.sqrt(1.0 - xi**2):.6f}' in PAGE
@@ -66,7 +55,7 @@ def test_forced_vibrations():
     """Problems 6.6 to 6.8, 6.11, 6.12, 6.20."""
     w = 2.0 * math.pi * np.linspace(1.0, 4.0, 7)
     for c in (4.0, 20.0):
-        machine = made('free', damping(c))
+        machine = new_scene(PAGE, 'free', damping(c))
         source = read_source(machine, force='mass', direction=0.5 * math.pi)
         found = response(machine, source, ['position.mass'], w / (2.0 * math.pi))
         expected = 1.0 / (K - M * w**2 + 1j * c * w)
@@ -83,7 +72,7 @@ def test_forced_vibrations():
     assert f'{size:.6g}' in PAGE
     for name in ('free', 'pushed'):
         load = 'loads={force: {at: mass, force: [0, "3*sin(20*t)"]}}'
-        last = ms.simulate(made(name, damping(20.0), load), duration=8.0).sample(8.0)
+        last = ms.simulate(new_scene(PAGE, name, damping(20.0), load), duration=8.0).sample(8.0)
         steady = (-3.0j / (K - M * 400.0 + 400.0j) * np.exp(160.0j)).real
         assert last['position.mass'][0] - 0.3 == pytest.approx(steady, abs=1e-11)
     for w, size in ((10.0, 3.0), (20.0, 2.0)):

@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from blocks import ROOT
+from running import ROOT
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.record import Record

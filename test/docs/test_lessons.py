@@ -6,7 +6,7 @@ import json
 import re
 
 import pytest
-from blocks import ROOT
+from running import ROOT
 
 LESSONS = sorted((ROOT / 'docs' / 'lessons').glob('*.ipynb'))
 

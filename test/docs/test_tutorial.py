@@ -8,8 +8,8 @@ from __future__ import annotations
 import re
 
 import pytest
-from blocks import NUMBER, ROOT, Block, blocks, commands, words
-from running import environment, run
+from blocks import NUMBER, Block, blocks, commands, words
+from running import ROOT, environment, run
 
 BLOCKS = blocks('docs/tutorial.md')
 COLUMN = r' (?P<{}>[\d.]+)[ %]* \|'
@@ -44,6 +44,7 @@ def answer(block: Block, env: dict[str, str]) -> list[str]:
     return said
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_every_command_answers_as_shown(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

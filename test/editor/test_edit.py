@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from editing import DRAWN_FOUR_BAR, Page
 
 import mechanism_sim as ms
 from mechanism_sim import documents, strict_json
@@ -21,11 +22,9 @@ from mechanism_sim.catalogue import config_folder, scene_names
 from mechanism_sim.cli import main
 from mechanism_sim.editor import palette
 from mechanism_sim.editor.background import Background
-from mechanism_sim.editor.document import Document
 from mechanism_sim.editor.motion import INSTANTS, Turn
 from mechanism_sim.editor.rounding import rounded
 from mechanism_sim.editor.scene_text import renamed, with_value, without
-from mechanism_sim.editor.session import Session
 from mechanism_sim.editor.tools import TOOLS as OF_KINDS
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Machine, load_scene
@@ -35,55 +34,6 @@ from mechanism_sim.scene.sensors import SENSORS
 
 TOOLS = [tool.name for tools in palette.GROUPS.values() for tool in tools]
 FILES = sorted(config_folder().glob('**/*.yaml'))
-
-
-class Page:
-    """What a page asks for, and what it is told."""
-
-    def __init__(self, scene: str = '') -> None:
-        self.heard: list[dict[str, Any]] = []
-        self.session = Session(Document.open(scene) if scene else Document(), self.heard.append)
-
-    @property
-    def state(self) -> dict[str, Any]:
-        return self.session.greeting[0]
-
-    @property
-    def text(self) -> str:
-        return self.session.document.text
-
-    @property
-    def said(self) -> list[str]:
-        return [m['text'] for m in self.heard if m['type'] == 'said']
-
-    def ask(self, kind: str, **more: Any) -> None:
-        self.session.handle({'type': kind, **more})
-
-    def set(self, path: str, text: str) -> None:
-        self.ask('set', path=path.split('.'), text=text)
-
-    def at(self, key: str) -> tuple[float, float]:
-        """Where a handle is [m]."""
-        (handle,) = [h for h in self.state['handles'] if h['key'] == key]
-        return handle['at'][0], handle['at'][1]
-
-    def spot(self, rng: random.Random) -> tuple[float, float, str]:
-        """Any place on the sheet, on anything or nothing."""
-        left, low, right, high = self.state['stage']['bounds']
-        on = [h['key'] for h in self.state['handles']]
-        on += [f'{link}/' for link in self.state['stage']['links']]
-        return rng.uniform(left, right), rng.uniform(low, high), rng.choice([*on, ''])
-
-    def drop(self, key: str, x: float, y: float, step: float = 1e-3) -> None:
-        self.ask('drop', handle=key, x=x, y=y, step=step)
-
-    def draw(self, what: str, *ends: tuple[float, float, str], step: float = 1e-3) -> None:
-        """A part between places, each on a handle, a link (its name with a /) or nothing."""
-        spots = [
-            {'x': x, 'y': y, 'handle': on if '/' not in on else '', 'link': on.strip('/')}
-            for x, y, on in (ends[0], ends[-1])
-        ]
-        self.ask('draw', what=what, step=step, **dict(zip(('from', 'to'), spots, strict=True)))
 
 
 def ended(*args: str) -> object:
@@ -255,24 +205,6 @@ def test_a_joint_that_is_dragged_to_the_other_side_stays_on_its_branch():
     assert 'branch: crossed' in page.text
 
 
-FOUR_BAR = """\
-title: A new machine
-mechanism: linkage
-links:
-  ground: {points: {p1: [0 mm, 0 mm], p2: [200 mm, 0 mm]}}
-  link_1: {length: 50 mm}
-  link_2: {length: 192 mm, points: {p1: [96 mm, 0 mm]}}
-  link_3: {length: 177 mm}
-joints:
-  ground_link_1: {revolute: [ground.p1, link_1]}
-  link_1_link_2: {revolute: [link_1.end, link_2]}
-  ground_link_3: {revolute: [ground.p2, link_3]}
-  link_2_link_3: {revolute: [link_2.end, link_3.end]}
-guess: {link_2: 38.7 deg, link_3: 106.4 deg}
-drive: {coordinate: link_1, speed: 60 rpm, start_angle: 90 deg}
-"""
-
-
 def four_bar() -> Page:
     """A four-bar drawn from nothing."""
     page = Page()
@@ -288,7 +220,7 @@ def four_bar() -> Page:
 
 def test_a_four_bar_from_nothing_is_what_one_would_write():
     page = four_bar()
-    assert documents.parse(page.text) == documents.parse(FOUR_BAR)
+    assert documents.parse(page.text) == documents.parse(DRAWN_FOUR_BAR)
     assert page.said == []
     assert page.state['problem'] == ''
     # the lengths are those between the places, by Pythagoras

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import json
-import signal
-import subprocess
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 from browsing import Firefox, Tab, boxes, firefox, overlapping, violations
+from editing import DRAWN_FOUR_BAR, Hand, editing
 from middleware_network import PATIENCE
-from running import command
-from test_edit import FOUR_BAR
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 import mechanism_sim as ms
-from mechanism_sim import documents, ending
+from mechanism_sim import documents
 from mechanism_sim.scene import load_scene
 
 LOADER = """\
@@ -96,112 +90,6 @@ sensors:
 guess: {follower_1: 60 mm}
 drive: {coordinate: cam_1, speed: 60 rpm}
 """
-
-
-class Hand:
-    """A hand with a mouse at the page of an editor."""
-
-    def __init__(self, tab: Any, address: str) -> None:
-        self.tab, self.page, self.mouse, self.address = tab, tab.page, tab.page.mouse, address
-        self.page.goto(address)
-        self.until(lambda: self.data('number'))
-
-    def data(self, name: str) -> str:
-        """What the page says of itself."""
-        return str(self.page.evaluate(f'document.documentElement.dataset.{name} ?? ""'))
-
-    def until(self, condition: Callable[[], Any]) -> None:
-        """Wait until something is so."""
-        end = time.monotonic() + 2.0 * PATIENCE
-        while not condition():
-            assert time.monotonic() < end, self.tab.complaints
-            self.page.wait_for_timeout(20)
-
-    def after(self, act: Callable[[], Any]) -> None:
-        """Do something, and wait for what comes of it."""
-        before = self.data('number')
-        act()
-        self.until(lambda: self.data('number') != before)
-
-    def at(self, x: float, y: float) -> tuple[float, float]:
-        """Where on the page a place [m] of the sheet is."""
-        over = self.page.locator('#over')
-        left, low, scale = map(float, over.get_attribute('data-view').split())
-        box = over.bounding_box()
-        return (
-            box['x'] + 0.5 * box['width'] + (x - left) * scale,
-            box['y'] + 0.5 * box['height'] - (y - low) * scale,
-        )
-
-    def tool(self, name: str) -> None:
-        """Take a tool."""
-        self.page.locator(f'[data-tool="{name}"]').first.click()
-
-    def click(self, *at: float) -> None:
-        """Click on a place."""
-        self.after(lambda: self.mouse.click(*self.at(*at)))
-
-    def drag(self, x: float, y: float, u: float, v: float, steps: int = 4) -> None:
-        """Drag from one place to another."""
-
-        def act() -> None:
-            self.mouse.move(*self.at(x, y))
-            self.mouse.down()
-            self.mouse.move(*self.at(u, v), steps=steps)
-            self.mouse.up()
-
-        self.after(act)
-
-    def shift(self, right: float, down: float) -> None:
-        """Shift the sheet by so many pixels."""
-        self.tool('move')
-        x, y = self.at(0.0, 0.0)
-        self.mouse.move(x + 5.0, y + 5.0)
-        self.mouse.down()
-        self.mouse.move(x + 5.0 + right, y + 5.0 + down, steps=3)
-        self.mouse.up()
-
-    def fill(self, path: str, text: str) -> None:
-        """Fill in a field of the panel."""
-        field = self.page.locator(f'[name="{path}"]')
-        field.fill(text)
-        self.after(lambda: field.press('Tab'))
-
-    def save(self, name: str) -> None:
-        """Save under a name."""
-        self.page.locator('#file').fill(name)
-        self.page.locator('#save').click()
-        self.page.get_by_text(f'saved: {name}').wait_for()
-
-    def ran(self) -> str:
-        """Wait for the run of what is shown; its digest."""
-        self.until(lambda: self.data('run') == self.data('number') and self.data('run'))
-        return self.data('digest')
-
-    @property
-    def text(self) -> str:
-        return str(self.page.locator('#text').input_value())
-
-
-@contextmanager
-def editing(*args: str) -> Iterator[str]:
-    """An editor in a process of its own: its address."""
-    process = ending.start(
-        command('edit', *args, '--port', '0', '--json'), text=True, stdout=subprocess.PIPE
-    )
-    try:
-        assert process.stdout is not None
-        text = ''
-        while '}' not in text:
-            line = process.stdout.readline()
-            assert line
-            text += line
-        yield json.loads(text)['address']
-        process.send_signal(signal.SIGINT)
-        assert process.wait(PATIENCE) == 0
-    finally:
-        process.kill()
-        process.wait()
 
 
 def same(hand: Hand, name: str, written: str, folder: Path) -> None:
@@ -350,6 +238,7 @@ def test_what_is_drawn_is_accessible_and_overlaps_nowhere(
         context.close()
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_firefox_drags_a_joint(tmp_path, tmp_path_factory, monkeypatch):
     if firefox() is None:
@@ -398,7 +287,7 @@ def test_a_four_bar_is_built_from_nothing_dragged_and_played(tab, tmp_path, monk
         hand.click(0.0, 0.025)
         hand.tool('point')
         hand.click(0.075, 0.11)
-        same(hand, 'drawn.yaml', FOUR_BAR, tmp_path)
+        same(hand, 'drawn.yaml', DRAWN_FOUR_BAR, tmp_path)
         before = hand.text
         # every move of the mouse that the page answers is a frame with the machine assembled
         hand.tool('move')

@@ -7,10 +7,10 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from blocks import ROOT
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from matplotlib.path import Path as Outline
+from running import ROOT
 
 import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names

@@ -18,6 +18,8 @@ from mechanism_sim.analysis.record import read_record
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.recording import info, read_bag, render_info
 
+pytestmark = pytest.mark.network
+
 EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '60'))
 SAMPLE = settings(max_examples=EXAMPLES, deadline=None, derandomize=EXAMPLES < 1000, database=None)
 

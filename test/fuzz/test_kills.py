@@ -4,6 +4,9 @@ import math
 import signal
 
 import kills
+import pytest
+
+pytestmark = pytest.mark.network
 
 
 def test_a_run_that_is_killed_leaves_no_process_and_a_bag_that_all_can_read(tmp_path, monkeypatch):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from absolute import differences
 from book_trains import compound_planetary, gear_box, planetary
+from builders import made
 from matplotlib.path import Path as Polygon
 from tooth_forces import helical
 from willis import Mesh, Train
@@ -15,9 +16,7 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
-from mechanism_sim.scene.files import check_scene
 
 M = 2e-3
 
@@ -332,7 +331,6 @@ def test_meshes_that_contradict_each_other_lock():
 def test_a_belt_turns_the_camshaft_at_half_speed():
     content = {
         'title': 'belt',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'cam': [0.0, 0.2]}},
             'crank': {'mass': 1.0, 'inertia': 1e-3},
@@ -345,7 +343,7 @@ def test_a_belt_turns_the_camshaft_at_half_speed():
         },
         'drive': {'speed': 10.0, 'torque': {'constant': 3.0}},
     }
-    machine = build('belt', check_scene('belt', content))
+    machine = made(content, 'belt')
     assert machine.mechanism.joint('belt').ratio == Fraction(1, 2)
     solution = ms.simulate(machine, duration=3.0)
     o = solution.samples(np.linspace(0.0, 3.0, 9)).observed
@@ -421,7 +419,7 @@ ARM['links']['arm']['points'] = {'outside': [0.06 + 0.024 * math.sin(1.9), -0.02
 def test_gears_on_moving_carriers_agree_with_newton_and_euler(content, free):
     if free:
         content = content | {'drive': content['drive'] | {'torque': {'constant': 0.4}}}
-    machine = build('geared', check_scene('geared', content))
+    machine = made(content, 'geared')
     solution = ms.simulate(machine, duration=0.9)
     assert solution.max_closure_error < 1e-13
     assert abs(solution.energy.residual) < 1e-11
@@ -431,7 +429,7 @@ def test_gears_on_moving_carriers_agree_with_newton_and_euler(content, free):
 
 def test_wheels_of_watt_turn_twice_a_stroke():
     """The planet does not turn in the mean, so that the sun turns twice as fast as the crank."""
-    machine = build('watt', check_scene('watt', WATT))
+    machine = made(WATT, 'watt')
     solution = ms.simulate(machine, revolutions=3)
     q = solution.samples(np.array([0.0, solution.duration])).observed.position
     turned = dict(zip(machine.mechanism.coordinates, q[:, 1] - q[:, 0], strict=True))
@@ -449,7 +447,6 @@ def test_gears_on_all_pivots_of_a_loop_are_refused():
     gears = {f'g{k}': {'mass': 1.0, 'inertia': 1e-3} for k in range(4)}
     content = {
         'title': 'geared four-bar',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'right': [0.21, 0.0]}},
             'crank': {'length': 0.1, 'mass': 1.0, 'inertia': 1e-3},
@@ -482,9 +479,9 @@ def test_gears_on_all_pivots_of_a_loop_are_refused():
         'guess': {'coupler': 0.0, 'rocker': 1.0},
     }
     with pytest.raises(InputError, match='the shafts of gears form a closed loop'):
-        build('geared', check_scene('geared', content))
+        made(content, 'geared')
     ratio = {'transmission': ['g2', 'g3'], 'ratio': '-5/6', 'carrier': 'rocker'}
     content['joints']['m2'] = ratio
-    machine = build('geared', check_scene('geared', content))
+    machine = made(content, 'geared')
     solution = ms.simulate(machine, duration=0.3)
     assert differences(machine, solution, np.array([0.1, 0.2]))[0].max() < 1e-10

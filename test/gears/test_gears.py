@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from absolute import turned
 from scipy.integrate import quad
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq, root
@@ -56,11 +57,6 @@ class DrawnFlank:
     def at(self, radius):
         """Parameter where the flank crosses a circle."""
         return brentq(lambda u: np.hypot(*self.curve(u)) - radius, 0.0, 1.0, xtol=1e-15)
-
-
-def turned(angle, vector):
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
 
 
 class Mated:

@@ -5,6 +5,7 @@ import os
 import numpy as np
 import pytest
 import yaml
+from builders import made
 from running import run, run_json
 
 import mechanism_sim as ms
@@ -14,8 +15,6 @@ from mechanism_sim.hybrid import contacts as contacts_module
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.event_loop import EventLoop
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
 from test.grid import jams as jams_module
 from test.grid.case import Draft, Family, GridCase, exchanged_energy, run_case, variant
 from test.grid.command import main
@@ -260,7 +259,7 @@ def test_joints_that_jam_beside_a_contact_have_no_forces_and_others_have():
     assert outcome.ok
     assert outcome.reason.startswith('jam, confirmed: friction jams coupler_left_rocker')
     scene = grid(only=['rubbing_loose_037'])[0].draft().scene
-    machine = build('wiper', check_scene('wiper', scene))
+    machine = made(scene, 'wiper')
     run = machine.start()
     assert isinstance(run, EventLoop)
     run.advance(0.02, final=True)

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from builders import made
 from scipy.integrate import quad
 
 import mechanism_sim as ms
@@ -16,14 +17,6 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid import audit
 from mechanism_sim.hybrid.audit import PROMISED, Audit, Energy
 from mechanism_sim.numerics import quadrature
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
-
-
-def made(content, **overrides):
-    return build(
-        'made', check_scene('made', {'title': 'made', 'mechanism': 'linkage'} | content, overrides)
-    )
 
 
 def heavy_pendulum(height=0.0, angle=0.0):

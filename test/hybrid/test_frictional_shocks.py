@@ -6,14 +6,13 @@ import heyoka as hy
 import numpy as np
 import pytest
 import scipy.linalg
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.contact.impact import jam, jam_margin, shock, stop_slide
 from mechanism_sim.contact.problem import problem_of
 from mechanism_sim.hybrid.events import gains
 from mechanism_sim.numerics.symbolic import cramer
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
 from test.grid.run import grid
 
 
@@ -121,7 +120,7 @@ def test_rates_are_kept_though_a_rounding_of_positions_turns_the_normal():
     """In a clearance of 1 um they came out 4e-12 m/s off, and slips never counted as ended."""
     name = 'four_bar_friction_059'
     (case,) = grid(only=[name])
-    run = build(name, check_scene(name, case.draft().scene)).start()
+    run = made(case.draft().scene, name).start()
     run.advance(0.0045, final=True)
     contacts = run._contacts
     for ulps in (1, 3, -2):

@@ -5,28 +5,27 @@ import math
 
 import numpy as np
 import pytest
+from builders import made
 from running import run, run_json
 from scipy.special import erf
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.loads import BearingCollector, of_motion
 from mechanism_sim.hybrid.peaks import LoadPeaks
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 
 SPEED = 40.0
 
 
 def wheel(torque, **more):
     """A link that a drive turns at a steady speed against a torque: that is the drive's, too."""
-    return build('wheel', Scene.model_validate({
-        'title': 'Wheel', 'mechanism': 'linkage',
+    return made({
+        'title': 'Wheel',
         'links': {'wheel': {'mass': 1.0, 'inertia': 0.1}},
         'joints': {'shaft': {'revolute': ['ground', 'wheel']}},
         'loads': {'brake': {'at': 'wheel', 'torque': torque}},
         'drive': {'coordinate': 'wheel', 'speed': SPEED, 'start_angle': 0.0},
         'gravity': [0.0, 0.0], **more,
-    }))  # fmt: skip
+    }, 'wheel')  # fmt: skip
 
 
 @pytest.mark.parametrize('width', [pytest.param(5e-3, marks=pytest.mark.slow), 0.03])
@@ -89,6 +88,7 @@ def test_peaks_of_a_motion_have_their_duration():
         assert peak.impulse == pytest.approx(found[name].impulse, rel=1e-6)
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_peaks_are_told_with_their_duration(tmp_path):
     bag = tmp_path / 'run.mcap'

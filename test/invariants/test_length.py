@@ -74,6 +74,7 @@ def test_a_run_in_small_parts_has_the_pieces_of_one_at_once(name):
     assert len({*digests}) == 1
 
 
+@pytest.mark.network
 @pytest.mark.parametrize(
     'name', [CUT[0], *(pytest.param(x, marks=pytest.mark.slow) for x in CUT[1:])]
 )

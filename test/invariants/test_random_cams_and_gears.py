@@ -9,19 +9,14 @@ import math
 import numpy as np
 import pytest
 from absolute import cross, differences, turned
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.cams.followers import Oscillating, OscillatingFlat
 from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 from test.grid.cams import UNFIT, cam, press_follower
 from test.grid.trains import train
-
-
-def made(scene):
-    return build('by chance', Scene.model_validate(scene))
 
 
 def balance(solution):

@@ -5,18 +5,17 @@ import copy
 import numpy as np
 import pytest
 from absolute import differences
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 from test.grid.linkages import add_drives, add_gears, linkage
 
 DURATION = 0.1
 REFUSED = 'too many', 'cannot move', 'follow from the others'
 
 
-def made(seed, loose=False):
+def linkage_of(seed, loose=False):
     """The machine of a seed."""
     random = np.random.default_rng(seed)
     size = float(10.0 ** random.uniform(-2.0, 1.0)) if seed % 3 == 0 else 1.0
@@ -26,13 +25,13 @@ def made(seed, loose=False):
         joint = str(random.choice([n for n, j in scene['joints'].items() if 'revolute' in j]))
         scene['joints'][joint]['clearance'] = {'radial': 1e-3 * size, 'restitution': 0.5}
         scene['start'] = 'seated' if seed % 2 else 'centred'
-    return made_of(seed, scene)
+    return accepted(seed, scene)
 
 
-def made_of(seed, scene):
+def accepted(seed, scene):
     """The machine of a scene; skips what the program is right to refuse."""
     try:
-        return build(f'seed {seed}', Scene.model_validate(scene))
+        return made(scene, f'seed {seed}')
     except InputError as error:
         if not any(x in str(error) for x in REFUSED):
             raise
@@ -56,7 +55,7 @@ def judge(machine):
 @pytest.mark.sample(4)
 @pytest.mark.parametrize('seed', [*range(2), *range(3, 25)])  # 2 stops at a dead point
 def test_forces_and_books(seed):
-    judge(made(seed))
+    judge(linkage_of(seed))
 
 
 SEEDS = 60, 63, 70, 74, 75, 79, 81, 88, 93, 97, 105, 109, 111, 116, 119, 121, 125
@@ -68,12 +67,12 @@ def test_gears(seed):
     random = np.random.default_rng(seed)
     scene = add_drives(random, *add_gears(random, *linkage(random)))
     assert scene['gears']
-    judge(made_of(seed, scene))
+    judge(accepted(seed, scene))
 
 
 @pytest.mark.sample(1)
 @pytest.mark.parametrize('seed', [0, 3, 4, 5, 8, 11, 12, 15, 19])
 def test_a_loose_joint(seed):
-    machine = made(seed, loose=True)
+    machine = linkage_of(seed, loose=True)
     solution = judge(machine)
     assert solution.max_penetration < 1e-12 * max(machine.mechanism.size, 1.0)

@@ -54,6 +54,7 @@ def bag(tmp_path_factory):
     return file
 
 
+@pytest.mark.network
 @pytest.mark.parametrize(
     'words',
     [

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from absolute import cross
+from builders import made
 from scipy.integrate import solve_ivp
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.skeleton import skeleton_of
 from mechanism_sim.hybrid.events import StopReason
-from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
-from mechanism_sim.scene.files import check_scene
 
 J1, J2, R1, R2, K = 0.003, 0.08, 0.04, 0.1, 5e4
 CENTRES = np.array([0.4, 0.1])
@@ -22,7 +22,6 @@ def drive(belt=(), **more):
     """Two rotors without friction, of which the first may be driven."""
     data = {
         'title': 'belt',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'far': [0.4, 0.1]}},
             'a': {'mass': 1, 'inertia': J1},
@@ -36,7 +35,7 @@ def drive(belt=(), **more):
         'drive': {'coordinate': 'a', 'torque': {}},
         **more,
     }
-    return build('belt', check_scene('belt', data))
+    return made(data, 'belt')
 
 
 def strands(crossed):
@@ -50,10 +49,6 @@ def strands(crossed):
         n = np.array([c * u[0] - sn * u[1], sn * u[0] + c * u[1]])
         found.append((R1 * n, CENTRES + s * R2 * n))
     return found
-
-
-def cross(a, b):
-    return a[0] * b[1] - a[1] * b[0]
 
 
 @pytest.mark.parametrize('crossed', [False, True])

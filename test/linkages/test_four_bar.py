@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import yaml
+from builders import made
 from four_bars import LINKS, SPEED, reference
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,8 +15,7 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.grashof import crank_turns, excess
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene, find_scene
+from mechanism_sim.scene.files import find_scene
 
 THESIS = FourBar(0.387, 0.064, 0.309, 0.312)
 TURN = np.linspace(0.0, 2.0 * np.pi, 97)
@@ -284,7 +284,7 @@ def written_out(turns, guess, loose=True):
     data['drive']['start_angle'] = frame - turns[0]
     data['gravity'] = [9.8145 * np.sin(frame), -9.8145 * np.cos(frame)]
     data |= {'mechanism': 'linkage', 'guess': guess}
-    return build('written_out', check_scene('written_out', data))
+    return made(data, 'written_out')
 
 
 def test_a_four_bar_that_is_written_out_is_the_template_bit_by_bit():

@@ -6,6 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from builders import made
 from four_bars import reference
 
 import mechanism_sim as ms
@@ -19,8 +20,6 @@ from mechanism_sim.linkages.guide import corners
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
 from test.grid.case import variant
 
 O = (0.0, 0.0)  # noqa: E741
@@ -112,7 +111,7 @@ def turned(angle, at):
 def test_a_guide_may_lie_anywhere():
     """And the block's frame may be turned in it."""
     angle, t = 2.2, np.linspace(0.0, 0.02, 21)
-    there = build('there', check_scene('there', turned(angle, (0.3, -0.2))))
+    there = made(turned(angle, (0.3, -0.2)), 'there')
     seen, here = (
         ms.simulate(there, duration=0.02),
         ms.simulate(ms.load_scene('slider_with_play'), duration=0.02),
@@ -132,7 +131,7 @@ def test_a_guide_that_turns():
     """
     mu, w, play = 0.2, 10.0, 1e-3
     scene = {
-        'title': 'arm', 'mechanism': 'linkage',
+        'title': 'arm',
         'links': {'arm': {'length': 1.0, 'mass': 1.0, 'inertia': 0.1},
                   'block': {'mass': 0.5, 'inertia': 1e-3}},
         'joints': {'pivot': {'revolute': ['ground', 'arm']},
@@ -141,7 +140,7 @@ def test_a_guide_that_turns():
                        'friction': mu}}},
         'drive': {'coordinate': 'arm', 'speed': w}, 'guess': {'block': 0.1}, 'start': 'centred',
     }  # fmt: skip
-    solution = ms.simulate(build('arm', check_scene('arm', scene)), duration=0.2)
+    solution = ms.simulate(made(scene, 'arm'), duration=0.2)
     t = np.linspace(0.05, 0.2, 16)
     seen = solution.sample(t)
     x, y = (seen[f'position.block.{axis}'] for axis in 'xy')

@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
 
 RADIUS, SPEED = 0.05, 4.0 * math.pi
 
@@ -18,7 +17,6 @@ def geneva(slots, sense=1.0, distance=None, **keys):
     b = RADIUS / math.sin(math.pi / slots) if distance is None else distance
     content = {
         'title': 'Geneva wheel',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'centre': [b, 0.0]}},
             'crank': {'length': RADIUS, 'mass': 0.6, 'inertia': 6e-4},
@@ -32,7 +30,7 @@ def geneva(slots, sense=1.0, distance=None, **keys):
         'drive': {'speed': sense * SPEED, 'start_angle': math.pi},
         'guess': {'wheel': math.pi - math.pi / slots},
     }
-    return build('wheel', check_scene('wheel', content | keys))
+    return made(content | keys, 'wheel')
 
 
 def wheel_turned(slots, turned):

@@ -11,6 +11,8 @@ import pytest
 from middleware_network import Network
 from running import TIMEOUT
 
+pytestmark = pytest.mark.network
+
 SCRIPT = Path(__file__).parent / 'parity.py'
 OUTCOME = {
     'services_answer_later': ['now', False, 'answer 0', 'answer 1'],

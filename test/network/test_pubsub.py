@@ -4,7 +4,7 @@ import threading
 import time
 
 import pytest
-from middleware_network import PATIENCE, Network, Process, eventually
+from middleware_network import PATIENCE, Network, Process, eventually, spin_until
 
 from mechanism_sim.messages import Impact, JointState, serialize
 from mechanism_sim.nodes.middleware import (
@@ -72,13 +72,6 @@ def joined(network, monkeypatch):
     init()
     yield network
     shutdown()
-
-
-def spin_until(node, condition):
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        spin_once(node, timeout_sec=0.1)
 
 
 @pytest.mark.slow

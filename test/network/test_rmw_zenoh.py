@@ -33,7 +33,10 @@ def reason_to_skip() -> str:
     return '' if any(map(os.path.exists, paths)) else 'rmw_zenoh_cpp is not installed'
 
 
-pytestmark = pytest.mark.skipif(bool(reason_to_skip()), reason=reason_to_skip())
+pytestmark = [
+    pytest.mark.network,
+    pytest.mark.skipif(bool(reason_to_skip()), reason=reason_to_skip()),
+]
 
 
 class Graph:

@@ -3,7 +3,7 @@
 import time
 
 import pytest
-from middleware_network import PATIENCE, Network, eventually
+from middleware_network import PATIENCE, Network, eventually, spin_until
 
 import zenoh_rclpy
 from mechanism_sim.messages import (
@@ -55,13 +55,6 @@ def joined(monkeypatch):
     yield network
     shutdown()
     network.close()
-
-
-def spin_until(node, condition):
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        spin_once(node, timeout_sec=0.1)
 
 
 def test_a_service_of_another_process_answers(joined):

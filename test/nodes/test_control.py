@@ -7,17 +7,15 @@ import math
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
-from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from builders import PLAY
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from running import FOLLOW, ROOT, TIMEOUT, environment, ros_found, run_json, script, start
+from operating import CONTROL, by_hand, operate
+from running import FOLLOW, ROOT, TIMEOUT, environment, ros_found, run_json, script
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
@@ -28,54 +26,8 @@ from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 from mechanism_sim.recording import read_bag
 
 SCENE = 'four_bar_clearance'
-PLAY = 'joints.coupler_rocker.clearance'
 JOINT = f'{PLAY}.restitution'
 
-CONTROL = """
-import json
-from mechanism_sim.messages import action_class, message_class, service_class
-from mechanism_sim.nodes.middleware import (
-    ActionClient, Node, Parameter, init, shutdown, spin_until_future_complete)
-
-PACKAGE = 'simulation_interfaces'
-State = message_class(f'{PACKAGE}/msg/SimulationState')
-init()
-node = Node('operator')
-
-def wait(future):
-    spin_until_future_complete(node, future, timeout_sec=300)
-    return future.result()
-
-clients = {}
-def call(short, name, **fields):
-    kind = service_class(f'{PACKAGE}/srv/{short}')
-    client = clients.setdefault(name, node.create_client(kind, name))
-    assert client.wait_for_service(300)
-    return wait(client.call_async(kind.Request(**fields)))
-
-def step(n):
-    answer = call('StepSimulation', 'step_simulation', steps=n).result
-    return [answer.result, answer.error_message]
-
-def go(state):
-    answer = call('SetSimulationState', 'set_simulation_state', state=State(state=state)).result
-    return [answer.result, answer.error_message]
-
-def state():
-    return call('GetSimulationState', 'get_simulation_state').state.state
-
-def set_(owner, name, value):
-    kind = service_class('rcl_interfaces/srv/SetParameters')
-    client = node.create_client(kind, f'{owner}/set_parameters')
-    assert client.wait_for_service(300)
-    request = kind.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-    answer = wait(client.call_async(request)).results[0]
-    return [answer.successful, answer.reason]
-
-found = {}
-while step(1)[1].startswith('the nodes of the run have not'):
-    pass
-"""
 
 STEPS = (
     CONTROL
@@ -109,23 +61,6 @@ print(json.dumps(found))
 shutdown()
 """
 )
-
-
-def operate(tmp_path: Path, text: str, *args: str, given: Sequence[str] = ()) -> tuple[Any, Path]:
-    """Run a scene paused and a program that operates it; what that prints, and the bag."""
-    env, bag = environment(), tmp_path / 'run.mcap'
-    running = start('run', *args, '--paused', '--hold', '--record', str(bag), env=env)
-    try:
-        operator = subprocess.run(
-            [sys.executable, str(script(tmp_path / 'operate.py', text)), *given],
-            env=env, capture_output=True, text=True, timeout=TIMEOUT, check=False,
-        )  # fmt: skip
-        assert operator.returncode == 0, operator.stderr
-        assert running.wait(TIMEOUT) == 0, running.communicate()[1]
-    finally:
-        running.kill()
-        running.communicate()
-    return json.loads(operator.stdout.splitlines()[-1]), bag
 
 
 @pytest.mark.usefixtures('backend')
@@ -476,36 +411,6 @@ def test_the_next_run_has_the_values_of_the_scene_that_are_asked_for(tmp_path):
             assert len(list(recorded.messages(topic))) == 1
         samples = [m for _, m, _ in recorded.messages('/accelerometer/rocker_accelerometer')]
         assert sum(len(m.samples) for m in samples) == 1000
-
-
-def by_hand(count: int) -> np.ndarray:
-    """Speeds [rad/s] of the controlled crank at so many samples, in one process.
-
-    The state at the beginning of a period gives the torque of the next.
-    """
-    machine = ms.load_scene('four_bar_governed')
-    run, law, integral, last = machine.start(), machine.law, 0.0, None
-    speeds = []
-    for n in range(1, count + 1):
-        run.advance(n * 0.005, final=n == count)
-        known, *_ = run.drain()
-        ahead = run.preview(n * 0.005)
-        parts = [p for p in (known, ahead) if p is not None and len(p)]
-        curve = parts[0].joined(parts).curve
-        now = (n - 1) * 0.005
-        k, dt = curve.find(np.array([now]))
-        v = float(curve.at(k, dt, 1)[0, 0])
-        speeds.append(v)
-        step = 0.0 if last is None else now - last
-        error = 36.65 - v
-        asked = 1.0 * error + integral + 10.0 * error * step
-        effort = min(max(asked, -20.0), 20.0)
-        integral += 10.0 * error * step if effort == asked else 0.0
-        last = now
-        if n < count:
-            slopes = law.coefficients[1:]
-            run.change_law(replace(law, coefficients=(effort, *slopes), valid_from=n * 0.005))
-    return np.array(speeds)
 
 
 @pytest.mark.slow

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import running
-from running import ROOT, TIMEOUT, environment, ros_found, run, run_json
+from running import ROOT, TIMEOUT, ros_found, run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
@@ -71,6 +70,7 @@ int main()
 
 
 @pytest.mark.skipif(COMPILER is None, reason='no C++ compiler here')
+@pytest.mark.network
 def test_the_header_evaluates_what_python_evaluates(tmp_path):
     assert COMPILER
     source, program, bag = (tmp_path / name for name in ('main.cpp', 'main', 'run.mcap'))
@@ -113,13 +113,6 @@ def example(name: str) -> Path | None:
 
 
 built = pytest.mark.skipif(example('observer') is None, reason='no C++ example built here')
-
-
-@pytest.fixture
-def ros(monkeypatch) -> dict[str, str]:
-    """Environment of processes on rclpy and rclcpp, in a domain of their own."""
-    monkeypatch.setattr(running, 'middleware', 'rclpy')
-    return environment()
 
 
 @contextmanager

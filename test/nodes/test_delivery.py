@@ -19,6 +19,8 @@ from mechanism_sim.nodes import middleware
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.recording import read_bag
 
+pytestmark = pytest.mark.network
+
 MESSAGES, FEW = 2000, 300
 PAUSE = 3e-3  # [s] of the subscriber after each message
 

@@ -111,6 +111,7 @@ def place(p):
     return np.array([p.x, p.y])
 
 
+@pytest.mark.network
 @pytest.mark.sample(1)
 def test_markers_are_what_viewers_accept(shown):
     """Unit quaternions, visible colours, ids of their own, known frames, sizes, enough points."""
@@ -153,6 +154,7 @@ def test_markers_are_what_viewers_accept(shown):
     }
 
 
+@pytest.mark.network
 @pytest.mark.sample(1)
 def test_arrows_are_the_reactions_of_the_same_run(shown):
     """By their messages: length and direction, and that they start where the force acts."""
@@ -187,6 +189,7 @@ def test_arrows_are_the_reactions_of_the_same_run(shown):
     assert missing  # in flight
 
 
+@pytest.mark.network
 def test_the_lens_shows_the_pin_where_it_is(shown):
     """By the frames of both links, by the gap that another message tells, and touching or not."""
     (joint,) = (
@@ -296,6 +299,7 @@ def test_a_block_with_play_is_where_its_corners_are_and_leans_as_they_do():
                 assert gap == pytest.approx(wanted, abs=2e-5 * times)
 
 
+@pytest.mark.network
 def test_every_impact_flashes_once_at_its_joint(shown):
     impacts = shown.topics['/impacts']
     assert len(shown.flashes) == len(impacts) > 10
@@ -316,6 +320,7 @@ def test_every_impact_flashes_once_at_its_joint(shown):
         assert flash.scale.x == pytest.approx(4.0 * shown.seen.skeleton.symbol * share ** (1 / 3))
 
 
+@pytest.mark.network
 def test_shapes_move_with_the_frames(shown):
     """Bushings around the pins of ideal joints, teeth at the tips, springs between their ends."""
     fixed = {(m.ns, m.id): m for m in shown.topics['/markers'][0].markers}
@@ -348,6 +353,7 @@ def test_shapes_move_with_the_frames(shown):
             assert place(point) == pytest.approx(in_world(shown, frames, *end)[0], abs=1e-12)
 
 
+@pytest.mark.network
 def test_the_description_has_the_frames_of_the_links(shown):
     robot = ElementTree.fromstring(shown.topics['/robot_description'][0].data)
     assert set(shown.frames[0]) <= {link.get('name') for link in robot.iter('link')}
@@ -370,6 +376,7 @@ def panels_of(tree) -> list[str]:
     return [*panels_of(tree['first']), *panels_of(tree['second'])]
 
 
+@pytest.mark.network
 def test_every_path_of_a_foxglove_layout_leads_somewhere_in_the_bag(shown):
     made = json.loads(to_foxglove(shown.seen, shown.home, shown.prefix))
     panels = made['configById']
@@ -410,6 +417,7 @@ def test_every_path_of_a_foxglove_layout_leads_somewhere_in_the_bag(shown):
             assert names[k] == line['label']
 
 
+@pytest.mark.network
 def test_the_views_hold_the_machine(shown):
     """All origins of frames lie within what both viewers show."""
     origins = np.array([at for frames in shown.frames for at, _ in frames.values()])
@@ -425,6 +433,7 @@ def test_the_views_hold_the_machine(shown):
     assert away.max() > 100.0
 
 
+@pytest.mark.network
 def test_rviz_asks_for_topics_and_frames_of_the_bag(shown):
     made = yaml.safe_load(to_rviz(shown.seen, shown.home, shown.prefix))
     manager = made['Visualization Manager']

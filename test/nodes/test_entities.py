@@ -9,13 +9,17 @@ import sys
 import numpy as np
 import pytest
 import yaml
+from operating import CONTROL, operate
 from running import TIMEOUT, environment, run_json, script, start
-from test_control import CONTROL, SCENE, operate
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
 from mechanism_sim.recording import read_bag
 from mechanism_sim.scene.files import find_scene
+
+pytestmark = pytest.mark.network
+
+SCENE = 'four_bar_clearance'
 
 WORLDS = (
     CONTROL

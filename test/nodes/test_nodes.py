@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from operating import FOREIGN
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from running import TIMEOUT, environment, run, run_json, script, start
@@ -209,44 +210,7 @@ def test_a_slow_subscriber_loses_nothing(tmp_path):
     assert in_order == 'True'
 
 
-FOREIGN = """
-import struct, sys, time, zenoh
-config = zenoh.Config()
-config.insert_json5('mode', '"client"')
-config.insert_json5('connect/endpoints', '["%s"]')
-session = zenoh.open(config)
-domain = %s
-tokens, joints = set(), []
-watch = session.liveliness().declare_subscriber(
-    f'@ros2_lv/{domain}/**', lambda s: tokens.add(str(s.key_expr)), history=True)
-def hear(sample):
-    data = bytes(sample.payload)
-    assert data[:4] == bytes([0, 1, 0, 0])
-    assert len(bytes(sample.attachment)) == 33
-    sec, nanosec, size = struct.unpack_from('<iII', data, 4)
-    at = 16 + size + (-size) %% 4
-    (names,) = struct.unpack_from('<I', data, at)
-    at += 4
-    words = []
-    for _ in range(names):
-        (length,) = struct.unpack_from('<I', data, at)
-        words.append(data[at + 4:at + 3 + length].decode())
-        at += 4 + length + (-length) %% 4
-    (count,) = struct.unpack_from('<I', data, at)
-    at += 4
-    at += (4 - at) %% 8
-    joints.append((sec + 1e-9 * nanosec, words, struct.unpack_from(f'<{count}d', data, at)))
-states = session.declare_subscriber(f'{domain}/joint_states/**', hear)
-print('listening', flush=True)
-while len(joints) < 20:
-    time.sleep(0.05)
-kinds = sorted({key.split('/')[5] for key in tokens})
-nodes = sorted({key.split('/')[8] for key in tokens if key.split('/')[5] == 'NN'})
-print(repr((kinds, nodes, joints[:20])), flush=True)
-session.close()
-"""
-
-
+@pytest.mark.network
 @pytest.mark.slow
 def test_a_program_with_nothing_but_zenoh_sees_the_graph_and_decodes_joint_states(tmp_path):
     env = environment()
@@ -453,6 +417,7 @@ def test_linkages_run_as_nodes_bit_by_bit_as_without(tmp_path, scene):
     assert frames == set(ms.load_scene(scene).links)
 
 
+@pytest.mark.network
 def test_a_paced_run_is_not_faster_than_its_clock():
     outcome = run_json('run', SCENE, '--duration', '1', '--realtime-factor', '1')
     assert outcome['duration'] == pytest.approx(1.0, abs=1e-12)

@@ -12,17 +12,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bags import assert_states_follow_from_motion, fields_of, messages_of
+from builders import digest_of
 from middleware_network import PATIENCE, Network, spin_until
+from operating import FOREIGN, by_hand
 from running import ROOT, start
-from test_control import by_hand
-from test_nodes import FOREIGN
-from test_parts import KINDS, assert_states_follow_from_motion, digest_of, fields_of, states_of
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import RunError
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.messages import Impact, JointState, service_class
+from mechanism_sim.messages.part_states import KINDS
 from mechanism_sim.nodes import middleware, simulation_node
 from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes.process import report_end
@@ -237,7 +238,7 @@ def test_a_node_of_parts_integrates_and_follows_alike(tmp_path):
         assert found.ledger.finished == tuple(sorted(names))
         assert not found.ledger.lost
         assert_states_follow_from_motion(bag, 'geneva', 'geneva')
-        told.append([fields_of(m, KINDS['geneva']) for m in states_of(bag, '/geneva_state')])
+        told.append([fields_of(m, KINDS['geneva']) for m in messages_of(bag, '/geneva_state')])
     assert len(told[0]) > 20
     assert told[0] == told[1]
 

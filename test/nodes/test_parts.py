@@ -10,8 +10,8 @@ from typing import get_type_hints
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
+from bags import assert_states_follow_from_motion, fields_of, messages_of
+from builders import digest_of
 from running import ROOT, TIMEOUT, environment, run, run_json, start
 
 import mechanism_sim as ms
@@ -20,13 +20,11 @@ from mechanism_sim.analysis import analyze, render
 from mechanism_sim.cams.reading import CamMode
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.reading import MeshMode
-from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages import float64_array
 from mechanism_sim.messages.part_states import KINDS, integrator_of, kinds_of
 from mechanism_sim.messages.segments import motion_of, pack
 from mechanism_sim.nodes.run import NODES, Plan
 from mechanism_sim.planar.mechanism import HigherPair
-from mechanism_sim.recording import read_bag
 from mechanism_sim.sensing.joint_view import JointView
 from ros_interfaces.definitions import field_descriptions
 
@@ -94,27 +92,6 @@ def mixed(tmp_path_factory) -> Path:
     return written(tmp_path_factory.mktemp('scenes'), 'mixed', MIXED)
 
 
-def digest_of(scene, overrides=(), duration=None):
-    """Of the motion without nodes."""
-    solution = ms.simulate(ms.load_scene(scene, overrides=overrides), duration=duration)
-    digest = MotionDigest()
-    digest.add(solution.motion, solution.impacts)
-    return digest.hexdigest()
-
-
-def states_of(bag, topic):
-    """The states in a bag by a reader of other authors."""
-    with Path(bag).open('rb') as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        return [m for *_, m in reader.iter_decoded_messages(topics=[topic])]
-
-
-def fields_of(message, kind):
-    """The fields of a decoded state, as a reading has them."""
-    names = [name for name, _ in field_descriptions(kind.message.__msgtype__)]
-    return {name: getattr(message, name) for name in names if name not in ('header',)}
-
-
 @pytest.mark.parametrize(
     ('scene', 'nodes'),
     [
@@ -168,6 +145,7 @@ def test_every_reading_has_the_fields_of_its_message(name):
         assert ['header', 'time', 'joint', *fields] == wanted
 
 
+@pytest.mark.network
 def test_a_node_without_its_part_says_what_the_scene_needs():
     done = run('node', 'geneva', '--scene', 'film_advance')
     assert done.returncode == 2
@@ -403,6 +381,7 @@ def alone(tmp_path_factory) -> Path:
     return bag
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_a_geneva_node_integrates_in_a_process_of_its_own(alone):
     """Its motion is that of `solve` bit by bit, and what it reads is what the engine says."""
@@ -416,29 +395,14 @@ def test_a_geneva_node_integrates_in_a_process_of_its_own(alone):
     (part,) = found.parts['geneva_state']
     assert part.joint == 'crank_wheel'
     assert part.share['engaged'] == pytest.approx(0.26)
-    speeds = [m.driven_velocity for m in states_of(bag, '/geneva_state')]
+    speeds = [m.driven_velocity for m in messages_of(bag, '/geneva_state')]
     (speed,) = (r for r in part.ranges if r.quantity == 'driven_velocity')
     assert speed.lowest <= min(speeds)
     assert max(speeds) == 0.0
     assert speed.highest == pytest.approx(0.0, abs=1e-12)  # the motion's own, up to rounding
 
 
-def assert_states_follow_from_motion(bag, scene, name, rate=100.0):
-    """States in a bag are those of its Motion messages, to the last bit."""
-    machine, kind = ms.load_scene(scene), KINDS[name]
-    expected, sampled = [], 0
-    for _, message, _ in read_bag(bag).messages('/motion'):
-        motion = motion_of(message)
-        t = np.arange(sampled, int(motion.curve.end * rate) + 2) / rate
-        t = t[t < motion.curve.end]
-        sampled += len(t)
-        expected += kind.states(machine, motion, t) if t.size else []
-    got = [fields_of(m, kind) for m in states_of(bag, f'/{kind.topic}')]
-    wanted = [{'time': t, 'joint': joint, **fields} for t, joint, fields in expected]
-    np.testing.assert_equal(got, wanted)
-    assert len(got) == int(np.ceil(rate * motion.curve.end)) * len(kind.joints(machine))
-
-
+@pytest.mark.network
 @pytest.mark.slow
 def test_beside_a_linkage_the_node_follows(tmp_path, mixed):
     bag = tmp_path / 'run.mcap'
@@ -450,7 +414,7 @@ def test_beside_a_linkage_the_node_follows(tmp_path, mixed):
     assert not found.ledger.lost
     assert_states_follow_from_motion(bag, str(mixed), 'geneva')
     solution = ms.simulate(ms.load_scene(str(mixed)))
-    states = states_of(bag, '/geneva_state')
+    states = messages_of(bag, '/geneva_state')
     columns = solution.sample(np.array([m.time for m in states]))
     for field, column in (
         ('driven_velocity', 'velocity.wheel'),
@@ -460,6 +424,7 @@ def test_beside_a_linkage_the_node_follows(tmp_path, mixed):
         assert np.abs(published - columns[column]).max() <= 1e-9 * np.abs(published).max()
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_integrating_and_following_say_the_same(tmp_path, alone):
     """The user starts a linkage beside the node of a scene that needs none."""
@@ -476,12 +441,13 @@ def test_integrating_and_following_say_the_same(tmp_path, alone):
         assert node.returncode == 0, stderr
     kind = KINDS['geneva']
     one, other = (
-        [fields_of(m, kind) for m in states_of(bag, '/geneva_state')] for bag in (alone, beside)
+        [fields_of(m, kind) for m in messages_of(bag, '/geneva_state')] for bag in (alone, beside)
     )
     assert one
     assert one == other
 
 
+@pytest.mark.network
 @pytest.mark.parametrize(
     ('scene', 'name', 'duration'),
     [
@@ -501,14 +467,15 @@ def test_a_node_of_parts_integrates(tmp_path, scene, name, duration):
     assert found.parts.keys() == {KINDS[name].topic}
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_bearings_of_shafts_have_a_topic(tmp_path):
     """Both bearings together carry the reaction of the plane, and one of them the axial force."""
     bag = tmp_path / 'run.mcap'
     run_json('run', 'helical_shafts', '--duration', '0.05', '--record', str(bag))
-    loads = states_of(bag, '/bearing_loads')
-    reactions = {round(m.time, 9): m for m in states_of(bag, '/joint_reactions')}
-    gears = {round(m.time, 9): m for m in states_of(bag, '/gear_state')}
+    loads = messages_of(bag, '/bearing_loads')
+    reactions = {round(m.time, 9): m for m in messages_of(bag, '/joint_reactions')}
+    gears = {round(m.time, 9): m for m in messages_of(bag, '/gear_state')}
     assert len(loads) == 2 * len(reactions) > 0
     for m in loads:
         k = reactions[round(m.time, 9)].joints.index(m.joint)
@@ -540,6 +507,7 @@ def test_a_cam_state_says_where_the_follower_touches():
     assert np.abs(seen.sliding_speed) == pytest.approx(height * seen.cam_speed, rel=1e-12)
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_a_whole_machine_runs_as_six_nodes(tmp_path):
     """Motor, gears, cam and loose four-bar: everyone's forces are in one bag."""
@@ -554,6 +522,6 @@ def test_a_whole_machine_runs_as_six_nodes(tmp_path):
         assert_states_follow_from_motion(bag, 'whole_machine', name)
     assert {s.sensor for s in found.vibration} == {'rocker', 'slide'}
     assert {p.name for p in found.loads.joints} >= {'mesh', 'cam', 'coupler_rocker', 'guide'}
-    gears, cams = (states_of(bag, f'/{KINDS[n].topic}') for n in ('gear_train', 'cam'))
+    gears, cams = (messages_of(bag, f'/{KINDS[n].topic}') for n in ('gear_train', 'cam'))
     assert max(m.tooth_force for m in gears) > 1.0
     assert max(m.contact_force for m in cams) > 1.0

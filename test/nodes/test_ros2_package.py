@@ -20,7 +20,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-import running
 from running import ROOT, TIMEOUT, environment, ros_found, run_json
 
 from mechanism_sim import nodes
@@ -139,13 +138,6 @@ MESSAGES = sorted((ROOT / 'msg').glob('*.msg'))
 
 
 # --- with ROS ---------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def ros(monkeypatch) -> dict[str, str]:
-    """Environment of processes on rclpy, in a domain of their own."""
-    monkeypatch.setattr(running, 'middleware', 'rclpy')
-    return environment()
 
 
 def ros2(env: dict[str, str], *args: str, timeout: float = TIMEOUT) -> tuple[int, str]:

@@ -75,6 +75,7 @@ def test_a_peak_between_samples_is_not_missed():
     assert cycle.extremes()[force].greatest.value > 1.2 * cycle[force].max()
 
 
+@pytest.mark.network
 def test_cycle_bag_and_sweep_agree(tmp_path):
     """The largest forces of one run, wherever they are reported."""
     machine = ms.load_scene('four_bar_clearance')

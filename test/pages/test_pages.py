@@ -14,13 +14,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from blocks import ROOT
 from browsing import Firefox, Tab, boxes, firefox, overlapping, violations
 from builders import simulated
+from editing import Hand, editing
+from live_pages import Acted, motion_messages
 from middleware_network import eventually
 from packaging.requirements import Requirement
-from test_edit_page import Hand, editing
-from test_view import Acted, messages
+from running import ROOT
 
 import mechanism_sim as ms
 from mechanism_sim import output
@@ -295,6 +295,7 @@ def foreign_boxes(page, selector):
     )
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 @pytest.mark.parametrize('width', [1440, 390])
 def test_firefox_shows_the_live_view_and_is_obeyed(foreign, width):
@@ -312,7 +313,7 @@ def test_firefox_shows_the_live_view_and_is_obeyed(foreign, width):
             assert all(x[0] >= 0.0 and x[2] <= width + 0.5 for x in found), selector
         place = "document.querySelector('#stage [data-link][transform*=rotate]').outerHTML"
         before = foreign.evaluate(f'JSON.stringify({place})')
-        for message in messages(run.machine, [0.05, 0.1, 0.3])[2:]:
+        for message in motion_messages(run.machine, [0.05, 0.1, 0.3])[2:]:
             run.live.take(message)
         run.server.send(run.live.batch())
         assert eventually(lambda: foreign.evaluate(f'JSON.stringify({place})') != before)
@@ -343,6 +344,7 @@ def test_firefox_shows_the_live_view_and_is_obeyed(foreign, width):
 FILES = [x for x in TEXTS if x not in ('live', 'waiting', 'edit')]
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 @pytest.mark.parametrize('kind', FILES)
 def test_firefox_shows_and_plays_the_same(foreign, pages, kind):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import re
 from pathlib import Path
@@ -10,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bags import write_bag
-from builders import KINDS, simulated
+from builders import EVERY_KIND, ROUGH, simulated
+from live_pages import unpacked
 from running import run as command
 from scipy.interpolate import CubicHermiteSpline
 
@@ -24,21 +24,10 @@ from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.planar.points import GROUND
 
 
-def unpacked(array):
-    flat = np.frombuffer(base64.b64decode(array['bdata']), array['dtype'])
-    return flat.reshape([int(n) for n in array['shape'].split(',')]) if 'shape' in array else flat
-
-
 @pytest.fixture(scope='module')
 def loose():
     """Three turns with impacts, sliding and following."""
-    play = 'joints.coupler_rocker.clearance'
-    return simulated(
-        'four_bar_clearance',
-        {f'{play}.friction': 0.05, f'{play}.pin_radius': '6 mm', f'{play}.restitution': 0.7,
-         'start': 'centred'},
-        revolutions=3,
-    )  # fmt: skip
+    return simulated('four_bar_clearance', ROUGH, revolutions=3)
 
 
 def at(poses, link, place):
@@ -50,7 +39,7 @@ def at(poses, link, place):
     return np.stack([x + c * place[0] - s * place[1], y + s * place[0] + c * place[1]], axis=1)
 
 
-@pytest.mark.parametrize('scene', KINDS)
+@pytest.mark.parametrize('scene', EVERY_KIND)
 def test_links_meet_at_their_joints(scene):
     """Poses of links that no coordinate names; what is loose is as far apart as its pin says."""
     record = simulated(scene, duration=0.05)

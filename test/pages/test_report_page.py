@@ -8,9 +8,9 @@ import re
 
 import numpy as np
 import pytest
-from bags import angle_at, foreign, write_bag
-from browsing import Tab, boxes, open_page, overlapping, violations
-from builders import KINDS, simulated
+from bags import angle_at, messages_of, write_bag
+from browsing import Tab, boxes, open_page, overlapping, scrub, time_of, violations
+from builders import EVERY_KIND, ROUGH, simulated
 
 import mechanism_sim as ms
 from mechanism_sim import output
@@ -19,9 +19,6 @@ from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.recorded import NEAR, recorded
 
-PLAY = 'joints.coupler_rocker.clearance'
-ROUGH = {f'{PLAY}.friction': 0.05, f'{PLAY}.pin_radius': '6 mm', f'{PLAY}.restitution': 0.7,
-         'start': 'centred'}  # fmt: skip
 LENGTHS = {'ground': 0.387, 'crank': 0.064, 'coupler': 0.309, 'rocker': 0.312}
 CLEARANCE = 0.254e-3
 
@@ -65,10 +62,6 @@ def opened(shared, file):
     assert shared.requests == [file.as_uri()]
 
 
-def time_of(page):
-    return float(page.evaluate('document.documentElement.dataset.time'))
-
-
 def when(page, condition):
     """Wait for it; the page forbids the evaluation of text, by which Playwright itself waits."""
     page.evaluate(
@@ -77,14 +70,6 @@ def when(page, condition):
             look();
         }})"""
     )
-
-
-def scrub(page, share):
-    page.locator('#scrub').evaluate(
-        "(range, share) => { range.value = share; range.dispatchEvent(new Event('input')); }",
-        share,
-    )
-    return time_of(page)
 
 
 def drawn_boxes(page):
@@ -167,7 +152,7 @@ def test_keys_step_from_instant_to_instant(opened, record):
 
 def test_the_lens_shows_the_pin_where_the_bag_has_it(opened, bag):
     """Loop closure with the angles of the recorded polynomials, read by another reader."""
-    motions, seen = foreign(bag, '/motion'), set()
+    motions, seen = messages_of(bag, '/motion'), set()
     for share in (0.0, 0.07, 0.13, 0.21, 0.34, 0.48, 0.551, 0.6, 0.77, 0.893, 1.0):
         t = scrub(opened, share)
         angle = {link: angle_at(motions, link, t) for link in ('crank', 'coupler', 'rocker')}
@@ -420,7 +405,7 @@ def test_nothing_overlaps_or_sticks_out(tab, file, width):
 @pytest.mark.slow
 def test_every_kind_of_scene_is_drawn(tab, tmp_path):
     """As many shapes as its skeleton has, all within the picture."""
-    for scene in KINDS:
+    for scene in EVERY_KIND:
         run = show(tab, tmp_path, scene, duration=0.05)
         scrub(tab.page, 0.4)
         drawn = tab.page.locator('#stage g[data-kind]').evaluate_all(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from builders import simulated
-from test_view import messages, unpacked
+from live_pages import motion_messages, unpacked
 
 from mechanism_sim.analysis.preview import preview
 from mechanism_sim.export.stage import Swaying
@@ -102,7 +102,7 @@ def test_in_a_film_a_block_leans_as_its_corners_do():
 
 def test_the_live_view_shows_it_where_all_motion_since_the_start_is_known(record):
     machine = record.machine
-    told = messages(machine, [0.05, 0.1, 0.17])
+    told = motion_messages(machine, [0.05, 0.1, 0.17])
     live, late = Live(describe(machine)), Live(describe(machine))
     times = live.stage.skeleton.sways['frame']
     seen = []
@@ -119,6 +119,6 @@ def test_the_live_view_shows_it_where_all_motion_since_the_start_is_known(record
         late.take(message)
     assert late.swaying is None
     assert not unpacked(late.batch()['frames']['sway']).any()
-    late.take(messages(machine, [0.05], run=1)[0])  # begun anew
+    late.take(motion_messages(machine, [0.05], run=1)[0])  # begun anew
     assert late.swaying is not None
     assert unpacked(late.batch()['frames']['sway']).any()

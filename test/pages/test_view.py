@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import math
 import signal
@@ -16,6 +15,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builders import PLAY
+from live_pages import Acted, data, motion_messages, unpacked
 from middleware_network import PATIENCE, eventually
 from running import command, run
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -25,23 +26,19 @@ import mechanism_sim as ms
 from mechanism_sim import ending
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import Impact, String, service_class
 from mechanism_sim.messages import Motion as MotionMessage
 from mechanism_sim.messages.events import describe
-from mechanism_sim.messages.segments import motion_of, pack
+from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.nodes import middleware
 from mechanism_sim.nodes.qos import LATCHED
-from mechanism_sim.pages.assets import contents_of
 from mechanism_sim.pages.controls import controls, visible_pace
 from mechanism_sim.pages.live import MOST, Live
 from mechanism_sim.pages.server import PAGES, Command, Mailbox, Server
-from mechanism_sim.pages.view import MODULES, NEWEST
+from mechanism_sim.pages.view import NEWEST
 
 SCENE = 'four_bar_clearance'
-PLAY = 'joints.coupler_rocker.clearance'
 COMMANDS = 'drive.commands={acceleration: 1000 rad/s^2, fastest: 60 rad/s}'
-ARRAYS = {'f8': np.float64, 'f4': np.float32, 'u1': np.uint8}
 
 
 def ended(process: subprocess.Popen[str]) -> int:
@@ -123,11 +120,6 @@ class Listener:
         """Rebound by approach of what has been heard of impacts."""
         return {round(m.rebound_speed / m.approach_speed, 6) for m in self.impacts
                 if not m.ends_chatter}  # fmt: skip
-
-
-def data(tab: Any, name: str) -> str:
-    """What the page says of itself."""
-    return str(tab.page.evaluate(f'document.documentElement.dataset.{name} ?? ""'))
 
 
 def slide(tab: Any, path: str, place: int) -> None:
@@ -274,31 +266,12 @@ def test_a_view_that_is_killed_leaves_no_run_behind(network):
 # --- what a page gets, without a network --------------------------------------------------------
 
 
-def unpacked(packed: dict[str, str]) -> Any:
-    """An array as the page reads it."""
-    array = np.frombuffer(base64.b64decode(packed['bdata']), ARRAYS[packed['dtype']])
-    shape = packed.get('shape')
-    return array.reshape([int(n) for n in shape.split(',')]) if shape else array
-
-
-def messages(machine: Any, ends: list[float], run: int = 0) -> list[Any]:
-    """Motion messages of a run up to these times [s]."""
-    going, found = machine.start(), []
-    names = machine.physics.coordinates, machine.physics.clearances
-    for end in ends:
-        going.advance(end)
-        motion, *_ = going.drain()
-        assert isinstance(motion, Motion)
-        found.append(pack(motion, *names, end, run))
-    return found
-
-
 def test_what_a_page_gets_is_the_motion_at_these_instants():
     """Against the solution; who joins late, or misses messages, sees what is there."""
     machine = ms.load_scene(SCENE)
     live = Live(describe(machine))
     assert live.batch() is None
-    first, second, third, fourth = messages(machine, [0.1, 0.12, 0.3, 0.32])
+    first, second, third, fourth = motion_messages(machine, [0.1, 0.12, 0.3, 0.32])
     live.take(second)  # joined late, and one is missing later
     batches = [live.batch()]
     live.take(fourth)
@@ -322,10 +295,10 @@ def test_what_a_page_gets_is_the_motion_at_these_instants():
     assert batches[0]['epoch'] == batches[1]['epoch']
     live.take(third)  # goes back: somebody has begun anew
     assert live.batch()['epoch'] == batches[0]['epoch'] + 1
-    (again,) = messages(machine, [0.05], run=1)
+    (again,) = motion_messages(machine, [0.05], run=1)
     live.take(again)
     assert live.batch()['epoch'] == batches[0]['epoch'] + 2
-    (long,) = messages(machine, [3.0], run=2)
+    (long,) = motion_messages(machine, [3.0], run=2)
     live.take(long)
     assert len(unpacked(live.batch()['frames']['t'])) <= MOST + 1
     assert first.segments
@@ -460,43 +433,6 @@ def test_two_servers_find_ports_of_their_own():
 
 
 # --- the page itself, operated by hand, with a server that answers as a run would ---------------
-
-
-class Acted:
-    """The page of a machine whose run is acted here: what it asks for is kept, not done."""
-
-    def __init__(self, tab: Any, scene: str, *ends: float) -> None:
-        self.machine = ms.load_scene(scene)
-        self.live, self.asked = Live(describe(self.machine)), Mailbox()
-        self.controls = controls(self.machine)
-        for message in messages(self.machine, list(ends)):
-            self.live.take(message)
-        self.batch = self.live.batch()
-        self.server = Server(
-            contents_of('live', MODULES), 0, lambda: [self.stage(), self.batch], self.asked.put
-        )
-        self.tab, self.page = tab, tab.page
-        tab.page.goto(self.server.address)
-        assert eventually(lambda: data(tab, 'time'))
-
-    def stage(self) -> dict[str, Any]:
-        found = [control.to_json() for control in self.controls.values()]
-        return {'type': 'stage', 'stage': self.live.stage.to_json(), 'controls': found}
-
-    def tell(self, playing: bool = True, **values: float) -> None:
-        """The state of the run, as the view tells it twice a second."""
-        known = {path: control.value for path, control in self.controls.items()} | values
-        state = {'time': 0.0, 'run': 0, 'factor': 0.1, 'operable': True, 'impacts': 0}
-        self.server.send({'type': 'state', 'playing': playing, 'values': known, **state})
-        wanted = '1' if playing else ''
-        assert eventually(lambda: data(self.tab, 'playing') == wanted)
-        self.page.wait_for_timeout(100)
-
-    def command(self) -> Command:
-        """What the page asks for next."""
-        found: list[Command] = []
-        assert eventually(lambda: found.append(self.asked.take()) or found[-1])
-        return found[-1]
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from builders import weightless
 from references.make_spinning_beam import chain_tip, extrapolated
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
@@ -18,9 +19,7 @@ from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.linearisation import Linearisation
 from mechanism_sim.planar.mechanism import Body, Mechanism
 from mechanism_sim.planar.switched_functions import SwitchedFunction
-from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
-from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.modes import linearised, modes, natural_modes
 from mechanism_sim.study.periodic import find_periodic
 
@@ -36,11 +35,6 @@ FREE = np.array([4.7300407449, 7.8532046241, 10.9956078380])
 """Roots ``k L`` of the frequency equations of uniform beams (e.g. [V] and any handbook)."""
 
 
-def scene(**parts):
-    whole = {'title': 's', 'mechanism': 'linkage', 'gravity': [0.0, 0.0], **parts}
-    return build('s', Scene.model_validate(whole))
-
-
 def hertz(roots):
     return roots**2 * np.sqrt(EI / RHO) / L**2 / TURN
 
@@ -48,7 +42,7 @@ def hertz(roots):
 def arm(speed=0.0, gravity=(0.0, 0.0), loads=None, **elastic):
     """A beam clamped to a hub that turns steadily."""
     rotor = {'length': L, 'elastic': {**SECTION, 'ends': 'clamped', **elastic}}
-    return scene(
+    return weightless(
         links={'arm': rotor},
         joints={'hub': {'revolute': ['ground', 'arm']}},
         drive={'coordinate': 'arm', 'speed': speed},
@@ -59,7 +53,7 @@ def arm(speed=0.0, gravity=(0.0, 0.0), loads=None, **elastic):
 
 def column(thrust=0.0, load=None, masses=None, **elastic):
     """A beam between a held crank and a slider in line with it, under a force along it."""
-    return scene(
+    return weightless(
         links={
             'crank': {'length': 0.1, 'mass': 1.0, 'inertia': 0.01},
             'rod': {
@@ -209,7 +203,7 @@ def tapered(*points, **elastic):
     """An arm of 0.4 m with sections at points."""
     section = {'section': {'points': list(points)}, 'density': 1e3, 'youngs_modulus': 1e11}
     rotor = {'length': L, 'elastic': {**section, 'ends': 'clamped', **elastic}}
-    return scene(
+    return weightless(
         links={'arm': rotor},
         joints={'hub': {'revolute': ['ground', 'arm']}},
         drive={'coordinate': 'arm', 'speed': 0.0},
@@ -359,7 +353,7 @@ def test_the_published_values_have_the_wrong_mass_along_the_rod():
 def spun_up(**elastic):
     """Kane's beam of 10 m, from rest to 6 rad/s in 15 s (J. Guidance 10 (1987) 139-151)."""
     beam = {'youngs_modulus': 7e10, 'area': 4e-4, 'second_moment': 2e-7, 'density': 3000.0}
-    return scene(
+    return weightless(
         links={'arm': {'length': 10.0, 'elastic': {**beam, 'ends': 'clamped', **elastic}}},
         joints={'hub': {'revolute': ['ground', 'arm']}},
         drive={'coordinate': 'arm', 'profile': {
@@ -627,7 +621,7 @@ def test_it_does_not_matter_at_which_end_a_link_begins():
     def end(start, far, guess):
         section = {'width': 8e-3, 'height': 8e-3}
         rod = {'length': 0.3, 'elastic': {'section': section, 'material': 'steel', 'modes': 3}}
-        machine = scene(
+        machine = weightless(
             links={
                 'crank': {'length': 0.15, 'mass': 0.3, 'inertia': 1e-3},
                 'rod': rod,

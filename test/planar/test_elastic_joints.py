@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from builders import made, weightless
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -12,8 +13,6 @@ from mechanism_sim.messages import LinkageState, deserialize
 from mechanism_sim.nodes import markers
 from mechanism_sim.nodes.force_markers import Picture
 from mechanism_sim.nodes.publications import linkage_states
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.modes import modes
 
 TURN = 2.0 * np.pi
@@ -26,11 +25,6 @@ GUIDED, PROPPED = 2.365020372431352, 3.926602312047919
 """Roots ``k L`` of clamped beams whose end slides across, or is pinned: tan kL = -+ tanh kL."""
 
 
-def scene(**parts):
-    whole = {'title': 's', 'mechanism': 'linkage', 'gravity': [0.0, 0.0], **parts}
-    return build('s', Scene.model_validate(whole))
-
-
 def roots(machine):
     """``k L`` of the modes of a machine with one beam."""
     w = TURN * np.array([mode.frequency for mode in modes(machine)])
@@ -40,7 +34,7 @@ def roots(machine):
 def held(joint, **elastic):
     """A beam clamped to a hub that stands, with one more joint."""
     arm = {'ends': 'clamped', 'functions': 'polynomial', 'modes': 4, **BEAM, **elastic}
-    return scene(
+    return weightless(
         links={**FAR, 'arm': {'length': L, 'elastic': arm}},
         joints={'hub': {'revolute': ['ground', 'arm']}, 'j': joint},
         drive={'coordinate': 'arm', 'speed': 0.0},
@@ -81,7 +75,7 @@ def test_wheels_turn_with_the_cross_section_at_their_centre(joint):
     ``E I w''(0) = -J w^2 w'(0)``, and no force nor moment at the end.
     """
     J, arm = 1e-3, {**BEAM, 'functions': 'polynomial', 'modes': 5}
-    machine = scene(
+    machine = weightless(
         links={'ground': {'points': {'shaft': [-0.06, 0.0]}},
                'pinion': {'mass': 0.3, 'inertia': J / 4.0},
                'arm': {'length': L, 'elastic': arm}},
@@ -136,7 +130,7 @@ def test_directions_turn_with_cross_sections_as_points_beside_the_axis_do():
 def crossing(joint, start=0.2, duration=0.2, **elastic):
     """A block or a pin that runs along a beam on two supports, under its weight."""
     beam = {**BEAM, 'second_moment': 0.1 * EI / 1e11, 'foreshortening': False, **elastic}
-    machine = scene(
+    machine = weightless(
         links={**FAR, 'beam': {'length': L, 'elastic': beam},
                'bead': {'mass': 3.0, 'inertia': 0.01}, 'foot': {'mass': 0.1, 'inertia': 1e-4}},
         joints={'a': {'revolute': ['ground', 'beam']}, 'b': {'revolute': ['beam.end', 'foot']},
@@ -218,7 +212,7 @@ def test_a_rail_beside_the_axis_is_parallel_to_it():
     """Its point nearest to the block is at that distance from the bent axis."""
     high = {'prismatic': ['beam.rail', 'bead']}
     beam = {**BEAM, 'foreshortening': False}
-    machine = scene(
+    machine = weightless(
         links={**FAR, 'beam': {'length': L, 'points': {'rail': [0.0, 0.05]}, 'elastic': beam},
                'bead': {'mass': 0.3, 'inertia': 1e-3}, 'foot': {'mass': 0.1, 'inertia': 1e-4}},
         joints={'a': {'revolute': ['ground', 'beam']}, 'b': {'revolute': ['beam.end', 'foot']},
@@ -240,7 +234,7 @@ def test_a_rail_beside_the_axis_is_parallel_to_it():
 def quick_return(play=None, **arm):
     """A crank's pin in a slot of an arm."""
     arm = {'length': 0.5, **(arm or {'mass': 0.5, 'inertia': 0.5**3 / 12.0, 'cog': 0.25})}
-    return scene(
+    return weightless(
         links={'ground': {'points': {'shaft': [0.0, 0.25]}},
                'crank': {'length': 0.1, 'mass': 0.3, 'inertia': 1e-3}, 'arm': arm},
         joints={'a': {'revolute': ['ground.shaft', 'crank']}, 'b': {'revolute': ['ground', 'arm']},
@@ -274,7 +268,7 @@ def test_energy_is_balanced_in_a_loose_slot_of_an_elastic_link(friction):
 
 def test_what_turns_a_link_turns_its_cross_section():
     """Work of a torsion spring and of a torque at the start of a pinned beam."""
-    machine = scene(
+    machine = weightless(
         links={'arm': {'length': L, 'elastic': BEAM}},
         joints={'b': {'revolute': ['ground', 'arm']}},
         springs={'s': {'between': ['ground', 'arm'], 'stiffness': '30 N m/rad',
@@ -313,7 +307,7 @@ def test_what_an_elastic_link_cannot_bear_is_refused(change, words):
             at = at[key]
         at[last] = value
     with pytest.raises(InputError) as error:
-        build('s', Scene.model_validate(whole))
+        made(whole, 's')
     for text in words:
         assert text in str(error.value)
     assert '\n' not in str(error.value)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import heyoka as hy
 import numpy as np
 import pytest
+from absolute import cross, turned
 from four_bars import SPEED, loose, reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -31,15 +32,6 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.reactions import energies
 
 RNG = np.random.default_rng(11)
-
-
-def turned(angle, xy):
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([c * xy[0] - s * xy[1], s * xy[0] + c * xy[1]])
-
-
-def cross(a, b):
-    return a[0] * b[1] - a[1] * b[0]
 
 
 class Newton:

@@ -5,21 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from builders import made
 from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.gears.pair import Pair
 from mechanism_sim.planar.switches import HOLDS
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
 from test.grid.case import variant
 
 G = 9.81
-
-
-def made(scene):
-    return build('made', check_scene('made', {'mechanism': 'linkage', 'title': 'made', **scene}))
 
 
 def rotor(**more):
@@ -141,7 +136,7 @@ def test_a_wedge_lifts_and_lowers_and_holds(mu):
     rubs = {f'joints.{n}.friction.coefficient': mu for n in ('bed', 'guide', 'face')}
     for speed in (0.02, -0.02):
         scene = variant('wedge', {**rubs, 'drive.speed': speed})
-        cycle = ms.cycle(build('wedge', check_scene('wedge', scene)), duration=1.0)
+        cycle = ms.cycle(made(scene, 'wedge'), duration=1.0)
         way = math.copysign(1.0, speed)
         assert cycle['drive_torque'] == pytest.approx(lifted(mu, way), rel=1e-9)
         if mu and way > 0.0:
@@ -163,7 +158,7 @@ def test_a_wedge_that_its_follower_drives_locks():
             'guess': {'wedge': 0.0},
             'loads.weight': {'at': 'wedge', 'force': [100.0, 0.0]},
         })  # fmt: skip
-        machine = build('wedge', check_scene('wedge', scene))
+        machine = made(scene, 'wedge')
         if locks:
             with pytest.raises(RunError, match='friction locks the machine, follower at'):
                 ms.cycle(machine, duration=1.0)
@@ -181,7 +176,7 @@ def test_a_drawer_jams():
         'gravity': [0.0, 0.0],
         'links.crank.length': radius, 'drive': {'speed': 1.0, 'start_angle': 0.0},
     })  # fmt: skip
-    machine = build('drawer', check_scene('drawer', scene))
+    machine = made(scene, 'drawer')
     jam = math.asin(length / (2.0 * mu * radius))
     with pytest.raises(RunError, match='friction locks') as caught:
         ms.cycle(machine)
@@ -256,7 +251,7 @@ def test_the_losses_are_what_the_drives_do_more():
     ideal = variant('rubbing_compressor', {})
     for joint in ideal['joints'].values():
         joint.pop('friction')
-    other = ms.cycle(build('ideal', check_scene('ideal', ideal)))
+    other = ms.cycle(made(ideal, 'ideal'))
     assert 1.0 - cycle.efficiency == pytest.approx(
         1.0 - other.mean_power / cycle.mean_power, rel=1e-6
     )
@@ -290,8 +285,8 @@ def test_forces_forwards_are_those_backwards():
                        'torque': {'constant': 4.0, 'per_speed': -0.06}},
              'loads': {'gas': {'at': 'piston', 'force': ['-30*vx', 0.0]}}}  # fmt: skip
     scene = variant('rubbing_compressor', drive)
-    solution = ms.simulate(build('free', check_scene('free', scene)), duration=0.6)
-    given = build('given', check_scene('given', {**scene, 'drive': {'speed': 1.0}}))
+    solution = ms.simulate(made(scene, 'free'), duration=0.6)
+    given = made({**scene, 'drive': {'speed': 1.0}}, 'given')
     t = np.linspace(0.003, 0.597, 100)
     seen = solution.sample(t)
     q, v, a = (
@@ -311,7 +306,7 @@ def test_a_pause_changes_nothing():
     scene = variant('rubbing_compressor', {
         'drive': {'coordinate': 'crank', 'speed': 40.0, 'torque': {'constant': 4.0}}
     })  # fmt: skip
-    machine = build('free', check_scene('free', scene))
+    machine = made(scene, 'free')
     whole, first = machine.start(), machine.start()
     whole.advance(0.2, final=True)
     first.advance(0.137)
@@ -334,7 +329,7 @@ def test_a_tight_pin_is_the_limit_of_a_loose_one():
             'drive.speed': '60 rpm', 'joints.crank_rod': {'revolute': ['crank.end', 'rod'], **keys}
         })  # fmt: skip
         scene |= {'start': 'seated'} if 'clearance' in keys else {}
-        solution = ms.simulate(build('pin', check_scene('pin', scene)), revolutions=1)
+        solution = ms.simulate(made(scene, 'pin'), revolutions=1)
         seen = solution.sample(np.linspace(0.0, 1.0, 11))
         force = np.hypot(seen['reaction.crank_rod.x'], seen['reaction.crank_rod.y'])
         arm = seen['reaction.crank_rod.moment'] / force / (0.01 * mu / math.hypot(1.0, mu))
@@ -365,7 +360,7 @@ def test_a_tight_pin_is_the_limit_of_a_loose_one():
 )  # fmt: skip
 def test_what_makes_no_sense_is_refused(change, sentence):
     with pytest.raises(InputError, match=sentence):
-        build('wrong', check_scene('wrong', variant('rubbing_compressor', change)))
+        made(variant('rubbing_compressor', change), 'wrong')
 
 
 def rubbing(name, joint, **friction):
@@ -375,7 +370,7 @@ def rubbing(name, joint, **friction):
     for link, given in scene['links'].items():
         if link != 'ground' and 'mass' not in given:
             given.update(mass=1.0, inertia=1e-3)
-    return build(name, check_scene(name, scene))
+    return made(scene, name)
 
 
 @pytest.mark.parametrize(
@@ -407,7 +402,7 @@ def test_a_roller_rubs_on_that_wall_of_its_groove_that_it_presses():
     scene['joints']['contact'] |= {
         'groove': {'clearance': 0}, 'friction': {'coefficient': mu, 'radius': pin},
     }  # fmt: skip
-    machine = build('groove', check_scene('groove', scene))
+    machine = made(scene, 'groove')
     cycle = ms.cycle(machine)
     angle, w = cycle['position.cam'], cycle['velocity.cam']
     pair = machine.mechanism.joint('contact')
@@ -478,7 +473,7 @@ def test_what_cannot_rub_is_refused(name, joint, friction, sentence):
     joint = joint or next(n for n, j in keys.items() if 'cam' in j)
     keys = {**keys[joint], 'friction': {'coefficient': 0.1, **friction}}
     with pytest.raises(InputError, match=sentence):
-        build(name, check_scene(name, variant(name, {f'joints.{joint}': keys})))
+        made(variant(name, {f'joints.{joint}': keys}), name)
 
 
 def test_the_efficiency_is_said():
@@ -503,7 +498,7 @@ def test_a_worm_is_as_efficient_as_its_lead_angle_allows(hand):
             'joints.pair.friction': {'coefficient': mu}, 'joints.pair.hand': hand,
             'loads.brake.torque': torque,
         })  # fmt: skip
-        machine = build('worm', check_scene('worm', scene))
+        machine = made(scene, 'worm')
         cycle = ms.cycle(machine)
         expected = math.tan(lead) / math.tan(lead + math.atan(mu / math.cos(press)))
         assert cycle.efficiency == pytest.approx(expected, rel=1e-9)
@@ -524,7 +519,7 @@ def test_a_worm_locks_itself_from_its_friction_on(speed):
             'joints.pair.friction': {'coefficient': mu},
             'drive': {'coordinate': 'worm', 'speed': speed, 'torque': {'constant': 0.0}},
         })  # fmt: skip
-        solution = ms.simulate(build('worm', check_scene('worm', scene)), duration=0.3)
+        solution = ms.simulate(made(scene, 'worm'), duration=0.3)
         end = solution.sample(np.array([0.3]))['velocity.worm'][0]
         assert abs(end) < 1e-9 if locks else end < -20.0
         assert abs(solution.energy.residual) < 1e-10
@@ -534,7 +529,7 @@ def test_bevel_teeth_lose_what_their_virtual_spur_gears_do():
     """[V]'s loss along the path of contact, of the gears that roll like the cones' backs."""
     mu, press, teeth = 1e-3, math.radians(20.0), (20, 40)
     scene = variant('bevel_pair', {'joints.pair.friction': {'coefficient': mu}})
-    lost = 1.0 - ms.cycle(build('bevel', check_scene('bevel', scene))).efficiency
+    lost = 1.0 - ms.cycle(made(scene, 'bevel')).efficiency
     cones = math.atan2(20, 40), math.atan2(40, 20)
     virtual = [n / math.cos(c) for n, c in zip(teeth, cones, strict=True)]
     reach = [

@@ -4,21 +4,17 @@ import math
 
 import numpy as np
 import pytest
+from builders import compilations, made
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.numerics import compiled
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
-from mechanism_sim.scene.schema import Scene
 
 
 def machine(**changes):
     """A crank whose pin carries a block on a rocker."""
     scene = {
         'title': 'quick return',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'O': [0, 0], 'C': [0.3, 0]}},
             'crank': {'length': 0.1, 'mass': 1.0, 'inertia': 0.01, 'cog': 0.05},
@@ -36,7 +32,7 @@ def machine(**changes):
         'guess': {'rocker': '160 deg', 'block': '160 deg'},
         **changes,
     }
-    return build('test', Scene.model_validate(scene))
+    return made(scene, 'test')
 
 
 @pytest.mark.parametrize('loose', [False, True])
@@ -55,10 +51,10 @@ def test_a_coordinate_in_a_load_is_what_it_is_without_clearance(load, moment, lo
     joints = machine().scene.model_dump(exclude_none=True)['joints']
     if loose:
         joints['A']['clearance'] = {'radial': 1e-4, 'restitution': 0.5}
-    made = machine(loads={'f': {'at': 'rocker', **load}}, joints=joints)
-    assert ('block' in made.mechanism.displacements) is loose
-    seen = ms.simulate(made, duration=1.25).samples(np.linspace(0.1, 1.2, 30)).observed
-    i = made.mechanism.coordinates.index('rocker')
+    run = machine(loads={'f': {'at': 'rocker', **load}}, joints=joints)
+    assert ('block' in run.mechanism.displacements) is loose
+    seen = ms.simulate(run, duration=1.25).samples(np.linspace(0.1, 1.2, 30)).observed
+    i = run.mechanism.coordinates.index('rocker')
     angle, rate = seen.position[i], seen.velocity[i]  # the block turns with the rocker
     expected = moment(angle, rate) * rate
     assert np.ptp(expected) > 0.5
@@ -68,13 +64,12 @@ def test_a_coordinate_in_a_load_is_what_it_is_without_clearance(load, moment, lo
 def wheel(drive, **loads):
     scene = {
         'title': 'wheel',
-        'mechanism': 'linkage',
         'links': {'ground': {}, 'wheel': {'mass': 1.0, 'inertia': 0.01}},
         'joints': {'O': {'revolute': ['ground', 'wheel']}},
         'loads': {'f': {'at': 'wheel', **loads}},
         'drive': {'coordinate': 'wheel', 'speed': '60 rad/s', **drive},
     }
-    return build('test', Scene.model_validate(scene))
+    return made(scene, 'test')
 
 
 def test_angles_in_formulas_count_all_turns():
@@ -97,14 +92,13 @@ def test_steep_formulas_are_not_stepped_over(width):
     """``m v' = -F tanh(v/w)``: sinh(v/w) falls as exp(-F t/(m w)), whatever w is."""
     scene = {
         'title': 'a block that friction stops',
-        'mechanism': 'linkage',
         'links': {'block': {'mass': 2.0}},
         'joints': {'guide': {'prismatic': ['ground', 'block']}},
         'drive': {'coordinate': 'block', 'speed': '1 m/s', 'force': {}},
         'loads': {'drag': {'at': 'block', 'force': [f'-4*tanh(vx/{width})', 0]}},
     }
-    made = build('block', Scene.model_validate(scene))
-    solution = ms.simulate(made, duration=1.0)
+    block = made(scene, 'block')
+    solution = ms.simulate(block, duration=1.0)
     t = np.linspace(0.0, 1.0, 101)
     # the logarithm of sinh: its argument begins at 10,000
     log = 1.0 / width + np.log1p(-np.exp(-2.0 / width)) - np.log(2.0) - 2.0 * t / width
@@ -123,11 +117,6 @@ def test_a_step_in_a_machine_keeps_the_books():
     assert abs(solution.energy.residual) < 1e-11 * solution.energy.dissipated
 
 
-def made() -> int:
-    """How many expressions have been compiled in this process."""
-    return sum(f.cache_info().misses for f in (compiled._function, compiled._integrator))
-
-
 def test_another_number_in_a_formula_compiles_nothing_anew():
     """A wheel that is braked, against the exponential that solves it."""
     misses = []
@@ -136,12 +125,12 @@ def test_another_number_in_a_formula_compiles_nothing_anew():
         solution = ms.simulate(wheel({'torque': {}}, torque=load), duration=0.2)
         wanted = 60.0 * np.exp(-float(c) / 0.01 * 0.2)
         assert solution.sample([0.2])['velocity.wheel'] == pytest.approx([wanted], rel=1e-12)
-        misses.append(made())
+        misses.append(compilations())
     assert misses[0] == misses[1]
     ms.simulate(wheel({'torque': {}}, torque='-0.001*wheel_rate**3'), duration=0.2)
-    cube = made()
+    cube = compilations()
     ms.simulate(wheel({'torque': {}}, torque='-0.001*wheel_rate**4'), duration=0.2)
-    assert made() > cube > misses[1]  # exponents shape the expression
+    assert compilations() > cube > misses[1]  # exponents shape the expression
 
 
 @pytest.mark.parametrize('formula', ['sqrt(crank_rate-100)', 'log(t-0.1)', '1/0', 'sqrt(0.3-t)'])
@@ -162,13 +151,13 @@ def test_a_formula_out_of_its_range_ends_in_a_sentence_without_free_coordinates(
 def on_spring(free_length, damping, start):
     """A block whose spring hangs on the middle of its guide."""
     scene = {
-        'mechanism': 'linkage', 'title': 'made', 'gravity': [0.0, 0.0],
+        'title': 'made', 'gravity': [0.0, 0.0],
         'links': {'block': {'mass': 1.0}}, 'joints': {'guide': {'prismatic': ['ground', 'block']}},
         'springs': {'s': {'between': ['ground', 'block'], 'stiffness': '100 N/m',
                           'free_length': free_length, 'damping': f'{damping} N s/m'}},
         'initial': {'position': {'block': start}},
     }  # fmt: skip
-    return build('made', check_scene('made', scene))
+    return made(scene, 'made')
 
 
 def test_ends_of_a_spring_that_is_nothing_long_may_meet():

@@ -5,25 +5,24 @@ import math
 import numpy as np
 import pytest
 import scipy
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import scene_names
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.modes import modes
 
 G, L, R = 9.81, 0.2, 0.05
 
 
-def made(links, joints, **more):
-    scene = {'title': 'lumped', 'mechanism': 'linkage', 'links': links, 'joints': joints, **more}
-    return build('lumped', Scene.model_validate(scene))
+def lumped(links, joints, **more):
+    scene = {'title': 'lumped', 'links': links, 'joints': joints, **more}
+    return made(scene, 'lumped')
 
 
 def test_a_point_mass_on_a_rod_swings_with_the_period_of_the_elliptic_integral():
     begin = math.radians(60.0)
-    machine = made(
+    machine = lumped(
         {'rod': {'length': L, 'mass': 0}},
         {'O': {'revolute': ['ground', 'rod']}},
         masses={'bob': {'at': 'rod.end', 'mass': 3.0}},
@@ -40,7 +39,7 @@ def test_a_point_mass_on_a_rod_swings_with_the_period_of_the_elliptic_integral()
 
 def slider_crank(**masses):
     """Crank with a flywheel, rod and piston under a weight; moved by nothing."""
-    return made(
+    return lumped(
         {
             'crank': {'length': R, 'mass': 0, 'inertia': 2e-3},
             'rod': {'length': L, 'mass': 0},
@@ -139,7 +138,7 @@ def test_a_mass_on_two_massless_rods_is_free_in_the_plane_until_they_are_in_line
         'gravity': [0, -G],
         'drive': {'coordinate': 'one', 'start_angle': -0.4, 'torque': {}},
     }
-    machine = made(rods, joints, initial={'position': {'two': 1.2}}, **more)
+    machine = lumped(rods, joints, initial={'position': {'two': 1.2}}, **more)
     t = 0.1
     seen = ms.simulate(machine, duration=t).samples(t).observed
     place = machine.mechanism.locate_all('two', seen.position, (0.4, 0.0))[:, 0]
@@ -147,7 +146,7 @@ def test_a_mass_on_two_massless_rods_is_free_in_the_plane_until_they_are_in_line
     # nothing holds the ball: it falls
     assert place == pytest.approx([start[0], start[1] - 0.5 * G * t**2], abs=1e-12)
     with pytest.raises(InputError, match='without moving any mass'):
-        made(rods, joints, initial={'position': {'two': -0.4}}, **more)
+        lumped(rods, joints, initial={'position': {'two': -0.4}}, **more)
 
 
 QUICK = 'catapult', 'half_car', 'rotor_on_supports', 'vibration_absorber'

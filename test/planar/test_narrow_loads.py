@@ -6,33 +6,27 @@ import math
 
 import numpy as np
 import pytest
+from builders import made
 from scipy.integrate import quad
 
 import mechanism_sim as ms
 from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.cycles.measures import EXACT, measure
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
 
 TURN = 2.0 * math.pi
 
 
 def crank(torque, **load):
     """A crank at 20 rad/s; its drive supplies the opposite of the torque on it, and no more."""
-    return build(
+    return made(
+        {
+            'title': 'crank',
+            'links': {'cr': {'length': '1 m', 'cog': 0.0, 'mass': 1.0, 'inertia': 1.0}},
+            'joints': {'pin': {'revolute': ['ground', 'cr']}},
+            'drive': {'coordinate': 'cr', 'speed': '20 rad/s'},
+            'loads': {'l': {'at': 'cr', 'torque': torque, **load}},
+        },
         'narrow',
-        check_scene(
-            'narrow',
-            {
-                'title': 'crank',
-                'mechanism': 'linkage',
-                'links': {'cr': {'length': '1 m', 'cog': 0.0, 'mass': 1.0, 'inertia': 1.0}},
-                'joints': {'pin': {'revolute': ['ground', 'cr']}},
-                'drive': {'coordinate': 'cr', 'speed': '20 rad/s'},
-                'loads': {'l': {'at': 'cr', 'torque': torque, **load}},
-            },
-            {},
-        ),
     )
 
 
@@ -157,14 +151,14 @@ def test_a_drive_that_changes_its_speed_within_a_microsecond(ramp):
     width, inertia = 1e-6, 0.01
     points = [[0, 10.0], [0.05, 10.0], [0.05 + width, 12.0], [0.1, 12.0]]
     scene = {
-        'title': 'a wheel', 'mechanism': 'linkage', 'gravity': [0, 0],
+        'title': 'a wheel', 'gravity': [0, 0],
         'links': {'ground': {}, 'wheel': {'mass': 1.0, 'inertia': inertia, 'cog': 0.0}},
         'joints': {'O': {'revolute': ['ground', 'wheel']}},
         'drive': {'coordinate': 'wheel', 'start_angle': 0.0, 'profile': {
             'ramp': ramp, 'points': [[t, f'{w} rad/s'] for t, w in points]}},
         'duration': 0.1,
     }  # fmt: skip
-    machine = build('wheel', check_scene('wheel', scene))
+    machine = made(scene, 'wheel')
     solution, one = ms.simulate(machine), cycle(machine)
     steep, square = (1.0, 1.0) if ramp == 'linear' else (1.5, 1.2)
     T = inertia * 2.0 / width

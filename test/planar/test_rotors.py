@@ -5,15 +5,14 @@ import random
 
 import numpy as np
 import pytest
+from builders import made
 from rotors import DiskRotor, Rotor, influence_coefficients
 from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.cycles.columns import columns_of
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
-from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.harmonics import harmonics, unbalance_response
 from mechanism_sim.study.modes import campbell, critical_speeds, modes
 from mechanism_sim.study.response import read_source, response
@@ -28,14 +27,13 @@ MASS, POLAR = 8.0, 0.04
 
 
 def rotor(speed=100.0, polar=POLAR, off=1e-4, drive=None, gravity=(0.0, 0.0), mass=MASS, **joint):
-    return build('rotor', Scene.model_validate({
+    return made({
         'title': 'Rotor',
-        'mechanism': 'linkage',
         'links': {'disk': {'mass': mass, 'inertia': polar, 'cog': off}},
         'joints': {'shaft': {'rotor': ['ground', 'disk'], **joint}},
         'drive': {'coordinate': 'disk', **(drive or {'speed': speed}), 'start_angle': 0.0},
         'gravity': [*gravity],
-    }))  # fmt: skip
+    }, 'rotor')  # fmt: skip
 
 
 def jeffcott(span=0.6, **given):
@@ -340,9 +338,8 @@ def disks_of_the_book(**given):
     """[V] 6.14.4: two disks on a shaft between two supports, their masses off to one side."""
     mass, polar = 7860 * math.pi * 0.25**2 / 4 * 0.05, 0.15
     second = {'along': 0.35, 'mass': mass, 'inertia': polar, 'cog': [0.0, 46e-6]}
-    return build('book', Scene.model_validate({
+    return made({
         'title': 'Two disks',
-        'mechanism': 'linkage',
         'links': {'disk': {'mass': mass, 'inertia': polar, 'cog': 35e-6}},
         'joints': {'shaft': {
             'rotor': ['ground', 'disk'],
@@ -353,7 +350,7 @@ def disks_of_the_book(**given):
         }},
         'drive': {'coordinate': 'disk', 'speed': 100.0, 'start_angle': 0.0},
         'gravity': [0.0, 0.0],
-    })), mass  # fmt: skip
+    }, 'book'), mass  # fmt: skip
 
 
 def test_two_disks_have_the_critical_speeds_and_whirl_of_influence_coefficients():
@@ -480,7 +477,7 @@ def test_a_rotor_shakes_a_frame_by_the_reaction_of_its_supports():
         name: {'mass': 100.0, 'mounts': {'one': mount}, **joints}
         for name, joints in (('all', {}), ('joint', {'joints': ['ground_disk']}))
     }
-    machine = build('shaken', Scene.model_validate(content))
+    machine = made(content, 'shaken')
     motion = ms.simulate(machine, duration=0.5).motion
     t = np.linspace(0.0, 0.5, 9)
     forces = [machine.oscillator(name).take(motion)(t).force[:2] for name in ('all', 'joint')]
@@ -557,12 +554,12 @@ def test_a_crank_on_supports_that_give_way_must_turn_as_on_rigid_ones():
     crank = {'rotor': ['ground', 'crank'], 'supports': supports}
     content = ms.load_scene('slider_crank').scene.model_dump(exclude_unset=True)
     content['joints'] = content['joints'] | {'ground_crank': crank}
-    machine = build('crank', Scene.model_validate(content))
+    machine = made(content, 'crank')
     assert check(machine).level == 'smooth dynamics'
     content['links']['rod']['length'] = 0.045  # shorter than the crank
     content['guess'] = {'rod': 0.0, 'piston': 0.09}
     with pytest.raises(InputError, match='crank'):
-        check(build('short', Scene.model_validate(content)))
+        check(made(content, 'short'))
 
 
 def test_a_mode_of_a_rotor_at_rest_has_no_sense_of_whirl():

@@ -4,14 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from builders import made
 from running import run_json
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.report.cycle import render
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 
 W = 2.0 * np.pi  # 60 rpm
 BESIDE = np.array([-1e-2, -1e-4, -1e-7, -1e-12, 0.0, 4e-16, 1e-12, 1e-7, 1e-4, 1e-2])  # [rev]
@@ -54,10 +53,6 @@ def template(start=0.5, **more):
     return ms.load_scene('four_bar_nominal', overrides)
 
 
-def machine(scene):
-    return build('bars', Scene.model_validate(scene))
-
-
 def seen(run, start, revolutions=2, singular=np.pi):
     """Samples all over a run, and at and beside its singular positions."""
     solution = ms.simulate(run, revolutions=revolutions)
@@ -67,7 +62,7 @@ def seen(run, start, revolutions=2, singular=np.pi):
 
 
 @pytest.mark.parametrize('start', [0.5, 0.0, np.pi])
-@pytest.mark.parametrize('made', [lambda x: machine(parallelogram(x)), template])
+@pytest.mark.parametrize('made', [lambda x: made(parallelogram(x)), template])
 def test_a_parallelogram_stays_one(made, start):
     more = {'branch': 'crossed'} if made is template and start == np.pi else {}
     o = seen(made(start, **more), start)
@@ -95,7 +90,7 @@ def test_the_template_names_the_branch_that_follows_a_change_point(start):
 
 def test_forces_of_a_parallelogram_have_limits_without_weights():
     """Coupler: m a shared by both pins, since its moment and the rocker's are zero."""
-    o = seen(machine(parallelogram(0.5)), 0.5)
+    o = seen(made(parallelogram(0.5)), 0.5)
     along = np.array([np.cos(o.position[0]), np.sin(o.position[0])])
     half = -0.5 * 0.08 * W**2 * along
     assert np.abs(o.reaction[1] - half).max() < 1e-9
@@ -105,7 +100,7 @@ def test_forces_of_a_parallelogram_have_limits_without_weights():
 
 def test_forces_without_a_limit_are_named_and_left_out(tmp_path):
     scene = parallelogram(0.5, gravity=[0, -9.81])
-    bars = machine(scene)
+    bars = made(scene)
     cycle = ms.cycle(bars, 24, start=0.0)
     found = cycle.no_limits
     assert [round(x.drive / np.pi, 9) for x in found] == [2.0, 3.0, 4.0]
@@ -164,7 +159,7 @@ def three_bars(start, **more):
 def test_nearly_singular_positions_take_few_pieces():
     """Rounding grows as the inverse of independence there: no reason to halve a piece."""
     scene = bars(0.2, 0.08, 0.2, 0.08 * (1.0 + 1e-7), 2.5, {'coupler': 0.0, 'rocker': 2.5})
-    solution = ms.simulate(machine(scene), duration=0.2)
+    solution = ms.simulate(made(scene), duration=0.2)
     assert solution.stats.steps < 100
     t = np.linspace(0.0, 0.2, 201)
     x = solution.sample(t)
@@ -176,7 +171,7 @@ def test_nearly_singular_positions_take_few_pieces():
 
 @pytest.mark.parametrize('start', [0.5, 0.0])
 def test_three_parallel_bars(start):
-    o = seen(machine(three_bars(start, outputs={'forces': False})), start)
+    o = seen(made(three_bars(start, outputs={'forces': False})), start)
     assert np.abs(o.position[2:] - o.position[0]).max() < 1e-13
     assert np.abs(o.velocity[2:] - W).max() < 1e-11 * W
     assert np.abs(o.acceleration).max() < 1e-9 * W**2
@@ -185,7 +180,7 @@ def test_three_parallel_bars(start):
 def test_what_is_redundant_everywhere_has_no_forces():
     for start in (0.5, 0.0):
         with pytest.raises(InputError, match='1 of the closure equations follow'):
-            machine(three_bars(start))
+            made(three_bars(start))
 
 
 def slider_crank(start):
@@ -213,7 +208,7 @@ def test_a_slider_crank_of_equal_arms_goes_through_its_pivot(start):
 
     With the rod's mass m in its middle: it turns steadily, so its ends pull it alike across.
     """
-    o = seen(machine(slider_crank(start)), start)
+    o = seen(made(slider_crank(start)), start)
     th, rod, x = o.position
     assert np.abs(x - 0.2 * np.cos(th)).max() < 1e-14
     assert np.abs(np.angle(np.exp(1j * (rod + th)))).max() < 1e-13
@@ -228,7 +223,7 @@ def test_a_kite_stays_one():
     """The rocker's end mirrors the crank's pivot in the other diagonal, th4 = 2 arg d - pi."""
     start = 1.0
     guess = {'coupler': 0.5, 'rocker': 2.2}
-    o = seen(machine(bars(0.2, 0.08, 0.08, 0.2, start, guess)), start, 1)
+    o = seen(made(bars(0.2, 0.08, 0.08, 0.2, start, guess)), start, 1)
     d = 0.08 * np.exp(1j * o.position[0]) - 0.2
     e, f = 1j * W * (d + 0.2), -(W**2) * (d + 0.2)
     assert np.abs(np.exp(1j * o.position[2]) + np.exp(2j * np.angle(d))).max() < 1e-13
@@ -242,7 +237,7 @@ def test_a_kite_stays_one():
 def test_a_kite_whose_crank_is_as_long_as_its_frame():
     """The crank's pin comes to the rocker's pivot: th4 - th2/2 follows from the law of cosines."""
     a, b, start = 0.08, 0.2, 0.0
-    o = seen(machine(bars(a, a, b, b, start, {'coupler': 0.0, 'rocker': 0.0})), start, 2)
+    o = seen(made(bars(a, a, b, b, start, {'coupler': 0.0, 'rocker': 0.0})), start, 2)
     th = o.position[0]
     out = a * np.cos(0.5 * th) + np.sqrt(b**2 - (a * np.sin(0.5 * th)) ** 2)
     end = out * np.exp(0.5j * th)  # on the axis of symmetry, from the crank's pivot
@@ -256,9 +251,9 @@ def test_a_kite_whose_crank_is_as_long_as_its_frame():
 def test_a_guess_chooses_between_the_branches_at_the_start():
     scene = parallelogram(0.0)
     scene['guess'] = {'coupler': -0.13, 'rocker': -0.23}
-    assert machine(scene).assembly.v[2] == pytest.approx(-W * 0.28 / 0.12, rel=1e-10)
+    assert made(scene).assembly.v[2] == pytest.approx(-W * 0.28 / 0.12, rel=1e-10)
     scene['guess'] = {'coupler': 0.0, 'rocker': 0.1}
-    assert machine(scene).assembly.v[2] == pytest.approx(W, rel=1e-10)
+    assert made(scene).assembly.v[2] == pytest.approx(W, rel=1e-10)
 
 
 def test_a_drive_may_rest_in_a_singular_position():
@@ -269,7 +264,7 @@ def test_a_drive_may_rest_in_a_singular_position():
         'coordinate': 'crank', 'start_angle': 0.5 * np.pi,
         'profile': {'points': [[f'{t} s', w] for t, w in points]},
     }  # fmt: skip
-    run = machine(scene)
+    run = made(scene)
     solution = ms.simulate(run)
     o = solution.samples(np.linspace(0.0, 1.6, 321)).observed
     assert np.abs(o.position[2] - o.position[0]).max() < 1e-13
@@ -281,7 +276,7 @@ def test_a_drive_may_rest_in_a_singular_position():
 
 
 def test_a_run_goes_on_from_a_singular_position():
-    run = machine(parallelogram(0.0, outputs={'forces': False}))
+    run = made(parallelogram(0.0, outputs={'forces': False}))
     first = run.start()
     first.advance(0.5, final=True)
     second = run.resume(run.snapshot(first))

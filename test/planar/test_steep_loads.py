@@ -6,14 +6,13 @@ import heyoka as hy
 import numpy as np
 import pytest
 import scipy
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.cycles.measures import measure
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.numerics.enclosure import Course, Enclosure, reach_of
 from mechanism_sim.numerics.formula import FUNCTIONS
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 
 ROOT = math.sqrt(math.pi)
 
@@ -22,27 +21,25 @@ def slider(*forces, speed=0.0, mass=1.0, **changes):
     """A block on a guide under forces along it."""
     scene = {
         'title': 'a block',
-        'mechanism': 'linkage',
         'links': {'block': {'mass': mass}},
         'joints': {'guide': {'prismatic': ['ground', 'block']}},
         'drive': {'coordinate': 'block', 'speed': f'{speed} m/s', 'force': {}},
         'loads': {f'f{k}': {'at': 'block', 'force': [f, 0]} for k, f in enumerate(forces)},
         **changes,
     }
-    return build('block', Scene.model_validate(scene))
+    return made(scene, 'block')
 
 
 def wheel(torque, speed=20.0, inertia=0.01, **changes):
     scene = {
         'title': 'a wheel',
-        'mechanism': 'linkage',
         'links': {'ground': {}, 'wheel': {'mass': 1.0, 'inertia': inertia}},
         'joints': {'O': {'revolute': ['ground', 'wheel']}},
         'loads': {'f': {'at': 'wheel', 'torque': torque}},
         'drive': {'coordinate': 'wheel', 'speed': f'{speed} rad/s', 'torque': {}},
         **changes,
     }
-    return build('wheel', Scene.model_validate(scene))
+    return made(scene, 'wheel')
 
 
 def last_speed(machine, duration, link='block'):
@@ -122,14 +119,13 @@ def test_a_free_pendulum_meets_a_pulse_of_its_angle(width):
     """Energy: the pulse takes its work whenever it is passed, here twice, once each way."""
     scene = {
         'title': 'a pendulum',
-        'mechanism': 'linkage',
         'links': {'ground': {}, 'bob': {'mass': 2.0, 'inertia': 0.02, 'cog': 0.4, 'length': 0.8}},
         'joints': {'O': {'revolute': ['ground', 'bob.start']}},
         'gravity': [0, -9.81],
         'loads': {'f': {'at': 'bob', 'torque': f'exp(-((bob+1.5)/{width})**2)'}},
         'drive': {'coordinate': 'bob', 'speed': 0.0, 'start_angle': '-30 deg', 'torque': {}},
     }
-    solution = ms.simulate(build('pendulum', Scene.model_validate(scene)), duration=0.6)
+    solution = ms.simulate(made(scene, 'pendulum'), duration=0.6)
     q, v = (float(solution.sample([0.6])[f'{x}.bob'][0]) for x in ('position', 'velocity'))
     assert q < -1.6  # past the pulse, which held against it
     inertia, weight = 0.02 + 2.0 * 0.4**2, 2.0 * 9.81 * 0.4
@@ -163,13 +159,12 @@ def test_a_pulse_lifts_what_hangs_in_a_loose_pin():
     loose = {'revolute': ['ground', 'bob.start'], 'clearance': {'radial': 0.05, 'restitution': 0}}
     scene = {
         'title': 'a pendulum that hangs in a loose pin',
-        'mechanism': 'linkage',
         'links': {'ground': {}, 'bob': {'mass': 1.0, 'inertia': 1.0, 'cog': 0.4, 'length': 0.8}},
         'joints': {'O': loose},
         'loads': {'f': {'at': 'bob', 'force': [0, '-20 + 3000*exp(-((t-0.503)/1e-3)**2)']}},
         'drive': {'coordinate': 'bob', 'torque': {}, 'speed': 0.0, 'start_angle': '-90 deg'},
     }
-    solution = ms.simulate(build('bob', Scene.model_validate(scene)), duration=0.51)
+    solution = ms.simulate(made(scene, 'bob'), duration=0.51)
     reach = math.sqrt(math.log(3000.0 / 20.0))
     begin, share = 0.503 - 1e-3 * reach, 0.5 * (1.0 + math.erf(reach))
     v = 3.0 * ROOT * share - 20.0 * (0.51 - begin)
@@ -181,7 +176,6 @@ def test_a_load_that_moves_nothing_is_seen(width):
     """On a crank that is driven, beside a disk that flies in its loose pin."""
     scene = {
         'title': 'a disk in a loose pin',
-        'mechanism': 'linkage',
         'gravity': [0, 0],
         'links': {
             'ground': {},
@@ -199,7 +193,7 @@ def test_a_load_that_moves_nothing_is_seen(width):
         'drive': {'coordinate': 'crank', 'speed': '10 rad/s', 'start_angle': 0.0},
         'initial': {'position': {'disk.x': 0.2}, 'velocity': {'disk.x': -0.5, 'disk.y': 1.0}},
     }
-    machine = build('disk', Scene.model_validate(scene))
+    machine = made(scene, 'disk')
     solution = ms.simulate(machine, duration=0.09)
     assert not solution.impacts
     mean, highest = measure(machine, solution, 'mean(drive_torque)', 'highest(drive_torque)')
@@ -284,14 +278,13 @@ def driven(torque, speed=20.0, **changes):
     """A crank that turns steadily under its weight and a torque."""
     scene = {
         'title': 'a crank',
-        'mechanism': 'linkage',
         'links': {'ground': {}, 'cr': {'mass': 1.0, 'inertia': 0.01, 'cog': 0.1, 'length': 0.2}},
         'joints': {'O': {'revolute': ['ground', 'cr.start']}},
         'gravity': [0, -9.81],
         'loads': {'f': {'at': 'cr', 'torque': torque, **changes}},
         'drive': {'coordinate': 'cr', 'speed': f'{speed} rad/s'},
     }
-    return build('crank', Scene.model_validate(scene))
+    return made(scene, 'crank')
 
 
 def figures(machine):
@@ -359,7 +352,7 @@ def test_a_narrow_part_of_a_turn_is_passed_in_every_turn(share, free):
         scene = machine.scene.model_dump(exclude_none=True, by_alias=True)
         scene['drive'] = {'coordinate': 'cr', 'speed': '20 rad/s', 'torque': {}}
         scene['links']['cr']['inertia'] = 100.0
-        machine = build('crank', Scene.model_validate(scene))
+        machine = made(scene, 'crank')
     solution = ms.simulate(machine, duration=0.9)  # not quite three turns
     # ends are located to some roundings of a step's range of angles
     assert solution.energy.dissipated == pytest.approx(3.0, rel=max(1e-9, 1e-11 / width))

@@ -5,13 +5,11 @@ import itertools
 import numpy as np
 import pytest
 import scipy
-from test_loads import made
+from builders import compilations, made
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.curves import through
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 
 MASS, RATE = 2.0, 50.0
 
@@ -20,27 +18,25 @@ def block(speed=1.0, tables=None, force=None, **loads):
     """A block of 2 kg on a guide."""
     scene = {
         'title': 'block',
-        'mechanism': 'linkage',
         'links': {'block': {'mass': MASS}},
         'joints': {'guide': {'prismatic': ['ground', 'block']}},
         'tables': tables or {},
         'drive': {'coordinate': 'block', 'speed': speed, 'force': force or {}},
         'loads': {name: {'at': 'block', **load} for name, load in loads.items()},
     }
-    return build('block', Scene.model_validate(scene))
+    return made(scene, 'block')
 
 
 def rotor(speed=0.0, loads=None, **motor):
     """A wheel that a motor turns."""
     scene = {
         'title': 'rotor',
-        'mechanism': 'linkage',
         'links': {'rotor': {'mass': 2.0, 'inertia': 0.05}},
         'joints': {'O': {'revolute': ['ground', 'rotor']}},
         'drive': {'coordinate': 'rotor', 'speed': speed, 'motor': motor},
         'loads': loads or {},
     }
-    return build('rotor', Scene.model_validate(scene))
+    return made(scene, 'rotor')
 
 
 def after(model, t, name='block'):
@@ -117,7 +113,7 @@ def test_a_cyclic_table_repeats_every_turn():
         'loads': {'f': {'at': 'rotor', 'torque': 'cam(rotor)'}},
         'initial': {'velocity': {'rotor': '-60 rad/s'}},
     }
-    angle, speed, _ = after(build('wheel', Scene.model_validate(data)), 3.0, 'rotor')
+    angle, speed, _ = after(made(data, 'wheel'), 3.0, 'rotor')
     curve = through(
         [(0.5 * np.pi * k, y) for k, y in enumerate((1.0, 3.0, -2.0, 0.5, 1.0))], 'smooth', True
     )
@@ -172,7 +168,6 @@ def test_two_blocks_that_rub_on_each_other_and_on_the_ground():
     """Both hold at once: then they rest until the pull is larger than what the ground holds."""
     scene = {
         'title': 'blocks',
-        'mechanism': 'linkage',
         'links': {'lower': {'mass': 3.0}, 'upper': {'mass': 1.0}},
         'joints': {
             'a': {'prismatic': ['ground', 'lower']},
@@ -188,7 +183,7 @@ def test_two_blocks_that_rub_on_each_other_and_on_the_ground():
             },
         },
     }
-    model = build('blocks', Scene.model_validate(scene))
+    model = made(scene, 'blocks')
     solution = ms.simulate(model, duration=4.0)
     seen = solution.sample([4 / 3, 2.0, 2.5, 4.0])
     # from 4/3 s on both go together, (3 t - 4)/4, until 1 (3 t - 4)/4 = 3 t - 6: t = 20/9 s
@@ -320,16 +315,16 @@ def test_another_number_of_a_load_compiles_nothing():
             ),
             duration=0.1,
         )
-        return made()
+        return compilations()
 
     first = run(0.0, 20, [['0 mm', 0], ['50 mm', 2]])
     assert run(1.0, 0, [['0 mm', 0], ['10 mm', 1], ['10 mm', 3], ['50 mm', 2]]) == first
     sheet = {'synchronous_speed': 150, 'rated_speed': 140, 'rated_torque': 10,
              'breakdown_torque': 20}  # fmt: skip
     ms.simulate(rotor(induction=sheet), duration=0.1)
-    before = made()
+    before = compilations()
     ms.simulate(rotor(induction=sheet | {'rated_speed': 145}, ratio=2.0), duration=0.1)
-    assert made() == before
+    assert compilations() == before
 
 
 def test_tables_come_from_files_beside_the_scene(tmp_path):

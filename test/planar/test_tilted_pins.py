@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from builders import made
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from running import run as command
@@ -18,9 +19,7 @@ from mechanism_sim.linkages.bearing_ends import seat
 from mechanism_sim.messages import JointReactions, deserialize
 from mechanism_sim.nodes.publications import reactions, wrenches
 from mechanism_sim.recording import BagWriter, Qos, read_bag
-from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
-from mechanism_sim.scene.schema import Scene
 
 G, MASS, C, B = 9.81, 0.8, 0.2e-3, 30e-3
 """Gravity [m/s^2]; of a bob its mass [kg]; of its bearing clearance and length [m]."""
@@ -32,13 +31,13 @@ def bob(clearance, tilt=None, start='seated', cog=0.0, **parts):
     """A link that hangs on a pin of its own in a bushing of the ground."""
     link = {'mass': MASS, 'inertia': 4e-4, 'cog': cog, **({'tilt': tilt} if tilt else {})}
     whole = {
-        'title': 'bob', 'mechanism': 'linkage', 'gravity': [0.0, -G], 'start': start,
+        'title': 'bob', 'gravity': [0.0, -G], 'start': start,
         'links': {'bob': link},
         'joints': {'pin': {'revolute': ['bob', 'ground'], 'clearance': {
             'radial': C, 'restitution': 0.0, 'length': B, **clearance}}},
         'drive': {'coordinate': 'bob', 'torque': {}}, **parts,
     }  # fmt: skip
-    return build('bob', Scene.model_validate(whole))
+    return made(whole, 'bob')
 
 
 def four_bar(path='coupler_rocker', tilt=None, **clearance):
@@ -309,7 +308,7 @@ def test_a_link_that_turns_and_leans_obeys_eulers_equations(gravity):
     w, a, k, about = 60.0, 0.04, 35.0, (6e-4, 9e-4)
     normal, mass = 1.2e-3, 0.5
     parts = {
-        'title': 's', 'mechanism': 'linkage', 'gravity': [0.0, 0.0],
+        'title': 's', 'gravity': [0.0, 0.0],
         'links': {'arm': {'mass': mass, 'inertia': normal, 'cog': a,
                           'tilt': {'stiffness': k, 'inertia': list(about)}}},
         'joints': {'hub': {'revolute': ['ground', 'arm']}},
@@ -318,7 +317,7 @@ def test_a_link_that_turns_and_leans_obeys_eulers_equations(gravity):
     }  # fmt: skip
     if gravity:  # as a weight in the turning frame would: not there, so only its sign is told
         parts['links']['arm']['cog'] = -a
-    run = ms.simulate(build('s', Scene.model_validate(parts)), duration=0.1)
+    run = ms.simulate(made(parts, 's'), duration=0.1)
     (x, y), gyro = about, sum(about) - normal
     stiff_x = k + (normal - x) * w**2 + mass * a**2 * w**2  # of s_x, a rotation about y
     stiff_y = k + (normal - y) * w**2
@@ -504,6 +503,7 @@ def test_bearings_in_line_add_nothing_to_messages():
     assert [len(x) for x in (message.moment_x, message.moment_y, message.force_z)] == [0, 0, 0]
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_nodes_publish_bearing_moments_and_bags_give_them_back(tmp_path):
     bag = tmp_path / 'run.mcap'

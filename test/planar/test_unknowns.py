@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
@@ -14,9 +15,7 @@ from mechanism_sim.messages import JointReactions, deserialize
 from mechanism_sim.nodes.publications import reactions
 from mechanism_sim.numerics import compiled
 from mechanism_sim.scene import scene_names
-from mechanism_sim.scene.build import build
 from mechanism_sim.scene.nominal_model import Level
-from mechanism_sim.scene.schema import Scene
 from ros_interfaces.checks import objection
 
 R2, R3, C2, C3 = 0.05, 0.2, 0.02, 0.08
@@ -49,7 +48,7 @@ def slider_crank(**changes):
         for key in keys:
             part = part[key]
         part[last] = value
-    return build('slider_crank', Scene.model_validate(scene))
+    return made(scene, 'slider_crank')
 
 
 def test_the_slider_crank_of_the_book_without_inertia():
@@ -161,7 +160,6 @@ def test_virtual_power_balance_of_a_five_bar_with_two_unknowns(seed):
     lengths = {'a': 0.1, 'b': 0.3, 'c': 0.32, 'd': 0.12}
     base = {
         'title': 'five-bar',
-        'mechanism': 'linkage',
         'gravity': [0, -9.81],
         'links': {
             'ground': {'points': {'right': [0.2, 0]}},
@@ -187,7 +185,7 @@ def test_virtual_power_balance_of_a_five_bar_with_two_unknowns(seed):
         'one': {'at': 'b.p', 'force': list(f1), 'unknown': True},
         'two': {'at': 'c.p', 'force': list(f2), 'unknown': True},
     }
-    machine = build('five_bar', Scene.model_validate(base))
+    machine = made(base, 'five_bar')
     points = [f'{n}.{p}' for n in lengths for p in 'cp']
     found = cycle(machine, points=points, samples=40)
     loads = {'one': ('b.p', f1), 'two': ('c.p', f2)}
@@ -236,7 +234,7 @@ def back(name, seed):
         for u in sizes:
             scene['links'][link].setdefault('points', {})[u] = at
     scene['loads'] = scene.get('loads', {}) | known
-    first = build(name, Scene.model_validate(scene))
+    first = made(scene, name)
     seen = ms.simulate(first, duration=duration).samples(t).observed
     torques = dict(zip(first.physics.driven, seen.drive_torque[:, 0].tolist(), strict=True))
     scene['loads'] |= unknown
@@ -244,7 +242,7 @@ def back(name, seed):
         own = scene['drive'] if c not in scene.get('drives', {}) else scene['drives'][c]
         own['effort'] = torque
     try:
-        second = build(name, Scene.model_validate(scene))
+        second = made(scene, name)
     except InputError as refused:
         if 'do no work' not in str(refused):
             raise

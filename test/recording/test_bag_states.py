@@ -6,10 +6,10 @@ import re
 
 import numpy as np
 import pytest
+from bags import messages_of
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import MCAP0_MAGIC, Writer
-from mcap_ros2.decoder import DecoderFactory
 from running import run as command
 from running import run_json
 
@@ -43,16 +43,11 @@ def ended(tmp_path_factory):
     return path, run_json(*RUN, '--record', str(path))
 
 
-def foreign(path, topic):
-    with path.open('rb') as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        return [m for *_, m in reader.iter_decoded_messages(topics=[topic])]
-
-
+@pytest.mark.network
 def test_a_run_that_ends_with_a_batch_says_nothing_twice(ended):
     """Another author's reader finds no message without segments, and the motion whole."""
     path, _ = ended
-    messages = foreign(path, '/motion')
+    messages = messages_of(path, '/motion')
     assert messages
     assert all(m.segments for m in messages)
     ends = [m.start[-1] + m.duration[-1] for m in messages]
@@ -61,6 +56,7 @@ def test_a_run_that_ends_with_a_batch_says_nothing_twice(ended):
     assert messages[-1].known_until == pytest.approx(ends[-1], rel=1e-15)
 
 
+@pytest.mark.network
 def test_run_info_and_report_say_the_same_of_time(ended, tmp_path):
     path, outcome = ended
     found = run_json('info', str(path))
@@ -243,6 +239,7 @@ EXPECTED = {
 }
 
 
+@pytest.mark.network
 @pytest.mark.sample(8)
 @pytest.mark.parametrize('reader', READERS)
 @pytest.mark.parametrize('state', EXPECTED)
@@ -261,14 +258,16 @@ def test_every_command_reads_it_or_says_why_not(states, state, reader, tmp_path)
         assert 'was cut short' in told[0]
 
 
+@pytest.mark.network
 def test_what_was_said_before_a_failure_is_in_the_bag(states):
     """The scene, and the motion up to the batch that could not be trusted."""
     record = read_record(states['failed'])
     assert record.machine.name == 'slider_crank'
     assert record.end > 0.0
-    assert len(foreign(states['failed'], '/scene')) == 1
+    assert len(messages_of(states['failed'], '/scene')) == 1
 
 
+@pytest.mark.network
 def test_a_signal_that_is_too_short_is_named(states):
     for state, words in (('empty', NOTHING), ('late', 'samples of rocker_accelerometer are too')):
         done = command(
@@ -304,6 +303,7 @@ def in_json(path, also=()):
     return path
 
 
+@pytest.mark.network
 @pytest.mark.parametrize('options', [(), ('--json',)])
 def test_a_bag_without_anything_that_can_be_plotted_is_named(states, tmp_path, options):
     path = in_json(tmp_path / 'json.mcap')
@@ -334,6 +334,7 @@ def test_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
         assert 'is a bag in SQLite (.db3)' in done.stderr or reader == 'thesis experiment'
 
 
+@pytest.mark.network
 def test_a_bag_without_messages_is_not_played(states):
     done = command('bag', 'play', str(states['empty']))
     assert done.returncode == 2

@@ -7,6 +7,7 @@ import warnings
 
 import numpy as np
 import pytest
+from builders import simulated
 from hypothesis import given
 from hypothesis import strategies as st
 from running import one_of
@@ -36,15 +37,10 @@ def curves(chart, name=None, look=''):
     ]  # fmt: skip
 
 
-def recorded(name, overrides=(), **span):
-    machine = ms.load_scene(name, overrides)
-    return Record(machine, ms.simulate(machine, **span), {})
-
-
 @pytest.fixture(scope='module')
 def loose():
     """Ten revolutions of the thesis scene: so long that lines are thinned."""
-    return recorded('four_bar_clearance', revolutions=10)
+    return simulated('four_bar_clearance', revolutions=10)
 
 
 @pytest.fixture(scope='module')
@@ -103,7 +99,9 @@ def test_beneath_lies_the_ideal_four_bar(loose, charts):
 
 
 def test_a_turn_may_begin_at_any_angle():
-    record = recorded('valve_train', revolutions=1.1)  # from 200 deg on: no turn from zero to zero
+    record = simulated(
+        'valve_train', revolutions=1.1
+    )  # from 200 deg on: no turn from zero to zero
     chart = charts_of(sections(record))['motion-position-straight']
     for look in ('', 'ideal'):
         (c,) = curves(chart, 'position.valve', look)
@@ -120,8 +118,8 @@ def test_there_is_no_ideal_of_a_drive_that_was_commanded_otherwise(loose):
     assert Course(loose).ideal is not None
     faster = ms.load_scene('four_bar_clearance', {'drive.speed': '36.7 rad/s'})
     assert Course(Record(faster, loose.piece, {})).ideal is None
-    assert Course(recorded('pendulum')).ideal is None
-    assert Course(recorded('four_bar_nominal', revolutions=2)).ideal is None
+    assert Course(simulated('pendulum')).ideal is None
+    assert Course(simulated('four_bar_nominal', revolutions=2)).ideal is None
 
 
 def test_forces_are_vectors_in_the_world(loose, charts):
@@ -269,7 +267,7 @@ def test_sensors_and_frames_of_a_part_are_those_of_the_whole(loose):
     first = round((t[0] - loose.signal(sensor).starts[0]) * part.signal(sensor).rate)
     assert part.start <= t[0] < t[-1] <= part.end
     assert run.tolist() == all_of_it[first : first + len(run)].tolist()
-    whole = recorded('four_bar_on_frame', revolutions=1.5)
+    whole = simulated('four_bar_on_frame', revolutions=1.5)
     (name,) = whole.machine.scene.oscillators
     line = Course(whole.between(0.5 * whole.end)).run.lines[f'oscillator.{name}.y']
     frame = whole.machine.oscillator(name).take(whole.piece.motion)
@@ -278,7 +276,7 @@ def test_sensors_and_frames_of_a_part_are_those_of_the_whole(loose):
 
 
 def test_a_cam_and_a_gear_show_lift_off_and_backlash():
-    charts = charts_of(sections(recorded('valve_train', revolutions=2.5)))
+    charts = charts_of(sections(simulated('valve_train', revolutions=2.5)))
     (law,), (follower,) = (
         curves(charts['cam-contact-lift'], name) for name in ('law of the cam', 'follower')
     )
@@ -287,7 +285,7 @@ def test_a_cam_and_a_gear_show_lift_off_and_backlash():
     assert (
         curves(charts['cam-contact-contact-force'], look='ideal')[0].y.min() < 0.0
     )  # ideal: held
-    charts = charts_of(sections(recorded('gear_rattle', revolutions=2.5)))
+    charts = charts_of(sections(simulated('gear_rattle', revolutions=2.5)))
     (left,), (right,) = (
         curves(charts['gap-mesh'], f'gap mesh_{side}') for side in ('left', 'right')
     )

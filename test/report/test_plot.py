@@ -6,9 +6,8 @@ import io
 
 import numpy as np
 import pytest
+from bags import messages_of
 from matplotlib.colors import same_color
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer
 from PIL import Image
 from running import run, run_json
@@ -41,13 +40,6 @@ def solution():
     return ms.simulate(ms.load_scene('four_bar_clearance'), revolutions=2)
 
 
-def foreign(bag, topic):
-    """All messages of a topic, by a reader that is not ours."""
-    with bag.open('rb') as stream:
-        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        return [message for *_, message in reader.iter_decoded_messages([topic])]
-
-
 def drawn(bag, *names, **span):
     """The lines (label, x, y) of a plot of a bag, and the labels of its axes."""
     figure = lines.draw(Asked(read_bag(bag)).series(names, **span), 'title')
@@ -55,9 +47,10 @@ def drawn(bag, *names, **span):
     return found, [axes.get_ylabel() for axes in figure.axes]
 
 
+@pytest.mark.network
 def test_lines_are_the_messages_that_others_read(bag):
     (gap, force), words = drawn(bag, 'linkage_state.gaps[0]', '/linkage_state.normal_forces')
-    states = foreign(bag, '/linkage_state')
+    states = messages_of(bag, '/linkage_state')
     assert len(states) > 10
     for line in (gap, force):
         np.testing.assert_array_equal(line[1], [m.time for m in states])
@@ -66,18 +59,19 @@ def test_lines_are_the_messages_that_others_read(bag):
     assert words == ['gaps [mm]', 'normal forces [N]']
 
 
+@pytest.mark.network
 def test_filters_choose_messages_and_items_of_arrays(bag):
     (hard, place), words = drawn(
         bag, 'impacts{normal_impulse>1e-3}.normal_impulse',
         'tf.transforms{child_frame_id==coupler}.transform.translation.x',
     )  # fmt: skip
-    impacts = [m for m in foreign(bag, '/impacts') if m.normal_impulse > 1e-3]
-    assert 0 < len(impacts) < len(foreign(bag, '/impacts'))
+    impacts = [m for m in messages_of(bag, '/impacts') if m.normal_impulse > 1e-3]
+    assert 0 < len(impacts) < len(messages_of(bag, '/impacts'))
     np.testing.assert_array_equal(hard[1], [m.time for m in impacts])
     np.testing.assert_array_equal(hard[2], [m.normal_impulse for m in impacts])
     frames = [
         (m.transforms[0].header.stamp, t.transform.translation.x)
-        for m in foreign(bag, '/tf')
+        for m in messages_of(bag, '/tf')
         for t in m.transforms
         if t.child_frame_id == 'coupler'
     ]
@@ -86,9 +80,10 @@ def test_filters_choose_messages_and_items_of_arrays(bag):
     assert words == ['normal impulse [N·s]', 'x [mm]']
 
 
+@pytest.mark.network
 def test_blocks_of_samples_are_spread_over_time(bag):
     ((_, t, y),), words = drawn(bag, 'accelerometer/rocker_accelerometer.samples')
-    blocks = foreign(bag, '/accelerometer/rocker_accelerometer')
+    blocks = messages_of(bag, '/accelerometer/rocker_accelerometer')
     np.testing.assert_array_equal(y, np.concatenate([m.samples for m in blocks]))
     due = [m.time + k / m.sample_rate for m in blocks for k in range(len(m.samples))]
     np.testing.assert_allclose(t, due, rtol=1e-15)
@@ -98,6 +93,7 @@ def test_blocks_of_samples_are_spread_over_time(bag):
     np.testing.assert_array_equal(same, y)
 
 
+@pytest.mark.network
 def test_quantities_of_a_bag_are_those_of_the_solution(bag, solution):
     """Of the polynomials, on both sides of impacts; one unit, one axes."""
     found, words = drawn(bag, 'velocity.rocker', f'normal_force.{JOINT}', 'reaction', start=0.1)
@@ -111,6 +107,7 @@ def test_quantities_of_a_bag_are_those_of_the_solution(bag, solution):
     assert np.isin(hits, found[0][1]).all()
 
 
+@pytest.mark.network
 def test_numbers_go_to_a_file(bag, tmp_path):
     csv, picture = tmp_path / 'numbers.csv', tmp_path / 'picture.png'
     said = run_json(
@@ -120,8 +117,8 @@ def test_numbers_go_to_a_file(bag, tmp_path):
     assert said['files'] == [str(csv), str(picture)]
     assert [s['unit'] for s in said['series']] == ['s', 'J']
     table = np.genfromtxt(csv, delimiter=',', names=True, deletechars='', replace_space=' ')
-    impacts = [m.time for m in foreign(bag, '/impacts') if m.time <= 0.3]
-    states = [(m.time, m.drive_work) for m in foreign(bag, '/linkage_state') if m.time <= 0.3]
+    impacts = [m.time for m in messages_of(bag, '/impacts') if m.time <= 0.3]
+    states = [(m.time, m.drive_work) for m in messages_of(bag, '/linkage_state') if m.time <= 0.3]
     got = table['/impacts.time']
     np.testing.assert_array_equal(got[np.isfinite(got)], impacts)
     got = table['/linkage_state.drive_work']
@@ -131,6 +128,7 @@ def test_numbers_go_to_a_file(bag, tmp_path):
     assert picture.read_bytes().startswith(b'\x89PNG')
 
 
+@pytest.mark.network
 def test_over_the_angle_of_the_drive(bag, tmp_path):
     """Messages over the angle the crank then has, which turns at a constant speed."""
     asked = Asked(read_bag(bag))
@@ -138,7 +136,7 @@ def test_over_the_angle_of_the_drive(bag, tmp_path):
         asked.series(['linkage_state.kinetic_energy']), '', lines.over_angle_of(asked.record)
     )
     x, y = np.concatenate([line.get_data() for line in figure.axes[0].lines], axis=1)
-    states, machine = foreign(bag, '/linkage_state'), ms.load_scene('four_bar_clearance')
+    states, machine = messages_of(bag, '/linkage_state'), ms.load_scene('four_bar_clearance')
     angle, speed = machine.start_of_crank
     true = np.degrees(np.array([angle + speed * m.time for m in states])) % 360.0
     energy = np.array([m.kinetic_energy for m in states])
@@ -153,6 +151,7 @@ def test_over_the_angle_of_the_drive(bag, tmp_path):
     assert done.stdout.strip() == str(file)
 
 
+@pytest.mark.network
 def test_bags_of_others_count_from_their_start(tmp_path):
     """An inertial unit on the clock of the wall, written by another program."""
     file = tmp_path / 'foreign.mcap'
@@ -241,6 +240,7 @@ def test_an_overview_of_a_solution(solution):
     assert image.size[0] > 1000
 
 
+@pytest.mark.network
 def test_colours_say_of_what_lines_are_and_impacts_are_marked(solution):
     """Those of the links in the drawing; components by dashes; small multiples share a scale."""
     machine = ms.load_scene('four_bar_clearance')
@@ -284,6 +284,7 @@ def test_turns_that_overlap_are_a_band_around_all_and_the_last_whole_one():
     np.testing.assert_allclose(y[once], true, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.network
 def test_angles_begin_anew_with_every_turn(solution):
     """The crank over its own angle is that angle; the rocker stays where it was."""
     axes = solution.plot('position', against='angle').axes[0]
@@ -321,6 +322,7 @@ def test_every_kind_of_machine_has_an_overview(scene, panels):
     assert all(axes.get_ylabel().endswith(']') for axes in figure.axes if axes.lines)
 
 
+@pytest.mark.network
 def test_all_that_can_be_plotted_is_listed_with_units(bag):
     listed = {x['name']: x['unit'] for x in run_json('plot', str(bag))}
     assert listed[f'gap.{JOINT}'] == 'm'
@@ -332,6 +334,7 @@ def test_all_that_can_be_plotted_is_listed_with_units(bag):
     assert 'drive_torque               N m' in done.stdout
 
 
+@pytest.mark.network
 @pytest.mark.parametrize(
     ('what', 'words'),
     [

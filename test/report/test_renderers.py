@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import base64
-from functools import cache
 
 import numpy as np
 import pytest
+from builders import PLAY, simulated
 from matplotlib.colors import same_color
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.details import Wanted, everything, find_details
-from mechanism_sim.analysis.record import Record
 from mechanism_sim.export.palette import IMPACT
 from mechanism_sim.pages.charts import figure
 from mechanism_sim.report import condition, plots, vibrations
@@ -21,27 +20,19 @@ from mechanism_sim.report.charts.subjects import sections
 from mechanism_sim.report.figures import paint
 from mechanism_sim.study.modes import about
 
-PLAY = 'joints.coupler_rocker.clearance'
-
-
-@cache
-def recorded(name, overrides=(), **span):
-    machine = ms.load_scene(name, dict(overrides))
-    return Record(machine, ms.simulate(machine, **span), {})
-
 
 def of_a_run(name, **span):
-    return [chart for s in sections(recorded(name, **span)) for chart in s.charts]
+    return [chart for s in sections(simulated(name, **span)) for chart in s.charts]
 
 
 def of_two_runs():
-    worn = recorded('four_bar_clearance', ((f'{PLAY}.restitution', 0.8),), revolutions=2)
-    both = overlaid(sections(recorded('four_bar_clearance', revolutions=4)), sections(worn))
+    worn = simulated('four_bar_clearance', {f'{PLAY}.restitution': 0.8}, revolutions=2)
+    both = overlaid(sections(simulated('four_bar_clearance', revolutions=4)), sections(worn))
     return [chart for s in both for chart in s.charts]
 
 
 def of_a_bag():
-    record = recorded('four_bar_clearance', revolutions=4)
+    record = simulated('four_bar_clearance', revolutions=4)
     details = find_details(record, everything(record, Wanted()))
     return [chart for _, chart in condition.charts(details)]
 

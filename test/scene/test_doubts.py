@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 
 import pytest
+from builders import made
 from running import one_of
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check, render
 from mechanism_sim.scene.doubts import doubts, length_questions
 from mechanism_sim.scene.files import find_scene, read_yaml
-from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.unused import unused
 
 FOUR_BAR = 'four_bar_clearance'
@@ -114,22 +113,19 @@ def parallelogram(**crank):
     joints = {name: {'revolute': [f'ground.{name}', name.lower()]} for name in 'ABC'}
     ends = {'P': 'a.end', 'Q': 'b.end', 'R': 'c.end'}
     joints |= {k: {'revolute': [end, f'rod.{k.lower()}']} for k, end in ends.items()}
-    return build(
+    return made(
+        {
+            'title': 'three cranks',
+            'links': {
+                'ground': {'points': ground},
+                **{name: {'length': 0.1} | crank for name in 'abc'},
+                'rod': {'points': points} | crank,
+            },
+            'joints': joints,
+            'drive': {'coordinate': 'a', 'speed': 6.0, 'start_angle': 0.7},
+            'guess': {'b': 0.7, 'c': 0.7, 'rod': 0.0},
+        },
         'three',
-        Scene.model_validate(
-            {
-                'title': 'three cranks',
-                'mechanism': 'linkage',
-                'links': {
-                    'ground': {'points': ground},
-                    **{name: {'length': 0.1} | crank for name in 'abc'},
-                    'rod': {'points': points} | crank,
-                },
-                'joints': joints,
-                'drive': {'coordinate': 'a', 'speed': 6.0, 'start_angle': 0.7},
-                'guess': {'b': 0.7, 'c': 0.7, 'rod': 0.0},
-            }
-        ),
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from test_start_values import LINKAGE, machine_of
+from builders import LINKAGE, made
 
 import mechanism_sim as ms
 from mechanism_sim.catalogue import config_folder
@@ -37,7 +37,7 @@ def test_a_wheel_of_any_number_of_slots_starts_with_a_slot_where_it_belongs(
     data['links']['ground']['points']['wheel_centre'] = [distance, 0.0]
     data['joints']['crank_wheel']['slots'] = slots
     data['guess']['wheel'] = math.pi + guess * 2.0 * math.pi / slots
-    machine = machine_of(yaml.safe_dump(data))
+    machine = made(yaml.safe_dump(data))
     assert 'mobility: 1' in check(machine).notes[0]
     wheel = machine.assembly.q[1]
     off = math.remainder(wheel - math.pi - math.pi / slots, 2.0 * math.pi / slots)
@@ -72,9 +72,9 @@ STUCK = LINKAGE.replace(', clearance: {radial: 2 mm, restitution: 0.5}', '').rep
 
 def test_a_crank_that_cannot_go_the_way_asked_for_is_an_error() -> None:
     with pytest.raises(InputError, match='the crank cannot make a full turn'):
-        machine_of(STUCK, **{'drive.start_angle': '60 deg'})
+        made(STUCK, **{'drive.start_angle': '60 deg'})
     # within limits it may go; the limits come first in what `check` prints
-    short = machine_of(STUCK, duration='20 ms', **{'drive.start_angle': '60 deg'})
+    short = made(STUCK, duration='20 ms', **{'drive.start_angle': '60 deg'})
     report = check(short)
     assert 'the crank cannot turn fully' in report.limits[0]
     assert report.limits[0] in report.notes

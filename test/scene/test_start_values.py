@@ -7,14 +7,12 @@ import random
 
 import numpy as np
 import pytest
-import yaml
+from builders import LINKAGE, made
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.solution import Solution
-from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check, render
-from mechanism_sim.scene.files import check_scene
 
 SLIDERS = """
 title: Two parallel sliders with a loose joint
@@ -30,14 +28,10 @@ SLOT = 'slot: [one, two], axis: 90 deg, clearance: {radial: 10 mm, restitution: 
 PIN = 'revolute: [one, two], clearance: {radial: 10 mm, restitution: 0.5}'
 
 
-def machine_of(text: str, **overrides: object) -> ms.Machine:
-    return build('scene', check_scene('scene', yaml.safe_load(text), overrides))
-
-
 @pytest.mark.parametrize('kind', [SLOT, PIN])
 def test_two_sliders_start_apart_and_meet_when_they_must(kind: str) -> None:
     """2 m/s close 10 mm in 5 ms; e = 0.5 and momentum give the speeds behind."""
-    machine = machine_of(SLIDERS.replace('KIND', kind))
+    machine = made(SLIDERS.replace('KIND', kind))
     solution = ms.simulate(machine, duration=0.006)
     at = solution.sample([0.0, 0.006])
     assert at['velocity.one'][0] == 1.0
@@ -55,8 +49,8 @@ def test_two_sliders_start_apart_and_meet_when_they_must(kind: str) -> None:
 def test_a_loose_joint_between_parallel_sliders_needs_no_force_to_be_known() -> None:
     text = SLIDERS.replace('KIND', PIN).replace('initial', 'guess: {}\n#')
     with pytest.raises(InputError, match="force in gap is not determined; write 'start: centred'"):
-        machine_of(text).initial_state()
-    start = machine_of(text, start='centred').initial_state()
+        made(text).initial_state()
+    start = made(text, start='centred').initial_state()
     assert start.v == (0.0, 0.0)
 
 
@@ -71,7 +65,7 @@ joints: {pivot: {revolute: [ground, arm]CLEARANCE}}
 
 def test_what_no_drive_moves_starts_on_its_bushing() -> None:
     ideal, loose = (
-        machine_of(PENDULUM.replace('CLEARANCE', more))
+        made(PENDULUM.replace('CLEARANCE', more))
         for more in ('', ', clearance: {radial: 0.01 mm, restitution: 0}')
     )
     one, two = (ms.simulate(m, duration=0.2).sample([0.0, 0.2]) for m in (ideal, loose))
@@ -84,7 +78,7 @@ def test_what_no_drive_moves_starts_on_its_bushing() -> None:
 def test_a_gap_that_cannot_change_is_refused() -> None:
     along = SLOT.replace('90 deg', '0 deg')
     with pytest.raises(InputError, match='never opens nor closes'):
-        machine_of(SLIDERS.replace('KIND', along)).initial_state()
+        made(SLIDERS.replace('KIND', along)).initial_state()
 
 
 def test_a_follower_starts_lifted_and_falls_by_its_own_motion() -> None:
@@ -100,34 +94,15 @@ def test_a_follower_starts_lifted_and_falls_by_its_own_motion() -> None:
         ms.load_scene('valve_train', {'initial.position.valve': '17 mm'}).initial_state()
 
 
-LINKAGE = """
-title: The four-bar of the template, written out
-mechanism: linkage
-links:
-  ground: {points: {pivot: [387 mm, 0 mm]}}
-  crank: {length: 64 mm, mass: 1 kg, inertia: 0.001, cog: 32 mm}
-  coupler: {length: 309 mm, mass: 1 kg, inertia: 0.01, cog: 150 mm}
-  rocker: {length: 312 mm, mass: 1 kg, inertia: 0.01, cog: 150 mm}
-joints:
-  ground_crank: {revolute: [ground, crank]}
-  crank_coupler: {revolute: [crank.end, coupler]}
-  coupler_rocker:
-    {revolute: [coupler.end, rocker.end], clearance: {radial: 2 mm, restitution: 0.5}}
-  rocker_ground: {revolute: [rocker, ground.pivot]}
-drive: {speed: 10 rad/s}
-guess: {coupler: 60 deg, rocker: 120 deg}
-"""
-
-
 def test_a_pin_starts_in_the_middle_of_its_clearance_as_in_the_template() -> None:
     given = {
         'initial.position.coupler': 0.877, 'initial.position.rocker': 1.7,
         'initial.velocity.coupler': -1.5, 'initial.velocity.rocker': 2.0,
     }  # fmt: skip
-    probe = machine_of(LINKAGE, start='centred').initial_state()
+    probe = made(LINKAGE, start='centred').initial_state()
     given['initial.position.coupler'] = probe.q[0] + 1e-3
     given['initial.position.rocker'] = probe.q[1] - 2e-3
-    machine = machine_of(LINKAGE, **given)
+    machine = made(LINKAGE, **given)
     at = ms.simulate(machine, duration=1e-5).sample([0.0])
     for key, value in given.items():
         _, kind, link = key.split('.')
@@ -142,10 +117,10 @@ def test_a_pin_starts_in_the_middle_of_its_clearance_as_in_the_template() -> Non
     assert start.open == pytest.approx(2e-3 - abs(z), rel=1e-9)
     assert start.closing == pytest.approx((w * z.conjugate()).real / abs(z), rel=1e-9)
     # what is not given follows: the other link goes with it, and the pin stays inside
-    alone = machine_of(LINKAGE, **{'initial.position.coupler': probe.q[0] + 0.004})
+    alone = made(LINKAGE, **{'initial.position.coupler': probe.q[0] + 0.004})
     assert alone.initial_state().q[0] == probe.q[0] + 0.004
     with pytest.raises(InputError, match=r'initial\.position puts the pin of coupler_rocker'):
-        machine_of(LINKAGE, **given | {'initial.position.rocker': 1.2}).initial_state()
+        made(LINKAGE, **given | {'initial.position.rocker': 1.2}).initial_state()
 
 
 def test_values_that_contradict_each_other_are_refused_with_how_much() -> None:
@@ -154,15 +129,15 @@ def test_values_that_contradict_each_other_are_refused_with_how_much() -> None:
     for text, key in ((firm, 'rocker'), (free, 'rocker')):
         overrides = {f'initial.velocity.{key}': 3.0, 'initial.velocity.coupler': 2.0}
         with pytest.raises(InputError, match=r'loop closed by coupler_rocker would open at [\d.]'):
-            machine_of(text, **overrides)
+            made(text, **overrides)
     with pytest.raises(InputError, match=r'initial.velocity.crank is 3, but its drive begins'):
-        machine_of(firm, **{'initial.velocity.crank': 3.0})
+        made(firm, **{'initial.velocity.crank': 3.0})
     # what follows may be said, if it is right; a free drive says nothing
-    machine = machine_of(free, **{'initial.velocity.rocker': 0.5})
+    machine = made(free, **{'initial.velocity.rocker': 0.5})
     v = dict(zip(machine.plan.ideal.coordinates, machine.assembly.v, strict=True))
     assert v['rocker'] == 0.5
     again = {f'initial.velocity.{c}': float(x) for c, x in v.items()}
-    assert np.allclose(machine_of(free, **again).assembly.v, machine.assembly.v, rtol=1e-12)
+    assert np.allclose(made(free, **again).assembly.v, machine.assembly.v, rtol=1e-12)
 
 
 SCENES = (

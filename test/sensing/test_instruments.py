@@ -51,6 +51,7 @@ def bags(tmp_path_factory):
     return [read_bag(folder / f'{name}.mcap') for name in ('one', 'many')]
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_blocks_are_those_of_the_channel_in_one_process_and_in_many(bags):
     machine = ms.load_scene(SCENE)
@@ -70,6 +71,7 @@ def test_blocks_are_those_of_the_channel_in_one_process_and_in_many(bags):
                 )  # fmt: skip
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_an_inertial_unit_feels_gravity_and_knows_its_attitude(bags):
     machine = ms.load_scene(SCENE)

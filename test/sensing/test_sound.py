@@ -150,6 +150,7 @@ def test_a_recorded_turn_sounds_like_its_scene(tmp_path, capsys):
     assert files[0].read_bytes() == files[1].read_bytes()
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_a_bag_sounds_like_its_scene(tmp_path, capsys):
     scene = ['four_bar_clearance', '--revolutions', '2']

@@ -4,13 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from builders import made
 from running import run
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.report.find import text
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.find import find, read_goal
 
 SPEED, ARM = 12.0, 0.25
@@ -20,7 +19,6 @@ def rotor(**changes):
     """A bar that turns about its end at a constant speed, with a brake."""
     scene = {
         'title': 'bar',
-        'mechanism': 'linkage',
         'links': {'bar': {'mass': 2.0, 'inertia': 0.05, 'cog': ARM}},
         'masses': {'weight': {'at': 'bar.start', 'mass': 1.0}},
         'joints': {'O': {'revolute': ['ground', 'bar']}},
@@ -28,7 +26,7 @@ def rotor(**changes):
         'drive': {'coordinate': 'bar', 'speed': SPEED},
         'loads': {'brake': {'at': 'bar', 'torque': '-0.5*bar_rate'}},
     }
-    return build('bar', Scene.model_validate(scene | changes))
+    return made(scene | changes, 'bar')
 
 
 def test_every_crossing_is_found_to_rounding():

@@ -55,15 +55,6 @@ def plan_of(folder: Path, text: str):
     return read_plan(str(sweep_file(folder, text)))
 
 
-@pytest.fixture
-def in_this_process(monkeypatch):
-    """Runs of a sweep need no processes."""
-    monkeypatch.setattr(
-        'mechanism_sim.sweep.run.run_local',
-        lambda tasks, _, work: (work(task) for task in tasks),
-    )
-
-
 @pytest.fixture(scope='module')
 def reference(tmp_path_factory):
     """The sweep by one worker, without interruption: its table and its folder."""

@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 import scipy
 import yaml
-from blocks import ROOT
+from running import ROOT
 
 from mechanism_sim import tables
 from mechanism_sim.cli import main
@@ -44,14 +44,7 @@ revolutions: 1
 """
 UNIFORM = 'vary: {drive.speed: [10 rad/s, 20 rad/s], links.bar.cog: [200 mm, 600 mm]}\n'
 
-
-@pytest.fixture(autouse=True)
-def in_this_process(monkeypatch):
-    """Runs of a sweep need no processes."""
-    monkeypatch.setattr(
-        'mechanism_sim.sweep.run.run_local',
-        lambda tasks, _, work: (work(task) for task in tasks),
-    )
+pytestmark = pytest.mark.usefixtures('in_this_process')
 
 
 def plan_of(folder, text):

@@ -17,7 +17,6 @@ import pytest
 import yaml
 from four_bars import RADIAL
 from running import ROOT, command, environment, run, run_json
-from test_sweep import in_this_process  # noqa: F401 - a fixture
 
 import mechanism_sim as ms
 from mechanism_sim import ending
@@ -88,6 +87,7 @@ def rows_of(table):
     return pyarrow.dataset.dataset(folder_of(table)).to_table().to_pylist()
 
 
+@pytest.mark.network
 @pytest.mark.slow
 def test_windows_are_what_the_node_publishes(reference, tmp_path):
     """The same samples to the last bit, by messages of a run in another process."""

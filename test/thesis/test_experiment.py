@@ -10,9 +10,8 @@ import runpy
 import numpy as np
 import pytest
 import scipy
-from blocks import ROOT
 from matplotlib.figure import Figure
-from running import run
+from running import ROOT, run
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.deviation import alpha, deviation

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
+from builders import made
 from running import run, run_json
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.fourier import spectrum
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.harmonics import harmonics
 
 TURN = 2.0 * np.pi
@@ -24,8 +23,8 @@ def answer(k, w):
 
 def shaken(force, speed=10.0, **more):
     """A mass on a spring that a force pushes along a level guide, beside a link that turns."""
-    return build('shaken', Scene.model_validate({
-        'title': 'Shaken', 'mechanism': 'linkage',
+    return made({
+        'title': 'Shaken',
         'links': {'mass': {'mass': M}, 'wheel': {'mass': 1.0, 'inertia': 0.1}},
         'joints': {'guide': {'prismatic': ['ground', 'mass']},
                    'shaft': {'revolute': ['ground', 'wheel']}},
@@ -34,7 +33,7 @@ def shaken(force, speed=10.0, **more):
         'loads': {'push': {'at': 'mass', 'force': [force, 0.0]}},
         'drive': {'coordinate': 'wheel', 'speed': speed, 'start_angle': 0.0},
         'initial': {'position': {'mass': 1.0}}, 'gravity': [0.0, 0.0], **more,
-    }))  # fmt: skip
+    }, 'shaken')  # fmt: skip
 
 
 def test_spectrum_of_jumps_a_pulse_and_a_tone_above_the_last():
@@ -125,8 +124,8 @@ def test_a_pulse_of_a_formula_of_time(width):
 
 def two_drives(first, second):
     """Two rotors on a machine on springs; only the second is out of balance."""
-    return build('two', Scene.model_validate({
-        'title': 'Two rotors', 'mechanism': 'linkage',
+    return made({
+        'title': 'Two rotors',
         'links': {'machine': {'mass': 20.0}, 'a': {'mass': 1.0, 'inertia': 0.01},
                   'b': {'mass': 2.0, 'inertia': 0.01, 'cog': 5e-3}},
         'joints': {'guide': {'prismatic': ['ground', 'machine'], 'axis': '90 deg'},
@@ -136,7 +135,7 @@ def two_drives(first, second):
         'drive': {'coordinate': 'a', 'speed': first, 'start_angle': 0.0},
         'drives': {'b': {'speed': second, 'start_angle': 0.0}},
         'initial': {'position': {'machine': 0.2}}, 'gravity': [0.0, 0.0],
-    }))  # fmt: skip
+    }, 'two')  # fmt: skip
 
 
 def test_two_drives_shake_at_their_own_harmonics():
@@ -170,8 +169,8 @@ def test_forces_that_are_the_same_only_at_the_ends_have_another_period():
 
 def cam_on_a_frame(mass, speed, segments):
     """A cam that moves a follower up and down, on a frame of 20 kg."""
-    return build('cam', Scene.model_validate({
-        'title': 'Cam on a frame', 'mechanism': 'linkage',
+    return made({
+        'title': 'Cam on a frame',
         'links': {'ground': {}, 'cam': {'mass': 1.0, 'inertia': 1e-3},
                   'follower': {'mass': mass}},
         'joints': {'bearing': {'revolute': ['ground', 'cam']},
@@ -183,7 +182,7 @@ def cam_on_a_frame(mass, speed, segments):
         'gravity': [0.0, 0.0],
         'oscillators': {'frame': {'mass': 20.0, 'mounts': {
             'm': {'at': [0.0, 0.0], 'stiffness': [3e5, 4e5], 'damping': [150.0, 200.0]}}}},
-    }))  # fmt: skip
+    }, 'cam')  # fmt: skip
 
 
 def test_a_frame_under_the_blows_of_a_cam():
@@ -250,8 +249,8 @@ def test_a_frame_under_a_cam(curve):
 
 def test_loops_are_followed_between_their_nodes():
     """A four-bar whose rocker moves a mass by a spring: by many samples and their transform."""
-    machine = build('driven', Scene.model_validate({
-        'title': 'Shaken by a four-bar', 'mechanism': 'linkage',
+    machine = made({
+        'title': 'Shaken by a four-bar',
         'links': {'ground': {'points': {'o': [0.4, 0.0], 'wall': [1.5, 0.2],
                                         'far': [3.5, 0.2]}},
                   'crank': {'length': 0.1, 'mass': 0.2, 'inertia': 1e-3},
@@ -270,7 +269,7 @@ def test_loops_are_followed_between_their_nodes():
                           'free_length': 1.0}},
         'drive': {'coordinate': 'crank', 'speed': 9.0, 'start_angle': 0.0},
         'initial': {'position': {'slide': 0.3}}, 'gravity': [0.0, 0.0],
-    }))  # fmt: skip
+    }, 'driven')  # fmt: skip
     with pytest.raises(InputError, match='not what they were'):
         harmonics(machine, [], 3, 0.5)
     series = harmonics(machine, ['position.slide'], 12).series['position.slide']

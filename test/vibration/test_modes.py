@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from builders import made, weightless
 from damping import damping_ratio, logarithmic_decrement
 from excitations import relative_transmissibility
 from rotors import Rotor
@@ -13,8 +14,6 @@ from two_masses import TwoMasses
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.observer import Instants
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.start_configuration import joint_forces
 from mechanism_sim.study.floquet import repeated, station
 from mechanism_sim.study.frames import without_play
@@ -36,16 +35,11 @@ TURN = 2.0 * np.pi
 EXACT = {'rel': 1e-10, 'abs': 1e-13}
 
 
-def scene(**parts):
-    whole = {'title': 's', 'mechanism': 'linkage', 'gravity': [0.0, 0.0], **parts}
-    return build('s', Scene.model_validate(whole))
-
-
 def row(masses, stiffnesses, dampings, **more):
     """Masses in a row along x, the first one on a spring to the ground."""
     names = [f'm{k}' for k in range(len(masses))]
     ends = ['ground', *names]
-    return scene(
+    return weightless(
         links={n: {'mass': m} for n, m in zip(names, masses, strict=True)},
         joints={f'g_{n}': {'prismatic': ['ground', n]} for n in names},
         springs={
@@ -144,7 +138,7 @@ def test_an_unbalance_shakes_by_its_first_harmonic():
 
 def test_a_slider_crank_shakes_its_frame_as_simulated():
     """All harmonics of its inertia forces; the moving masses do not depend on the crank angle."""
-    machine = scene(
+    machine = weightless(
         links={
             'frame': {'mass': 10.0},
             'crank': {'length': 0.05, 'mass': 0.5, 'inertia': 1e-3, 'cog': 0.01},
@@ -285,7 +279,7 @@ def test_overdamped_modes_are_shown_by_their_time_constants():
 
 def test_free_shafts_have_a_rigid_body_mode():
     links = {n: {'mass': 1.0, 'inertia': x} for n, x in zip('abc', (1.0, 2.0, 3.0), strict=True)}
-    machine = scene(
+    machine = weightless(
         links=links,
         joints={f'j{n}': {'revolute': ['ground', n]} for n in 'abc'},
         springs={
@@ -305,7 +299,7 @@ def test_free_shafts_have_a_rigid_body_mode():
 
 
 def test_equal_modes_are_two():
-    machine = scene(
+    machine = weightless(
         links={'a': {'mass': 1.0}, 'b': {'mass': 1.0}},
         joints={f'ground_{n}': {'prismatic': ['ground', n]} for n in 'ab'},
         springs={
@@ -361,7 +355,7 @@ def test_reactions_are_those_of_the_equations_of_motion():
         turn = small * sign * np.exp(1j * phase)
         content = shaken.scene.model_dump()
         content['loads'] = {'push': {'at': 'arm.cup', 'force': [0.0, turn.real]}}
-        loaded = build('catapult', Scene.model_validate(content))
+        loaded = made(content, 'catapult')
         q, v = one.at.q + (z * turn).real, (1j * TURN * f * z * turn).real
         return joint_forces(loaded, q[:, None], v[:, None], np.zeros((len(q), 1))).ravel()
 
@@ -408,7 +402,7 @@ def random_machine(rng, kind):
         parts['drive'] = {'coordinate': 'a', 'torque': {
             'constant': u(-1, 1), 'per_angle': -u(1, 9), 'per_speed': -u(0, 1)}}  # fmt: skip
         parts['loads'] = {'f': {'at': 'b.end', 'force': [f'1-{u(0, 2)}*vx', '3*sin(x)-vy*y']}}
-    return scene(**parts)
+    return weightless(**parts)
 
 
 def accelerations(one, dz, dv):
@@ -453,7 +447,7 @@ def test_random_machines_accelerate_as_their_matrices_say(kind):
 def rotating():
     """A mass on two springs across each other in a frame that turns."""
     spring = {'stiffness': '400 N/m', 'free_length': 1.0}
-    return scene(
+    return weightless(
         links={
             'frame': {'mass': 1.0, 'inertia': 1.0},
             'a': {'mass': 1e-12, 'inertia': 0.0},
@@ -564,7 +558,7 @@ def test_a_four_bar_that_a_torque_turns_settles_as_liouville_says():
 
 def test_modes_along_the_turn():
     """A pendulum whose suspension a crank moves round a circle, held where it is."""
-    machine = scene(
+    machine = weightless(
         links={
             'crank': {'length': 0.1, 'mass': 1.0, 'inertia': 0.1},
             'bar': {'mass': 1.0, 'inertia': 0.2, 'cog': 0.5},
@@ -590,7 +584,7 @@ def test_a_frame_answers_to_a_force_as_an_oscillator():
     content = ms.load_scene('four_bar_on_frame').scene.model_dump(exclude_unset=True)
     mount = {'at': [0.1, 0.2], 'stiffness': [4e4, 9e4], 'damping': [30.0, 0.0]}
     content['oscillators'] = {'frame': {'mass': 10.0, 'cog': [0.1, 0.2], 'mounts': {'one': mount}}}
-    machine = scene(**{k: v for k, v in content.items() if k not in ('title', 'mechanism')})
+    machine = weightless(**{k: v for k, v in content.items() if k not in ('title', 'mechanism')})
     f = np.array([0.0, 3.0, 10.0, 40.0])
     for name, k, c, angle in (('x', 4e4, 30.0, 0.0), ('y', 9e4, 0.0, 0.5 * np.pi)):
         source = read_source(machine, force='frame.one', direction=angle)
@@ -650,7 +644,7 @@ def test_what_cannot_be_is_refused():
     with pytest.raises(InputError, match='torque motor moves nothing'):
         amplitudes(absorber, 'position.machine', [1.0], torque='motor')
     with pytest.raises(InputError, match='a spring whose ends meet has no direction'):
-        modes(scene(
+        modes(weightless(
             links={'a': {'mass': 1.0}}, joints={'g': {'prismatic': ['ground', 'a']}},
             springs={'s': {'between': ['ground', 'a'], 'stiffness': '9 N/m', 'free_length': 0.1}},
         ))  # fmt: skip

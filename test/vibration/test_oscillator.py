@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import yaml
+from bags import messages_of
+from builders import digest_of
 from running import run, run_json
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
-from test_parts import digest_of, states_of
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze, render
@@ -420,6 +421,7 @@ def test_a_load_much_faster_than_the_machine_is_followed():
         assert np.abs(row - column).max() < 1e-7 * np.abs(column).max()
 
 
+@pytest.mark.network
 def test_a_node_without_a_frame_says_so():
     done = run('node', 'oscillator', '--scene', 'pendulum')
     assert done.returncode == 2
@@ -472,6 +474,7 @@ def test_a_filter_behind_a_frame_hears_its_acceleration():
     assert np.abs(samples[:100] - wanted.y[0]).max() < 1e-7 * np.abs(wanted.y[0]).max()
 
 
+@pytest.mark.network
 def test_as_a_node_the_frame_moves_as_in_the_library(tmp_path):
     bag = tmp_path / 'run.mcap'
     run_json('run', 'gear_housing', '--duration', '0.05', '--record', str(bag))
@@ -479,7 +482,7 @@ def test_as_a_node_the_frame_moves_as_in_the_library(tmp_path):
     assert found.digest == digest_of('gear_housing', (), 0.05)
     assert 'oscillator' in found.ledger.finished
     assert not found.ledger.lost
-    states = states_of(bag, '/oscillator_state')
+    states = messages_of(bag, '/oscillator_state')
     machine = ms.load_scene('gear_housing')
     solution = ms.simulate(machine, duration=0.05)
     t = np.array([m.time for m in states])

@@ -4,13 +4,12 @@ import re
 
 import numpy as np
 import pytest
-from blocks import ROOT
-from test_loads import made
+from builders import compilations, made
+from running import ROOT
 
 import mechanism_sim as ms
 from mechanism_sim.numerics import compiled
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene, read_yaml
+from mechanism_sim.scene.files import read_yaml
 
 NUMBER = re.compile(r'(?<![\w.*^])\d+\.?\d*(?:e[-+]?\d+)?(?![\w.])')  # no exponent, no name
 NAMES = 'at', 'coordinate', 'moving', 'frame', 'file', 'columns', 'ramp'
@@ -56,7 +55,7 @@ def draw(content, random, width):
 
 
 def run(name, content):
-    return ms.simulate(build(name, check_scene(name, content)), duration=0.02).stats
+    return ms.simulate(made(content, name), duration=0.02).stats
 
 
 def compare(name, count):
@@ -69,10 +68,10 @@ def compare(name, count):
     for one in drawn:
         run(name, one)
     assert compiled._integrator.cache_info().misses == integrators
-    before = made()
+    before = compilations()
     for one in drawn:
         assert run(name, draw(one, random, 1e-9)).compile_time == 0.0
-    assert made() == before
+    assert compilations() == before
 
 
 @pytest.mark.parametrize('name', ['geneva', 'gear_rattle', 'slider_crank_piston_driven'])

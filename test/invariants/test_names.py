@@ -11,14 +11,13 @@ from string import Template
 
 import pytest
 import yaml
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.cycles.columns import part_of, unit_of
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.planar.play import joint_of_gap
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
 
 LINKS = ('one', 'two', 'three', 'block', 'swing')
 JOINTS = ('base', 'knee', 'ankle', 'hip', 'rail', 'slit', 'hook')
@@ -64,7 +63,7 @@ ground_crank drive_torque closed slip slit_left
 
 def scene_of(names: dict[str, str]) -> ms.Machine:
     data = yaml.safe_load(TEXT.substitute(PLAIN | names))
-    return build('named', check_scene('named', data))
+    return made(data, 'named')
 
 
 def digest_of(machine: ms.Machine) -> str:

@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
 from test.grid.case import variant
 
 M, m, PLAY, PUSH = 2.0, 0.5, 1e-3, 1e3
@@ -19,7 +18,7 @@ SPEED = PUSH / m * STRIKES
 def ball(angle, mu, block, length=None, cog=0.0, **clearance):
     """A ball in the hole of a block that slides with friction, pushed against its wall."""
     scene = {
-        'mechanism': 'linkage', 'title': 'ball', 'gravity': [0.0, 0.0], 'start': 'centred',
+        'title': 'ball', 'gravity': [0.0, 0.0], 'start': 'centred',
         'links': {'block': {'mass': M, 'cog': cog},
                   'ball': {'mass': m, 'inertia': 2e-5, 'cog': 0.0}},
         'joints': {'guide': {'prismatic': ['ground', 'block'],
@@ -30,7 +29,7 @@ def ball(angle, mu, block, length=None, cog=0.0, **clearance):
                            'force': [PUSH * math.cos(angle), PUSH * math.sin(angle)]}},
         'initial': {'velocity': {'block': block}},
     }  # fmt: skip
-    return build('ball', check_scene('ball', scene))
+    return made(scene, 'ball')
 
 
 def struck(angle, mu, e, block):
@@ -120,7 +119,7 @@ def slider_crank(mu, clearance=None, **more):
         scene['joints']['crank_rod']['clearance'] = clearance
     else:
         scene.pop('start')
-    return build('rubbing', check_scene('rubbing', scene))
+    return made(scene, 'rubbing')
 
 
 def test_a_tight_pin_beside_rubbing_joints_is_the_limit_of_a_loose_one():
@@ -189,7 +188,7 @@ def test_load_cells_need_impacts_without_friction_of_ideal_joints():
         'sensors.cell': {'kind': 'load_cell', 'joint': 'rod_piston', 'sample_rate': '10 kHz'},
     })  # fmt: skip
     with pytest.raises(InputError, match='impulses'):
-        ms.simulate(build('cell', check_scene('cell', scene)), revolutions=0.1)
+        ms.simulate(made(scene, 'cell'), revolutions=0.1)
 
 
 def yoke(radial, **keys):
@@ -199,7 +198,7 @@ def yoke(radial, **keys):
     start = {'start': 'seated'} if radial else {}
     scene = variant('scotch_yoke', start)
     scene['joints']['crank_yoke'] |= rub
-    return ms.simulate(build('yoke', check_scene('yoke', scene)), revolutions=1.0)
+    return ms.simulate(made(scene, 'yoke'), revolutions=1.0)
 
 
 def test_a_tight_slot_is_the_limit_of_a_loose_one():
@@ -228,7 +227,7 @@ def test_tight_walls_are_the_limit_of_loose_ones(name, joint, pin, loose):
     def dissipated(keys):
         scene = variant(name, {})
         scene['joints'][joint] |= keys
-        solution = ms.simulate(build(name, check_scene(name, scene)), revolutions=1.0)
+        solution = ms.simulate(made(scene, name), revolutions=1.0)
         assert abs(solution.energy.residual) < 1e-9 * solution.energy.dissipated
         return solution.energy.dissipated
 
@@ -246,7 +245,7 @@ def test_a_pin_drags_either_wall_of_a_wheel_along():
     scene = variant('geneva', {})
     play = {'radial': 1e-5, 'restitution': 0.0, 'friction': 0.1}
     scene['joints']['crank_wheel']['clearance'] = play
-    solution = ms.simulate(build('geneva', check_scene('geneva', scene)), revolutions=1.0)
+    solution = ms.simulate(made(scene, 'geneva'), revolutions=1.0)
     x = solution.sample(np.linspace(0.01, solution.duration, 300))
     angle, w = x['position.crank'], x['velocity.crank']
     pin = 0.05 * np.array([np.cos(angle), np.sin(angle)]) - [[0.05 * math.sqrt(2.0)], [0.0]]

@@ -16,9 +16,8 @@ from threading import Event, Thread
 from types import SimpleNamespace
 
 import pytest
-from running import TIMEOUT, command
-from test_edit import Page
-from test_output import full_disk
+from editing import Page
+from running import TIMEOUT, command, full_disk
 from websockets.sync.client import connect
 
 from mechanism_sim.editor import background, session, worker

@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from bags import angle_at, foreign
+from bags import angle_at, messages_of
+from builders import PLAY, ROUGH, simulated
 from running import run as command
 
 import mechanism_sim as ms
@@ -27,14 +28,6 @@ from mechanism_sim.sensing.orders import Turns, order_spectrum
 from mechanism_sim.sweep.bags import RunBag
 
 JOINT = 'coupler_rocker'
-PLAY = f'joints.{JOINT}.clearance'
-ROUGH = {f'{PLAY}.friction': 0.05, f'{PLAY}.pin_radius': '6 mm', f'{PLAY}.restitution': 0.7,
-         'start': 'centred'}  # fmt: skip
-
-
-def simulated(overrides, revolutions=6, scene='four_bar_clearance'):
-    machine = ms.load_scene(scene, overrides)
-    return Record(machine, ms.simulate(machine, revolutions=revolutions), {})
 
 
 def recorded(path, record):
@@ -62,7 +55,7 @@ def _cut(solution, part):
 @pytest.fixture(scope='module')
 def rough():
     """A run with friction: impacts, sliding and following."""
-    return simulated(ROUGH)
+    return simulated('four_bar_clearance', ROUGH, revolutions=6)
 
 
 @pytest.fixture(scope='module')
@@ -98,6 +91,7 @@ def test_a_bag_tells_what_the_run_would_have_told(rough, bag):
     assert len(found.piece.impacts) == len(rough.piece.impacts) > 20
 
 
+@pytest.mark.network
 def test_a_signal_that_was_not_recorded_follows_from_the_motion(tmp_path):
     path = tmp_path / 'run.mcap'
     noisy = 'sensors.rocker_accelerometer.noise.rms=0.5 m/s^2'
@@ -114,7 +108,7 @@ def test_a_signal_that_was_not_recorded_follows_from_the_motion(tmp_path):
 
 def test_roses_are_the_messages_turned_by_hand(bag):
     rose = impact_rose(read_record(bag), JOINT)
-    messages, motions = foreign(bag, '/impacts'), foreign(bag, '/motion')
+    messages, motions = messages_of(bag, '/impacts'), messages_of(bag, '/motion')
     assert rose.time.tolist() == [m.time for m in messages]
     assert (rose.pin, rose.bushing) == ('coupler', 'rocker')
     for k, m in list(enumerate(messages))[::7]:
@@ -162,7 +156,7 @@ def test_wear_sums_to_friction_work_and_impulses(rough):
 
 def test_wear_lies_where_the_force_points():
     """Without friction the force of the pin on the bushing points to the contact."""
-    record = simulated({f'{PLAY}.restitution': 0.0}, 3)
+    record = simulated('four_bar_clearance', {f'{PLAY}.restitution': 0.0}, revolutions=3)
     bushing, pin = wear_maps(record, JOINT, sectors=24, pin_radius=0.006)
     t = np.linspace(0.0, record.end, 60_001)
     s = record.piece.sample(t)
@@ -182,7 +176,7 @@ def test_wear_lies_where_the_force_points():
 
 
 def test_cycle_average_of_an_ideal_machine_is_its_closed_form():
-    record = simulated({'drive.start_angle': '50 deg'}, 4, 'four_bar_nominal')
+    record = simulated('four_bar_nominal', {'drive.start_angle': '50 deg'}, revolutions=4)
     turns = over_turns(record, 'velocity.rocker', 24)
     assert turns.values.shape == (3, 24)
     linkage, speed = record.machine.linkage, record.machine.law.coefficients[1]
@@ -200,7 +194,9 @@ def test_averages_are_samples(rough):
 
 def test_average_of_a_crank_that_turns_backwards_and_speeds_up():
     profile = {'points': [['0 s', '-60 rpm'], ['4 s', '-300 rpm']]}
-    record = simulated({'drive.profile': profile, 'drive.speed': None}, 6, 'four_bar_nominal')
+    record = simulated(
+        'four_bar_nominal', {'drive.profile': profile, 'drive.speed': None}, revolutions=6
+    )
     turns = over_turns(record, 'position.rocker', 36)
     assert len(turns.values) == 6
     _, rocker = record.machine.linkage.positions(-turns.angle)
@@ -211,7 +207,9 @@ def test_average_of_a_crank_that_turns_backwards_and_speeds_up():
 def test_orders_of_a_ramp_stay_lines():
     """The rocker's position is a function of the crank's angle, whatever its speed."""
     profile = {'points': [['0 s', '60 rpm'], ['8 s', '600 rpm']]}
-    record = simulated({'drive.profile': profile, 'drive.speed': None}, 40, 'four_bar_nominal')
+    record = simulated(
+        'four_bar_nominal', {'drive.profile': profile, 'drive.speed': None}, revolutions=40
+    )
     t = np.arange(0.0, record.end, 1e-3)
     values = record.piece.sample(t)['position.rocker']
     signal = Signal('rocker', 'rocker', 'displacement', 1e3, (0.0,), (values,))
@@ -270,7 +268,9 @@ def test_blocks_of_a_trigger_are_turns_and_no_gaps():
     sensor = 'sensors.rocker_accelerometer'
     trigger = {f'{sensor}.trigger': {'angle': '0 deg', 'samples': 463},
                f'{sensor}.sample_rate': '2.7 kHz'}  # fmt: skip
-    record = simulated({**ROUGH, **trigger, 'drive.start_angle': '30 deg'}, 5)
+    record = simulated(
+        'four_bar_clearance', {**ROUGH, **trigger, 'drive.start_angle': '30 deg'}, revolutions=5
+    )
     signal = record.signal('rocker_accelerometer')
     assert [len(run) for run in signal.runs[:4]] == [463] * 4
     turns = over_turns(record, 'rocker_accelerometer')

@@ -12,14 +12,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import pack
 from mechanism_sim.pages.live import Live
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sweep.bags import RunBag
 
 LOOSE = {'clearance': {'radial': 1e-4, 'restitution': 0.0}}
@@ -36,7 +35,6 @@ def press(joint, loads, drive=None, start=0.3):
     """A press whose ram is loaded in a part of the cycle."""
     scene = {
         'title': 'press',
-        'mechanism': 'linkage',
         'links': {
             'ground': {'points': {'O': [0, 0]}},
             'crank': {'length': 0.1, 'mass': 1.0, 'inertia': 0.01, 'cog': 0.05},
@@ -57,7 +55,7 @@ def press(joint, loads, drive=None, start=0.3):
         },
         'loads': loads,
     }
-    return build('press', Scene.model_validate(scene))
+    return made(scene, 'press')
 
 
 MACHINES = {

@@ -6,8 +6,8 @@ import re
 
 import numpy as np
 import pytest
+from browsing import open_page, scrub
 from builders import simulated
-from test_report_page import open_page, scrub
 
 import mechanism_sim as ms
 from mechanism_sim import output
