@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import runpy
 
 import numpy as np
 import pytest
@@ -378,6 +379,24 @@ def test_the_verdicts_of_the_page_follow_from_the_figures_printed_beside_them():
                 assert (said == MORE) == (b > a)
             found.add(said != UNDECIDED)
         assert (verdict == UNDECIDED) == (True not in found)
+
+
+def test_pages_of_two_environments_are_held_against_each_other(tmp_path, capsys):
+    """docs/two_environments.py: a figure that does not overlap, a conclusion that is reversed."""
+    program = runpy.run_path(str(ROOT / 'docs/two_environments.py'))['main']
+    page, other = ROOT / 'docs/experiment.md', tmp_path / 'other.md'
+    assert program(page, page) == 0
+    text = page.read_text('utf-8')
+    figure = r'(\S+ \+- \S+)'
+    for table, old, new in (
+        ('severity', rf'\| 350 \| 0.254 +\| {figure}', '| 350 | 0.254 | 999 +- 1'),
+        ('claims', rf'{figure} at 0.0254 mm, {figure} at 0.254 mm \|', r'\2 at a, \1 at b |'),
+    ):
+        changed = re.sub(old, new, text)
+        assert changed != text
+        other.write_text(changed, 'utf-8')
+        assert program(page, other) == 1
+        assert f'wrong: {table}' in capsys.readouterr().out
 
 
 def test_figures_are_those_of_the_thesis(found):
