@@ -25,30 +25,6 @@ EVERY_KIND = (
     'four_bar_on_frame', 'locking_pliers',
 )  # fmt: skip
 """Scenes that have all kinds of joints, drives and levels among them."""
-
-
-def simulated(scene, overrides=(), **length):
-    machine = ms.load_scene(scene, overrides)
-    return Record(machine, ms.simulate(machine, **length), {})
-
-
-def digest_of(scene, overrides=(), duration=None):
-    """Of the motion without nodes."""
-    return ms.simulate(ms.load_scene(scene, overrides=overrides), duration=duration).digest()
-
-
-def made(scene: Mapping[str, Any] | str, name: str = 'made', **overrides: object) -> ms.Machine:
-    """The machine of a scene: its keys and values, or their YAML; a linkage if it does not say."""
-    content = yaml.safe_load(scene) if isinstance(scene, str) else scene
-    content = {'title': name, 'mechanism': 'linkage', **content}
-    return build(name, check_scene(name, content, overrides))
-
-
-def weightless(**parts: object) -> ms.Machine:
-    """The machine of a linkage without gravity."""
-    return made({'gravity': [0.0, 0.0], **parts})
-
-
 LINKAGE = """
 title: The four-bar of the template, written out
 mechanism: linkage
@@ -66,6 +42,29 @@ joints:
 drive: {speed: 10 rad/s}
 guess: {coupler: 60 deg, rocker: 120 deg}
 """
+
+
+def simulated(scene: str, overrides: Any = (), **length: float) -> Record:
+    """A run of a scene of the package, as it would be read from a bag."""
+    machine = ms.load_scene(scene, overrides)
+    return Record(machine, ms.simulate(machine, **length), {})
+
+
+def digest_of(scene: str, overrides: Any = (), duration: float | None = None) -> str:
+    """Of the motion without nodes."""
+    return ms.simulate(ms.load_scene(scene, overrides=overrides), duration=duration).digest()
+
+
+def made(scene: Mapping[str, Any] | str, name: str = 'made', **overrides: object) -> ms.Machine:
+    """The machine of a scene: its keys and values, or their YAML; a linkage if it does not say."""
+    content = yaml.safe_load(scene) if isinstance(scene, str) else scene
+    content = {'title': name, 'mechanism': 'linkage', **content}
+    return build(name, check_scene(name, content, overrides))
+
+
+def weightless(**parts: object) -> ms.Machine:
+    """The machine of a linkage without gravity."""
+    return made({'gravity': [0.0, 0.0], **parts})
 
 
 def cam_pair(machine: ms.Machine) -> CamPair:
