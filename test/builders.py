@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import yaml
 
 import mechanism_sim as ms
@@ -70,6 +72,14 @@ def weightless(**parts: object) -> ms.Machine:
 def cam_pair(machine: ms.Machine) -> CamPair:
     """The first pair of a cam and its follower."""
     return next(j for j in machine.plan.joints if isinstance(j, CamPair))
+
+
+def placed(machine: ms.Machine, link: str, q: Any, points: Any) -> Any:
+    """Points (2, N) of a link of the ideal machine in the world [m]."""
+    x, y = machine.plan.ideal.locate(link, q)
+    a = machine.plan.ideal.angle(link, q)
+    c, s = math.cos(a), math.sin(a)
+    return np.array([[x], [y]]) + np.array([[c, -s], [s, c]]) @ points
 
 
 def compilations() -> int:
