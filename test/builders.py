@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import yaml
 
 import mechanism_sim as ms
@@ -25,30 +27,6 @@ EVERY_KIND = (
     'four_bar_on_frame', 'locking_pliers',
 )  # fmt: skip
 """Scenes that have all kinds of joints, drives and levels among them."""
-
-
-def simulated(scene, overrides=(), **length):
-    machine = ms.load_scene(scene, overrides)
-    return Record(machine, ms.simulate(machine, **length), {})
-
-
-def digest_of(scene, overrides=(), duration=None):
-    """Of the motion without nodes."""
-    return ms.simulate(ms.load_scene(scene, overrides=overrides), duration=duration).digest()
-
-
-def made(scene: Mapping[str, Any] | str, name: str = 'made', **overrides: object) -> ms.Machine:
-    """The machine of a scene: its keys and values, or their YAML; a linkage if it does not say."""
-    content = yaml.safe_load(scene) if isinstance(scene, str) else scene
-    content = {'title': name, 'mechanism': 'linkage', **content}
-    return build(name, check_scene(name, content, overrides))
-
-
-def weightless(**parts: object) -> ms.Machine:
-    """The machine of a linkage without gravity."""
-    return made({'gravity': [0.0, 0.0], **parts})
-
-
 LINKAGE = """
 title: The four-bar of the template, written out
 mechanism: linkage
@@ -68,9 +46,40 @@ guess: {coupler: 60 deg, rocker: 120 deg}
 """
 
 
+def simulated(scene: str, overrides: Any = (), **length: float) -> Record:
+    """A run of a scene of the package, as it would be read from a bag."""
+    machine = ms.load_scene(scene, overrides)
+    return Record(machine, ms.simulate(machine, **length), {})
+
+
+def digest_of(scene: str, overrides: Any = (), duration: float | None = None) -> str:
+    """Of the motion without nodes."""
+    return ms.simulate(ms.load_scene(scene, overrides=overrides), duration=duration).digest()
+
+
+def made(scene: Mapping[str, Any] | str, name: str = 'made', **overrides: object) -> ms.Machine:
+    """The machine of a scene: its keys and values, or their YAML; a linkage if it does not say."""
+    content = yaml.safe_load(scene) if isinstance(scene, str) else scene
+    content = {'title': name, 'mechanism': 'linkage', **content}
+    return build(name, check_scene(name, content, overrides))
+
+
+def weightless(**parts: object) -> ms.Machine:
+    """The machine of a linkage without gravity."""
+    return made({'gravity': [0.0, 0.0], **parts})
+
+
 def cam_pair(machine: ms.Machine) -> CamPair:
     """The first pair of a cam and its follower."""
     return next(j for j in machine.plan.joints if isinstance(j, CamPair))
+
+
+def placed(machine: ms.Machine, link: str, q: Any, points: Any) -> Any:
+    """Points (2, N) of a link of the ideal machine in the world [m]."""
+    x, y = machine.plan.ideal.locate(link, q)
+    a = machine.plan.ideal.angle(link, q)
+    c, s = math.cos(a), math.sin(a)
+    return np.array([[x], [y]]) + np.array([[c, -s], [s, c]]) @ points
 
 
 def compilations() -> int:

@@ -18,7 +18,8 @@ from mechanism_sim.pages.live import Live
 from mechanism_sim.pages.server import Command, Mailbox, Server
 from mechanism_sim.pages.view import MODULES
 
-ARRAYS = {'f8': np.float64, 'f4': np.float32, 'u1': np.uint8}
+ARRAYS = {'f8': np.float64, 'f4': np.float32, 'u1': np.uint8, 'i1': np.int8, 'i2': np.int16}
+"""Those that pages read (player.js)."""
 
 
 def data(tab: Any, name: str) -> str:

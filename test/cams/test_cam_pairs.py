@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from absolute import differences
-from builders import cam_pair, made
+from builders import cam_pair, made, placed
 
 import mechanism_sim as ms
 from mechanism_sim.cams import curves
@@ -38,14 +38,6 @@ def scene(kind, sense, seed=1):
         seed += 1
 
 
-def world(machine, link, q, points):
-    """Points (2, N) of a link in the world."""
-    x, y = machine.plan.ideal.locate(link, q)
-    a = machine.plan.ideal.angle(link, q)
-    c, s = math.cos(a), math.sin(a)
-    return np.array([[x], [y]]) + np.array([[c, -s], [s, c]]) @ points
-
-
 @pytest.mark.sample(4)
 @pytest.mark.parametrize('sense', ['clockwise', 'counterclockwise'])
 @pytest.mark.parametrize('kind', KINDS)
@@ -61,8 +53,8 @@ def test_the_drawn_profile_touches_the_follower(kind, sense):
         angle = pair.sense * machine.plan.ideal.angle('shaft', q) + pair.phase
         fine = pair.cam.at(angle + np.linspace(-1e-3, 1e-3, 401)).profile
         points = np.hstack([whole, fine])
-        drawn = world(machine, 'shaft', q, pair.profile(points))
-        tip = world(machine, 'follower', q, np.array([pair.on_second]).T)
+        drawn = placed(machine, 'shaft', q, pair.profile(points))
+        tip = placed(machine, 'follower', q, np.array([pair.on_second]).T)
         if kind in ('flat', 'tilted', 'swinging face'):
             normal = face_normal(machine, kind, q)
             face = normal @ tip[:, 0] + getattr(pair.cam.follower, 'face_offset', 0.0)

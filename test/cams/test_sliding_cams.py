@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from absolute import differences
-from builders import cam_pair, made
+from builders import cam_pair, made, placed
 from event_solution import Machine, Wall, apart, solve
 
 import mechanism_sim as ms
@@ -106,13 +106,6 @@ def pressed(kind, seed, force, **more):
     said['loads'] = {'press': {'at': 'follower.tip', 'force': list(push)}}
     said['joints']['contact'] |= more
     return made(said, kind)
-
-
-def placed(machine, link, q, points):
-    """Points (2, N) of a link in the world."""
-    x, y = machine.plan.ideal.locate(link, q)
-    c, s = rotate((1.0, 0.0), machine.plan.ideal.angle(link, q))
-    return np.array([[x], [y]]) + np.array([[c, -s], [s, c]]) @ points
 
 
 @pytest.mark.sample(5)

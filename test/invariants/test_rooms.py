@@ -1,8 +1,9 @@
-"""What the engine loads; that rooms import only what is below them is checked by import-linter."""
+"""What the engine loads, where tests stand; imports of rooms are checked by import-linter."""
 
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 
@@ -76,3 +77,12 @@ def test_a_run_is_analysed_reported_and_drawn_without_a_network(words, bag, tmp_
     assert 'mechanism_sim.cli.entry' in loaded
     roots = {module.partition('.')[0] for module in loaded}
     assert not roots & {'zenoh', 'zenoh_rclpy', 'rclpy'}
+
+
+def test_tests_mirror_the_package_and_import_no_test():
+    """What several tests use is a module of its own; folders are rooms, or those listed."""
+    rooms = {path.name for path in PACKAGE.iterdir() if path.is_dir()}
+    others = {'base', 'benchmarks', 'docs', 'fuzz', 'grid', 'hard', 'invariants', 'network'}
+    for file in (ROOT / 'test').rglob('test_*.py'):
+        assert file.parent.name in rooms | others, file
+        assert not re.search(r'^\s*(from|import) test_', file.read_text('utf-8'), re.M), file

@@ -421,7 +421,7 @@ def test_check_tells_how_much_room_is_left_and_how_fast_links_lean():
         ({'height': 1e-3}, 'height'),
         ({'axial': {'play': 1e-3}}, "none of its links can move along the axis: give 'links.bob"),
         ({'axial': {'play': 1e-3, 'crown': 1e-6}}, "needs 'face_radius' and 'crown' together"),
-        ({'axial': {'play': 0.0}}, 'greater than 0'),
+        ({'axial': {'play': 0.0}}, 'play = 0.0 is out of bounds: it must be more than 0'),
     ],
 )
 def test_bearings_that_cannot_be_are_refused(keys, said):

@@ -147,7 +147,7 @@ def test_over_the_angle_of_the_drive(bag, tmp_path):
     assert set(np.round(x[between], 9)) <= {0.0, 360.0}
     assert figure.axes[0].get_xlabel() == 'angle of the crank [deg]'
     file = tmp_path / 'angle.svg'
-    done = run('plot', str(bag), '--against', 'angle', 'drive_torque', '-o', str(file))
+    done = run('plot', str(bag), '--over', 'angle', 'drive_torque', '-o', str(file))
     assert done.stdout.strip() == str(file)
 
 

@@ -8,17 +8,9 @@ from hypothesis import strategies as st
 from mechanism_sim.contact.film import ShortBearing
 
 OIL = ShortBearing(viscosity=0.02, width=8e-3, radius=10e-3, clearance=30e-6)
-
-
 eccentric = st.floats(0.0, 0.95)
-
-
 angles = st.floats(-np.pi, np.pi)
-
-
 speeds = st.floats(1e-3, 0.1)
-
-
 spins = st.floats(-300.0, 300.0)
 
 
