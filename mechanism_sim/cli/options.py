@@ -108,7 +108,7 @@ def skipped_turns(options: argparse.Namespace, usual: int = 0) -> int:
         return usual
     if not options.skip.strip().isdecimal():
         raise InputError(
-            f"--skip '{options.skip}' is no number of whole turns: write for example 5"
+            f"--skip '{options.skip}': write a whole number of turns of at least 0, for example 5"
         )
     return int(options.skip)
 

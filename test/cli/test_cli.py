@@ -158,7 +158,7 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
         ('analyze x.mcap y.mcap', 'analyze reads one bag, not 2'),
         ('analyze x.mcap --fit radial --wear J', '--wear does not apply to --fit'),
         ('analyze x.mcap --fit radial --skip 3', "--skip '3' is not a quantity with a unit"),
-        ('statistics slider_crank --skip 2s', "--skip '2s' is no number of whole turns"),
+        ('statistics slider_crank --skip 2s', "--skip '2s': write a whole number of turns"),
         ('animate slider_crank -o x.wav --fps 5', '--fps is of a film'),
         ('animate slider_crank --pulse 1', '--pulse is of a sound'),
         ('export slider_crank --format urdf --namespace a', '--namespace is for --format'),
