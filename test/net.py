@@ -2,7 +2,9 @@
 
 ``python test/net.py`` compares everything with ``references/net.json`` and lists what differs;
 ``python test/net.py --write`` makes the record anew, to be committed together with the change
-that explains it. `test_net.py` compares a part of it on every run of the tests.
+that explains it. With names of scenes it does so with these alone: a new scene is entered by
+``python test/net.py SCENE --write``. `test_net.py` compares a part of it on every run of the
+tests.
 
 Three kinds of entries:
 
@@ -22,7 +24,7 @@ import json
 import math
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -253,13 +255,19 @@ def same_bits(record: dict[str, Any]) -> bool:
     return bool(record['environment'] == environment())
 
 
-def make(record: dict[str, Any] | None) -> dict[str, Any]:
-    """Everything anew; durations are those of a record if there is one."""
+def make_scenes(names: Iterable[str], record: dict[str, Any] | None) -> dict[str, Any]:
+    """Scenes anew; durations are those of a record if there is one."""
     known = record['scenes'] if record else {}
     scenes = {}
-    for name in scene_names():
+    for name in names:
         print(name, file=sys.stderr)
         scenes[name] = scene_entry(name, known.get(name, {}).get('duration'))
+    return scenes
+
+
+def make(record: dict[str, Any] | None) -> dict[str, Any]:
+    """Everything anew."""
+    scenes = make_scenes(scene_names(), record)
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         record_bags(folder)
@@ -279,10 +287,18 @@ def make(record: dict[str, Any] | None) -> dict[str, Any]:
 
 def _main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
+    parser.add_argument('scenes', nargs='*', metavar='SCENE', help='these alone')
     parser.add_argument('--write', action='store_true', help='make the record anew')
-    write = parser.parse_args().write
+    options = parser.parse_args()
+    write, names = options.write, options.scenes
     old = load() if RECORD.exists() else None
-    new = make(None if write else old)
+    if names and old:
+        if write and not same_bits(old):
+            parser.error('the record is of another processor or compiler: write all of it')
+        fresh = make_scenes(names, None if write else old)
+        new = {**old, 'scenes': {**old['scenes'], **fresh}}
+    else:
+        new = make(None if write else old)
     said: list[str] = []
     if old:
         same = same_bits(old)

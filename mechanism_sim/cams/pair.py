@@ -7,7 +7,7 @@ follower may leave is `CamPair`; one whose groove holds the roller on both sides
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -41,6 +41,9 @@ class CamPair(PlacedCam):
 
     parts: ClassVar[str] = 'follower on its cam'
     node: ClassVar[str] = 'cam'
+    units: ClassVar[Mapping[str, str]] = {
+        'pressure_angle': 'rad', 'contact': 'm', 'contact_speed': 'm/s', 'sliding_speed': 'm/s',
+    }  # fmt: skip
 
     def reading(self, view: View) -> CamReading:
         """Cam, follower, gap and contact force."""

@@ -51,7 +51,10 @@ def columns_of_parts(machine: Machine, samples: Samples) -> dict[str, Array]:
             view = JointView(
                 machine.mechanism, joint, machine.physics, samples.observed, samples.modes
             )
-            found |= joint.columns(view)
+            own = joint.columns(view)
+            if unknown := {name.partition('.')[0] for name in own} - joint.units.keys():
+                raise TypeError(f'{type(joint).__name__}.units lacks {", ".join(sorted(unknown))}')
+            found |= own
     return found | shaft_columns(machine, samples)
 
 

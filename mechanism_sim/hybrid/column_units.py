@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.planar.mechanism import COLUMN_UNITS
 
 _UNITS = {
     'position': ('rad', 'm'),
@@ -19,16 +20,15 @@ _UNITS = {
     'bearing_moment': ('N m', 'N m'),
     'axial_force': ('N', 'N'),
     't': ('s', 's'),
-    'pressure_angle': ('rad', 'rad'),
-    'contact': ('m', 'm'),
-    'contact_speed': ('m/s', 'm/s'),
-    'sliding_speed': ('m/s', 'm/s'),
     'deflection': ('m', 'm'),
     'stress': ('Pa', 'Pa'),
     'closed': ('', ''),
     'mode': ('', ''),
 }
-"""Units of columns by the first part of their name: of what turns, and of what slides."""
+"""Units of columns by the first part of their name: of what turns, and of what slides.
+
+Kinds of joints have those of their own columns, see `HigherPair.units`; the rest are forces.
+"""
 
 WORK = 'energy.drive_work', 'energy.dissipated'
 """Columns of what was done so far, which cost eight times the rest."""
@@ -53,6 +53,8 @@ def unit_of(run: HasPhysics, column: str) -> str:
     kind, _, rest = column.partition('.')
     if part_of(column) in ('direction', 'moment'):
         return 'rad' if part_of(column) == 'direction' else 'N m'
+    if kind in COLUMN_UNITS:
+        return COLUMN_UNITS[kind]
     physics = run.physics
     if kind == 'load':
         return physics.unknowns[rest]

@@ -83,6 +83,10 @@ Equation: TypeAlias = tuple[float, dict[str, Pose]]
 """What a joint's row leaves [m], and its derivatives by the poses of links."""
 
 
+COLUMN_UNITS: dict[str, str] = {}
+"""SI units of the columns of higher pairs, by the first part of their names."""
+
+
 @dataclass(frozen=True)
 class HigherPair(ABC):
     """A joint that takes one degree of freedom: links touch at a point or along a line.
@@ -168,8 +172,17 @@ class HigherPair(ABC):
         """
         raise NotImplementedError(f'{self.name} has no readings')
 
+    #: SI units of its columns, by the first part of their names; the same for all kinds
+    units: ClassVar[Mapping[str, str]] = {}
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        for name, unit in cls.units.items():
+            if COLUMN_UNITS.setdefault(name, unit) != unit:
+                raise TypeError(f'{name} has the units {COLUMN_UNITS[name]} and {unit}')
+
     def columns(self, view: View) -> dict[str, NDArray[np.float64]]:
-        """What else is worth a column over a cycle: arrays (N,) by name, in SI units."""
+        """What else is worth a column over a cycle: arrays (N,) by ``QUANTITY.JOINT``."""
         return {}
 
     def tooth_loads(self, view: View) -> Sequence[ToothLoad]:

@@ -138,9 +138,12 @@ class Draft(Protocol):
     def add(self, kind: Kind, link: str, *curves: Array, size: float = 0.0) -> None:
         """A shape of a link, which gives it a body; of wheels the largest are painted first.
 
+        Wheels, cams and sliders are painted as their curves are; of other kinds curves are what
+        their builder in `export.shapes` makes a shape of, such as the ends of a straight slot.
+
         Parameters
         ----------
-        curves : (k, 2) [m] each, in the frame of the link; what lies within two of them is open
+        curves : (k, 2) [m] each, in the frame of the link, closed; what lies within two is open
         """
 
     def pin(self, place: LinkPoint, label: str) -> None:

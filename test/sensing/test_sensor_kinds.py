@@ -95,6 +95,50 @@ def test_an_encoder_on_a_moving_link_counts_the_angle_between_both(solution):
     assert read[-1] < -math.tau  # backwards, without end
 
 
+# --- tachometer ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('pulses', [1, 7])
+def test_a_tachometer_reads_the_mean_speed_between_its_last_two_pulses(pulses):
+    """A crank that speeds up: the angle is known, and with it when marks passed."""
+    rate, begin = 40.0, 0.25  # [rad/s^2], [rad]: the first mark has passed
+    sensor = {'kind': 'tachometer', 'link': 'crank', 'pulses': pulses, 'sample_rate': '3 kHz'}
+    machine = ms.load_scene(
+        'slider_crank',
+        {
+            'sensors.speed': sensor,
+            'drive': {'coordinate': 'crank', 'start_angle': begin,
+                      'profile': {'points': [[0.0, 0.0], [1.5, 1.5 * rate]]}},
+        },
+    )  # fmt: skip
+    solution = ms.simulate(machine, duration=1.5)
+    read = samples(machine, 'speed', solution.motion)
+    t = instants(machine, 'speed', read)
+    step = math.tau / pulses
+    last = np.floor((begin + 0.5 * rate * t**2) / step)  # number of the last mark
+    passed, before = (np.sqrt(np.maximum((n * step - begin) / (0.5 * rate), 0.0))
+                      for n in (last, last - 1.0))  # fmt: skip
+    known = last >= 2.0
+    right = step / np.maximum(passed - before, t - passed, where=known, out=np.ones_like(t))
+    np.testing.assert_allclose(read[known], right[known], rtol=1e-9)
+    assert not read[~known].any()
+    assert known.mean() > 0.4
+
+
+def test_a_tachometer_of_a_link_that_stops_falls_as_time_goes_on():
+    machine = ms.load_scene('slider_crank', {
+        'drive': {'coordinate': 'crank', 'profile': {'points': [[0.0, 40.0], [0.5, 0.0]]}},
+        'sensors.speed': {'kind': 'tachometer', 'link': 'crank', 'pulses': 4},
+    })  # fmt: skip
+    read = samples(machine, 'speed', ms.simulate(machine, duration=2.0).motion)
+    t = instants(machine, 'speed', read)
+    # it stops after 10 rad, six quarters of a turn: of 40 (0.5 - t)^2 rad so much is left then
+    passed = 0.5 - math.sqrt((10.0 - 3.0 * math.pi) / 40.0)
+    late = t > passed + 0.2
+    assert late.sum() > 1000
+    np.testing.assert_allclose(read[late], 0.5 * math.pi / (t[late] - passed), rtol=1e-9)
+
+
 # --- gyroscope ----------------------------------------------------------------------------------
 
 

@@ -110,3 +110,14 @@ register(
         'along',
     ),
 )
+register(
+    'tachometer',
+    _on_link(
+        'tachometer',
+        'Shift+N',
+        'M8 1a7 7 0 1 1 0 14A7 7 0 0 1 8 1zm0 1.5a5.5 5.5 0 1 0 0 11 5.5 5.5 0 0 0 '
+        '0-11zm3.5 2-2.5 5a1.2 1.2 0 1 1-1.7-1.3z',
+        {'kind': 'tachometer'},
+        '',
+    ),
+)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.numerics.rational import Array, Modes, Rational
@@ -17,7 +16,7 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.quantities import Angle
 from mechanism_sim.scene.sensor_keys import OnLinkKeys, SensorKind, register
-from mechanism_sim.scene.sensors._places import check_link
+from mechanism_sim.scene.sensors._places import angle_between, check_between
 from mechanism_sim.sensing.chain import Trigger
 from mechanism_sim.sensing.sampling import Passage
 
@@ -57,14 +56,9 @@ class Encoder:
         lines: int,
         index: float | None = None,
     ) -> None:
-        self._columns: dict[int, float] = {}
+        self._columns, self._offset = angle_between(mechanism, link, relative_to)
         self._counts = EDGES * lines
-        self._offset, self._step = 0.0, TWO_PI / self._counts
-        for sign, name in ((1.0, link), (-1.0, relative_to)):
-            frame, offset = mechanism.frame(name)
-            self._offset += sign * offset
-            if frame != GROUND:
-                self._columns[mechanism.coordinates.index(frame)] = sign
+        self._step = TWO_PI / self._counts
         self._index, self._passage = index, None
         if index is not None:
             self._passage = Passage(Trigger(index - self._offset), self._columns)
@@ -125,22 +119,6 @@ def _source(machine: Any, sensor: Any) -> Encoder:
     return Encoder(machine.mechanism, sensor.link, sensor.relative_to, sensor.lines, sensor.index)
 
 
-def _check(machine: Any, sensor: Any, where: str) -> None:
-    check_link(machine, where, sensor.link)
-    known = [GROUND, *machine.links]
-    if sensor.relative_to not in known:
-        raise InputError(
-            f"{where}.relative_to: there is no link '{sensor.relative_to}'; links: "
-            f'{", ".join(known)}'
-        )
-    frames = [machine.mechanism.frame(x)[0] for x in (sensor.link, sensor.relative_to)]
-    if frames[0] == frames[1]:
-        raise InputError(
-            f'{where}: {sensor.link} does not turn on {sensor.relative_to}: an encoder counts the '
-            'angle between two links'
-        )
-
-
 register(
     SensorKind(
         'encoder',
@@ -152,6 +130,8 @@ register(
         place=lambda machine, sensor: (  # noqa: ARG005
             f'of the {sensor.link} on the {sensor.relative_to}, {sensor.lines} lines'
         ),
-        check=_check,
+        check=lambda machine, sensor, where: check_between(
+            machine, where, sensor, 'an encoder counts'
+        ),
     )
 )
