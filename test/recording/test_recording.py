@@ -317,7 +317,7 @@ def test_a_killed_writer_loses_less_than_half_a_second(tmp_path):
     assert yaml.safe_load(first.metadata['serialized_metadata'])['version'] == 9
 
     raw, topics = list(found.raw()), found.topics
-    assert f"'mechanism-sim recover {path}' closes it" in render_info(info(path))
+    assert f"'mechanism-sim bag recover {path}' closes it" in render_info(info(path))
     assert recover(path).messages == len(ours)
     assert whole(path) == list(read_bag(path).raw()) == raw
     assert (read_bag(path).complete, read_bag(path).topics) == (True, topics)
