@@ -234,7 +234,7 @@ def _escaped(text: str) -> str:
 
 
 def equations(machine: Machine, rates: bool = False) -> Typesetter:
-    """The equations of a machine, from what is compiled, as `mechanism-sim equations` has them.
+    """The equations of a machine, from what is compiled, as `check --equations` has them.
 
     A notebook sets them; ``print`` writes them as text that Python and sympy read; ``latex()``,
     ``markdown()``, ``html()``, ``to_json()`` are the other forms.

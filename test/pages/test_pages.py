@@ -112,6 +112,25 @@ def pages(tmp_path_factory):
     return file
 
 
+def show(kind, tab, request, pages, after) -> bool:
+    """Open a page of a kind; whether it is a file. `after` closes what serves it."""
+    if kind == 'live':
+        run = Acted(tab, 'whole_machine', 0.05)
+        after.callback(run.server.close)
+        run.tell()
+    elif kind == 'waiting':
+        told = {'type': 'waiting', 'starting': False}
+        server = Server(contents_of('live', MODULES), 0, lambda: [told], print)
+        after.callback(server.close)
+        tab.page.goto(server.address)
+    elif kind == 'edit':
+        Hand(tab, request.getfixturevalue('editor'))
+    else:
+        tab.page.goto(pages(kind).as_uri())
+        return True
+    return False
+
+
 @pytest.fixture(params=[
     pytest.param((kind, *look), marks=[] if (kind, *look) == QUICK else [pytest.mark.slow],
                  id=f'{kind}-{look[0]}-{look[1]}')
@@ -126,19 +145,7 @@ def opened(request, browser, pages, tmp_path):
     tab = Tab(context.new_page(), tmp_path)
     with ExitStack() as after:
         after.callback(context.close)
-        if kind == 'live':
-            run = Acted(tab, 'whole_machine', 0.05)
-            after.callback(run.server.close)
-            run.tell()
-        elif kind == 'waiting':
-            told = {'type': 'waiting', 'starting': False}
-            server = Server(contents_of('live', MODULES), 0, lambda: [told], print)
-            after.callback(server.close)
-            tab.page.goto(server.address)
-        elif kind == 'edit':
-            Hand(tab, request.getfixturevalue('editor'))
-        else:
-            tab.page.goto(pages(kind).as_uri())
+        if show(kind, tab, request, pages, after):
             ready = (
                 'article' if kind.startswith(('site/docs', 'site/index')) else 'html[data-ready]'
             )
@@ -193,19 +200,7 @@ def watched(request, browser, pages, tmp_path):
         context.on('request', lambda r: asked.append(r.url))
         context.on('page', lambda page: opened.append(page.url))
         tab.page.on('websocket', lambda socket: asked.append(socket.url))
-        if kind == 'live':
-            run = Acted(tab, 'whole_machine', 0.05)
-            after.callback(run.server.close)
-            run.tell()
-        elif kind == 'waiting':
-            told = {'type': 'waiting', 'starting': False}
-            server = Server(contents_of('live', MODULES), 0, lambda: [told], print)
-            after.callback(server.close)
-            tab.page.goto(server.address)
-        elif kind == 'edit':
-            Hand(tab, request.getfixturevalue('editor'))
-        else:
-            tab.page.goto(pages(kind).as_uri())
+        if show(kind, tab, request, pages, after):
             tab.page.wait_for_load_state('networkidle')
         yield SimpleNamespace(kind=kind, page=tab.page, asked=asked, opened=opened)
 
