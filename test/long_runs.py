@@ -28,14 +28,14 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
+from mechanism_sim.cycles.columns import columns_of
 from numpy.typing import NDArray
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
-from mechanism_sim.cycles.columns import columns_of
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.gate import admit
 

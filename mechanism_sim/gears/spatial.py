@@ -58,6 +58,11 @@ class SpatialPair(Transmission):
         Then radial and axial ones on first and second.
         """
 
+    @property
+    def toothed(self) -> tuple[str, ...]:
+        """Both links."""
+        return self.first, self.second
+
     def tooth_loads(self, view: View) -> Sequence[ToothLoad]:
         """At the pitch points: tangential forces of the torques, with those beside them."""
         second = view.moment / self.radii[1]

@@ -31,6 +31,7 @@ class Transmission(HigherPair):
 
     sides: ClassVar[tuple[Side, ...]] = ()
     node: ClassVar[str] = 'gear_train'
+    reads: ClassVar[type] = GearReading
 
     ratio: Fraction = Fraction(1)
     phase: float = 0.0  #: [rad]

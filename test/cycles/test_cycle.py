@@ -10,12 +10,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from mechanism_sim.cycles.columns import unit_of
 from running import run, run_json
 from scipy.integrate import quad
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
-from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.errors import InputError
 from mechanism_sim.report import cycle as report
 from mechanism_sim.report import figures, plots

@@ -12,9 +12,10 @@ from mechanism_sim.cams.laws import Measured
 from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.scene import Machine, load_scene, simulate, stream
+from mechanism_sim.results.simulate import simulate, stream
+from mechanism_sim.results.solution import Solution
+from mechanism_sim.scene import Machine, load_scene
 from test.hard.bodies import relative_residual, residual
 from test.hard.case import Figure, hard_case
 from test.hard.singular import linkage

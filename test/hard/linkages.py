@@ -7,7 +7,8 @@ import math
 import numpy as np
 from scipy.special import ellipk
 
-from mechanism_sim.scene import load_scene, simulate, stream
+from mechanism_sim.results.simulate import simulate, stream
+from mechanism_sim.scene import load_scene
 from test.hard.bodies import residual
 from test.hard.case import Figure, hard_case
 from test.hard.singular import linkage

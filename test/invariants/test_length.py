@@ -8,17 +8,17 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from long_runs import Revolutions
+from mechanism_sim.cycles.columns import columns_of
 from running import run_json
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
-from mechanism_sim.cycles.columns import columns_of
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.sampling import EnergyTerms
+from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.snapshot import Snapshot
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.numerics.formula import Words, expression
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.machine import Run
 from mechanism_sim.scene.sensors.encoder import Encoder
@@ -109,7 +109,7 @@ def begun(machine: Machine, run: Run) -> Piece:
     run.advance(until, final=True)
     motion, impacts, changes = run.drain()
     work = Audit(machine.physics).add(motion, impacts)
-    return Piece(machine.physics, motion, EnergyTerms(work, impacts), impacts, changes)
+    return Piece(machine, motion, EnergyTerms(work, impacts), impacts, changes)
 
 
 @pytest.mark.parametrize('name', quick_and_deep((*IDEAL, *DYNAMIC)))

@@ -12,9 +12,9 @@ from string import Template
 import pytest
 import yaml
 from builders import made
+from mechanism_sim.cycles.columns import part_of, unit_of
 
 import mechanism_sim as ms
-from mechanism_sim.cycles.columns import part_of, unit_of
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.planar.play import joint_of_gap

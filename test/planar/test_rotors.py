@@ -6,11 +6,11 @@ import random
 import numpy as np
 import pytest
 from builders import made
+from mechanism_sim.cycles.columns import columns_of
 from rotors import DiskRotor, Rotor, influence_coefficients
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.cycles.columns import columns_of
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.check import check
 from mechanism_sim.study.harmonics import harmonics, unbalance_response
