@@ -107,6 +107,7 @@ class Asked:
             return self.record.piece.catalogue.choose([name])
         except InputError:
             known = [given.name for given in self.names()]
+            known += sorted({name.partition('.')[0] for name in known})
             raise InputError(
                 f"there is no '{name}'{nearest(name, known)}; without a name all are listed"
             ) from None

@@ -125,7 +125,7 @@ class Cycle(plotting.Rich):
         known, columns = catalogue(self.machine), self.at(self.t, self.names)
         return Table(columns, {name: known[name].unit for name in columns})
 
-    def at(self, t: Array, names: Sequence[str]) -> dict[str, Array]:
+    def at(self, t: Array, names: Sequence[str] | None = None) -> dict[str, Array]:
         """Columns at any instants (K,) of the cycle.
 
         Where forces in joints have no limit they are NaN. What the frame gets from all of them
@@ -133,8 +133,9 @@ class Cycle(plotting.Rich):
 
         Parameters
         ----------
-        names : of quantities of the machine
+        names : of quantities of the machine; without any those of its table
         """
+        names = self.names if names is None else names
         columns = self._columns(t, names)
         on_frame = [name for name in names if name.startswith('shaking_')]
         lost = np.flatnonzero(np.isnan(columns[on_frame[0]])) if on_frame else np.zeros(0, int)

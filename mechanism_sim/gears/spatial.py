@@ -13,6 +13,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -37,6 +38,8 @@ class SpatialPair(Transmission):
     facing : direction from each shaft towards the mate, in its own plane [rad]
     along : where both lie on their shafts [m]
     """
+
+    untold: ClassVar[tuple[str, ...]] = ('transmission_error', 'mesh_frequency')
 
     facing: tuple[float, float] = (0.0, math.pi)
     along: tuple[float, float] = (0.0, 0.0)

@@ -159,6 +159,8 @@ class HigherPair(ABC):
     node: ClassVar[str] = ''
     #: the named tuple of its readings, each field annotated by `Told`
     reads: ClassVar[type | None] = None
+    #: fields of them that are not known of this kind
+    untold: ClassVar[tuple[str, ...]] = ()
 
     def reading(self, view: View) -> Any:
         """What there is to read of it: a named tuple of (N,) arrays, the fields of a message.

@@ -51,6 +51,11 @@ class Told:
         self.units = tuple(units.split(' or '))
         self.words, self.slides = words, slides
 
+    @property
+    def is_force(self) -> bool:
+        """Whether it is known only where masses are."""
+        return self.units[-1] == 'N'
+
 
 class ToothLoad(NamedTuple):
     """A force on a shaft where teeth touch, in space; N instants."""

@@ -117,12 +117,12 @@ class Catalogue(Mapping[str, Quantity]):
                 f"{machine.name}: '{name}': the drive is no motor; drive_torque and "
                 f'velocity.{machine.main} are those of any drive'
             )
-        short = [known.removesuffix('.size') for known in self._known]
-        kinds = ', '.join(dict.fromkeys(q.kind for q in self._known.values()))
+        kinds = dict.fromkeys(q.kind for q in self._known.values())
+        short = [*(known.removesuffix('.size') for known in self._known), *kinds]
         why = '' if machine.physics.has_forces else '; its forces are not computed'
         return InputError(
             f"{machine.name}: there is no quantity '{name}'{nearest(name, short)}; quantities "
-            f'begin with {kinds}{why}'
+            f'begin with {", ".join(kinds)}{why}'
         )
 
     def table(self, names: Iterable[str], view: View) -> Table:

@@ -118,10 +118,13 @@ class View:
             ),
         )
 
-    def reading(self, joint: HigherPair, field: str) -> Array:
-        """A field (N,) of the readings of a cam, gears or a Geneva wheel."""
-        reading: Any = self.once(('reading', joint.name), lambda: joint.reading(self.joint(joint)))
-        return np.asarray(getattr(reading, field), float)
+    def readings(self, pair: HigherPair) -> dict[str, NDArray[Any]]:
+        """The readings (N,) of a cam, gears or a Geneva wheel, by field."""
+        return self.once(('readings', pair.name), lambda: pair.reading(self.joint(pair))._asdict())
+
+    def reading(self, pair: HigherPair, field: str) -> Array:
+        """A field (N,) of them."""
+        return np.asarray(self.readings(pair)[field], float)
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
         """What `make` gives, made once for all quantities that ask for this key."""

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Revolute
 from mechanism_sim.planar.paths import Poses
-from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.results.quantity import Quantity, Shown, vector
 from mechanism_sim.results.view import View
@@ -69,8 +69,10 @@ def _transmits_moment(machine: Machine, joint: Joint) -> bool:
 
     A pin in its bushing does by friction, whose force is not at the joint's point.
     """
-    loose = {joint_of_gap(machine.mechanism, gap).name for gap in machine.physics.clearances}
-    return not isinstance(joint, Revolute) or joint.name in loose
+    if not isinstance(joint, Revolute):
+        return True
+    gaps = machine.physics.system.gaps if isinstance(machine.physics, DynamicPhysics) else ()
+    return any(gap.friction and gap.joint == joint.name for gap in gaps)
 
 
 def of_links(machine: Machine) -> Iterator[Quantity]:

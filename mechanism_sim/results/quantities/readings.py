@@ -18,8 +18,10 @@ def of_readings(machine: Machine) -> Iterator[Quantity]:
             continue
         for field, hint in get_type_hints(joint.reads, include_extras=True).items():
             notes = getattr(hint, '__metadata__', ())
-            if notes and isinstance(notes[0], Told):
-                yield _of_field(machine, joint, field, notes[0])
+            if not (notes and isinstance(told := notes[0], Told)) or field in joint.untold:
+                continue
+            if machine.physics.has_forces or not told.is_force:
+                yield _of_field(machine, joint, field, told)
 
 
 def _of_field(machine: Machine, joint: HigherPair, field: str, told: Told) -> Quantity:
