@@ -183,12 +183,10 @@ def sampled(
         return run.at(t, [*names]) if isinstance(run, Cycle) else run.sample(t, *names)
 
     if between:
-        units = {
-            name: known[name].unit
-            for name in chosen
-            if known[name].has_extremes and not known[name].cumulative
-        }
-        best = search(lambda x: at(x, units), units, motion.curve.spans(t[0], t[-1]))
+        own = [known[n] for n in chosen if known[n].has_extremes and not known[n].cumulative]
+        names = [quantity.name for quantity in own]
+        spans, size = motion.curve.spans(t[0], t[-1]), run.machine.mechanism.size
+        best = search(lambda x: at(x, names), own, spans, size)
         t = np.union1d(t, np.concatenate([best.least_time, best.greatest_time]))
         t = t[np.isfinite(t)]
     columns = at(t, chosen)

@@ -41,7 +41,7 @@ class CamReading(NamedTuple):
     follower_acceleration: Annotated[
         Array, Told('rad/s^2 or m/s^2', 'acceleration of the follower')
     ]
-    gap: Annotated[Array, Told('m', 'distance to the cam or the nearer wall of its groove')]
+    gap: Annotated[Array, Told('m', 'distance to the cam', difference=True)]
     contact_force: Annotated[Array, Told('N', 'force on the follower, out of the cam')]
     pressure_angle: Annotated[Array, Told('rad', 'pressure angle')]
     cam_torque: Annotated[Array, Told('N m or N', 'torque of the follower on the cam', 'first')]

@@ -199,8 +199,8 @@ class Cycle(plotting.Rich):
         size, drive = self.machine.mechanism.size, f'position.{self.drive}'
         found: dict[str, Extremes] = {}
         for cumulative in (False, True):
-            own = {n: known[n].unit for n in names if known[n].cumulative == cumulative}
-            at = partial(self.at, names=[*dict.fromkeys([*own, drive])])
+            own = [known[n] for n in names if known[n].cumulative == cumulative]
+            at = partial(self.at, names=[*dict.fromkeys([*(q.name for q in own), drive])])
             found |= find_extremes(at, own, spans, drive, size) if own else {}
         return {name: found[name] for name in names}
 

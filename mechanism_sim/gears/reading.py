@@ -36,7 +36,7 @@ class GearReading(NamedTuple):
     first_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of {first}', 'first')]
     second_position: Annotated[Array, Told('rad or m', 'angle of {second}')]
     second_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of {second}')]
-    transmission_error: Annotated[Array, Told('m', 'transmission error on the line of action')]
+    transmission_error: Annotated[Array, Told('m', 'transmission error', difference=True)]
     tooth_force: Annotated[Array, Told('N', 'force normal to the teeth')]
     tangential_force: Annotated[Array, Told('N', 'force on {second} along the pitch line')]
     radial_force: Annotated[Array, Told('N', 'force that parts the gears')]

@@ -45,11 +45,14 @@ class Told:
     units : SI; two where it depends on whether something turns or slides: rad and m in this order
     words : the quantity
     slides : of two units, the link that turns or slides: ``first`` or ``second``
+    difference : whether it is one of lengths as large as the machine, with their rounding
     """
 
-    def __init__(self, units: str, words: str, slides: str = 'second') -> None:
+    def __init__(
+        self, units: str, words: str, slides: str = 'second', difference: bool = False
+    ) -> None:
         self.units = tuple(units.split(' or '))
-        self.words, self.slides = words, slides
+        self.words, self.slides, self.difference = words, slides, difference
 
     @property
     def is_force(self) -> bool:

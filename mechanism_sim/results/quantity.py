@@ -36,6 +36,7 @@ class Quantity:
     shown : in which tables it stands unasked
     part : of a vector: one of `PARTS`, else empty
     counted : whether it is a state or a number of something, which has no extremes
+    difference : whether it is one of lengths as large as the machine, with their rounding
     cumulative : whether it is a sum over the motion so far, which costs eight times the rest
     """
 
@@ -47,6 +48,7 @@ class Quantity:
     shown: Shown = Shown.RUN
     part: str = ''
     counted: bool = False
+    difference: bool = False
     cumulative: bool = False
 
     @property
