@@ -8,12 +8,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.measure_text import Bound, Figure, Value, as_row
+from mechanism_sim.cycles.measure_text import Bound, Figure, as_row
 from mechanism_sim.cycles.time_integrals import EXACT
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.column_units import IMPACT_UNITS
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.solution import Piece
+from mechanism_sim.numerics.expressions import numbers
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene import Machine
@@ -133,7 +134,7 @@ class Series:
 
     def unit(self, f: Figure) -> str:
         """The unit of what a figure is of."""
-        return f.evaluate(lambda name: Value(np.ones(1), self._unit_of(name))).unit
+        return f.unit({name: self._unit_of(name) for name in f.names})
 
     def _unit_of(self, name: str) -> str:
         kind, joint, key = self._parts[name]
@@ -192,7 +193,7 @@ class Series:
             ]
             t = np.array(chosen, float)
             columns = lambda name: t if self._parts[name][2] else np.ones(len(t))  # noqa: E731
-        x = as_row(f.evaluate(lambda n: Value(columns(n), self._unit_of(n))).x, len(t))
+        x = as_row(numbers(f.tree, {n: columns(n) for n in f.names}), len(t))
         inside = (t >= since) & ((t <= until) if last else (t < until))
         return t[inside], x[inside]
 
