@@ -61,16 +61,8 @@ class Tally:
         self._by_argument = {f.argument: f for f in figures}
         self._units = {a: f.unit(quantities.units) for a, f in self._by_argument.items()}
         wanted = {f.function for f in figures}
-        self._extreme = [
-            a
-            for a in self._arguments
-            if any(f.argument == a and f.function in EXTREMES for f in figures)
-        ]
-        self._conditions = [
-            a
-            for a in self._arguments
-            if any(f.argument == a and f.function == 'share' for f in figures)
-        ]
+        self._extreme = list(dict.fromkeys(f.argument for f in figures if f.function in EXTREMES))
+        self._conditions = [f.argument for f in figures if f.function == 'share']
         self._ends = bool(wanted & {'change', 'initial', 'final'})
         self._works = {f.argument: speed_of(machine, f) for f in figures if f.function == 'work'}
         # what may be steep is looked at in parts of its own, all else together

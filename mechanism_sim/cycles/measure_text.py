@@ -47,7 +47,8 @@ FUNCTIONS = {**OVER_TIME, **OF_EVENTS}
 """Functions that make a figure, and what it is."""
 
 ALIASES = {
-    'max': 'highest', 'greatest': 'highest', 'min': 'lowest', 'least': 'lowest', 'average': 'mean',
+    **dict.fromkeys(('max', 'maximum', 'greatest'), 'highest'),
+    **dict.fromkeys(('min', 'minimum', 'least'), 'lowest'), 'average': 'mean',
 }  # fmt: skip
 """Other names of them that are understood; max and min of one expression only."""
 
@@ -99,16 +100,16 @@ class Figure:
     def steep(self) -> list[tuple[str, Node]]:
         """What may make peaks that are narrower than those of the motion, innermost first.
 
-        Names and arguments of exp and tanh; what is divided by, or is near a pole of log and tan,
-        as 'over'.
+        Names and arguments of exp and tanh; divisors that vary, that of tan among them, as 'over'.
+        A log goes to its pole so slowly that it is seen from afar.
         """
         found: list[tuple[str, Node]] = []
         for node in self.tree.walk():
             match node.name if node.kind == 'call' else node.kind:
                 case 'exp' | 'tanh' as name:
                     found.append((name, node.args[0]))
-                case '/' | 'log':
-                    found.append(('over', node.args[-1]))
+                case '/':
+                    found.append(('over', node.args[1]))
                 case 'tan':
                     found.append(('over', Node('call', node.args, 'cos')))
         return [(name, x) for name, x in found if x.names]
@@ -152,16 +153,16 @@ class Measure:
 
 def read(text: str, name: str = '') -> Measure:
     """A measure as people write it."""
-    known = {**{f: f for f in FUNCTIONS}, **ALIASES}
-    tree = expressions.parse(text, figures=known)
+    tree = expressions.parse(text, figures={**{f: f for f in FUNCTIONS}, **ALIASES})
     figures = [n for n in tree.walk() if n.kind == 'figure']
     inside = {id(x) for figure in figures for x in figure.walk()}
     for node in tree.walk():
         if node.kind == 'name' and id(node) not in inside:
-            raise InputError(
-                f"'{node.name}' in {quoted(text)} is no figure{expressions.unit_hint(node.name)}: "
-                f"write for example 'largest({node.name})'; functions: {', '.join(FUNCTIONS)}"
+            hint = (
+                expressions.unit_hint(node.name) or f": write for example 'largest({node.name})'"
             )
+            known = f'functions: {", ".join(FUNCTIONS)}'
+            raise InputError(f"'{node.name}' in {quoted(text)} is no figure{hint}; {known}")
     if not figures:
         raise InputError(f'{quoted(text)} has no figure; functions: {", ".join(FUNCTIONS)}')
     for part in (tree, *(x for figure in figures for x in figure.args)):

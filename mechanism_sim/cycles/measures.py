@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from mechanism_sim.cycles.time_integrals import EXACT
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.numerics.batch_means import ratio
-from mechanism_sim.scene import Machine, stream
+from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 
 
@@ -197,16 +197,6 @@ def check_measures(machine: Machine, measures: dict[str, str] | Sequence[str], w
     """Refuse measures that cannot be taken of a machine."""
     if measures:
         Measurement(machine, measures, where=where)
-
-
-def run_measures(
-    machine: Machine, measures: Sequence[str] | Sequence[Measure], **length: Any
-) -> list[Measured]:
-    """Measures of a fresh run; `length` as for `mechanism_sim.stream`."""
-    taken = Measurement(machine, measures)
-    for piece in stream(machine, **length):
-        taken.add(piece)
-    return taken.found()
 
 
 def _names_of(machine: Machine, f: Figure) -> list[str]:

@@ -44,7 +44,7 @@ DEEPEST = 200
 """Operations in each other: a sum of so many terms is as deep."""
 
 _TOKEN = re.compile(
-    r'(?:\s|#.*)*(?:(?P<number>(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)'
+    r'\s*(?:(?P<number>(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)'
     r'|(?P<name>[^\W\d]\w*(?:\.\w+)*)|(?P<sign>\*\*|[<>=!]=|[-+*/^<>(),=])|(?P<other>\S))'
 )
 _LEVELS = {
@@ -318,7 +318,8 @@ def parse(
     if len(text) > LONGEST:
         raise InputError(f'{said}: it is longer than {LONGEST} characters')
     try:
-        tree = Reader(text, FUNCTIONS if functions is None else functions, figures or {}).tree()
+        bare = re.sub('#.*', '', text)  # without remarks
+        tree = Reader(bare, FUNCTIONS if functions is None else functions, figures or {}).tree()
     except RecursionError:
         raise InputError(f'{said}: it is nested too deep') from None
     level, depth = [tree], 0
@@ -365,9 +366,8 @@ def sides(text: str) -> tuple[str, str] | None:
 
 def unit_hint(name: str) -> str:
     """What is to be said of a name that is not known, if it is that of a unit."""
-    if name not in COMMON:
-        return ''
-    return f": '{name}' is a unit, which stands behind its number, as in '20 N m' or '300 rpm'"
+    said = ', a unit: it stands behind its number, as in 20 N m or 300 rpm'
+    return said if name in COMMON else ''
 
 
 # --- units ---------------------------------------------------------------------------------------

@@ -38,26 +38,26 @@ def flag_of(guard: hy.expression) -> hy.expression:
 
 def _coefficients(node: Node, angles: Collection[str]) -> dict[str, float] | None:
     """By which numbers a sum contains some of the names; None if it is no such sum."""
+    if not {*node.names} & {*angles}:
+        return {}
     match node.kind, node.args:
-        case 'name', _ if node.name in angles:
+        case 'name', _:
             return {node.name: 1.0}
-        case 'negative', (operand,):
-            return _scaled(_coefficients(operand, angles), -1.0)
-        case '+' | '-' as sign, (left, right):
-            one, two = (_coefficients(x, angles) for x in (left, right))
-            two = _scaled(two, -1.0 if sign == '-' else 1.0)
-            if one is None or two is None:
-                return None
-            return {name: one.get(name, 0.0) + two.get(name, 0.0) for name in one | two}
-        case '*', (left, right):
-            for factor, other in ((left, right), (right, left)):
-                if factor.kind == 'number':
-                    return _scaled(_coefficients(other, angles), factor.value)
-    return None if {*node.names} & {*angles} else {}
-
-
-def _scaled(found: dict[str, float] | None, by: float) -> dict[str, float] | None:
-    return None if found is None else {name: by * x for name, x in found.items()}
+        case 'negative', (x,):
+            terms = [(-1.0, x)]
+        case '+' | '-' as sign, (a, b):
+            terms = [(1.0, a), (1.0 if sign == '+' else -1.0, b)]
+        case '*', (Node(kind='number') as factor, x) | (x, Node(kind='number') as factor):
+            terms = [(factor.value, x)]
+        case _:
+            return None
+    found: dict[str, float] = {}
+    for weight, part in terms:
+        own = _coefficients(part, angles)
+        if own is None:
+            return None
+        found |= {name: found.get(name, 0.0) + weight * x for name, x in own.items()}
+    return found
 
 
 @dataclass(frozen=True)

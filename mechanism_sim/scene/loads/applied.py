@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
@@ -43,9 +44,12 @@ def _or_formula(*units: str) -> Quantity:
             try:
                 tree = parse(value, None)
             except InputError as other:
-                if not any(sign in value for sign in ('(', '*', '+', ',', '=', ' if ')):
-                    raise error from other
-                raise ValueError(str(other).removeprefix(f'{quoted(value)} ')) from other
+                if re.match(r'\s*[-+]?[\d.]+[^(*+,=^]*$', value) and ' if ' not in value:
+                    raise error from other  # what it says of a number and a unit
+                said, own = str(other), f'{quoted(value)} '
+                raise ValueError(
+                    said[len(own) :] if said.startswith(own) else f'cannot be read: {said}'
+                ) from other
             if all(n.kind in ('number', 'negative') for n in tree.walk()):
                 raise
             return value
@@ -169,7 +173,7 @@ def read_effort(
 def check_formula(places: Names, where: str, text: str, unit: str, tree: Mechanism) -> None:
     """Refuse a formula that names or calls what is not known, or that is not in `unit`.
 
-    Without any unit in its text all is taken to be in SI units.
+    Without any unit in its text but of angles all is taken to be in SI units.
     """
     units: dict[str, str | None] = {'t': 's', 'x': 'm', 'y': 'm', 'vx': 'm/s', 'vy': 'm/s'}
     for link in places.links:
@@ -192,7 +196,7 @@ def check_formula(places: Names, where: str, text: str, unit: str, tree: Mechani
                 )
         symbols = {x: hy.expression(x) for x in units}
         formula.expression(text, formula.Words(symbols, tables=dict.fromkeys(tables, lambda x: x)))
-        if any(n.unit is not None for n in root.walk()):
+        if not all(alike(n.unit or '', '') for n in root.walk()):  # degrees are plain numbers
             units |= {n: table.points[0][1].unit or None for n, table in tables.items()}
             found = unit_of(root, units, text)
             if found is not None and not alike(found, unit):
