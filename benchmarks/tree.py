@@ -174,7 +174,8 @@ class Tree:
             guide = self.mechanism.tree_joints.get(getattr(load, 'point', [''])[0])
             if not isinstance(load, AppliedForce) or not isinstance(guide, Prismatic):
                 raise NotImplementedError('only forces on guided links are known here')
-            used = sorted({x for part in load.force if isinstance(part, str) for x in read(part).names})
+            texts = [part for part in load.force if isinstance(part, str)]
+            used = sorted({x for text in texts for x in read(text).names})
             known = {name: hy.expression(name) for name in used}
             x, y = (expression(str(part), Words(known)) for part in load.force)
             axis = rotate((1.0, 0.0), guide.axis)

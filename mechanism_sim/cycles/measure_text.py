@@ -24,27 +24,14 @@ from mechanism_sim.numerics import expressions
 from mechanism_sim.numerics.expressions import Node
 from mechanism_sim.units import to_si
 
-OVER_TIME = {
-    'highest': 'greatest value',
-    'lowest': 'least value',
-    'largest': 'greatest size, without sign',
-    'range': 'greatest less least value',
-    'mean': 'mean over time, or over events',
-    'rms': 'root of the mean square',
-    'percentile': 'value that p percent of the time, or of the events, do not exceed: (X, p)',
-    'integral': 'over time',
-    'share': 'share of the time in which a condition holds',
-    'change': 'value at the end less that at the beginning',
-    'initial': 'value at the beginning',
-    'final': 'value at the end',
-    'work': 'of drive_torque or drive_torque.COORDINATE: integral of its power',
-}
-OF_EVENTS = {
-    'count': 'how many events there are, or for how many a condition holds',
-    'sum': 'over events',
-}
-FUNCTIONS = {**OVER_TIME, **OF_EVENTS}
-"""Functions that make a figure, and what it is."""
+EXTREMES = 'highest', 'lowest', 'largest', 'range'
+OVER_TIME = (
+    *EXTREMES, 'mean', 'rms', 'percentile', 'integral', 'share', 'change', 'initial', 'final',
+    'work',
+)  # fmt: skip
+OF_EVENTS = 'count', 'sum'
+FUNCTIONS = *OVER_TIME, *OF_EVENTS
+"""Functions that make a figure."""
 
 ALIASES = {
     **dict.fromkeys(('max', 'maximum', 'greatest'), 'highest'),
@@ -52,7 +39,6 @@ ALIASES = {
 }  # fmt: skip
 """Other names of them that are understood; max and min of one expression only."""
 
-EXTREMES = 'highest', 'lowest', 'largest', 'range'
 _EVENTS_TOO = {*EXTREMES, 'mean', 'rms', 'percentile', *OF_EVENTS}
 SERIES = 'impacts', 'losses', 'modes', 'sensors'
 """First words of names of events and samples."""

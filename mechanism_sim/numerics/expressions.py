@@ -106,7 +106,7 @@ def _tokens(text: str) -> list[_Token]:
     return [_Token(kind, m[kind], m.start(kind), m.end()) for kind, m in found]
 
 
-class Reader:
+class _Reader:
     """Reads a text from left to right, by the strength of its signs (Pratt's method).
 
     Parameters
@@ -118,9 +118,7 @@ class Reader:
         self, text: str, functions: Mapping[str, int], figures: Mapping[str, str]
     ) -> None:
         self._text, self._functions, self._figures = text, functions, figures
-        self._tokens = _tokens(text)
-        end = len(text)
-        self._tokens += [_Token('end', '', end, end)] * 2
+        self._tokens = [*_tokens(text), *[_Token('end', '', len(text), len(text))] * 2]
         self._at = self._deep = self._count = 0
 
     def tree(self) -> Node:
@@ -160,15 +158,12 @@ class Reader:
                 f"< and >, 'and', 'or', 'not', 'A if X > Y else B' and functions: "
                 f'{quoted(token.text)} is none of them'
             )
-        before = self._tokens[self._at - 1].text if self._at else ''
+        before = f"behind '{self._tokens[self._at - 1].text}'" if self._at else 'at the beginning'
+        said = f"'{token.text}' cannot stand {before}"
+        if token.kind == 'end':
+            said = f'{wanted} is missing {before}'
         if token.kind == 'end' and signs.count('(') > signs.count(')'):
             said = "'(' was never closed"
-        elif token.kind == 'end':
-            said = f"{wanted} is missing behind '{before}'" if before else 'it is empty'
-        elif before:
-            said = f"'{token.text}' cannot stand behind '{before}'"
-        else:
-            said = f"it cannot begin with '{token.text}'"
         raise InputError(f'{text} is not a formula: {said}')
 
     def _node(self, start: int, kind: str, *args: Node, **more: Any) -> Node:
@@ -195,7 +190,8 @@ class Reader:
 
     def _joined(self, start: int, left: Node, sign: str) -> Node:
         """What a sign makes of the left side and of all on the right that it binds."""
-        level, args, signs = _LEVELS[sign], [left], []
+        level, args = _LEVELS[sign], [left]
+        signs: list[str] = []
         if sign == 'if':
             self._at += 1
             test = self._expression(1)
@@ -299,7 +295,7 @@ class Reader:
 
 def tree_of(text: str) -> Node:
     """The tree of what heyoka prints: without limits, and of any functions."""
-    return Reader(text, FUNCTIONS, {}).tree()
+    return _Reader(text, FUNCTIONS, {}).tree()
 
 
 def parse(
@@ -319,7 +315,7 @@ def parse(
         raise InputError(f'{said}: it is longer than {LONGEST} characters')
     try:
         bare = re.sub('#.*', '', text)  # without remarks
-        tree = Reader(bare, FUNCTIONS if functions is None else functions, figures or {}).tree()
+        tree = _Reader(bare, FUNCTIONS if functions is None else functions, figures or {}).tree()
     except RecursionError:
         raise InputError(f'{said}: it is nested too deep') from None
     level, depth = [tree], 0
@@ -400,13 +396,11 @@ def unit_of(node: Node, units: Mapping[Any, str | None], text: str) -> str | Non
     if name in ('*', '/'):
         power = 1 if name == '*' else -1
         return product(first or '', found[1] or '', power) if {*found} != {None} else None
-    if first is None and name in ('negative', '**', 'abs', 'sqrt'):
-        return None
-    if name in ('negative', 'abs'):
+    if name in ('negative', 'abs') or (first is None and name in ('**', 'sqrt')):
         return first
-    if name == '**':
+    if name == '**' and first is not None:
         return product('', first, int(node.args[1].value))
-    if name == 'sqrt':
+    if name == 'sqrt' and first is not None:
         if (unit := root(first)) is None:
             raise InputError(f'the root of {first} in {quoted(text)} has no unit')
         return unit

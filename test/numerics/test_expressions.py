@@ -84,12 +84,12 @@ def test_a_text_has_this_value_and_unit(text, value, unit):
 @pytest.mark.parametrize(
     ('text', 'said'),
     [
-        ('', 'it is empty'),
+        ('', 'something is missing at the beginning'),
         ('3*', r"something is missing behind '\*'"),
         ('sin(x', r"'\(' was never closed"),
         ('x y', "'y' cannot stand behind 'x'"),
         ('3,5*x', "',' cannot stand behind '3'"),
-        ('* 3', r"cannot begin with '\*'"),
+        ('* 3', r"'\*' cannot stand at the beginning"),
         ('1 if x', "else is missing behind 'x'"),
         ('x = 3', "'=' cannot stand behind 'x'"),
         ('1 if x == 3 else 0', 'a condition in .* must be made of < and >'),
