@@ -341,7 +341,7 @@ def _check_call(node: Node, functions: Mapping[str, int], figures: list[str], te
     if name not in functions:
         raise InputError(
             f"'{name}' in {quoted(text)} is not a function known here{nearest(name, known)}; "
-            f'known are {", ".join(known)}'
+            f'functions: {", ".join(known)}'
         )
     if functions[name] == 1 and count != 1:
         raise InputError(f'{name} in {quoted(text)} needs one argument, but has {count}')
