@@ -337,11 +337,12 @@ def parse(
 def _check_call(node: Node, functions: Mapping[str, int], figures: list[str], text: str) -> None:
     """Refuse a function that is not known, or not with so many arguments."""
     name, count = node.name, len(node.args)
-    known = [*figures, *sorted(functions)]
     if name not in functions:
+        hint = nearest(name, [*figures, *functions])
+        within = f'functions: {", ".join(figures)}; in them ' if figures else ''
         raise InputError(
-            f"'{name}' in {quoted(text)} is not a function known here{nearest(name, known)}; "
-            f'functions: {", ".join(known)}'
+            f"'{name}' in {quoted(text)} is not a function known here{hint}; {within}known are "
+            f'{", ".join(sorted(functions))}'
         )
     if functions[name] == 1 and count != 1:
         raise InputError(f'{name} in {quoted(text)} needs one argument, but has {count}')
