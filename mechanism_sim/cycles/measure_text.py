@@ -84,7 +84,7 @@ class Figure:
 
     @cached_property
     def steep(self) -> list[tuple[str, Node]]:
-        """What may make peaks that are narrower than those of the motion, innermost first.
+        """Functions whose peaks may be narrower than those of the motion, innermost first.
 
         Names and arguments of exp and tanh; divisors that vary, that of tan among them, as 'over'.
         A log goes to its pole so slowly that it is seen from afar.

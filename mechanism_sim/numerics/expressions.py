@@ -3,7 +3,8 @@
 ``-0.2*rate + 3*sin(20*t) if t > 2 else 0``: numbers, with units or in SI units; names, which may
 have dots; ``+ - * /``, powers 2 to 4 as ``^`` or ``**``; ``< <= > >=``, also in chains, ``and``,
 ``or``, ``not``; ``A if X else B``; functions. A unit stands behind its number and belongs to it
-alone: ``1/2 s`` is 0.5 Hz, ``3 m^2`` an area. Nothing is executed.
+alone: ``1/2 s`` is 0.5 Hz, ``3 m^2`` an area. Nothing is executed. Python's own parser would not
+do: it knows no units, takes ``^`` for another operation, and says little of what is wrong.
 
 What differs from place to place are tables given to `parse`: functions, and figures of a whole run
 with their windows. A tree is evaluated as numbers of NumPy (`numbers`) or made a heyoka expression
@@ -189,7 +190,7 @@ class _Reader:
         return node
 
     def _joined(self, start: int, left: Node, sign: str) -> Node:
-        """What a sign makes of the left side and of all on the right that it binds."""
+        """The operation of a sign on its left side and on all that it binds on its right."""
         level, args = _LEVELS[sign], [left]
         signs: list[str] = []
         if sign == 'if':
@@ -285,7 +286,7 @@ class _Reader:
         return self._node(token.start, 'call', *args, name=name)
 
     def _time(self) -> str:
-        """What a window says: a number and a word, or a word."""
+        """The time of a window, a number and a word; or the word behind per."""
         first = self._now
         self._at += 1
         if first.kind == 'number' and self._now.kind == 'name' and self._now.text != 'to':
@@ -351,7 +352,7 @@ def _check_call(node: Node, functions: Mapping[str, int], figures: list[str], te
 
 
 def sides(text: str) -> tuple[str, str] | None:
-    """What stands before and behind the only ``=`` outside of brackets; None if there is none."""
+    """The texts before and behind the only ``=`` outside of brackets; None if there is none."""
     depth, found = 0, []
     for token in _tokens(text):
         depth += (token.text == '(') - (token.text == ')')
@@ -362,7 +363,7 @@ def sides(text: str) -> tuple[str, str] | None:
 
 
 def unit_hint(name: str) -> str:
-    """What is to be said of a name that is not known, if it is that of a unit."""
+    """A clause on a name that is not known, if it is that of a unit; else nothing."""
     said = ', a unit: it stands behind its number, as in 20 N m or 300 rpm'
     return said if name in COMMON else ''
 
@@ -375,7 +376,7 @@ def unit_of(node: Node, units: Mapping[Any, str | None], text: str) -> str | Non
 
     Parameters
     ----------
-    units : of names, of figures by what stands before them, and of functions of one's own
+    units : of names, of figures by what stands before them, of further functions by ``NAME()``
     text : of which this is a part, for messages
     """
     if node.kind in ('number', 'pi'):
@@ -384,8 +385,8 @@ def unit_of(node: Node, units: Mapping[Any, str | None], text: str) -> str | Non
         return units[node.name if node.kind == 'name' else int(node.value)]
     found = [unit_of(x, units, text) for x in node.args]
     name, first = node.name if node.kind == 'call' else node.kind, found[0]
-    if name in units:
-        return units[name]
+    if f'{name}()' in units:
+        return units[f'{name}()']
     if name in _ALIKE:
         given = [u for u in found[name == 'if' :] if u is not None]
         for other in given[1:]:
@@ -414,7 +415,7 @@ _ALIKE = {
     '+': 'added', '-': 'added', 'if': 'chosen between', 'compare': 'compared', 'min': 'in min',
     'max': 'in max', 'hypot': 'in hypot',
 }  # fmt: skip
-"""What must have like units, and how it is said."""
+"""Operations of like units, in words."""
 
 
 # --- numbers -------------------------------------------------------------------------------------

@@ -62,7 +62,7 @@ def _coefficients(node: Node, angles: Collection[str]) -> dict[str, float] | Non
 
 @dataclass(frozen=True)
 class Words:
-    """What the words of a formula stand for.
+    """Meanings of the words of a formula.
 
     Attributes
     ----------

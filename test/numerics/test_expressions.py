@@ -135,6 +135,13 @@ def test_unlike_units_are_refused(text, said):
         unit_of(parse(text), UNITS, text)
 
 
+def test_names_and_functions_of_ones_own_are_no_operations():
+    units = {'negative': 'm', 'sin': 'm', 'press()': 'N'}
+    assert unit_of(parse('-negative'), units, '') == 'm'
+    assert unit_of(parse('-sin'), units, '') == 'm'
+    assert unit_of(parse('press(sin)*sin', {'press': 1}), units, '') == 'N m'
+
+
 def test_arrays_and_what_has_no_value():
     x = np.array([-1.0, 0.0, 4.0])
     assert numbers(parse('1/x if x > 0 else sqrt(x)'), {'x': x}) == pytest.approx(

@@ -197,7 +197,7 @@ def check_formula(places: Names, where: str, text: str, unit: str, tree: Mechani
         symbols = {x: hy.expression(x) for x in units}
         formula.expression(text, formula.Words(symbols, tables=dict.fromkeys(tables, lambda x: x)))
         if not all(alike(n.unit or '', '') for n in root.walk()):  # degrees are plain numbers
-            units |= {n: table.points[0][1].unit or None for n, table in tables.items()}
+            units |= {f'{n}()': table.points[0][1].unit or None for n, table in tables.items()}
             found = unit_of(root, units, text)
             if found is not None and not alike(found, unit):
                 raise InputError(f'{quoted(text)} is in {found or "no unit"}, not in {unit}')
