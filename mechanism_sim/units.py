@@ -196,8 +196,8 @@ def product(a: str, b: str, power: int = 1) -> str:
     """The SI unit of a quantity in `a` times one in `b` to a power; angles give way to others."""
     powers: Counter[str] = Counter()
     for text, sign in ((a, 1), (b, power)):
-        for name, own in _powers(text):
-            powers[name] += sign * own
+        for factor, own in _powers(text):
+            powers[factor] += sign * own
     if {name for name, n in powers.items() if n} - {'rad', 's'}:
         del powers['rad']
     name = _PLAIN.get(frozenset((name, n) for name, n in powers.items() if n))

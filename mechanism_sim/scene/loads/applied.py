@@ -44,12 +44,8 @@ def _or_formula(*units: str) -> Quantity:
             try:
                 tree = parse(value, None)
             except InputError as other:
-                if re.match(r'\s*[-+]?[\d.]+[^(*+,=^]*$', value) and ' if ' not in value:
-                    raise error from other  # what it says of a number and a unit
-                said, own = str(other), f'{quoted(value)} '
-                raise ValueError(
-                    said[len(own) :] if said.startswith(own) else f'cannot be read: {said}'
-                ) from other
+                number = re.match(r'\s*[-+]?[\d.]+[^(*+,=^]*$', value) and ' if ' not in value
+                raise (error if number else ValueError(f'cannot be read: {other}')) from other
             if all(n.kind in ('number', 'negative') for n in tree.walk()):
                 raise
             return value
