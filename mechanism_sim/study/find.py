@@ -11,12 +11,12 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.cycle import cycle
-from mechanism_sim.cycles.measure_text import read
-from mechanism_sim.cycles.measures import Measurement
-from mechanism_sim.cycles.time_integrals import EXACT
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.expressions import sides
+from mechanism_sim.results.cycle import cycle
+from mechanism_sim.results.measure_text import read
+from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene

@@ -12,13 +12,13 @@ import mechanism_sim as ms
 from benchmarks import flexible_slider_crank as simeon
 from benchmarks.problems import elastic_slider_crank, spinning_beam
 from benchmarks.problems.elastic_slider_crank import elongations, stretching
-from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.linearisation import Linearisation
 from mechanism_sim.planar.mechanism import Body, Mechanism
 from mechanism_sim.planar.switched_functions import SwitchedFunction
+from mechanism_sim.results.cycle import cycle
 from mechanism_sim.scene.check import check
 from mechanism_sim.study.modes import linearised, modes, natural_modes
 from mechanism_sim.study.periodic import find_periodic

@@ -464,7 +464,6 @@ def test_a_foreign_reader_finds_the_moments_on_joint_reactions(tmp_path):
     t = np.array([0.01, 0.02, 0.03])
     solution = ms.simulate(machine, duration=0.04)
     columns, view = solution.sample(t), solution.view(t)
-    seen = view.observed
     path = tmp_path / 'moments.mcap'
     joint, physics = 'coupler_rocker', machine.physics
     wrench = wrenches(machine, lambda name: name, [joint])[joint]

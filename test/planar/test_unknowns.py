@@ -9,11 +9,11 @@ from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
-from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.messages import JointReactions, deserialize
 from mechanism_sim.nodes.publications import reactions
 from mechanism_sim.numerics import compiled
+from mechanism_sim.results.cycle import cycle
 from mechanism_sim.scene import scene_names
 from mechanism_sim.scene.nominal_model import Level
 from ros_interfaces.checks import objection

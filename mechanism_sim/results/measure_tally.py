@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.measure_text import EXTREMES, Figure, as_row
-from mechanism_sim.cycles.time_integrals import EXACT, Estimate, TimeIntegrals
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.expressions import Node, numbers
 from mechanism_sim.numerics.extremes import GLANCES, ExtremeSearch
@@ -19,7 +17,9 @@ from mechanism_sim.numerics.monotone import Monotone, joined, monotone
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.quadrature import Parts, Values, parts_of, where_steep
 from mechanism_sim.results.catalogue import Selection
+from mechanism_sim.results.measure_text import EXTREMES, Figure, as_row
 from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.time_integrals import EXACT, Estimate, TimeIntegrals
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 

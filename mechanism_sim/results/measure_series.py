@@ -8,14 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.measure_text import Bound, Figure, as_row
-from mechanism_sim.cycles.time_integrals import EXACT
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.numerics.expressions import numbers
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.results.measure_text import Bound, Figure, as_row
 from mechanism_sim.results.solution import IMPACT_UNITS, Piece
+from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.channel import Channel
 

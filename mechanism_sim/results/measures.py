@@ -17,14 +17,14 @@ from typing import NamedTuple
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.measure_series import Series, Turns
-from mechanism_sim.cycles.measure_tally import Tally, speed_of
-from mechanism_sim.cycles.measure_text import Bound, Figure, Measure, read_all
-from mechanism_sim.cycles.time_integrals import EXACT
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.results.catalogue import Selection
+from mechanism_sim.results.measure_series import Series, Turns
+from mechanism_sim.results.measure_tally import Tally, speed_of
+from mechanism_sim.results.measure_text import Bound, Figure, Measure, read_all
 from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 
