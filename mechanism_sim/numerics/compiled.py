@@ -129,7 +129,7 @@ def _integrator(
         for index, g in enumerate(terms.expressions[count:])
     ]
 
-    if any(crowded() for crowded in _crowded):
+    if _integrator.cache_info().currsize and any(crowded() for crowded in _crowded):
         forget()
 
     def make() -> hy.taylor_adaptive_dbl:
