@@ -18,7 +18,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -386,12 +385,13 @@ def alone(text: str) -> float:
         process = subprocess.Popen(
             command('solve', str(scene)), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
-        timer = threading.Timer(ALONE, process.kill)
-        timer.start()
-        used = os.wait4(process.pid, 0)[2]
-        timer.cancel()
-    process.returncode = 0
-    return used.ru_maxrss / 1024.0
+        end, held = time.monotonic() + ALONE, 0.0
+        while process.poll() is None:
+            held = max(held, most_held(process.pid))
+            if time.monotonic() > end:
+                process.kill()
+            time.sleep(0.02)
+    return held
 
 
 def memory_beyond(client: Client) -> Iterator[str]:
