@@ -7,8 +7,8 @@ import pytest
 from running import run_json
 
 import mechanism_sim as ms
-from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.numerics.extremes import ExtremeSearch
+from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.sweep.plan import Extent
 from mechanism_sim.sweep.row import Task, compute
 
@@ -98,7 +98,7 @@ def test_cycle_bag_and_sweep_agree(tmp_path):
 def test_peaks_do_not_depend_on_batches():
     """The same motion in one piece, or in pieces as a sweep reads it."""
     machine = ms.load_scene('gear_rattle')
-    whole, parts = LoadPeaks(machine.physics), LoadPeaks(machine.physics)
+    whole, parts = LoadPeaks(machine), LoadPeaks(machine)
     whole.add(ms.simulate(machine, revolutions=3).motion)
     run, end = machine.start(), machine.time_of(3)
     while run.time < end:
