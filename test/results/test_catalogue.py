@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import get_type_hints
+
 import numpy as np
 import pytest
 from bags import write_bag
@@ -9,7 +11,11 @@ from builders import simulated
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.record import read_record
+from mechanism_sim.cams.reading import CamReading
 from mechanism_sim.errors import InputError
+from mechanism_sim.gears.reading import GearReading
+from mechanism_sim.linkages.indexing import GenevaReading
+from mechanism_sim.messages.units import units
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.report.lines import plot
 from mechanism_sim.results.catalogue import SOURCES, catalogue
@@ -134,3 +140,15 @@ def test_a_plot_knows_what_a_cycle_prints():
     solution = ms.simulate(ms.load_scene('four_bar_nominal'))
     for name in ('reaction.coupler_rocker.size', 'drive_power', 'shaking_force.size'):
         assert len(plot(solution, name).axes[0].lines) >= 1
+
+
+@pytest.mark.parametrize(
+    ('reading', 'message'),
+    [(CamReading, 'CamState'), (GearReading, 'GearState'), (GenevaReading, 'GenevaState')],
+)
+def test_fields_of_messages_have_the_units_of_their_quantities(reading, message):
+    in_messages = units(f'mechanism_sim/msg/{message}')
+    for field, hint in get_type_hints(reading, include_extras=True).items():
+        for told in getattr(hint, '__metadata__', ()):
+            assert {*in_messages.get(field, ())} <= {*told.units}, field
+            assert bool(in_messages.get(field)) == bool(told.units[0]), field
