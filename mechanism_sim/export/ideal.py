@@ -109,7 +109,7 @@ class Ideal:
         known, rates = (dict(zip(tree.coordinates, x.tolist(), strict=True)) for x in (q, v))
         for body in tree.bodies:
             place = tree.locate(body.name, known)
-            velocity = tree.velocity_all(body.name, q[:, None], v[:, None])[:, 0]
+            velocity = tree.trace((body.name, (0.0, 0.0)), q[:, None], v[:, None])[1, :, 0]
             turning = rates.get(tree.frame(body.name)[0], 0.0)
             angle = tree.angle(body.name, known)
             found[body.name] = np.array([*place, angle]), np.array([*velocity, turning])

@@ -190,8 +190,7 @@ def converted(ideal: Mechanism, loose: Mechanism, q: Array, v: Array) -> tuple[A
 
     def moved(link: str, at: Vector2) -> Array:
         """Position and velocity (2, 2) [m, m/s] of a point."""
-        there = ideal.locate_all(link, q[:, None], at)
-        return np.hstack([there, ideal.velocity_all(link, q[:, None], v[:, None], at)]).T
+        return ideal.trace((link, at), q[:, None], v[:, None])[:, :, 0]
 
     found = []
     for name in loose.coordinates:

@@ -127,4 +127,4 @@ class PointOnLink:
     ) -> Array:
         """Velocity of the point in the world (2, N) [m/s]."""
         q, v = (curve.local(segments, dt, d).T for d in (0, 1))
-        return self._mechanism.velocity_all(self._link, q, v, self._place)
+        return np.asarray(self._mechanism.trace((self._link, self._place), q, v)[1])
