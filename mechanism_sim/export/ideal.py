@@ -79,7 +79,7 @@ class Ideal:
         links = [body.name for body in bodies]
         # guides of driven links come first into the tree: here all do
         cut = closing_joints(links, joints, (), (GROUND, *links))
-        return Mechanism(tuple(bodies), tuple(joints), cut, plan.gravity)
+        return Mechanism(tuple(bodies), tuple(joints), cut, plan.scene.gravity)
 
     @cached_property
     def _heaviest(self) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.points import GROUND, Vector2
+from mechanism_sim.planar.points import GROUND, Point, Vector2
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def moving(mechanism: Mechanism, q: Array, direction: Array) -> list[str]:
 
 def _velocity(mechanism: Mechanism, q: Array, link: str, at: Vector2) -> Array:
     """Velocity (2, n) [m] of a point of a link, per rate of each coordinate."""
-    rigid = {  # of a beam as it is when straight
+    rigid: Point = {  # of a beam as it is when straight
         (frame, slide): d
         for (frame, slide), d in mechanism.point(link, at).items()
         if not isinstance(slide, tuple) and slide not in mechanism.deformations

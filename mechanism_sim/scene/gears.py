@@ -1,19 +1,55 @@
-"""Gears of a scene on their links, and pairs of them on their carrier."""
+"""Gears: what a scene file says of them, where they are on their links, pairs on their carrier."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
 
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.gears.involute import Gear, ToothSystem, transverse
 from mechanism_sim.gears.pair import Pair, Path, path_with_rack
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
-from mechanism_sim.scene.gear_keys import GearPart
-from mechanism_sim.scene.joint_keys import Names
+from mechanism_sim.scene.names import Names
+from mechanism_sim.scene.quantities import Angle, Length, Part, Position, si
 
 _FITS = 1e-6  # of a module: how exact a centre distance must be
+
+
+MOST_TEETH = 100_000
+
+
+_Height = Annotated[float, si(''), Field(gt=0.0, le=2.0)]
+_Shift = Annotated[float, si(''), Field(ge=-5.0, le=5.0)]
+
+
+class GearPart(Part):
+    """An involute gear, or a rack, that is fixed to a link; heights in modules."""
+
+    at: str
+    """LINK or LINK.POINT: its centre; a point of a rack's pitch line."""
+    module: Length
+    """In the plane normal to the teeth."""
+    teeth: Annotated[int, Field(ge=3, le=MOST_TEETH)] | None = None
+    """How many; not for racks."""
+    pressure_angle: Angle = math.radians(20.0)
+    """In the plane normal to the teeth."""
+    addendum: _Height = 1.0
+    """Height of the teeth above the pitch circle, in modules."""
+    dedendum: _Height = 1.25
+    """Depth of the gaps below the pitch circle, in modules."""
+    shift: _Shift = 0.0
+    """Profile shift, in modules."""
+    helix_angle: Angle = 0.0
+    """Of helical gears, equal for both; negative: left-handed, as the first of a pair decides."""
+    along: Position = 0.0
+    """Where it lies along its shaft, from the plane of the machine towards the reader."""
+    internal: bool = False
+    """Whether the teeth point inwards."""
+    rack: bool = False
+    """Whether it is straight."""
 
 
 class Wheel(NamedTuple):
@@ -48,10 +84,10 @@ def read_wheel(places: Names, name: str) -> Wheel:
     gears = places.scene.gears
     if name not in gears:
         raise InputError(
-            f"{places.name}: there is no gear '{name}'{nearest(name, gears)}; gears: "
+            f"there is no gear '{name}'{nearest(name, gears)}; gears: "
             f"{', '.join(gears) or 'none'}; they stand under 'gears'"
         )
-    part, where = gears[name], f'{places.name}: gears.{name}'
+    part, where = gears[name], f'gears.{name}'
     if (part.teeth is None) != part.rack:
         raise InputError(f"{where}: {'a rack has no' if part.rack else 'a gear has'} 'teeth'")
     if part.rack and (part.internal or part.shift):
@@ -131,7 +167,7 @@ def _with_rack(places: Names, one: Wheel, two: Wheel) -> Placed:
     for n, joint in places.scene.joints.items():
         if not joint.prismatic:
             continue
-        (a, on_a), (b, on_b) = (places.find(f'joints.{n}', p) for p in joint.points)
+        (a, on_a), (b, on_b) = places.connected(n)
         shaft = _axes(places, one).get(a)
         if b == two.link and a != one.link and shaft is not None:
             centre = shaft.at
@@ -184,7 +220,7 @@ def _axes(places: Names, wheel: Wheel) -> dict[str, _Axis]:
     waiting = [n for n, joint in places.scene.joints.items() if joint.revolute]
     while True:
         for n in waiting:
-            ends = dict(places.find(f'joints.{n}', p) for p in places.scene.joints[n].points)
+            ends = dict(places.connected(n))
             here = [x for x in ends if x in found and math.dist(ends[x], found[x].at) < 1e-9]
             if here:
                 by = (*found[here[0]].by, n)

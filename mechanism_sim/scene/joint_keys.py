@@ -7,17 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 from pydantic import Field
 
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
-from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.contact_keys import Clearance, Friction, Play
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Part
-from mechanism_sim.units import Measure
 
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
 """Two points, ``LINK.POINT``, or names of what a joint connects."""
@@ -56,43 +55,6 @@ def _walls_only(given: Clearance) -> str:
         if wrong
         else ''
     )
-
-
-class Names(Protocol):
-    """The names of a scene, as `mechanism_sim.scene.places.Places` knows them.
-
-    All methods raise InputError, which begins with the scene's name, if there is no such thing;
-    `where` is the key that asks.
-    """
-
-    name: str
-    """Of the scene."""
-    links: list[str]
-    """The moving ones."""
-
-    @property
-    def scene(self) -> Any:
-        """The scene itself."""
-
-    def find(self, where: str, reference: str) -> LinkPoint:
-        """A link and a point in its frame, from ``LINK.POINT`` or ``LINK``."""
-
-    def ends(self, name: str, joint: JointKeys) -> tuple[LinkPoint, LinkPoint]:
-        """The points of two links that a joint of that name connects."""
-
-    def pivot(self, where: str, link: str) -> tuple[Vector2, Vector2]:
-        """Where a link turns on the ground, in the world and in its own frame [m]."""
-
-    def shaft(self, where: str, link: str, on: str = GROUND) -> tuple[str, Vector2, Vector2]:
-        """The joint in which a link turns on another, and where on that and on itself [m]."""
-
-    def coordinate(self, where: str, name: str) -> str:
-        """The name of a coordinate, which is that of a moving link."""
-
-    def measure(
-        self, where: str, measure: Measure, straight: bool, units: tuple[str, str]
-    ) -> float:
-        """A quantity in the first of the units if it is of an angle, else in the second."""
 
 
 @dataclass(frozen=True)

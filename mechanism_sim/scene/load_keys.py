@@ -12,7 +12,7 @@ from typing import Any
 
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.scene.joint_keys import Names
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Part
 
 Elements = Callable[[Mechanism], list[ForceElement]]

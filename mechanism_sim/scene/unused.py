@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from mechanism_sim.scene.loads import LOADS
-from mechanism_sim.scene.machine import Machine
-from mechanism_sim.scene.nominal_model import Level
+from mechanism_sim.scene.machine import Level, Machine
 
 _NO_FORCES = 'masses are missing, or forces have no limit, and so none are computed'
 

@@ -34,6 +34,20 @@ class Source(Protocol):
         """Integrals of the inputs over the instants at which the m pieces begin (m, inputs)."""
 
 
+class DirectSource:
+    """A source of one input that is read as it is, and has no impulses."""
+
+    inputs = 1
+
+    def through(self, chain: Rational) -> Modes:
+        """The system from what is read here to what comes out of a chain."""
+        return chain.modes()
+
+    def impulses(self, motion: Motion) -> Array:
+        """None (m, 1)."""
+        return np.zeros((len(motion), 1))
+
+
 class Block(NamedTuple):
     """Consecutive samples; `time` [s] is when the first is due."""
 

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
-from mechanism_sim.scene.joint_keys import Names
+from mechanism_sim.scene.names import Names
 
 Frame: TypeAlias = tuple[Vector2, float, Literal[1, -1]]
 """Centre [m], direction [rad] and sense of a `CamPair`."""
@@ -34,7 +34,7 @@ def find_guide(places: Names, where: str, link: str, at: Vector2, what: str) -> 
     for name, joint in places.scene.joints.items():
         if joint.kind not in ('revolute', 'prismatic'):
             continue
-        (a, on_a), (b, on_b) = (places.find(f'joints.{name}', p) for p in joint.points)
+        (a, on_a), (b, on_b) = places.connected(name)
         if {a, b} != {GROUND, link}:
             continue
         if joint.clearance:

@@ -43,8 +43,9 @@ from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.view import Draft, circle
 from mechanism_sim.scene.contact_keys import Friction, Play
-from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
-from mechanism_sim.scene.kinds.transmission import PhaseKeys
+from mechanism_sim.scene.joint_keys import JointKind, Reference, register
+from mechanism_sim.scene.kinds.transmission import PhaseKeys, carrier_of
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Length, si
 
 _LARGEST = 10_000  # of the whole numbers whose ratio the radii have
@@ -324,13 +325,11 @@ def strand_wrench(
 
 
 def _read(places: Names, name: str, joint: BeltKeys) -> Belt:
-    where = f'{places.name}: joints.{name}'
-    (a, on_a), (b, on_b) = places.ends(name, joint)
+    where = f'joints.{name}'
+    (a, on_a), (b, on_b) = places.ends(name)
     if joint.radii is None:
         raise InputError(f"{where}.radii is missing: of both pulleys, such as '[40 mm, 60 mm]'")
-    carrier, _ = places.find(f'joints.{name}.carrier', joint.carrier or GROUND)
-    if carrier in (a, b):
-        raise InputError(f'{where}: {carrier} carries the belt: name two other links')
+    carrier = carrier_of(places, name, joint)
     (one, centre, at_one), (two, far, at_two) = (
         places.shaft(f'joints.{name}', link, carrier) for link in (a, b)
     )

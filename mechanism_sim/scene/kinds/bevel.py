@@ -15,9 +15,10 @@ from mechanism_sim.gears.spatial import BevelPair
 from mechanism_sim.planar.joint_friction import FlankFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.contact_keys import Friction
-from mechanism_sim.scene.gear_keys import MOST_TEETH
-from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
+from mechanism_sim.scene.gears import MOST_TEETH
+from mechanism_sim.scene.joint_keys import JointKind, Reference, register
 from mechanism_sim.scene.kinds.transmission import CarrierKeys, carrier_of
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle, Displacement, Length, Position
 
 _Count = Annotated[int, Field(ge=1, le=MOST_TEETH)]
@@ -49,9 +50,9 @@ class BevelKeys(SpatialKeys):
     """Of a bevel pair: between the axes; 90 deg without it."""
 
 
-def needed(places: Names, name: str, joint: SpatialKeys, *keys: str) -> None:
+def needed(name: str, joint: SpatialKeys, *keys: str) -> None:
     """Refuse a pair without one of these keys, or with a wrong pressure angle."""
-    where = f'{places.name}: joints.{name}'
+    where = f'joints.{name}'
     for key in keys:
         if getattr(joint, key) is None:
             raise InputError(f'{where}.{key} is missing: a {joint.kind} pair needs it')
@@ -71,9 +72,9 @@ def placed(joint: SpatialKeys) -> tuple[tuple[float, float], tuple[float, float]
 
 def _read(places: Names, name: str, joint: BevelKeys) -> BevelPair:
     """A bevel pair."""
-    needed(places, name, joint, 'teeth', 'module', 'face_width')
-    where = f'{places.name}: joints.{name}'
-    (a, on_a), (b, on_b) = places.ends(name, joint)
+    needed(name, joint, 'teeth', 'module', 'face_width')
+    where = f'joints.{name}'
+    (a, on_a), (b, on_b) = places.ends(name)
     module, width = joint.module or 0.0, joint.face_width or 0.0
     one, two = joint.teeth or (1, 1)
     angle = 0.5 * math.pi if joint.shaft_angle is None else joint.shaft_angle

@@ -34,9 +34,10 @@ from mechanism_sim.planar.joint_friction import ContactFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.scene.contact_keys import Contact, Friction, Play
-from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
+from mechanism_sim.scene.joint_keys import JointKind, Reference, register
 from mechanism_sim.scene.kinds._cam_guides import Guide, along, around, find_guide
 from mechanism_sim.scene.kinds.transmission import PhaseKeys
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import (
     Angle,
     Coefficient,
@@ -185,12 +186,12 @@ LARGEST_PRESSURE = {False: 30.0, True: 45.0}  # for followers that slide, that s
 
 def _read(places: Names, name: str, joint: CamKeys) -> CamPair:
     """The joint of a cam and its follower."""
-    cam, follower = places.ends(name, joint)
+    cam, follower = places.ends(name)
     reader = _Reader(places, name, joint)
     try:
         return reader.pair(cam, follower)
     except InputError as error:
-        if str(error).startswith(f'{places.name}: '):
+        if str(error).startswith('joints.'):
             raise
         raise InputError(f'{reader.where}: {error}') from error
 
@@ -235,7 +236,7 @@ class _Reader:
 
     def __init__(self, places: Names, name: str, joint: CamKeys) -> None:
         self.places, self.name, self.joint = places, name, joint
-        self.where = f'{places.name}: joints.{name}'
+        self.where = f'joints.{name}'
 
     def pair(self, cam: Place, follower: Place) -> CamPair:
         """The joint."""

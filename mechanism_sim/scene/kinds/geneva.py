@@ -9,8 +9,9 @@ from pydantic import Field
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.indexing import Geneva
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
 from mechanism_sim.scene.kinds.prismatic import contact_friction
+from mechanism_sim.scene.names import Names
 
 
 class GenevaKeys(JointKeys):
@@ -23,19 +24,19 @@ class GenevaKeys(JointKeys):
 
 
 def _read(places: Names, name: str, joint: GenevaKeys) -> Geneva:
-    pin, wheel = places.ends(name, joint)
+    pin, wheel = places.ends(name)
     where = f'joints.{name}'
     if joint.slots is None:
-        raise InputError(f"{places.name}: '{where}.slots' is missing: how many the wheel has")
+        raise InputError(f"'{where}.slots' is missing: how many the wheel has")
     (ox, oy), on_crank = places.pivot(where, pin[0])
     (wx, wy), on_wheel = places.pivot(where, wheel[0])
     if wheel[1] != on_wheel:
-        raise InputError(f'{places.name}: {where}: name the point where the wheel is pivoted')
+        raise InputError(f'{where}: name the point where the wheel is pivoted')
     radius, b = math.dist(pin[1], on_crank), math.hypot(ox - wx, oy - wy)
     right = radius / math.sin(math.pi / joint.slots)
     if abs(b - right) > 1e-6 * right:
         raise InputError(
-            f'{places.name}: {where}: with {joint.slots} slots and the pin {radius:.9g} m from '
+            f'{where}: with {joint.slots} slots and the pin {radius:.9g} m from '
             f'its centre, the centres must be {right:.9g} m apart, not {b:.9g} m: else the '
             'pin strikes the slot where it enters'
         )

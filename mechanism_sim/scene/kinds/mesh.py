@@ -18,9 +18,9 @@ from mechanism_sim.gears.placement import Harmonic, Teeth
 from mechanism_sim.planar.joint_friction import TeethFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
 from mechanism_sim.scene.contact_keys import Contact, Friction, Play
-from mechanism_sim.scene.gear_keys import GearPart
-from mechanism_sim.scene.gears import Placed, Wheel, place, read_wheel
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
+from mechanism_sim.scene.gears import GearPart, Placed, Wheel, place, read_wheel
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Coefficient, Displacement, Length, Part, si
 from mechanism_sim.scene.quantities import Friction as FrictionCoefficient
 
@@ -90,7 +90,7 @@ class MeshKeys(JointKeys):
 
 def _read(places: Names, name: str, joint: MeshKeys) -> GearMesh:
     """Two gears in mesh; their phase is set by `in_mesh`."""
-    where = f'{places.name}: joints.{name}'
+    where = f'joints.{name}'
     one, two = (read_wheel(places, gear) for gear in joint.points)
     if one.part.rack:
         raise InputError(f'{where}.mesh: name the gear first, then the rack')
@@ -206,12 +206,12 @@ def _errors(
     return tuple(found)
 
 
-def check_bearings(places: Names, joints: tuple[Joint, ...], closing: Collection[str]) -> None:
+def check_bearings(joints: tuple[Joint, ...], closing: Collection[str]) -> None:
     """Refuse gears whose shafts cannot all be joints of the tree."""
     for mesh in (j for j in joints if isinstance(j, GearMesh)):
         if torn := [n for n in mesh.bearings if n in closing]:
             raise InputError(
-                f'{places.name}: joints.{mesh.name}: the shafts of gears form a closed loop, of '
+                f'joints.{mesh.name}: the shafts of gears form a closed loop, of '
                 f'which {torn[0]} is one: leave out a mesh of that loop, or make it a transmission'
             )
 
@@ -252,7 +252,7 @@ def in_mesh(
         off = math.remainder(first + second - both, 2.0 * math.pi) / (2.0 * math.pi)
         if abs(off) > 1e-6:
             raise InputError(
-                f'{places.name}: joints.{mesh.name}: the train cannot be assembled: the teeth of '
+                f'joints.{mesh.name}: the train cannot be assembled: the teeth of '
                 f'{one} and {two} are {abs(off):.3g} pitches off, for other meshes hold both; '
                 'change the angle between the planets, or the numbers of teeth'
             )

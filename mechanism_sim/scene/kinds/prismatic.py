@@ -6,7 +6,8 @@ from mechanism_sim.planar.joint_friction import ContactFriction, JointFriction, 
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
 from mechanism_sim.planar.touch import Touch
 from mechanism_sim.scene.contact_keys import Clearance, Friction
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle
 
 
@@ -27,7 +28,7 @@ class PrismaticKeys(AxisKeys):
 
 
 def _read(places: Names, name: str, joint: PrismaticKeys) -> Prismatic:
-    (a, on_a), (b, on_b) = places.ends(name, joint)
+    (a, on_a), (b, on_b) = places.ends(name)
     return Prismatic(name, a, b, on_a, on_b, joint.axis, joint.angle)
 
 

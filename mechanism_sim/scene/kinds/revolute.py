@@ -11,7 +11,8 @@ from mechanism_sim.planar.joint_friction import JournalFriction
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.scene.clearances import leaning
 from mechanism_sim.scene.contact_keys import Clearance, Friction, Misalignment
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Position
 
 
@@ -28,7 +29,7 @@ class RevoluteKeys(JointKeys):
 
 def _read(places: Names, name: str, joint: RevoluteKeys) -> Revolute:
     """A pin or a shaft."""
-    where, given = f'{places.name}: joints.{name}', joint.bearings
+    where, given = f'joints.{name}', joint.bearings
     if given and len({*given.values()}) != 2:
         raise InputError(
             f'{where}.bearings: a shaft has two bearings, at different places: write for example '
@@ -41,7 +42,7 @@ def _read(places: Names, name: str, joint: RevoluteKeys) -> Revolute:
         )
     if given and joint.clearance:
         raise InputError(f'{where}: bearings of a shaft are ideal: leave out its clearance')
-    (a, on_a), (b, on_b) = places.ends(name, joint)
+    (a, on_a), (b, on_b) = places.ends(name)
     return Revolute(name, a, b, on_a, on_b)
 
 

@@ -15,8 +15,10 @@ from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import SLOPE, Lump, Rotor, Rows, Support
 from mechanism_sim.scene.elastic_keys import MATERIALS
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import (
+    POSITIVE,
     AddedInertia,
     LinkMass,
     Mass,
@@ -29,10 +31,8 @@ from mechanism_sim.scene.quantities import (
 )
 from mechanism_sim.vibration.shafts import Bearing, condensed, shaft_rigidity
 
-_NOT_NEGATIVE = Field(ge=0.0, allow_inf_nan=False)
 _Stiffness = Annotated[float | tuple[float, float], one_or_two('N/m', 'a pair along x and y', 0.0)]
 _Damping = Annotated[float | tuple[float, float], one_or_two('N s/m', 'a pair along x and y', 0.0)]
-_POSITIVE = Field(gt=0.0, allow_inf_nan=False)
 _HELD = 1e-12  # least stiffness against the largest, free of units
 
 
@@ -75,20 +75,20 @@ class ShaftSectionPart(Part):
     """Where it begins, from the link's own disk."""
     end: Position
     """Where it ends."""
-    diameter: Annotated[float, si('m'), _POSITIVE]
+    diameter: Annotated[float, si('m'), POSITIVE]
     """How thick it is."""
 
 
 class RotorShaftPart(Part):
     """A round shaft that bends; its own mass is left out."""
 
-    diameter: Annotated[float, si('m'), _POSITIVE]
+    diameter: Annotated[float, si('m'), POSITIVE]
     """How thick it is."""
     sections: dict[str, ShaftSectionPart] = Field({})
     """Where it has another diameter, by name."""
     material: str | None = None
     """Whose Young's modulus is taken where none is given."""
-    youngs_modulus: Annotated[float, si('Pa'), _POSITIVE] | None = None
+    youngs_modulus: Annotated[float, si('Pa'), POSITIVE] | None = None
     """Instead of a material's."""
     relaxation: Time = 0.0
     """Internal damping over stiffness: it turns with the shaft."""
@@ -115,12 +115,12 @@ def _both(given: float | tuple[float, float]) -> tuple[float, float]:
     return given if isinstance(given, tuple) else (given, given)
 
 
-def _read(places: Names, name: str, joint: RotorKeys) -> Revolute:
+def _read(places: Names, name: str, _: RotorKeys) -> Revolute:
     """The revolute joint of the undeformed shaft."""
-    (a, on_a), (b, on_b) = places.ends(name, joint)
+    (a, on_a), (b, on_b) = places.ends(name)
     if a != GROUND:
         raise InputError(
-            f'{places.name}: joints.{name}.rotor: name the ground first: the supports of a rotor '
+            f'joints.{name}.rotor: name the ground first: the supports of a rotor '
             f'are in the ground, not in {a}'
         )
     return Revolute(name, a, b, on_a, on_b)
@@ -156,8 +156,8 @@ class _Reading:
 
 def _rotor(places: Names, name: str, joint: RotorKeys) -> tuple[str, Rotor]:
     """The link of the disks, and how it gives way."""
-    where = f'{places.name}: joints.{name}'
-    (_, place), (link, _) = places.ends(name, joint)
+    where = f'joints.{name}'
+    (_, place), (link, _) = places.ends(name)
     polar = places.scene.links[link].inertia or 0.0
     if not joint.supports:
         raise InputError(f'{where}.supports is missing: a rotor needs one or more')

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.scene.contact_keys import Clearance
-from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
+from mechanism_sim.scene.joint_keys import JointKind, Reference, register
 from mechanism_sim.scene.kinds.prismatic import AxisKeys, line_friction
+from mechanism_sim.scene.names import Names
 
 
 class SlotKeys(AxisKeys):
@@ -16,7 +17,7 @@ class SlotKeys(AxisKeys):
 
 
 def _read(places: Names, name: str, joint: SlotKeys) -> PinInSlot:
-    (a, on_a), (b, on_b) = places.ends(name, joint)
+    (a, on_a), (b, on_b) = places.ends(name)
     return PinInSlot(name, a, b, on_a, on_b, joint.axis)
 
 

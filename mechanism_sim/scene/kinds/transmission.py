@@ -8,8 +8,9 @@ from typing import Annotated, Any
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.gear_keys import MOST_TEETH
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
+from mechanism_sim.scene.gears import MOST_TEETH
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle, Quantity
 
 
@@ -54,23 +55,22 @@ class TransmissionKeys(CarrierKeys):
 
 def _read(places: Names, name: str, joint: TransmissionKeys) -> Transmission:
     """Two links with a ratio."""
-    where = f'{places.name}: joints.{name}'
+    where = f'joints.{name}'
     if joint.ratio is None:
         raise InputError(f"{where}.ratio is missing: how fast the second turns, such as '1/2'")
-    (a, on_a), (b, on_b) = places.ends(name, joint)
+    (a, on_a), (b, on_b) = places.ends(name)
     carrier = carrier_of(places, name, joint)
     return Transmission(
         name, a, b, on_a, on_b, Fraction(joint.ratio), joint.phase, carrier
     )  # fmt: skip
 
 
-def carrier_of(places: Names, name: str, joint: CarrierKeys) -> str:
+def carrier_of(places: Names, name: str, joint: Any) -> str:
     """The link from which angles count."""
     carrier, _ = places.find(f'joints.{name}.carrier', joint.carrier or GROUND)
-    if carrier in [link for link, _ in places.ends(name, joint)]:
+    if carrier in [link for link, _ in places.ends(name)]:
         raise InputError(
-            f'{places.name}: joints.{name}: {carrier} carries the {joint.kind}: name two other '
-            'links'
+            f'joints.{name}: {carrier} carries the {joint.kind}: name two other links'
         )
     return carrier
 

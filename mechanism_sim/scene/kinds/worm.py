@@ -12,9 +12,10 @@ from mechanism_sim.gears.spatial import WormDrive
 from mechanism_sim.planar.joint_friction import FlankFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.contact_keys import Friction
-from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
+from mechanism_sim.scene.joint_keys import JointKind, Reference, register
 from mechanism_sim.scene.kinds.bevel import SpatialKeys, needed, placed, pressure_angle_of
 from mechanism_sim.scene.kinds.transmission import carrier_of
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle, Length
 
 
@@ -33,8 +34,8 @@ class WormKeys(SpatialKeys):
 
 def _read(places: Names, name: str, joint: WormKeys) -> WormDrive:
     """A worm and its wheel."""
-    needed(places, name, joint, 'teeth', 'diameter', 'lead_angle')
-    (a, on_a), (b, on_b) = places.ends(name, joint)
+    needed(name, joint, 'teeth', 'diameter', 'lead_angle')
+    (a, on_a), (b, on_b) = places.ends(name)
     threads, teeth = joint.teeth or (1, 1)
     try:
         sizes = WormPair(
@@ -45,7 +46,7 @@ def _read(places: Names, name: str, joint: WormKeys) -> WormDrive:
             pressure_angle_of(joint),
         )
     except InputError as error:
-        raise InputError(f'{places.name}: joints.{name}: {error}') from error
+        raise InputError(f'joints.{name}: {error}') from error
     hand = -1 if joint.hand == 'left' else 1
     return WormDrive(
         name, a, b, on_a, on_b, Fraction(hand * threads, teeth), joint.phase,
