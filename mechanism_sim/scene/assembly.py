@@ -90,8 +90,8 @@ def assemble(plan: Plan, four_bar: FourBarLoop | None) -> Assembly:
             v = pace * slope
         elif freedom and not plan.clearances:
             raise InputError(
-                f'{", ".join(driven)} starts at rest in a singular position: '
-                'nothing decides which way the links go on: start beside it, or with a speed'
+                f'{", ".join(driven)} starts at rest in a singular position: nothing decides '
+                'which way the links go on: start beside it, or with a speed'
             )
     return Assembly(q, v, freedom, overdriven, hard - int(ranks[2]), slope)
 
@@ -201,8 +201,8 @@ def _started(plan: Plan, kinematics: Kinematics, q: Array) -> Array:
     for c, rate in plan.given[1].items():
         if c in rates and abs(rate - rates[c]) > 1e-12 * max(abs(rate), abs(rates[c])):
             raise InputError(
-                f'initial.velocity.{c} is {rate:g}, but its drive begins with '
-                f'{rates[c]:g}; leave one of them out'
+                f'initial.velocity.{c} is {rate:g}, but its drive begins with {rates[c]:g}; leave '
+                'one of them out'
             )
     begun = {c: w for c, (_, w) in plan.begins.items() if c not in plan.given[1]}
     for c, rate in {**plan.given[1], **begun}.items():
@@ -214,8 +214,8 @@ def _started(plan: Plan, kinematics: Kinematics, q: Array) -> Array:
             rates[c] = rate
         elif c in plan.given[1] and not plan.clearances:  # the rest follows from the others
             raise InputError(
-                f'initial.velocity cannot be: with {_paces(rates | {c: rate})} '
-                f'the loop closed by {joint} would open at {speed:.4g} m/s; leave one of them out'
+                f'initial.velocity cannot be: with {_paces(rates | {c: rate})} the loop closed by '
+                f'{joint} would open at {speed:.4g} m/s; leave one of them out'
             )
     return nearest_rates(kinematics, q, coordinates, rates, {})
 

@@ -40,9 +40,9 @@ def _check_freedom(machine: Machine) -> None:
     assembly, plan = machine.assembly, machine.plan
     if 0 < assembly.overdriven == len(plan.prescribed) and not assembly.freedom:
         raise InputError(
-            f'the mechanism cannot move: with its loops closed by '
-            f'{", ".join(plan.ideal.cut)} its joints hold {", ".join(plan.prescribed)} fast: '
-            'remove a joint, or make ratios agree that contradict each other'
+            f'the mechanism cannot move: with its loops closed by {", ".join(plan.ideal.cut)} its '
+            f'joints hold {", ".join(plan.prescribed)} fast: remove a joint, or make ratios agree '
+            'that contradict each other'
         )
     if assembly.overdriven:
         count = len(plan.prescribed)
@@ -53,23 +53,23 @@ def _check_freedom(machine: Machine) -> None:
         )
     if machine.torque_driven and not assembly.freedom:
         raise InputError(
-            'the mechanism cannot move: its joints and drives leave it no degree '
-            'of freedom; it is a structure'
+            'the mechanism cannot move: its joints and drives leave it no degree of freedom; it '
+            'is a structure'
         )
     if assembly.redundant and (machine.dynamic or machine.level is Level.INVERSE_DYNAMICS):
         raise InputError(
-            f'{assembly.redundant} of the closure equations follow from the '
-            "others, so that the joint forces are not determined; set 'outputs.forces: false' for "
-            f'kinematics, or make a redundant joint a slot{_redundant(machine)}'
+            f'{assembly.redundant} of the closure equations follow from the others, so that the '
+            "joint forces are not determined; set 'outputs.forces: false' for kinematics, or make "
+            f'a redundant joint a slot{_redundant(machine)}'
         )
     given = [n for n, link in machine.links.items() if link.mass is not None or link.elastic]
     if machine.level is Level.SMOOTH and not given:
         freedom = assembly.freedom + len(plan.prescribed)
         drives = ', '.join(plan.prescribed) or 'none'
         raise InputError(
-            f'the mechanism has {freedom} degree{"s" * (freedom > 1)} of freedom, '
-            f'and prescribed are {drives}: is a joint or a drive missing? A motion that is left '
-            "free needs the mass of every link, 'links.LINK.mass'"
+            f'the mechanism has {freedom} degree{"s" * (freedom > 1)} of freedom, and prescribed '
+            f'are {drives}: is a joint or a drive missing? A motion that is left free needs the '
+            "mass of every link, 'links.LINK.mass'"
         )
 
 
@@ -165,9 +165,8 @@ def _check_inertia(machine: Machine) -> None:
     if len(links) == 1 and not bare:
         (link,) = links
         raise InputError(
-            f'nothing that turns with the link {link} has inertia, so that its '
-            f"motion is not determined: give 'links.{link}.inertia' more than 0, or its mass "
-            'away from its joint'
+            f'nothing that turns with the link {link} has inertia, so that its motion is not '
+            f"determined: give 'links.{link}.inertia' more than 0, or its mass away from its joint"
         )
     several = len(links) > 1
     key = f'links.{(bare or links)[0]}'
@@ -320,8 +319,8 @@ def _check_oscillators(machine: Machine) -> None:
         for joint in part.joints:
             if joint not in grounded:
                 raise InputError(
-                    f"{where}.joints: '{joint}' is no joint of the ground"
-                    f'{nearest(joint, grounded)}; those are: {", ".join(grounded)}'
+                    f"{where}.joints: '{joint}' is no joint of the "
+                    f'ground{nearest(joint, grounded)}; those are: {", ".join(grounded)}'
                 )
 
 

@@ -15,7 +15,6 @@ from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.doubts import doubts
 from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import admit
-from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.schema import SensorPart
@@ -217,7 +216,8 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
     start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
     notes += motion_notes(mechanism, start, plan.laws)
     for joint in plan.joints:
-        notes += KINDS[machine.scene.joints[joint.name].kind].notes(machine, joint)
+        keys = machine.scene.joints[joint.name]
+        notes += keys.own.notes(keys, machine, joint)
     notes += dict.fromkeys(f'{f.name}: friction, {f.words}' for f in plan.frictions(mechanism))
     notes += elastic_notes(machine.mechanism, machine.period, bool(machine.clearances))
     notes += tilt_notes(machine.mechanism)

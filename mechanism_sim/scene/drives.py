@@ -25,7 +25,7 @@ def read_drives(names: Names) -> dict[str, DrivePart]:
         coordinate = scene.drive.coordinate or default
         if coordinate is None:
             raise InputError(
-                f"'drive.coordinate' is missing: name the driven link; links: "
+                "'drive.coordinate' is missing: name the driven link; links: "
                 f'{", ".join(names.links)}'
             )
         found[coordinate] = scene.drive
@@ -69,8 +69,8 @@ def read_laws(
         raise InputError(f'{where}.{ways[0]} and {where}.{ways[1]} exclude each other: keep one')
     if drive.profile and drive.speed is not None:
         raise InputError(
-            f'{where}.speed and {where}.profile exclude each other: a profile gives every '
-            'speed, the first at its first point'
+            f'{where}.speed and {where}.profile exclude each other: a profile gives every speed, '
+            'the first at its first point'
         )
     wrong = {'torque', 'motor', 'start_angle'} if straight else {'force', 'start_position'}
     for key in sorted(wrong):
@@ -86,7 +86,7 @@ def read_laws(
     if powered and drive.effort is not None:
         raise InputError(
             f"{where}.effort and {where}.{ways[0]} exclude each other: 'effort' is what a drive "
-            f"supplies whose motion is prescribed, by 'speed' or 'profile'"
+            "supplies whose motion is prescribed, by 'speed' or 'profile'"
         )
     reason = _POWERED if powered else 'a displacement takes none' if straight else ''
     _check_commands(where, drive.commands, reason)
@@ -108,8 +108,8 @@ def read_laws(
         return tuple(laws), (value, points[0][1]), turns
     if drive.speed is None:
         raise InputError(
-            f"'{where}.speed' is missing: a speed, a profile, a torque, a "
-            f'force or a motor moves {c}'
+            f"'{where}.speed' is missing: a speed, a profile, a torque, a force or a motor moves "
+            f'{c}'
         )
     return (DriveLaw(c, (value, speed), straight=straight, turns=turns),), begin, turns
 

@@ -47,8 +47,8 @@ def read_beams(
         body = found.get(link)
         if body and body.beam and body.beam.ends != 'clamped':
             raise InputError(
-                f'links.{link}.elastic.ends must be clamped: a drive holds the '
-                'direction of its link where that starts'
+                f'links.{link}.elastic.ends must be clamped: a drive holds the direction of its '
+                'link where that starts'
             )
     return found
 

@@ -153,10 +153,10 @@ def _check_four_bar(loop: FourBarLoop, way: Way) -> None:
             named = zip((GROUND, *loop.links), linkage.lengths, strict=True)
             said = ', '.join(f'{n} {x:g} m' for n, x in named)
             raise InputError(
-                f'the {crank} cannot make a full turn at constant speed ({said}): '
-                f'ground and {crank} in line must leave a triangle with {loop.links[1]} and '
-                f'{loop.links[2]}; shorten the {crank}, or keep it between {limits} deg from the '
-                "line of the ground joints by a 'profile' and 'duration'"
+                f'the {crank} cannot make a full turn at constant speed ({said}): ground and '
+                f'{crank} in line must leave a triangle with {loop.links[1]} and {loop.links[2]}; '
+                f'shorten the {crank}, or keep it between {limits} deg from the line of the '
+                "ground joints by a 'profile' and 'duration'"
             )
 
 
@@ -185,8 +185,8 @@ def _try_loops(machine: Machine, duration: float) -> None:
             q = closed_near(loops, q[:, 0])[:, None]
         except InputError as error:
             raise InputError(
-                f'the machine cannot follow its drive beyond t = {t:.6g} s: {error}; '
-                "change the lengths, or keep the drive within limits by a 'profile' and 'duration'"
+                f'the machine cannot follow its drive beyond t = {t:.6g} s: {error}; change the '
+                "lengths, or keep the drive within limits by a 'profile' and 'duration'"
             ) from error
 
 
@@ -195,6 +195,6 @@ def _advance(run: NominalRun, duration: float) -> None:
         run.advance(duration, final=True)
     except RunError as error:
         raise InputError(
-            f'{error}; change the lengths, or keep the drive within limits by a '
-            "'profile' and 'duration'"
+            f"{error}; change the lengths, or keep the drive within limits by a 'profile' and "
+            "'duration'"
         ) from error

@@ -193,8 +193,8 @@ def _with_rack(places: Names, one: Wheel, two: Wheel) -> Placed:
     path = path_with_rack(gear, out)
     if path.end - path.start < gear.base_pitch:
         raise InputError(
-            'a pair of teeth lets go before the next one touches: without backlash the pitch '
-            f'line is {tight:.9g} m from the centre'
+            'a pair of teeth lets go before the next one touches: without backlash the pitch line '
+            f'is {tight:.9g} m from the centre'
         )
     slope = side * 2.0 / gear.module  # E n . t, with the pitch line on that side of the centre
     return Placed(

@@ -1,13 +1,13 @@
-"""What every kind of joint registers: its keys, how it is read, what can be said of it.
+"""Kinds of joints: their keys, how they are read, what can be said of them.
 
-A kind is a file in `mechanism_sim.scene.kinds`; whatever lists kinds or keys finds it there.
+A kind is a file in `mechanism_sim.scene.kinds` with a class of keys that `register` makes known;
+whatever lists kinds or keys finds it there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import Field
 
@@ -23,12 +23,22 @@ Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 
 class JointKeys(Part):
-    """The keys of joints of every kind."""
+    """The keys of joints of every kind, and what there is to know of a joint of a scene."""
 
     clearance: Clearance | None = None
     """Pin on the first-named link, loose in the second; without it the joint is ideal."""
     friction: Friction | None = None
     """Of an ideal joint; a loose one has its own in its clearance."""
+
+    #: why it can have no ``clearance``; empty if it can
+    firm: ClassVar[str] = ''
+    #: the keys that its friction may have beside the coefficient, and whether the first, which
+    #: says where friction acts, must be given; None of joints without friction
+    rubs_by: ClassVar[tuple[tuple[str, ...], bool] | None] = None
+    #: whether it is loose because friction alone holds it
+    slips: ClassVar[bool] = False
+    #: whether it lets the axis of a link give way, see `rotor_of`
+    gives_way: ClassVar[bool] = False
 
     @property
     def kind(self) -> str:
@@ -36,79 +46,73 @@ class JointKeys(Part):
         return next(kind for kind in KINDS if getattr(self, kind, None) is not None)
 
     @property
+    def own(self) -> type[JointKeys]:
+        """The keys of its kind: ``joint.own.notes(joint, ...)`` asks these, whatever it has."""
+        return KINDS[self.kind]
+
+    @property
     def points(self) -> list[str]:
         """What it connects."""
         points: list[str] = getattr(self, self.kind)
         return points
 
+    def read(self, names: Names, name: str) -> Joint:
+        """The joint of that name of a mechanism."""
+        raise NotImplementedError
 
-def _clearance(joint: JointKeys) -> Play | None:
-    return joint.clearance
+    def play(self) -> Play | None:
+        """How loose it is, if it is."""
+        return self.clearance
 
+    def wrong_play(self, given: Clearance) -> str:
+        """What is wrong with a clearance of it, or nothing."""
+        known = {'radial', 'restitution', 'hypothesis', 'friction', 'pin_radius'}
+        wrong = sorted(key for key in given.model_fields_set - known if getattr(given, key))
+        said = f'here it has {", ".join(sorted(known))} only'
+        return f'has a clearance with {wrong[0]}: {said}' if wrong else ''
 
-def _walls_only(given: Clearance) -> str:
-    """What a pair without a law of contact cannot have."""
-    known = {'radial', 'restitution', 'hypothesis', 'friction', 'pin_radius'}
-    wrong = sorted(key for key in given.model_fields_set - known if getattr(given, key))
-    return (
-        f'has a clearance with {wrong[0]}: here it has {", ".join(sorted(known))} only'
-        if wrong
-        else ''
-    )
+    def mounted(self, joint: Any, start: Mapping[str, float], turned: Mapping[str, int]) -> Joint:
+        """As it is put together where coordinates have rough values [rad, m] and whole turns."""
+        mounted: Joint = joint
+        return mounted
 
+    def frictions(
+        self, given: Friction, joint: Any, mechanism: Mechanism
+    ) -> Sequence[JointFriction]:
+        """Those of the ideal joint of a mechanism."""
+        return ()
 
-@dataclass(frozen=True)
-class JointKind:
-    """A kind of joints.
+    def rotor_of(self, names: Names, name: str) -> tuple[str, Rotor]:
+        """The link whose axis it lets give way, and how."""
+        raise NotImplementedError
 
-    Attributes
-    ----------
-    name : the key whose value is what such a joint connects; a field of `keys`
-    keys : all that a joint of this kind may say
-    read : from a scene's names, the joint's name and its keys to the joint; raises InputError
-    play : how loose a joint is, if it is
-    wrong_play : what is wrong with a clearance of it, or nothing
-    firm : why it can have no ``clearance``; empty if it can
-    notes : what can be said of a joint of a machine without moving it
-    mounted : a joint as it is put together where coordinates have rough values [rad, m], and
-        whole turns beside
-    friction : those of an ideal joint, of its name, its keys and the mechanism; None if none
-    rubs_by : the keys that its friction may have beside the coefficient, and whether the first,
-        which says where friction acts, must be given
-    slips : whether a joint is loose because friction alone holds it
-    rotor : if it lets the axis of a link give way: that link, and how
-    """
-
-    name: str
-    keys: type[JointKeys]
-    read: Callable[[Names, str, Any], Joint]
-    play: Callable[[Any], Play | None] = _clearance
-    wrong_play: Callable[[Clearance], str] = _walls_only
-    firm: str = ''
-    notes: Callable[[Any, Any], list[str]] = lambda machine, joint: []  # noqa: ARG005
-    mounted: Callable[[Any, Mapping[str, float], Mapping[str, int]], Joint] = (
-        lambda joint, start, turned: joint  # noqa: ARG005
-    )
-    friction: Callable[[str, Friction, Mechanism], Sequence[JointFriction]] | None = None
-    rubs_by: tuple[Sequence[str], bool] = ((), False)
-    slips: bool = False
-    rotor: Callable[[Names, str, Any], tuple[str, Rotor]] | None = None
+    def notes(self, machine: Any, joint: Any) -> list[str]:
+        """What can be said of the joint of a machine without moving it."""
+        return []
 
 
-KINDS: dict[str, JointKind] = {}
-"""All kinds of joints by name."""
+KINDS: dict[str, type[JointKeys]] = {}
+"""All kinds of joints by name: the key whose value is what such a joint connects."""
+
+Kind = TypeVar('Kind', bound=type[JointKeys])
+
+
+def register(name: str) -> Callable[[Kind], Kind]:
+    """Make the keys of a kind of joints known by its name."""
+
+    def known(keys: Kind) -> Kind:
+        KINDS[name] = keys
+        return keys
+
+    return known
 
 
 def keys_of(joint: JointKeys) -> list[str]:
     """The keys that have a meaning in a joint of this kind, what it connects first."""
-    kind = KINDS[joint.kind]
-    own = kind.keys.__annotations__
-    keys = dict.fromkeys([kind.name, *own, *kind.keys.model_fields])
-    absent = {'clearance'} if kind.firm else set()
-    absent |= set() if kind.friction else {'friction'}
+    fields = joint.own.model_fields
+    keys = dict.fromkeys(
+        [joint.kind, *(k for k in joint.own.__annotations__ if k in fields), *fields]
+    )
+    absent = {'clearance'} if joint.own.firm else set()
+    absent |= set() if joint.own.rubs_by else {'friction'}
     return [key for key in keys if key not in absent]
-
-
-def register(kind: JointKind) -> None:
-    """Make a kind of joints known."""
-    KINDS[kind.name] = kind

@@ -57,7 +57,6 @@ from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
 from mechanism_sim.scene.clearances import gaps_and_films
 from mechanism_sim.scene.contact_keys import Play, in_plane
 from mechanism_sim.scene.elastic_links import stiffened
-from mechanism_sim.scene.joint_keys import KINDS
 from mechanism_sim.scene.names import naming
 from mechanism_sim.scene.oscillators import read_frame
 from mechanism_sim.scene.plan import Plan
@@ -323,7 +322,7 @@ class Machine(Rich):
             'links': {name: stiffened(link) for name, link in scene.links.items()},
             'joints': {
                 name: JointPart.model_validate({'revolute': j.points})
-                if KINDS[j.kind].rotor
+                if j.own.gives_way
                 else j.model_copy(update={'clearance': in_plane(j.clearance)})
                 for name, j in scene.joints.items()
             },

@@ -37,7 +37,6 @@ from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.drives import drive_key, is_straight, read_drives, read_laws, read_motor
 from mechanism_sim.scene.elastic_links import loaded, read_beams
 from mechanism_sim.scene.gears import read_wheel
-from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.kinds.mesh import backlashes, check_bearings, in_mesh
 from mechanism_sim.scene.loads import read_loads
 from mechanism_sim.scene.loads.applied import read_effort
@@ -96,11 +95,12 @@ class Plan(Names):
         begun = {c: x for c, (x, _) in self.begins.items()}
         start = {**self.guess, **positions, **begun}
         self.joints = tuple(
-            KINDS[scene.joints[joint.name].kind].mounted(joint, start, self._turns)
+            keys.own.mounted(keys, joint, start, self._turns)
             for joint in in_mesh(self, joints, tree, start)
+            for keys in [scene.joints[joint.name]]
         )
         self.begins |= {c: (positions.get(c, 0.0), 0.0) for c in tree.deformations}
-        plays = ((name, KINDS[j.kind].play(j)) for name, j in scene.joints.items())
+        plays = ((name, keys.own.play(keys)) for name, keys in scene.joints.items())
         self.clearances: dict[str, Play] = {name: play for name, play in plays if play is not None}
         self.clearances |= backlashes(self, self.joints)
         self._loads = read_loads(self, tree)
@@ -126,15 +126,15 @@ class Plan(Names):
         """All joints; every link must hang on the ground by them."""
         joints = []
         for name, joint in self.scene.joints.items():
-            where, kind = f'joints.{name}', KINDS[joint.kind]
+            where = f'joints.{name}'
             if not name.isidentifier():
                 raise InputError(
                     f"{where}: the name '{name}' cannot be used; names are letters, digits and _"
                 )
-            for key in joint.model_fields_set - kind.keys.model_fields.keys():
+            for key in joint.model_fields_set - joint.own.model_fields.keys():
                 if getattr(joint, key):
                     raise InputError(f'{where}.{key} has no meaning in a {joint.kind} joint')
-            joints.append(kind.read(self, name, joint))
+            joints.append(joint.own.read(joint, self, name))
         reached, grown = {GROUND}, True
         while grown:
             ends = [{j.first, j.second} for j in joints if {j.first, j.second} & reached]
@@ -142,8 +142,8 @@ class Plan(Names):
             reached |= set().union(*ends)
         if apart := [link for link in self.links if link not in reached]:
             raise InputError(
-                f'the link {apart[0]} is not connected to the ground by joints; '
-                "add a joint of it under 'joints'"
+                f'the link {apart[0]} is not connected to the ground by joints; add a joint of it '
+                "under 'joints'"
             )
         return tuple(joints)
 
@@ -151,10 +151,9 @@ class Plan(Names):
         """How the axes of the links give way that are rotors, by link."""
         found: dict[str, Rotor] = {}
         for name, joint in self.scene.joints.items():
-            make = KINDS[joint.kind].rotor
-            if make is None:
+            if not joint.own.gives_way:
                 continue
-            link, rotor = make(self, name, joint)
+            link, rotor = joint.own.rotor_of(joint, self, name)
             own = self.scene.links[link]
             if link in found or own.elastic or own.tilt:
                 raise InputError(
@@ -168,23 +167,27 @@ class Plan(Names):
         """Friction in ideal joints, of a tree of the mechanism."""
         rubs = []
         for name, joint in self.scene.joints.items():
-            given, kind = joint.friction, KINDS[joint.kind]
-            if given is None:
+            given, own = joint.friction, joint.own
+            if given is None or own.rubs_by is None:
                 continue
-            where, (keys, needed) = f'joints.{name}.friction', kind.rubs_by
+            where, (keys, needed) = f'joints.{name}.friction', own.rubs_by
             for key in given.model_fields_set - {'coefficient', *keys}:
                 if getattr(given, key) is not None:
-                    raise InputError(f'{where}.{key} has no meaning in a {kind.name} joint')
+                    raise InputError(f'{where}.{key} has no meaning in a {joint.kind} joint')
             if needed and getattr(given, keys[0]) is None:
                 raise InputError(f"{where} needs a '{keys[0]}', as {keys[0]}: 10 mm")
-            if given.coefficient and kind.play(joint) and not kind.slips:
+            if given.coefficient and own.play(joint) and not own.slips:
                 raise InputError(
                     f'{where}: the joint is loose: give the friction of its walls in its '
                     "'clearance', 'lift_off', 'groove' or 'backlash'"
                 )
-            if kind.friction and (given.coefficient or given.efficiency):
-                rubs.append((kind.friction, name, given))
-        return lambda m: [x for make, name, given in rubs for x in make(name, given, m)]
+            if given.coefficient or given.efficiency:
+                rubs.append((name, joint, given))
+        return lambda m: [
+            x
+            for name, joint, given in rubs
+            for x in joint.own.frictions(joint, given, m.joint(name), m)
+        ]
 
     def _read_bodies(
         self,

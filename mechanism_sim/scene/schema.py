@@ -185,7 +185,7 @@ class PointMass(Part):
     """How heavy it is."""
 
 
-class JointPart(*(kind.keys for kind in KINDS.values())):  # type: ignore[misc]
+class JointPart(*KINDS.values()):  # type: ignore[misc]
     """A joint between points of two links: of one kind."""
 
     @model_validator(mode='after')
@@ -193,16 +193,16 @@ class JointPart(*(kind.keys for kind in KINDS.values())):  # type: ignore[misc]
         kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
         if len(kinds) != 1:
             raise ValueError(
-                f'must be of one kind, {", ".join(KINDS)}, with two points such as '
-                '[crank.end, rod.start]'
+                f'must be of one kind, {", ".join(KINDS)}, with two points such as [crank.end, '
+                'rod.start]'
             )
-        c, kind = self.clearance, KINDS[kinds[0]]
-        if self.friction and not kind.friction:
-            rubbing = ', '.join(name for name, k in KINDS.items() if k.friction)
-            raise ValueError(f'cannot have friction: a {kind.name} has none here, only {rubbing}')
-        if c and kind.firm:
-            raise ValueError(f'cannot have a clearance: {kind.firm}')
-        if c and (wrong := kind.wrong_play(c)):
+        c, own = self.clearance, self.own
+        if self.friction and not own.rubs_by:
+            rubbing = ', '.join(name for name, k in KINDS.items() if k.rubs_by)
+            raise ValueError(f'cannot have friction: a {self.kind} has none here, only {rubbing}')
+        if c and own.firm:
+            raise ValueError(f'cannot have a clearance: {own.firm}')
+        if c and (wrong := own.wrong_play(self, c)):
             raise ValueError(wrong)
         return self
 
@@ -285,8 +285,8 @@ class SensorPart(*SENSORS.values()):  # type: ignore[misc]
         ):
             if reading and reading.unit not in ('', self.unit):
                 raise ValueError(
-                    f'has {name} in {reading.unit}, but its quantity is {self.measures}: '
-                    f'give it in {self.unit}'
+                    f'has {name} in {reading.unit}, but its quantity is {self.measures}: give it '
+                    f'in {self.unit}'
                 )
         if self.adc.range and not self.adc.range.value:
             raise ValueError('has adc.range = 0: it must be more')

@@ -263,9 +263,9 @@ def seated(data: Any) -> Any:
         place = f'{link}.{at.rpartition(".")[2]}'
         if place not in places or sensor.get('link', link) != link:
             raise ValueError(
-                f"sensors.{name}.at = '{at}' is no point of the sensor's link"
-                f'{nearest(place, places)}; write LINK.POINT, for example rocker.end, a distance '
-                "along the link, '64 mm', or [x, y]"
+                f"sensors.{name}.at = '{at}' is no point of the sensor's "
+                f'link{nearest(place, places)}; write LINK.POINT, for example rocker.end, a '
+                "distance along the link, '64 mm', or [x, y]"
             )
         found[name] = {**sensor, 'link': link, 'at': places[place]}
     return {**data, 'sensors': {**data['sensors'], **found}} if found else data

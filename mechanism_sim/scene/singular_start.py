@@ -61,8 +61,8 @@ def begin(
     count = len(found.width)
     if not count:
         raise InputError(
-            f'the start is a singular position from which {driven} cannot go on; '
-            "start beside it, or give another 'guess'"
+            f'the start is a singular position from which {driven} cannot go on; start beside it, '
+            "or give another 'guess'"
         )
     offs = (_ahead(found, pace) - guess[None, :, None]) / kinematics.scale[:, None]
     distance = np.linalg.norm(offs[:, kinematics.sought], axis=1).min(axis=1)
@@ -74,9 +74,9 @@ def begin(
         slopes = found.at(np.zeros((count, 1)))[1][:, left, 0]
         differ = names[int(np.argmax(np.ptp(slopes / kinematics.scale[:, None], axis=1)))]
         raise InputError(
-            f'the start is a singular position from which {len(left)} motions go '
-            f"on with equal right; say in 'guess' where {differ} goes, a few degrees or "
-            'millimetres on, or start beside it'
+            f'the start is a singular position from which {len(left)} motions go on with equal '
+            f"right; say in 'guess' where {differ} goes, a few degrees or millimetres on, or "
+            'start beside it'
         )
     chosen = found[left]
     place, slope, _ = (x[:, 0, 0] for x in chosen.at(np.zeros((1, 1))))

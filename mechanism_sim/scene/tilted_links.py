@@ -103,8 +103,8 @@ def check_tilts(places: Names, joints: tuple[Joint, ...]) -> None:
     for link in places.links:
         if link in leaning and places.scene.links[link].elastic:
             raise InputError(
-                f'links.{link} has both elastic and tilt: a link that bends in the '
-                'plane stays in it here; leave one of them out'
+                f'links.{link} has both elastic and tilt: a link that bends in the plane stays in '
+                'it here; leave one of them out'
             )
     for name, keys in places.scene.joints.items():
         if keys.clearance and keys.clearance.axial:
@@ -112,15 +112,15 @@ def check_tilts(places: Names, joints: tuple[Joint, ...]) -> None:
             if not leaning & {*ends}:
                 movable = next(x for x in ends if x != GROUND)
                 raise InputError(
-                    f'joints.{name}.clearance.axial: none of its links can move '
-                    f"along the axis: give 'links.{movable}.tilt' to one that leans"
+                    f'joints.{name}.clearance.axial: none of its links can move along the axis: '
+                    f"give 'links.{movable}.tilt' to one that leans"
                 )
     for joint in joints:
         for link in {joint.first, joint.second} & leaning:
             if not isinstance(joint, Revolute):
                 raise InputError(
-                    f'joints.{joint.name}: the link {link}, which leans, has '
-                    'revolute joints only; put a rigid link between'
+                    f'joints.{joint.name}: the link {link}, which leans, has revolute joints '
+                    'only; put a rigid link between'
                 )
 
 

@@ -48,8 +48,8 @@ def find_guide(places: Names, where: str, link: str, at: Vector2, what: str) -> 
             return Guide(False, start, (0.0, 0.0), joint.axis, joint.angle)
     moves = 'turn or slide' if what == 'cam' else 'slide or swing'
     raise InputError(
-        f'{where}: the {what} {link} must {moves} on the ground: add a joint '
-        f"'prismatic: [ground, {link}]' or 'revolute: [ground, {link}]'"
+        f"{where}: the {what} {link} must {moves} on the ground: add a joint 'prismatic: [ground, "
+        f"{link}]' or 'revolute: [ground, {link}]'"
     )
 
 

@@ -43,7 +43,7 @@ from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.view import Draft, circle
 from mechanism_sim.scene.contact_keys import Friction, Play
-from mechanism_sim.scene.joint_keys import JointKind, Reference, register
+from mechanism_sim.scene.joint_keys import Reference, register
 from mechanism_sim.scene.kinds.transmission import PhaseKeys, carrier_of
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Length, si
@@ -51,6 +51,7 @@ from mechanism_sim.scene.quantities import Length, si
 _LARGEST = 10_000  # of the whole numbers whose ratio the radii have
 
 
+@register('belt')
 class BeltKeys(PhaseKeys):
     """A belt or a chain."""
 
@@ -69,6 +70,103 @@ class BeltKeys(PhaseKeys):
     chain, of which one strand pulls at a time."""
     carrier: str | None = None
     """Link that carries both shafts; else the ground."""
+
+    firm = 'belts and chains have strands'
+    rubs_by = ('groove', 'efficiency'), False
+    slips = True
+
+    def read(self, names: Names, name: str) -> Belt:
+        """Between two pulleys on a carrier."""
+        where = f'joints.{name}'
+        (a, on_a), (b, on_b) = names.ends(name)
+        if self.radii is None:
+            raise InputError(
+                f"{where}.radii is missing: of both pulleys, such as '[40 mm, 60 mm]'"
+            )
+        carrier = carrier_of(names, name, self)
+        (one, centre, at_one), (two, far, at_two) = (
+            names.shaft(f'joints.{name}', link, carrier) for link in (a, b)
+        )
+        for link, own, given in ((a, at_one, on_a), (b, at_two, on_b)):
+            if own != given:
+                raise InputError(f'{where}.belt: name the point of {link} on which it turns')
+        (r1, r2), apart = self.radii, (far[0] - centre[0], far[1] - centre[1])
+        d, least = math.hypot(*apart), r1 + r2 if self.crossed else abs(r1 - r2)
+        if d <= least:
+            raise InputError(
+                f'{where}.radii: no {"crossed " * self.crossed}belt goes round pulleys of {r1:g} '
+                f'm and {r2:g} m that are {d:g} m apart: it must be more than {least:g} m'
+            )
+        ratio = Fraction(r1 / r2).limit_denominator(_LARGEST)
+        if not self.stiffness and (
+            ratio.numerator > _LARGEST or abs(ratio * Fraction(r2) / Fraction(r1) - 1) > 1e-12
+        ):
+            raise InputError(
+                f'{where}.radii: {r1:g} m to {r2:g} m is no ratio of whole numbers up to '
+                f"{_LARGEST}: write fewer digits, or give the belt a 'stiffness'"
+            )
+        held = self._held()
+        if held is not None and self.stiffness:
+            raise InputError(f'{where}.friction: strands that give way do not slip: leave out one')
+        if held is not None and not self.pretension:
+            raise InputError(
+                f"{where}.pretension is missing: what friction can hold goes with it, as '200 N'"
+            )
+        for key in ('damping', 'pretension'):
+            allowed = held is not None and key == 'pretension'
+            if getattr(self, key) and not (self.stiffness or allowed):
+                raise InputError(f"{where}.{key} needs 'stiffness': an ideal belt has none")
+        return Belt(
+            name, a, b, on_a, on_b, -ratio if self.crossed else ratio, self.phase, carrier,
+            self.radii, centre, apart, (one, two), self.stiffness or 0.0, self.damping,
+            self.pretension, held,
+        )  # fmt: skip
+
+    def _held(self) -> float | None:
+        """The coefficient of friction that alone holds a belt, as if its pulleys were flat."""
+        given = self.friction
+        if given is None or given.efficiency is not None:
+            return None
+        return given.coefficient / math.sin(0.5 * (given.groove or math.pi))
+
+    def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[FlankFriction]:
+        """Of a chain: of its efficiency e it loses ``k = 2 (1 - e)/(1 + e)`` of the pull.
+
+        Half of that acts on each wheel against its turning: with the pull N they have
+        ``(1 + k/2) N`` and ``(1 - k/2) N``.
+        """
+        if given.efficiency in (None, 1.0):
+            return []
+        (r1, r2), s = joint.radii, joint.sense
+        lost = 2.0 * (1.0 - given.efficiency) / (1.0 + given.efficiency)
+        arms = 0.5 * r1, 0.5 * s * r2
+        return [FlankFriction(joint.name, mechanism, lost, arms, s * r2, joint.carrier)]
+
+    def play(self) -> Play | None:
+        """Strands that give way, or slip."""
+        soft = self.stiffness or self._held() is not None
+        return Play(radial=0.0, restitution=0.0) if soft else None
+
+    def mounted(self, joint: Any, start: Mapping[str, float], turned: Mapping[str, int]) -> Belt:
+        """At the angle of many at which it fits; strands that give way remember the turns."""
+        links = joint.first, joint.second, joint.carrier
+        a, b, c = (start.get(link, 0.0) for link in links)
+        one, two, three = (turned.get(link, 0) for link in links)
+        step = 2.0 * math.pi / joint.ratio.denominator
+        off = (b - c) - joint.phase - float(joint.ratio) * (a - c)
+        phase = joint.phase + step * round(off / step)
+        belt: Belt = replace(joint, phase=phase, begun=(one, two, three))
+        return belt
+
+    def notes(self, machine: Any, joint: Belt) -> list[str]:
+        """What it can pull."""
+        if joint.friction is None:
+            return []
+        wrap, ratio = math.degrees(joint.wrap), math.exp(joint.friction * joint.wrap)
+        return [
+            f'{joint.name}: slips beyond a ratio of tensions of {ratio:.4g}, by {wrap:.4g} deg of '
+            f'contact, that is a difference of {joint.most:.6g} N'
+        ]
 
 
 class Strand(NamedTuple):
@@ -322,114 +420,3 @@ def strand_wrench(
         x, y = add(x, neg(mul(tension, tx.value))), add(y, neg(mul(tension, ty.value)))
     lever = frames.parameters(f'{joint.name}.pull', joint.sense * joint.radii[1])
     return Wrench(x, y, mul(lever, add(tensions[0], neg(tensions[1]))))
-
-
-def _read(places: Names, name: str, joint: BeltKeys) -> Belt:
-    where = f'joints.{name}'
-    (a, on_a), (b, on_b) = places.ends(name)
-    if joint.radii is None:
-        raise InputError(f"{where}.radii is missing: of both pulleys, such as '[40 mm, 60 mm]'")
-    carrier = carrier_of(places, name, joint)
-    (one, centre, at_one), (two, far, at_two) = (
-        places.shaft(f'joints.{name}', link, carrier) for link in (a, b)
-    )
-    for link, own, given in ((a, at_one, on_a), (b, at_two, on_b)):
-        if own != given:
-            raise InputError(f'{where}.belt: name the point of {link} on which it turns')
-    (r1, r2), apart = joint.radii, (far[0] - centre[0], far[1] - centre[1])
-    d, least = math.hypot(*apart), r1 + r2 if joint.crossed else abs(r1 - r2)
-    if d <= least:
-        raise InputError(
-            f'{where}.radii: no {"crossed " * joint.crossed}belt goes round pulleys of {r1:g} m '
-            f'and {r2:g} m that are {d:g} m apart: it must be more than {least:g} m'
-        )
-    ratio = Fraction(r1 / r2).limit_denominator(_LARGEST)
-    if not joint.stiffness and (
-        ratio.numerator > _LARGEST or abs(ratio * Fraction(r2) / Fraction(r1) - 1) > 1e-12
-    ):
-        raise InputError(
-            f'{where}.radii: {r1:g} m to {r2:g} m is no ratio of whole numbers up to {_LARGEST}: '
-            "write fewer digits, or give the belt a 'stiffness'"
-        )
-    held = _held(joint)
-    if held is not None and joint.stiffness:
-        raise InputError(f'{where}.friction: strands that give way do not slip: leave out one')
-    if held is not None and not joint.pretension:
-        raise InputError(
-            f"{where}.pretension is missing: what friction can hold goes with it, as '200 N'"
-        )
-    for key in ('damping', 'pretension'):
-        allowed = held is not None and key == 'pretension'
-        if getattr(joint, key) and not (joint.stiffness or allowed):
-            raise InputError(f"{where}.{key} needs 'stiffness': an ideal belt has none")
-    return Belt(
-        name, a, b, on_a, on_b, -ratio if joint.crossed else ratio, joint.phase, carrier,
-        joint.radii, centre, apart, (one, two), joint.stiffness or 0.0, joint.damping,
-        joint.pretension, held,
-    )  # fmt: skip
-
-
-def _held(joint: BeltKeys) -> float | None:
-    """The coefficient of friction that alone holds a belt, as if its pulleys were flat."""
-    given = joint.friction
-    if given is None or given.efficiency is not None:
-        return None
-    return given.coefficient / math.sin(0.5 * (given.groove or math.pi))
-
-
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFriction]:
-    """Of a chain: of its efficiency e it loses ``k = 2 (1 - e)/(1 + e)`` of the pull.
-
-    Half of that acts on each wheel against its turning: with the pull N they have
-    ``(1 + k/2) N`` and ``(1 - k/2) N``.
-    """
-    belt = mechanism.joint(name)
-    assert isinstance(belt, Belt)  # noqa: S101 - of this kind
-    if given.efficiency in (None, 1.0):
-        return []
-    (r1, r2), s = belt.radii, belt.sense
-    lost = 2.0 * (1.0 - given.efficiency) / (1.0 + given.efficiency)
-    arms = 0.5 * r1, 0.5 * s * r2
-    return [FlankFriction(name, mechanism, lost, arms, s * r2, belt.carrier)]
-
-
-def _play(joint: BeltKeys) -> Play | None:
-    soft = joint.stiffness or _held(joint) is not None
-    return Play(radial=0.0, restitution=0.0) if soft else None
-
-
-def _mounted(joint: Belt, start: Mapping[str, float], turned: Mapping[str, int]) -> Belt:
-    """An ideal belt fits at many angles of its pulleys; strands that give way remember which."""
-    links = joint.first, joint.second, joint.carrier
-    a, b, c = (start.get(link, 0.0) for link in links)
-    one, two, three = (turned.get(link, 0) for link in links)
-    step = 2.0 * math.pi / joint.ratio.denominator
-    off = (b - c) - joint.phase - float(joint.ratio) * (a - c)
-    return replace(joint, phase=joint.phase + step * round(off / step), begun=(one, two, three))
-
-
-def _notes(_: Any, joint: Belt) -> list[str]:
-    """What it can pull."""
-    if joint.friction is None:
-        return []
-    wrap, ratio = math.degrees(joint.wrap), math.exp(joint.friction * joint.wrap)
-    return [
-        f'{joint.name}: slips beyond a ratio of tensions of {ratio:.4g}, by {wrap:.4g} deg of '
-        f'contact, that is a difference of {joint.most:.6g} N'
-    ]
-
-
-register(
-    JointKind(
-        'belt',
-        BeltKeys,
-        _read,
-        _play,
-        firm='belts and chains have strands',
-        notes=_notes,
-        mounted=_mounted,
-        friction=_friction,
-        rubs_by=(('groove', 'efficiency'), False),
-        slips=True,
-    )
-)

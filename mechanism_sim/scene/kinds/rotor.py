@@ -15,7 +15,7 @@ from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import SLOPE, Lump, Rotor, Rows, Support
 from mechanism_sim.scene.elastic_keys import MATERIALS
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
+from mechanism_sim.scene.joint_keys import JointKeys, Reference, register
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import (
     POSITIVE,
@@ -94,6 +94,7 @@ class RotorShaftPart(Part):
     """Internal damping over stiffness: it turns with the shaft."""
 
 
+@register('rotor')
 class RotorKeys(JointKeys):
     """Disks on a shaft that gives way."""
 
@@ -110,20 +111,64 @@ class RotorKeys(JointKeys):
     external_damping: _Damping = 0.0
     """Of a rotor, at the disk."""
 
+    firm = "what gives way of a rotor is its 'shaft' and its 'supports'"
+    gives_way = True
+
+    def read(self, names: Names, name: str) -> Revolute:
+        """The revolute joint of the undeformed shaft."""
+        (a, on_a), (b, on_b) = names.ends(name)
+        if a != GROUND:
+            raise InputError(
+                f'joints.{name}.rotor: name the ground first: the supports of a rotor are in the '
+                f'ground, not in {a}'
+            )
+        return Revolute(name, a, b, on_a, on_b)
+
+    def rotor_of(self, names: Names, name: str) -> tuple[str, Rotor]:
+        """The link of the disks, and how it gives way."""
+        where = f'joints.{name}'
+        (_, place), (link, _) = names.ends(name)
+        polar = names.scene.links[link].inertia or 0.0
+        if not self.supports:
+            raise InputError(f'{where}.supports is missing: a rotor needs one or more')
+        disks = [_Disk('', 0.0, polar, self.diametral_inertia, self.external_damping)]
+        for key, d in self.disks.items():
+            cog = d.cog if isinstance(d.cog, tuple) else (d.cog, 0.0)
+            disks.append(_Disk(
+                key, d.along, d.inertia, d.diametral_inertia, d.external_damping, d.mass, cog
+            ))  # fmt: skip
+        for disk in disks:
+            at = f'{where}.disks.{disk.name}' if disk.name else where
+            if disk.diametral is not None and not (
+                max(0.5 * disk.polar, 1e-300) <= disk.diametral * (1.0 + 1e-12)
+            ):
+                raise InputError(
+                    f'{at}.diametral_inertia = {disk.diametral:g} kg m^2: a body has at least '
+                    f'half of its polar inertia of {disk.polar:g} kg m^2 about a diameter, and '
+                    'more than 0'
+                )
+        for key, support in self.supports.items():
+            _check(f'{where}.supports.{key}', self, support)
+        _check_names(where, disks, self)
+        for part, along in (
+            ('supports', {key: s.along for key, s in self.supports.items()}),
+            ('disks', {disk.name or 'that of the link': disk.along for disk in disks}),
+        ):
+            seen: dict[float, str] = {}
+            for key, z in along.items():
+                if z in seen:
+                    raise InputError(
+                        f'{where}.{part}: {seen[z]} and {key} are at one place ({z:g} m): make '
+                        'them one'
+                    )
+                seen[z] = key
+        return link, (_bending if self.shaft else _stiff)(
+            _Reading(where, self, tuple(disks), place)
+        )
+
 
 def _both(given: float | tuple[float, float]) -> tuple[float, float]:
     return given if isinstance(given, tuple) else (given, given)
-
-
-def _read(places: Names, name: str, _: RotorKeys) -> Revolute:
-    """The revolute joint of the undeformed shaft."""
-    (a, on_a), (b, on_b) = places.ends(name)
-    if a != GROUND:
-        raise InputError(
-            f'joints.{name}.rotor: name the ground first: the supports of a rotor '
-            f'are in the ground, not in {a}'
-        )
-    return Revolute(name, a, b, on_a, on_b)
 
 
 class _Disk(NamedTuple):
@@ -152,46 +197,6 @@ class _Reading:
     joint: RotorKeys
     disks: tuple[_Disk, ...]
     place: tuple[float, float]
-
-
-def _rotor(places: Names, name: str, joint: RotorKeys) -> tuple[str, Rotor]:
-    """The link of the disks, and how it gives way."""
-    where = f'joints.{name}'
-    (_, place), (link, _) = places.ends(name)
-    polar = places.scene.links[link].inertia or 0.0
-    if not joint.supports:
-        raise InputError(f'{where}.supports is missing: a rotor needs one or more')
-    disks = [_Disk('', 0.0, polar, joint.diametral_inertia, joint.external_damping)]
-    for key, d in joint.disks.items():
-        cog = d.cog if isinstance(d.cog, tuple) else (d.cog, 0.0)
-        disks.append(_Disk(
-            key, d.along, d.inertia, d.diametral_inertia, d.external_damping, d.mass, cog
-        ))  # fmt: skip
-    for disk in disks:
-        at = f'{where}.disks.{disk.name}' if disk.name else where
-        if disk.diametral is not None and not (
-            max(0.5 * disk.polar, 1e-300) <= disk.diametral * (1.0 + 1e-12)
-        ):
-            raise InputError(
-                f'{at}.diametral_inertia = {disk.diametral:g} kg m^2: a body has at least half of '
-                f'its polar inertia of {disk.polar:g} kg m^2 about a diameter, and more than 0'
-            )
-    for key, support in joint.supports.items():
-        _check(f'{where}.supports.{key}', joint, support)
-    _check_names(where, disks, joint)
-    for part, along in (
-        ('supports', {key: s.along for key, s in joint.supports.items()}),
-        ('disks', {disk.name or 'that of the link': disk.along for disk in disks}),
-    ):
-        seen: dict[float, str] = {}
-        for key, z in along.items():
-            if z in seen:
-                raise InputError(
-                    f'{where}.{part}: {seen[z]} and {key} are at one place ({z:g} m): make them '
-                    'one'
-                )
-            seen[z] = key
-    return link, (_bending if joint.shaft else _stiff)(_Reading(where, joint, tuple(disks), place))
 
 
 def _check_names(where: str, disks: Sequence[_Disk], joint: RotorKeys) -> None:
@@ -415,14 +420,3 @@ def _made(
         given.place,
         joint.shaft.relaxation if joint.shaft else 0.0,
     )
-
-
-register(
-    JointKind(
-        'rotor',
-        RotorKeys,
-        _read,
-        rotor=_rotor,
-        firm="what gives way of a rotor is its 'shaft' and its 'supports'",
-    )
-)

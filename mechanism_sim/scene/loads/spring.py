@@ -51,8 +51,8 @@ def _read(places: Names, name: str, spring: SpringPart, _: Mechanism) -> Element
     kinds = {m.unit.endswith('rad') for m in (stiffness, damping) if m.unit}
     if len(kinds) != 1:
         raise InputError(
-            f'{where}: give stiffness and damping both per length '
-            "('200 N/m', '5 N s/m') or both per angle ('3 N m/rad', '0.1 N m s/rad')"
+            f"{where}: give stiffness and damping both per length ('200 N/m', '5 N s/m') or both "
+            "per angle ('3 N m/rad', '0.1 N m s/rad')"
         )
     (torsional,) = kinds
     if torsional and spring.free_length is not None:

@@ -35,6 +35,6 @@ def check_between(machine: Any, where: str, sensor: Any, does: str) -> None:
     frames = [machine.mechanism.frame(x)[0] for x in (sensor.link, sensor.relative_to)]
     if frames[0] == frames[1]:
         raise InputError(
-            f'{where}: {sensor.link} does not turn on {sensor.relative_to}: {does} the '
-            'angle between two links'
+            f'{where}: {sensor.link} does not turn on {sensor.relative_to}: {does} the angle '
+            'between two links'
         )
