@@ -12,14 +12,13 @@ from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.contact_keys import Play
-from mechanism_sim.scene.doubts import doubts
 from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
+from mechanism_sim.scene.remarks import doubts, unused
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.scene.tilted_links import tilt_notes
-from mechanism_sim.scene.unused import unused
 from mechanism_sim.units import Measure
 
 _WHY = {

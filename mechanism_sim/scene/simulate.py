@@ -25,10 +25,10 @@ from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.numerics.compiled import spent
 from mechanism_sim.planar.inverse_dynamics import NoLimit, Observation
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.doubts import length_questions
 from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml
 from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.remarks import length_questions
 
 Progress = Callable[[float, int], None]
 """Called now and then with the simulated time [s] and the number of impacts so far."""
