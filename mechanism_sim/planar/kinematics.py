@@ -74,8 +74,7 @@ class Kinematics:
     def _position(self) -> SwitchedFunction:
         eq = self._equations
         values = [jet.value for jet in eq.relation_jets]
-        rows = [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
-        return SwitchedFunction(eq.frames, [values, rows], [*eq.frames.q.values()])
+        return SwitchedFunction(eq.frames, [values, eq.rows], [*eq.frames.q.values()])
 
     @cached_property
     def _curvature(self) -> SwitchedFunction:
