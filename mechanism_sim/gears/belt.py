@@ -128,7 +128,7 @@ class Belt(Transmission):
 
     def draw(self, draft: Draft) -> None:
         """Pulleys, and the strands between them."""
-        sides = (self.first, self.on_first), (self.second, self.on_second)
+        sides = self.points
         for (link, at), radius in zip(sides, self.radii, strict=True):
             if draft.first(f'{link} {radius:.9g}'):
                 draft.add('wheel', link, circle(radius, at), size=radius)
@@ -137,7 +137,7 @@ class Belt(Transmission):
 
     def discs(self) -> Sequence[tuple[LinkPoint, float]]:
         """The pulleys."""
-        sides = (self.first, self.on_first), (self.second, self.on_second)
+        sides = self.points
         return list(zip(sides, self.radii, strict=True))
 
 

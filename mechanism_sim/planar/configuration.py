@@ -56,9 +56,8 @@ class Constraints:
     def size(self) -> float:
         """Longest distance between two joints of one link, or from its origin [m]; 1 if none."""
         points: dict[str, list[Vector2]] = {}
-        for j in self.joints:
-            points.setdefault(j.first, [(0.0, 0.0)]).append(j.on_first)
-            points.setdefault(j.second, [(0.0, 0.0)]).append(j.on_second)
+        for link, at in (point for j in self.joints for point in j.points):
+            points.setdefault(link, [(0.0, 0.0)]).append(at)
         longest = (math.dist(a, b) for some in points.values() for a in some for b in some)
         return max(longest, default=0.0) or 1.0
 
@@ -136,8 +135,7 @@ def _equations(joint: Joint, pose: Callable[[str], Array]) -> Iterator[Equation]
         yield joint.equation(pose)
         return
     first, second = pose(joint.first), pose(joint.second)
-    a, turning_a = turned(first, joint.on_first)
-    b, turning_b = turned(second, joint.on_second)
+    (a, turning_a), (b, turning_b) = turned(first, joint.on_first), turned(second, joint.on_second)
     if isinstance(joint, Revolute):
         for k, along in enumerate(np.eye(2)):
             by_first = np.array([*along, turning_a[k]])

@@ -119,11 +119,10 @@ class JointFriction(ABC):
         q, v : (n, N) coordinates and rates
         """
         j, m, index = self.joint, self.mechanism, self.mechanism.coordinates.index
-        ends = (j.first, j.on_first), (j.second, j.on_second)
-        (first, first_rate), (second, second_rate) = (m.trace(end, q, v) for end in ends)
+        (first, first_rate), (second, second_rate) = (m.trace(end, q, v) for end in j.points)
         w1, w2 = (
             sum((x * v[index(c)] for c, x in m.turns(*end).items()), np.zeros(v.shape[1]))
-            for end in ends
+            for end in j.points
         )
         x, y = second - first
         slip = second_rate - (first_rate + w1 * np.array([-y, x]))

@@ -46,8 +46,7 @@ def moving(mechanism: Mechanism, q: Array, direction: Array) -> list[str]:
     found = []
     for body in mechanism.bodies:
         ends: list[Vector2] = [(0.0, 0.0), body.cog]
-        ends += [j.on_first for j in mechanism.joints if j.first == body.name]
-        ends += [j.on_second for j in mechanism.joints if j.second == body.name]
+        ends += [at for j in mechanism.joints for link, at in j.points if link == body.name]
         motion = [x for at in ends for x in _velocity(mechanism, q, body.name, at)]
         rates = np.array([*np.array(motion) / mechanism.size, _spin(mechanism, body.name)])
         if np.abs(rates @ direction).max() > NO_MASS * np.abs(direction).max():

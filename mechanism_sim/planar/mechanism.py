@@ -54,8 +54,8 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Revolute:
-    """A revolute joint between two links, at a point of each."""
+class Connection:
+    """Two links that meet, at a point of each."""
 
     name: str
     first: str
@@ -63,16 +63,24 @@ class Revolute:
     on_first: Vector2  #: [m] in the frame of `first`
     on_second: Vector2  #: [m] in the frame of `second`
 
+    @property
+    def points(self) -> tuple[LinkPoint, LinkPoint]:
+        """Both links, each with its point."""
+        return (self.first, self.on_first), (self.second, self.on_second)
+
 
 @dataclass(frozen=True)
-class Prismatic:
-    """A prismatic joint: a point of `second` slides on a line of `first`, and does not turn."""
+class Revolute(Connection):
+    """A revolute joint between two links."""
 
-    name: str
-    first: str
-    second: str
-    on_first: Vector2  #: [m] where the displacement is zero
-    on_second: Vector2  #: [m] the point that slides
+
+@dataclass(frozen=True)
+class Prismatic(Connection):
+    """A prismatic joint: a point of `second` slides on a line of `first`, and does not turn.
+
+    The displacement is zero at the point on `first`.
+    """
+
     axis: float = 0.0  #: [rad] direction of the line in the frame of `first`
     angle: float = 0.0  #: [rad] of the frame of `second` in that of `first`
 
@@ -88,17 +96,11 @@ COLUMN_UNITS: dict[str, str] = {}
 
 
 @dataclass(frozen=True)
-class HigherPair(ABC):
+class HigherPair(Connection, ABC):
     """A joint that takes one degree of freedom: links touch at a point or along a line.
 
     No tree has it. Every kind is a subclass in the room of its own domain.
     """
-
-    name: str
-    first: str
-    second: str
-    on_first: Vector2  #: [m] in the frame of `first`
-    on_second: Vector2  #: [m] in the frame of `second`
 
     #: where it can open: on which sides of its closure there are walls
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
@@ -193,7 +195,7 @@ class HigherPair(ABC):
         """Which readings are worth a chart; `slides` tells whether `second` does."""
         return ()
 
-    def draw(self, draft: Draft) -> None:  # noqa: B027 - many have no shape
+    def draw(self, draft: Draft) -> None:
         """Add what it looks like to a drawing."""
 
     def covered(self) -> Sequence[LinkPoint]:
@@ -325,9 +327,8 @@ class Mechanism:
         farther, and so may the disk of a rotor. 0 if all coincide.
         """
         ends: dict[str, list[Vector2]] = {b.name: [(0.0, 0.0), b.cog] for b in self.bodies}
-        for j in self.joints:
-            ends.setdefault(j.first, []).append(j.on_first)
-            ends.setdefault(j.second, []).append(j.on_second)
+        for link, at in (point for j in self.joints for point in j.points):
+            ends.setdefault(link, []).append(at)
         longest = max(
             math.hypot(a[0] - b[0], a[1] - b[1])
             for points in ends.values()
@@ -341,9 +342,8 @@ class Mechanism:
     @cached_property
     def reach(self) -> float:
         """Scale of the rounding of places [m]: the size, or how far off the origin it is."""
-        ends = [(j.first, j.on_first) for j in self.joints]
-        ends += [(j.second, j.on_second) for j in self.joints]
-        away = (math.hypot(*at) for link, at in ends if link == GROUND)
+        points = (point for j in self.joints for point in j.points)
+        away = (math.hypot(*at) for link, at in points if link == GROUND)
         return max(self.size, *away, 0.0)
 
     @cached_property

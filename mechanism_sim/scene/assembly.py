@@ -18,8 +18,8 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.branch import SINGULAR
 from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute
-from mechanism_sim.planar.points import GROUND, Vector2
+from mechanism_sim.planar.mechanism import Mechanism, Revolute
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.plan import Plan
 from mechanism_sim.scene.singular_start import begin, neighbours
 
@@ -379,11 +379,6 @@ def _sides(mechanism: Mechanism, closing: str) -> dict[str, float]:
     joints = [last, *(carried[link] for link in (*up[:top], *down)), last]
     turning = all(isinstance(j, Revolute) for j in joints)
     return {
-        link: math.dist(_end(a, link), _end(b, link)) if turning else math.nan
+        link: math.dist(dict(a.points)[link], dict(b.points)[link]) if turning else math.nan
         for link, (a, b) in zip((*up[: top + 1], *down), pairwise(joints), strict=True)
     }
-
-
-def _end(joint: Joint, link: str) -> Vector2:
-    """Where a joint is on a link [m]."""
-    return joint.on_first if joint.first == link else joint.on_second

@@ -282,9 +282,8 @@ def _check_contact(where: str, clearance: Play) -> None:
 def _shortest(machine: Machine) -> float:
     """Smallest distance of two joints of one link [m]."""
     places: dict[str, list[tuple[float, float]]] = {}
-    for j in machine.plan.joints:
-        places.setdefault(j.first, []).append(j.on_first)
-        places.setdefault(j.second, []).append(j.on_second)
+    for link, at in (point for j in machine.plan.joints for point in j.points):
+        places.setdefault(link, []).append(at)
     between = [math.dist(a, b) for p in places.values() for a, b in combinations(p, 2)]
     return min((x for x in between if x > 0.0), default=math.inf)
 

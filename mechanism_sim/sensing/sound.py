@@ -200,7 +200,7 @@ def _part(mechanism: Mechanism, joint: Joint, curve: PiecewisePolynomial, impact
     normal = np.array([math.cos(impact.normal_angle), math.sin(impact.normal_angle)])
     change = impact.approach_speed + impact.rebound_speed
     parts = []
-    for link, at in ((joint.first, joint.on_first), (joint.second, joint.on_second)):
+    for link, at in joint.points:
         frame = mechanism.frame(link)[0]
         spin = 0.0 if frame == GROUND else np.diff(v[mechanism.coordinates.index(frame)])[0]
         jump = np.diff(mechanism.trace((link, at), q, v)[1].T @ normal)[0]

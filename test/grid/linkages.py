@@ -222,10 +222,7 @@ def _coordinates(scene: Scene, poses: Poses) -> dict[str, tuple[float, bool]]:
         if not isinstance(j, Prismatic):
             found[c] = float(poses[c][2]), False
             continue
-        places = [
-            poses[link][:2] + rotate(poses[link][2], at)
-            for link, at in ((j.first, j.on_first), (j.second, j.on_second))
-        ]
+        places = [poses[link][:2] + rotate(poses[link][2], at) for link, at in j.points]
         way = rotate(poses[j.first][2] + j.axis, (1.0, 0.0))
         found[c] = float((places[1] - places[0]) @ way), True
     return found
