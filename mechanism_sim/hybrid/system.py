@@ -193,7 +193,7 @@ class System:
         p.reserve('fired')
 
     def _find_parameters(self) -> None:
-        """Which of the parameters are which, as the attributes of the class say."""
+        """Indices of parameters, as the attributes of the class say."""
         names, d = self.equations.parameters.names, self.dynamics
 
         def of(gaps: Iterable[Gap], what: str) -> list[int]:
@@ -217,7 +217,7 @@ class System:
         self.torque_index = [several(f'drives:{c}.torque', 3) for c in self.powered]
 
     def _all_guards(self) -> list[Guard]:
-        """What is watched: gaps, their friction, sides and pins and jams of joints, switches."""
+        """Guards of gaps, their friction, sides, pins and jams of ideal joints, switches."""
         guards = [Guard(i, 0) for i in range(len(self.gaps))]
         guards += [Guard(i, sign) for i in self.dynamics.frictional for sign in (1, -1)]
         guards += [Guard(-1, 0, side=k) for k in range(len(self.sides))]

@@ -16,7 +16,7 @@ from mechanism_sim.planar.unknowns import NO_WORK
 from mechanism_sim.scene.contact_keys import Clearance, Contact, Play
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.machine import Level, Machine
-from mechanism_sim.scene.names import naming
+from mechanism_sim.scene.names import scene_errors
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.singular_start import neighbours
 
@@ -24,7 +24,7 @@ from mechanism_sim.scene.singular_start import neighbours
 def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
     """The machine of a scene; `questions` are doubts about what its file says."""
     machine = Machine(name, scene, questions)
-    with naming(name):
+    with scene_errors(name):
         _check_freedom(machine)
         _check_mass(machine)
         check_scenes_way(machine)
@@ -74,7 +74,7 @@ def _check_freedom(machine: Machine) -> None:
 
 
 def _check_mass(machine: Machine) -> None:
-    """Whether every link weighs something that must, and forces have a limit."""
+    """Refuse links without a mass that forces need, and forces without limit."""
     weighed = [n for n, link in machine.links.items() if link.mass is not None or link.elastic]
     if machine.dynamic or (weighed and machine.scene.outputs.forces):
         without = [n for n in machine.links if n not in weighed]
@@ -147,7 +147,7 @@ def _check_inertia(machine: Machine) -> None:
     While loose joints are open they keep nothing together.
     """
     mechanism = machine.mechanism
-    loops = machine.plan.firm_loops(machine.plan.prescribed)
+    loops = machine.plan.loops(machine.plan.prescribed)
     q = machine.at_start(mechanism)
     direction = _without_mass(loops, q)
     if direction is not None and loops.rows:  # at this position only, if it is singular

@@ -111,7 +111,7 @@ def check(machine: Machine) -> Report:
 
 
 def _gap(joint: Joint, c: Play, machine: Machine) -> str:
-    """How loose a joint is, in words."""
+    """The clearance of a joint, in words."""
     friction = f', friction {c.friction:g}' if c.friction else ''
     contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
     if isinstance(joint, HigherPair):
@@ -129,7 +129,7 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
 
 
 def _left_out(machine: Machine, gaps: int) -> list[str]:
-    """What the level that runs leaves out, and why."""
+    """Physics that the level leaves out, with reasons."""
     plan, level = machine.plan, machine.level
     found = []
     if level is Level.KINEMATIC:
@@ -204,7 +204,7 @@ def _drive(machine: Machine, coordinate: str) -> str:
 
 
 def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
-    """What can be said of a machine without moving it."""
+    """Remarks on a machine at rest."""
     plan, mechanism = machine.plan, machine.plan.ideal
     notes = [
         f"{joint}: Newton's restitution with friction can create energy where sliding "
@@ -216,7 +216,7 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
     notes += motion_notes(mechanism, start, plan.laws)
     for joint in plan.joints:
         keys = machine.scene.joints[joint.name]
-        notes += keys.own.notes(keys, machine, joint)
+        notes += keys.kind_keys.notes(keys, machine, joint)
     notes += dict.fromkeys(f'{f.name}: friction, {f.words}' for f in plan.frictions(mechanism))
     notes += elastic_notes(machine.mechanism, machine.period, bool(machine.clearances))
     notes += tilt_notes(machine.mechanism)
@@ -248,14 +248,14 @@ def _oscillator_notes(machine: Machine) -> Iterator[str]:
 
 
 def _sensor_notes(machine: Machine) -> Iterator[str]:
-    """Where sensors are, and what lies between them and their samples."""
+    """Places of sensors, and their chains."""
     for name, sensor in machine.scene.sensors.items():
         said = [f'{sensor.kind} {sensor.place(machine)}', f'{sensor.sample_rate:g} Hz']
         yield f'sensor {name}: {", ".join([*said, *_chain(sensor)])}'
 
 
 def _chain(sensor: SensorPart) -> list[str]:
-    """What of a sensor is not ideal."""
+    """Parts of a sensor that are not ideal."""
     transducer, amplifier, adc = sensor.transducer, sensor.amplifier, sensor.adc
     integrated = sensor.quantity != 'acceleration'
     ideal = ['ideal: no impacts in it'] if sensor.measures in _SHOCKS else ['ideal']

@@ -103,7 +103,7 @@ class Play(Part):
 
 
 def play_of(given: Any, radial: float) -> Play:
-    """How loose a joint is whose keys give restitution, hypothesis and so on by other names."""
+    """The clearance of a joint whose keys give restitution and so on under other names."""
     keys = {'hypothesis', 'friction', 'pin_radius', 'contact'}.intersection(
         type(given).model_fields
     )

@@ -22,7 +22,7 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.assembly import closed_near
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import between
-from mechanism_sim.scene.names import naming
+from mechanism_sim.scene.names import scene_errors
 
 TURN = 2.0 * math.pi
 _PACE = 2.0 * TURN
@@ -46,7 +46,7 @@ def admit(machine: Machine, duration: float | None = None) -> Machine:
 
     That it can for a turn, or for as long as its scene says, was found when it was built.
     """
-    with naming(machine.name):
+    with scene_errors(machine.name):
         try:
             if machine.dynamic:
                 machine.initial_state()
@@ -164,7 +164,7 @@ def _try_loops(machine: Machine, duration: float) -> None:
     """Refuse drives along which loops without clearance cannot close, wherever other links go."""
     mechanism, laws = machine.mechanism, machine.plan.laws
     prescribed = machine.plan.prescribed
-    loops = machine.plan.firm_loops(prescribed)
+    loops = machine.plan.loops(prescribed)
     if not loops.rows:
         return
     known = dict(zip(machine.system.free, machine.initial_state().q, strict=True))

@@ -23,21 +23,21 @@ Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 
 class JointKeys(Part):
-    """The keys of joints of every kind, and what there is to know of a joint of a scene."""
+    """The keys of joints of every kind, and how they are read."""
 
     clearance: Clearance | None = None
     """Pin on the first-named link, loose in the second; without it the joint is ideal."""
     friction: Friction | None = None
     """Of an ideal joint; a loose one has its own in its clearance."""
 
-    #: why it can have no ``clearance``; empty if it can
+    #: the reason why it can have no ``clearance``; empty if it can
     firm: ClassVar[str] = ''
     #: the keys that its friction may have beside the coefficient, and whether the first, which
     #: says where friction acts, must be given; None of joints without friction
     rubs_by: ClassVar[tuple[tuple[str, ...], bool] | None] = None
-    #: whether it is loose because friction alone holds it
+    #: loose because friction alone holds it
     slips: ClassVar[bool] = False
-    #: whether it lets the axis of a link give way, see `rotor_of`
+    #: lets the axis of a link give way, see `rotor_of`
     gives_way: ClassVar[bool] = False
 
     @property
@@ -46,8 +46,8 @@ class JointKeys(Part):
         return next(kind for kind in KINDS if getattr(self, kind, None) is not None)
 
     @property
-    def own(self) -> type[JointKeys]:
-        """The keys of its kind: ``joint.own.notes(joint, ...)`` asks these, whatever it has."""
+    def kind_keys(self) -> type[JointKeys]:
+        """The keys of its kind, with their methods: ``joint.kind_keys.notes(joint, ...)``."""
         return KINDS[self.kind]
 
     @property
@@ -61,11 +61,11 @@ class JointKeys(Part):
         raise NotImplementedError
 
     def play(self) -> Play | None:
-        """How loose it is, if it is."""
+        """Its clearance, if it is loose."""
         return self.clearance
 
     def wrong_play(self, given: Clearance) -> str:
-        """What is wrong with a clearance of it, or nothing."""
+        """An objection to a clearance of it; empty if there is none."""
         known = {'radial', 'restitution', 'hypothesis', 'friction', 'pin_radius'}
         wrong = sorted(key for key in given.model_fields_set - known if getattr(given, key))
         said = f'here it has {", ".join(sorted(known))} only'
@@ -87,7 +87,7 @@ class JointKeys(Part):
         raise NotImplementedError
 
     def notes(self, machine: Any, joint: Any) -> list[str]:
-        """What can be said of the joint of a machine without moving it."""
+        """Remarks on the joint of a machine at rest."""
         return []
 
 
@@ -100,19 +100,19 @@ Kind = TypeVar('Kind', bound=type[JointKeys])
 def register(name: str) -> Callable[[Kind], Kind]:
     """Make the keys of a kind of joints known by its name."""
 
-    def known(keys: Kind) -> Kind:
+    def add(keys: Kind) -> Kind:
         KINDS[name] = keys
         return keys
 
-    return known
+    return add
 
 
 def keys_of(joint: JointKeys) -> list[str]:
     """The keys that have a meaning in a joint of this kind, what it connects first."""
-    fields = joint.own.model_fields
+    fields = joint.kind_keys.model_fields
     keys = dict.fromkeys(
-        [joint.kind, *(k for k in joint.own.__annotations__ if k in fields), *fields]
+        [joint.kind, *(k for k in joint.kind_keys.__annotations__ if k in fields), *fields]
     )
-    absent = {'clearance'} if joint.own.firm else set()
-    absent |= set() if joint.own.rubs_by else {'friction'}
+    absent = {'clearance'} if joint.kind_keys.firm else set()
+    absent |= set() if joint.kind_keys.rubs_by else {'friction'}
     return [key for key in keys if key not in absent]

@@ -6,7 +6,7 @@
 `Machine.level`       how much mechanics the scene needs
 `Machine.ideal`       its motion without clearance, and `Machine.inverse_dynamics`, its forces
 `Machine.system`      the compiled equations of motion, and `Machine.observer` of them
-`Machine.physics`     what follows from a motion, whatever the level
+`Machine.physics`     forces, gaps and energies along a motion, whatever the level
 `Machine.initial_state`  where the equations of motion start (`Start`)
 ====================  =====================================================================
 
@@ -57,7 +57,7 @@ from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
 from mechanism_sim.scene.clearances import gaps_and_films
 from mechanism_sim.scene.contact_keys import Play, in_plane
 from mechanism_sim.scene.elastic_links import stiffened
-from mechanism_sim.scene.names import naming
+from mechanism_sim.scene.names import scene_errors
 from mechanism_sim.scene.oscillators import read_frame
 from mechanism_sim.scene.plan import Plan
 from mechanism_sim.scene.schema import Commands, JointPart, LinkPart, Scene
@@ -119,7 +119,7 @@ class Machine(Rich):
     @cached_property
     def plan(self) -> Plan:
         """Links, joints, drives and forces."""
-        with naming(self.name):
+        with scene_errors(self.name):
             return Plan(self.scene)
 
     @property
@@ -181,7 +181,7 @@ class Machine(Rich):
 
     @property
     def commands(self) -> Commands | None:
-        """What commands of speed the main drive takes, if any."""
+        """Commands of speed that the main drive takes, if any."""
         return self.scene.drive.commands if self.scene.drive else None
 
     @property
@@ -237,8 +237,8 @@ class Machine(Rich):
 
     @cached_property
     def assembly(self) -> Assembly:
-        """Where the mechanism without clearance is at the start."""
-        with naming(self.name):
+        """The mechanism without clearance at the start."""
+        with scene_errors(self.name):
             return assemble(self.plan, self.closed_form)
 
     def at_start(self, mechanism: Mechanism) -> Array:
@@ -247,17 +247,17 @@ class Machine(Rich):
 
     @property
     def starts_singular(self) -> bool:
-        """Whether a driven mechanism starts in a singular position."""
+        """True if a driven mechanism starts in a singular position."""
         return self.closed_form is None and self.assembly.slope is not None
 
     @property
     def torque_driven(self) -> bool:
-        """Whether any coordinate is free or moved by a torque: the motion is not known before."""
+        """True if a coordinate is free or moved by a torque: the motion is not known before."""
         return bool(self.plan.powered) or self.assembly.freedom > 0
 
     @property
     def dynamic(self) -> bool:
-        """Whether the motion comes from equations of motion."""
+        """True if the motion comes from equations of motion."""
         return self.level in (Level.SMOOTH, Level.NONSMOOTH, Level.COMPLIANT)
 
     @cached_property
@@ -322,7 +322,7 @@ class Machine(Rich):
             'links': {name: stiffened(link) for name, link in scene.links.items()},
             'joints': {
                 name: JointPart.model_validate({'revolute': j.points})
-                if j.own.gives_way
+                if j.kind_keys.gives_way
                 else j.model_copy(update={'clearance': in_plane(j.clearance)})
                 for name, j in scene.joints.items()
             },
@@ -419,11 +419,11 @@ class Machine(Rich):
                     f'{self.name}: joints.{gap.joint} has a clearance that never opens nor '
                     'closes: its links move along it only; leave the joint out'
                 )
-        return self._compiled(mechanism, self.plan.firm, gaps, films)
+        return self._compiled(mechanism, self.plan.loop_closures, gaps, films)
 
     @cached_property
     def observer(self) -> Observer:
-        """What is seen of `system` in a given state."""
+        """Forces, accelerations and gaps of `system` in given states."""
         return Observer(self.system)
 
     @cached_property
@@ -460,7 +460,7 @@ class Machine(Rich):
         )
 
     def _lent(self, mechanism: Mechanism) -> float:
-        """What closures are lent [kg] if free coordinates have no inertia by themselves."""
+        """Mass [kg] added along closures if free coordinates have no inertia by themselves."""
         prescribed, q = self.plan.prescribed, self.at_start(mechanism)
         free = [i for i, c in enumerate(mechanism.coordinates) if c not in prescribed]
         beside = np.random.default_rng(3).normal(0.0, _BESIDE, (3, len(q)))
@@ -472,29 +472,29 @@ class Machine(Rich):
 
     @cached_property
     def physics(self) -> Physics:
-        """What follows from a motion of this machine."""
+        """Forces, gaps and energies along a motion of this machine."""
         if self.dynamic:
             return DynamicPhysics(self.observer)
         forces = self.inverse_dynamics if self.level is Level.INVERSE_DYNAMICS else None
         return NominalPhysics(self.ideal, self.mechanism, forces)
 
     def initial_state(self) -> State:
-        """Where the equations of motion start."""
+        """Start of the equations of motion."""
         return self._initial_state
 
     @cached_property
     def _initial_state(self) -> State:
-        with naming(self.name):
+        with scene_errors(self.name):
             return Start(
                 self.plan,
                 self.assembly,
                 self.observer,
-                self.pressing,
+                self.joint_forces_at_start,
                 lambda q, v, a, t: self._seen_at_start(q, v, a, t).acceleration,
                 min(self.period, 1.0),
             ).state()
 
-    def pressing(self, q: Array, v: Array) -> Array:
+    def joint_forces_at_start(self, q: Array, v: Array) -> Array:
         """Forces in the joints of the ideal mechanism (j, 2) [N], first- on second-named link.
 
         At coordinates and rates (n, 1), with the accelerations and torques of the start.
@@ -564,7 +564,7 @@ class Machine(Rich):
 
     @property
     def _large(self) -> bool:
-        """Whether the equations are so long that compact code pays."""
+        """True if the equations are so long that compact code pays."""
         system = self.system
         rows = len(system.dynamics.rows) + len(system.dynamics.relation)
         tabulated = any(isinstance(s, Table) for s in system.switches)
@@ -655,11 +655,11 @@ class Machine(Rich):
 
     def frame(self, name: str) -> Frame:
         """A frame of the scene on its springs; InputError if there is none of that name."""
-        with naming(self.name):
+        with scene_errors(self.name):
             return read_frame(self.scene.oscillators, name)
 
     def forces_on(self, name: str) -> Forces:
-        """What shakes a frame of the scene."""
+        """The forces that shake a frame of the scene."""
         joints = self.scene.oscillators[name].joints
         if joints is None:
             elements = self.plan.elements(self.mechanism)
@@ -672,7 +672,7 @@ class Machine(Rich):
         """The impulses in all joints, from steps of the velocities."""
         self.check_impulses()
         gaps, _ = gaps_and_films(self.mechanism, self.clearances)
-        return JointImpulses(self.mechanism, gaps, self.plan.firm, self.plan.prescribed)
+        return JointImpulses(self.mechanism, gaps, self.plan.loop_closures, self.plan.prescribed)
 
     def check_impulses(self) -> None:
         """Refuse impacts beside friction in ideal joints: steps do not tell one from the other."""

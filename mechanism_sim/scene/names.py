@@ -20,7 +20,7 @@ class SceneError(InputError):
 
 
 @contextmanager
-def naming(name: str) -> Iterator[None]:
+def scene_errors(name: str) -> Iterator[None]:
     """Refusals within begin with the name of the scene, so that no sentence needs to."""
     try:
         yield
@@ -31,7 +31,7 @@ def naming(name: str) -> Iterator[None]:
 
 
 class Names:
-    """What the references of one scene mean; `where` is the key that asks.
+    """The references of one scene; `where` is the key that asks.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Names:
         return first, second
 
     def pivot(self, where: str, link: str) -> tuple[Vector2, Vector2]:
-        """Where a link turns on the ground, in the world and in its own frame [m]."""
+        """The pivot of a link on the ground, in the world and in its own frame [m]."""
         return self.shaft(where, link)[1:]
 
     def shaft(self, where: str, link: str, on: str = GROUND) -> tuple[str, Vector2, Vector2]:
@@ -148,5 +148,5 @@ class Names:
 
 
 def kind_of(straight: bool) -> str:
-    """What a coordinate is, in words."""
+    """A coordinate's kind, in words."""
     return 'a displacement' if straight else 'an angle'

@@ -95,12 +95,12 @@ class Plan(Names):
         begun = {c: x for c, (x, _) in self.begins.items()}
         start = {**self.guess, **positions, **begun}
         self.joints = tuple(
-            keys.own.mounted(keys, joint, start, self._turns)
+            keys.kind_keys.mounted(keys, joint, start, self._turns)
             for joint in in_mesh(self, joints, tree, start)
             for keys in [scene.joints[joint.name]]
         )
         self.begins |= {c: (positions.get(c, 0.0), 0.0) for c in tree.deformations}
-        plays = ((name, keys.own.play(keys)) for name, keys in scene.joints.items())
+        plays = ((name, keys.kind_keys.play(keys)) for name, keys in scene.joints.items())
         self.clearances: dict[str, Play] = {name: play for name, play in plays if play is not None}
         self.clearances |= backlashes(self, self.joints)
         self._loads = read_loads(self, tree)
@@ -131,10 +131,10 @@ class Plan(Names):
                 raise InputError(
                     f"{where}: the name '{name}' cannot be used; names are letters, digits and _"
                 )
-            for key in joint.model_fields_set - joint.own.model_fields.keys():
+            for key in joint.model_fields_set - joint.kind_keys.model_fields.keys():
                 if getattr(joint, key):
                     raise InputError(f'{where}.{key} has no meaning in a {joint.kind} joint')
-            joints.append(joint.own.read(joint, self, name))
+            joints.append(joint.kind_keys.read(joint, self, name))
         reached, grown = {GROUND}, True
         while grown:
             ends = [{j.first, j.second} for j in joints if {j.first, j.second} & reached]
@@ -148,12 +148,12 @@ class Plan(Names):
         return tuple(joints)
 
     def _read_rotors(self) -> dict[str, Rotor]:
-        """How the axes of the links give way that are rotors, by link."""
+        """Compliance of shaft and supports of the links that are rotors, by link."""
         found: dict[str, Rotor] = {}
         for name, joint in self.scene.joints.items():
-            if not joint.own.gives_way:
+            if not joint.kind_keys.gives_way:
                 continue
-            link, rotor = joint.own.rotor_of(joint, self, name)
+            link, rotor = joint.kind_keys.rotor_of(joint, self, name)
             own = self.scene.links[link]
             if link in found or own.elastic or own.tilt:
                 raise InputError(
@@ -167,7 +167,7 @@ class Plan(Names):
         """Friction in ideal joints, of a tree of the mechanism."""
         rubs = []
         for name, joint in self.scene.joints.items():
-            given, own = joint.friction, joint.own
+            given, own = joint.friction, joint.kind_keys
             if given is None or own.rubs_by is None:
                 continue
             where, (keys, needed) = f'joints.{name}.friction', own.rubs_by
@@ -186,7 +186,7 @@ class Plan(Names):
         return lambda m: [
             x
             for name, joint, given in rubs
-            for x in joint.own.frictions(joint, given, m.joint(name), m)
+            for x in joint.kind_keys.frictions(joint, given, m.joint(name), m)
         ]
 
     def _read_bodies(
@@ -282,7 +282,7 @@ class Plan(Names):
         }
 
     def _floats(self, name: str, measure: Measure, tree: Mechanism) -> bool:
-        """Whether a quantity is one of a link that hangs on loose joints, and of `tree` is none.
+        """True if a quantity is one of a link that hangs on loose joints, and of `tree` is none.
 
         That is its place, ``LINK.x`` and ``LINK.y``, or the angle of a link that a guide of
         `tree` carries.
@@ -390,7 +390,7 @@ class Plan(Names):
 
     @property
     def placed_outright(self) -> bool:
-        """Whether the scene itself says where links start, beside the main drive."""
+        """True if the scene itself says where links start, beside the main drive."""
         return bool((self.given[0].keys() | self.given[1]) - {self.main}) or any(self.floating)
 
     @cached_property
@@ -422,7 +422,7 @@ class Plan(Names):
         )
 
     def outside_at_start(self, names: Sequence[str], t: float = 0.0) -> Array:
-        """What `Frames.outside` names (k, 1), at the turns of the start."""
+        """Values (k, 1) of what `Frames.outside` names, at the turns of the start."""
         found = [t if n == 'time' else self.turned.get(n.removesuffix('.turns'), 0) for n in names]
         return np.reshape(np.array(found, float), (-1, 1))
 
@@ -431,14 +431,14 @@ class Plan(Names):
         return Kinematics(self.ideal, closures(self.ideal, self.ideal.cut), held)
 
     @property
-    def firm(self) -> list[Relation]:
+    def loop_closures(self) -> list[Relation]:
         """The closures of the loops that ideal joints close in the mechanism with clearances."""
         joints = [joint for joint in self.loose.cut if joint not in self.clearances]
         return closures(self.loose, joints)
 
-    def firm_loops(self, held: Sequence[str]) -> Kinematics:
+    def loops(self, held: Sequence[str]) -> Kinematics:
         """The same as numbers, with some coordinates given."""
-        return Kinematics(self.loose, self.firm, held)
+        return Kinematics(self.loose, self.loop_closures, held)
 
 
 class _Mass(NamedTuple):

@@ -196,7 +196,7 @@ class JointPart(*KINDS.values()):  # type: ignore[misc]
                 f'must be of one kind, {", ".join(KINDS)}, with two points such as [crank.end, '
                 'rod.start]'
             )
-        c, own = self.clearance, self.own
+        c, own = self.clearance, self.kind_keys
         if self.friction and not own.rubs_by:
             rubbing = ', '.join(name for name, k in KINDS.items() if k.rubs_by)
             raise ValueError(f'cannot have friction: a {self.kind} has none here, only {rubbing}')
@@ -211,7 +211,7 @@ class SensorPart(*SENSORS.values()):  # type: ignore[misc]
     """A sensor: of one kind."""
 
     def source(self, machine: Any) -> Source:
-        """What its chain is fed with."""
+        """Input of its chain."""
         return SENSORS[self.kind].source(self, machine)
 
     def carrier(self, machine: Any) -> str:
@@ -219,7 +219,7 @@ class SensorPart(*SENSORS.values()):  # type: ignore[misc]
         return SENSORS[self.kind].carrier(self, machine)
 
     def place(self, machine: Any) -> str:
-        """Where it is, in words."""
+        """Its place, in words."""
         return SENSORS[self.kind].place(self, machine)
 
     def check(self, machine: Any, where: str) -> None:

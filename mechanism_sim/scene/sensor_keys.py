@@ -126,7 +126,7 @@ class Noise(Part):
 
 
 class SensorKeys(Part):
-    """The keys of sensors of every kind, and what there is to know of a sensor on a machine."""
+    """The keys of sensors of every kind, and how they are read."""
 
     kind: str = 'accelerometer'
     """What it is."""
@@ -137,11 +137,11 @@ class SensorKeys(Part):
 
     #: keys that must be given
     needs: ClassVar[tuple[str, ...]] = ()
-    #: what such a sensor measures, one of `QUANTITIES`; empty if its keys say so
+    #: the quantity that it measures, one of `QUANTITIES`; empty if its keys say so
     reads: ClassVar[str] = ''
 
     def source(self, machine: Any) -> Source:
-        """What its chain is fed with."""
+        """Input of its chain."""
         raise NotImplementedError
 
     def carrier(self, machine: Any) -> str:
@@ -149,7 +149,7 @@ class SensorKeys(Part):
         raise NotImplementedError
 
     def place(self, machine: Any) -> str:
-        """Where it is, in words."""
+        """Its place, in words."""
         raise NotImplementedError
 
     def check(self, machine: Any, where: str) -> None:
@@ -280,11 +280,11 @@ Kind = TypeVar('Kind', bound=type[SensorKeys])
 def register(name: str) -> Callable[[Kind], Kind]:
     """Make the keys of a kind of sensors known by its name, the value of ``kind``."""
 
-    def known(keys: Kind) -> Kind:
+    def add(keys: Kind) -> Kind:
         SENSORS[name] = keys
         return keys
 
-    return known
+    return add
 
 
 def sensor_keys_of(sensor: SensorKeys) -> list[str]:

@@ -55,8 +55,8 @@ class Start:
     ----------
     assembly : where it is without clearance
     observer : of its equations of motion
-    pressing : forces in the joints of the ideal mechanism (j, 2) [N], first-named on second-named
-        link, at coordinates and rates (n, 1) of the start
+    joint_forces : forces in the joints of the ideal mechanism (j, 2) [N], first-named on
+        second-named link, at coordinates and rates (n, 1) of the start
     accelerations : of the ideal mechanism (n, N), at coordinates and rates (n, N) and
         accelerations of prescribed coordinates (p, N), a time [s] from the start
     turn : [s] of the drive, at most a second
@@ -65,7 +65,7 @@ class Start:
     plan: Plan
     assembly: Assembly
     observer: Observer
-    pressing: Callable[[Array, Array], Array]
+    joint_forces: Callable[[Array, Array], Array]
     accelerations: Callable[[Array, Array, Array, float], Array]
     turn: float
 
@@ -74,7 +74,7 @@ class Start:
         return self.plan.loose
 
     def state(self) -> State:
-        """Where the equations of motion start."""
+        """Start of the equations of motion."""
         plan, system = self.plan, self.observer.system
         names = self._loose.coordinates
         q, v = (dict(zip(names, x.tolist(), strict=True)) for x in self._placed())
@@ -154,7 +154,7 @@ class Start:
         return q, self._rates(rates, q, held, given[1] | plan.floating[1])
 
     def _alike(self, c: str) -> bool:
-        """Whether a coordinate means the same with clearance as without."""
+        """True if a coordinate means the same with clearance as without."""
         both = self.plan.ideal, self._loose
         slides = [m.tree_joints.get(c) if c in m.sliding else None for m in both]
         return slides[0] == slides[1]
@@ -204,7 +204,7 @@ class Start:
             step = np.linalg.lstsq(weight[:, None] * J[0][:, every.sought], -left, rcond=1e-12)[0]
             most = max(float(np.abs(step).max(initial=0)), 0.5)
             guess[every.sought] += step * min(1.0, 0.5 / most)
-        firm = self.plan.firm_loops(fixed)
+        firm = self.plan.loops(fixed)
         return closed_near(firm, guess, np.zeros(len(firm.rows)))
 
     def _rates(self, rates: Array, q: Array, held: Sequence[str], given: Values) -> Array:
@@ -214,7 +214,7 @@ class Start:
         """
         plan, loose = self.plan, self._loose
         near = dict(zip(loose.coordinates, rates.tolist(), strict=True))
-        kinematics = plan.firm_loops(held)
+        kinematics = plan.loops(held)
         driven = {c: plan.held[c][1] for c in held if c not in plan.assumed[1]}
         driven |= {c: near[c] for c in loose.deformations}
         fixed = {**driven, **given}
@@ -235,7 +235,7 @@ class Start:
     # --- where pins rest ------------------------------------------------------------------------
 
     def _seats(self, q: Array, v: Array) -> dict[str, Array]:
-        """Where the pins rest (2,) [m], from the centres of their bushings, by joint.
+        """Places at which the pins rest (2,) [m], from the centres of their bushings, by joint.
 
         Of a pair that can only lift off, how deep its compliant contact is (1,) [m], negative.
 
@@ -254,7 +254,7 @@ class Start:
             return found  # pins start in the middle of their slots
         names = [j.name for j in mechanism.joints]
         try:
-            forces = dict(zip(names, self.pressing(q, v), strict=True))
+            forces = dict(zip(names, self.joint_forces(q, v), strict=True))
         except ZeroDivisionError:  # no equation for some of them
             forces = dict.fromkeys(names, np.full(2, np.nan))
         for name, pin in pressed.items():

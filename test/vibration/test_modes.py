@@ -356,7 +356,7 @@ def test_reactions_are_those_of_the_equations_of_motion():
         content['loads'] = {'push': {'at': 'arm.cup', 'force': [0.0, turn.real]}}
         loaded = made(content, 'catapult')
         q, v = one.at.q + (z * turn).real, (1j * TURN * f * z * turn).real
-        return loaded.pressing(q[:, None], v[:, None]).ravel()
+        return loaded.joint_forces_at_start(q[:, None], v[:, None]).ravel()
 
     for phase in (0.0, np.pi / 2):
         change = (forces(1.0, phase) - forces(-1.0, phase)) / (2.0 * small)

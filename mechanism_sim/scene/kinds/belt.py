@@ -131,7 +131,7 @@ class BeltKeys(PhaseKeys):
         return belt
 
     def notes(self, machine: Any, joint: Belt) -> list[str]:
-        """What it can pull."""
+        """The largest pull."""
         if joint.friction is None:
             return []
         wrap, ratio = math.degrees(joint.wrap), math.exp(joint.friction * joint.wrap)

@@ -200,7 +200,7 @@ class MeshKeys(JointKeys):
         return tuple(found)
 
     def notes(self, machine: Any, joint: GearMesh) -> list[str]:
-        """What can be said of gears beside their ratio."""
+        """Remarks on gears beside their ratio."""
         ideal = machine.plan.ideal
         start = dict(zip(ideal.coordinates, machine.assembly.q.tolist(), strict=True))
         rates = dict(zip(ideal.coordinates, machine.assembly.v.tolist(), strict=True))

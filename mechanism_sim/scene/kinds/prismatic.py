@@ -52,7 +52,7 @@ class PrismaticKeys(AxisKeys):
         return Prismatic(name, a, b, on_a, on_b, self.axis, self.angle)
 
     def wrong_play(self, given: Clearance) -> str:
-        """What is wrong with a clearance of it, or nothing."""
+        """An objection to a clearance of it; empty if there is none."""
         if not (given.length and given.height):
             return (
                 "has a clearance that needs 'length' and 'height', those of the block in its guide"

@@ -54,7 +54,7 @@ class RevoluteKeys(JointKeys):
         return [JournalFriction(joint.name, mechanism, given.coefficient, given.radius or 0.0)]
 
     def wrong_play(self, given: Clearance) -> str:
-        """What is wrong with a clearance of it, or nothing."""
+        """An objection to a clearance of it; empty if there is none."""
         if given.height:
             return 'has a clearance with height, which is of blocks in guides'
         if (given.misalignment or given.along) and not given.length:
@@ -80,7 +80,7 @@ class RevoluteKeys(JointKeys):
         return ''
 
     def notes(self, machine: Any, joint: Revolute) -> list[str]:
-        """What ends of a bearing and stops along its axis allow."""
+        """Room of the ends of a bearing, and stops along its axis."""
         play = machine.clearances.get(joint.name)
         if not isinstance(play, Clearance):
             return []

@@ -24,7 +24,7 @@ class SlotKeys(AxisKeys):
         return PinInSlot(name, a, b, on_a, on_b, self.axis)
 
     def wrong_play(self, given: Clearance) -> str:
-        """What is wrong with a clearance of it, or nothing."""
+        """An objection to a clearance of it; empty if there is none."""
         if given.length or given.height:
             return 'has a clearance with length or height, which are of blocks in guides'
         if wrong := [key for key in ('misalignment', 'along', 'axial') if getattr(given, key)]:

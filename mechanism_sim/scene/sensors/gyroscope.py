@@ -19,7 +19,7 @@ class GyroscopeKeys(OnLinkKeys, AnalogueKeys):
     reads = 'angular_velocity'
 
     def source(self, machine: Any) -> Attitude:
-        """How the cross-section at a point turns."""
+        """The rotation of the cross-section at a point."""
         at = self.at if isinstance(self.at, tuple) else (self.at, 0.0)
         return Attitude(machine.mechanism, str(self.link), 1, at)
 
