@@ -1,14 +1,12 @@
 """A machine: what a scene comes down to, part by part, each made once when it is first asked for.
 
-====================  =====================================================================
-`Machine.plan`        links, joints, drives and forces as the scene is read (`Plan`)
-`Machine.assembly`    where the mechanism without clearance is at the start (`assemble`)
-`Machine.level`       how much mechanics the scene needs
-`Machine.ideal`       its motion without clearance, and `Machine.inverse_dynamics`, its forces
-`Machine.system`      the compiled equations of motion, and `Machine.observer` of them
-`Machine.physics`     forces, gaps and energies along a motion, whatever the level
-`Machine.initial_state`  where the equations of motion start (`Start`)
-====================  =====================================================================
+- `Machine.plan`: links, joints, drives and forces as the scene is read (`Plan`)
+- `Machine.assembly`: the mechanism without clearance at the start (`assemble`)
+- `Machine.level`: how much mechanics the scene needs
+- `Machine.ideal` and `Machine.inverse_dynamics`: motion and forces without clearance
+- `Machine.system`: the compiled equations of motion; `Machine.observer` evaluates them
+- `Machine.physics`: forces, gaps and energies along a motion, whatever the level
+- `Machine.initial_state`: start of the equations of motion (`Start`)
 
 `Machine.start` and `Machine.resume` begin runs. Refusals of all parts begin with the scene's name.
 """
