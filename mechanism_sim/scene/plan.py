@@ -426,9 +426,13 @@ class Plan(Names):
         found = [t if n == 'time' else self.turned.get(n.removesuffix('.turns'), 0) for n in names]
         return np.reshape(np.array(found, float), (-1, 1))
 
+    @cached_property
+    def _ideal_loops(self) -> Kinematics:
+        return Kinematics(self.ideal, closures(self.ideal, self.ideal.cut), ())
+
     def kinematics(self, held: Sequence[str]) -> Kinematics:
         """The closures of the mechanism without clearance, with some coordinates given."""
-        return Kinematics(self.ideal, closures(self.ideal, self.ideal.cut), held)
+        return self._ideal_loops.holding(held)
 
     @property
     def loop_closures(self) -> list[Relation]:
@@ -436,9 +440,13 @@ class Plan(Names):
         joints = [joint for joint in self.loose.cut if joint not in self.clearances]
         return closures(self.loose, joints)
 
+    @cached_property
+    def _loops(self) -> Kinematics:
+        return Kinematics(self.loose, self.loop_closures, ())
+
     def loops(self, held: Sequence[str]) -> Kinematics:
         """The same as numbers, with some coordinates given."""
-        return Kinematics(self.loose, self.loop_closures, held)
+        return self._loops.holding(held)
 
 
 class _Mass(NamedTuple):
