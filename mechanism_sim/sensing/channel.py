@@ -43,6 +43,14 @@ class DirectSource:
         """The system from what is read here to what comes out of a chain."""
         return chain.modes()
 
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """The input (1, N) at instants as those of ``motion.curve.at(segments, dt)``."""
+        return np.asarray(self.reading(motion.curve.local(segments, dt).T))[None]
+
+    def reading(self, q: Array) -> Array:
+        """The input (N,) at coordinates (n, N), if it depends on these alone."""
+        raise NotImplementedError
+
     def impulses(self, motion: Motion) -> Array:
         """None (m, 1)."""
         return np.zeros((len(motion), 1))

@@ -5,11 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.scene.sensor_keys import AnalogueKeys, InJointKeys, check_joint, register
 from mechanism_sim.sensing.channel import DirectSource
@@ -28,14 +25,13 @@ class Probe(DirectSource):
     def __init__(self, mechanism: Mechanism, joint: Revolute, direction: float) -> None:
         self._mechanism, self._joint, self._direction = mechanism, joint, direction
 
-    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """Displacement (1, N) [m] at instants as those of ``motion.curve.at(segments, dt)``."""
+    def reading(self, q: Array) -> Array:
+        """Displacement (N,) [m]."""
         joint, m = self._joint, self._mechanism
-        q = motion.curve.local(segments, dt).T
-        pin = m.locate_all(joint.first, q, joint.on_first)
-        x, y = pin - m.locate_all(joint.second, q, joint.on_second)
+        pin, bushing = (m.trace(point, q)[0] for point in joint.points)
+        x, y = pin - bushing
         angle = self._direction + m.angle_all(joint.second, q)
-        return np.asarray(x * np.cos(angle) + y * np.sin(angle))[None]
+        return np.asarray(x * np.cos(angle) + y * np.sin(angle))
 
 
 @register('displacement_probe')

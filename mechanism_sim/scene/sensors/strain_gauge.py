@@ -5,12 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.quantities import Offset
 from mechanism_sim.scene.sensor_keys import AnalogueKeys, OnLinkKeys, check_link, register
@@ -31,9 +28,9 @@ class Gauge(DirectSource):
         self._shares = mechanism.beams[link].strain(x, y)
         self._used = mechanism.amplitudes(link)
 
-    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """Strain (1, N) at instants as those of ``motion.curve.at(segments, dt)``."""
-        return np.asarray(self._shares @ motion.curve.local(segments, dt).T[self._used])[None]
+    def reading(self, q: Array) -> Array:
+        """Strain (N,)."""
+        return np.asarray(self._shares @ q[self._used])
 
 
 @register('strain_gauge')
