@@ -61,6 +61,6 @@ class PrismaticKeys(AxisKeys):
             return f'has a clearance with {wrong[0]}, which is of pins in bushings'
         if given.pin_radius:
             return 'has a clearance with pin_radius: a block has none'
-        if given.contact and given.contact.law == 'film':
+        if given.film:
             return 'has a clearance with a film, which is for pins'
         return ''

@@ -60,11 +60,11 @@ class RevoluteKeys(JointKeys):
         if (given.misalignment or given.along) and not given.length:
             what = 'misalignment' if given.misalignment else 'along'
             return f"has a clearance with {what}: it needs 'length', that of the bearing"
-        if given.length and given.contact and given.contact.law == 'film':
+        if given.length and given.film:
             return (
                 "has a film with length, which is for solid contacts: leave it out, or 'contact'"
             )
-        if given.axial and given.contact and given.contact.law == 'film':
+        if given.axial and given.film:
             return "has a film with axial, which is for solid contacts: leave it out, or 'contact'"
         if not given.misalignment or not given.length:
             return ''

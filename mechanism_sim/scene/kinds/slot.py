@@ -29,6 +29,6 @@ class SlotKeys(AxisKeys):
             return 'has a clearance with length or height, which are of blocks in guides'
         if wrong := [key for key in ('misalignment', 'along', 'axial') if getattr(given, key)]:
             return f'has a clearance with {wrong[0]}, which is of pins in bushings'
-        if given.contact and given.contact.law == 'film':
+        if given.film:
             return 'has a clearance with a film, which is for pins in bushings'
         return ''
