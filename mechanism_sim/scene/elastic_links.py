@@ -31,18 +31,18 @@ _QUASI_STATIC, _RIGID = 20.0, 200.0
 
 
 def read_beams(
-    places: Names, joints: Iterable[Joint], driven: Mapping[str, DrivePart]
+    names: Names, joints: Iterable[Joint], driven: Mapping[str, DrivePart]
 ) -> dict[str, Body]:
     """The elastic links as bodies, of what they weigh by themselves, by name."""
     found = {
         link: _body(f'links.{link}', link, given)
-        for link in places.links
-        if (given := places.scene.links[link]).elastic
+        for link in names.links
+        if (given := names.scene.links[link]).elastic
     }
     for joint in joints:
         for link in dict.fromkeys((joint.first, joint.second, getattr(joint, 'carrier', ''))):
             if link in found:
-                _check(places, joint, found[link], driven)
+                _check(names, joint, found[link], driven)
     for link in driven:
         body = found.get(link)
         if body and body.beam and body.beam.ends != 'clamped':
@@ -53,11 +53,11 @@ def read_beams(
     return found
 
 
-def _check(places: Names, joint: Joint, body: Body, driven: Mapping[str, DrivePart]) -> None:
+def _check(names: Names, joint: Joint, body: Body, driven: Mapping[str, DrivePart]) -> None:
     """Refuse joints that ask more of an elastic link than where its cross-sections are."""
     where, link = f'joints.{joint.name}', body.name
     if isinstance(joint, HigherPair) and not joint.bears(link):
-        kind = places.scene.joints[joint.name].kind
+        kind = names.scene.joints[joint.name].kind
         raise InputError(
             f'{where}: this {kind} needs the whole of {link}, which is elastic: make it rigid, or '
             'put a rigid link between'
@@ -66,7 +66,7 @@ def _check(places: Names, joint: Joint, body: Body, driven: Mapping[str, DrivePa
         joint.second if isinstance(joint, PinInSlot) else joint.first,
         joint.axis,
     )
-    friction = places.scene.joints[joint.name].friction
+    friction = names.scene.joints[joint.name].friction
     along = line and line[0] == link and abs(math.sin(line[1])) <= PARALLEL
     if along and friction and friction.coefficient:
         raise InputError(

@@ -79,9 +79,9 @@ class Wheel(NamedTuple):
         return Gear(self.part.teeth or 0, self.module, self.system, shift, self.part.internal)
 
 
-def read_wheel(places: Names, name: str) -> Wheel:
+def read_wheel(names: Names, name: str) -> Wheel:
     """A gear by name."""
-    gears = places.scene.gears
+    gears = names.scene.gears
     if name not in gears:
         raise InputError(
             f"there is no gear '{name}'{nearest(name, gears)}; gears: "
@@ -94,7 +94,7 @@ def read_wheel(places: Names, name: str) -> Wheel:
         raise InputError(f'{where}: a rack is not internal, and has no shift')
     if not abs(part.helix_angle) < math.radians(60.0):
         raise InputError(f'{where}.helix_angle must be less than 60 deg')
-    wheel = Wheel(name, part, *places.find(f'gears.{name}.at', part.at))
+    wheel = Wheel(name, part, *names.find(f'gears.{name}.at', part.at))
     try:
         _ = wheel.system if part.rack else wheel.gear
     except InputError as error:
@@ -119,17 +119,17 @@ class Placed(NamedTuple):
     guide: Prismatic | None = None
 
 
-def place(places: Names, one: Wheel, two: Wheel) -> Placed:
+def place(names: Names, one: Wheel, two: Wheel) -> Placed:
     """Two gears, or a gear and a rack, where they stand on their carrier."""
-    return _with_rack(places, one, two) if two.part.rack else _pair(places, one, two)
+    return _with_rack(names, one, two) if two.part.rack else _pair(names, one, two)
 
 
-def _pair(places: Names, one: Wheel, two: Wheel) -> Placed:
+def _pair(names: Names, one: Wheel, two: Wheel) -> Placed:
     gears = one.gear, two.gear
     if one.part.internal and two.part.internal:
         raise InputError('one of the gears must have external teeth')
     signs = tuple(-1.0 if g.internal else 1.0 for g in gears)
-    carrier, (here, there) = _carrier(places, one, two)
+    carrier, (here, there) = _carrier(names, one, two)
     x, y = there.at[0] - here.at[0], there.at[1] - here.at[1]
     distance = math.hypot(x, y)
     pinion, wheel = gears if signs[0] > 0.0 else gears[::-1]
@@ -160,15 +160,15 @@ def _pair(places: Names, one: Wheel, two: Wheel) -> Placed:
     )  # fmt: skip
 
 
-def _with_rack(places: Names, one: Wheel, two: Wheel) -> Placed:
+def _with_rack(names: Names, one: Wheel, two: Wheel) -> Placed:
     gear = one.gear
     if gear.internal:
         raise InputError(f'the rack {two.name} needs a gear with external teeth')
-    for n, joint in places.scene.joints.items():
+    for n, joint in names.scene.joints.items():
         if not joint.prismatic:
             continue
-        (a, on_a), (b, on_b) = places.connected(n)
-        shaft = _axes(places, one).get(a)
+        (a, on_a), (b, on_b) = names.connected(n)
+        shaft = _axes(names, one).get(a)
         if b == two.link and a != one.link and shaft is not None:
             centre = shaft.at
             guide = Prismatic(n, a, b, on_a, on_b, joint.axis, joint.angle)
@@ -214,13 +214,13 @@ class _Axis(NamedTuple):
     by: tuple[str, ...] = ()
 
 
-def _axes(places: Names, wheel: Wheel) -> dict[str, _Axis]:
+def _axes(names: Names, wheel: Wheel) -> dict[str, _Axis]:
     """The links that turn about a gear's centre."""
     found = {wheel.link: _Axis(wheel.at)}
-    waiting = [n for n, joint in places.scene.joints.items() if joint.revolute]
+    waiting = [n for n, joint in names.scene.joints.items() if joint.revolute]
     while True:
         for n in waiting:
-            ends = dict(places.connected(n))
+            ends = dict(names.connected(n))
             here = [x for x in ends if x in found and math.dist(ends[x], found[x].at) < 1e-9]
             if here:
                 by = (*found[here[0]].by, n)
@@ -229,7 +229,7 @@ def _axes(places: Names, wheel: Wheel) -> dict[str, _Axis]:
                 break
         else:
             break
-        if places.scene.joints[n].clearance:
+        if names.scene.joints[n].clearance:
             raise InputError(
                 f'the shaft of {wheel.name} has a clearance ({n}), so that its centre is nowhere '
                 'fixed: gears need ideal bearings'
@@ -237,10 +237,10 @@ def _axes(places: Names, wheel: Wheel) -> dict[str, _Axis]:
     return found
 
 
-def _carrier(places: Names, one: Wheel, two: Wheel) -> tuple[str, tuple[_Axis, _Axis]]:
+def _carrier(names: Names, one: Wheel, two: Wheel) -> tuple[str, tuple[_Axis, _Axis]]:
     """The link on which both gears turn, the ground if possible, and their centres on it."""
-    a, b = (_axes(places, x) for x in (one, two))
-    both = [x for x in (GROUND, *places.links) if x in a and x in b]
+    a, b = (_axes(names, x) for x in (one, two))
+    both = [x for x in (GROUND, *names.links) if x in a and x in b]
     both = [
         x for x in both
         if x not in (one.link, two.link) and math.dist(a[x].at, b[x].at) > 1e-9

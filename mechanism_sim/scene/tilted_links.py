@@ -42,35 +42,35 @@ class TiltPart(Part):
         return self
 
 
-def without_mass(places: Names, link: str) -> Body:
+def without_mass(names: Names, link: str) -> Body:
     """A link as it moves, whatever it weighs."""
-    none, given = (0.0, 0.0), places.scene.links[link].tilt
-    axial = stiffness_along(places, link)
+    none, given = (0.0, 0.0), names.scene.links[link].tilt
+    axial = stiffness_along(names, link)
     tilt = Tilt(0.0, none, (0.0, 0.0, 0.0), none, axial=axial) if given else None
     return Body(link, 0.0, 0.0, none, tilt=tilt)
 
 
-def stiffness_along(places: Names, link: str) -> float | None:
+def stiffness_along(names: Names, link: str) -> float | None:
     """Of what holds a link along the axes [N/m]; None if no bearing lets it move there."""
-    given = places.scene.links[link].tilt
+    given = names.scene.links[link].tilt
     stopped = any(
-        joint.clearance and joint.clearance.axial and link in dict(places.ends(name))
-        for name, joint in places.scene.joints.items()
+        joint.clearance and joint.clearance.axial and link in dict(names.ends(name))
+        for name, joint in names.scene.joints.items()
     )
     return given.axial_stiffness if given and stopped else None
 
 
-def tilted(body: Body, places: Names, spin: float = 0.0) -> Body:
+def tilted(body: Body, names: Names, spin: float = 0.0) -> Body:
     """A body as its link leans.
 
     Parameters
     ----------
     spin : [kg m^2] of its inertia that turns in the plane, but does not lean
     """
-    given, where = places.scene.links[body.name].tilt, f'links.{body.name}'
+    given, where = names.scene.links[body.name].tilt, f'links.{body.name}'
     if given is None:
         return body
-    axial = stiffness_along(places, body.name)
+    axial = stiffness_along(names, body.name)
     if given.axial_stiffness and axial is None:
         raise InputError(
             f'{where}.tilt.axial_stiffness has no meaning where no bearing of the link has '
@@ -97,18 +97,18 @@ def tilted(body: Body, places: Names, spin: float = 0.0) -> Body:
     return replace(body, tilt=tilt)
 
 
-def check_tilts(places: Names, joints: tuple[Joint, ...]) -> None:
+def check_tilts(names: Names, joints: tuple[Joint, ...]) -> None:
     """Links that lean are rigid, and have revolute joints only."""
-    leaning = {x for x in places.links if places.scene.links[x].tilt}
-    for link in places.links:
-        if link in leaning and places.scene.links[link].elastic:
+    leaning = {x for x in names.links if names.scene.links[x].tilt}
+    for link in names.links:
+        if link in leaning and names.scene.links[link].elastic:
             raise InputError(
                 f'links.{link} has both elastic and tilt: a link that bends in the plane stays in '
                 'it here; leave one of them out'
             )
-    for name, keys in places.scene.joints.items():
+    for name, keys in names.scene.joints.items():
         if keys.clearance and keys.clearance.axial:
-            ends = [link for link, _ in places.ends(name)]
+            ends = [link for link, _ in names.ends(name)]
             if not leaning & {*ends}:
                 movable = next(x for x in ends if x != GROUND)
                 raise InputError(

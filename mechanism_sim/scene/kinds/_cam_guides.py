@@ -23,7 +23,7 @@ class Guide(NamedTuple):
     angle: float = 0.0  #: [rad] of its frame if it slides
 
 
-def find_guide(places: Names, where: str, link: str, at: Vector2, what: str) -> Guide:
+def find_guide(names: Names, where: str, link: str, at: Vector2, what: str) -> Guide:
     """How a point `at` [m] of a link is carried by the ground.
 
     Parameters
@@ -31,10 +31,10 @@ def find_guide(places: Names, where: str, link: str, at: Vector2, what: str) -> 
     where : the joint that asks
     what : ``cam`` or ``follower``
     """
-    for name, joint in places.scene.joints.items():
+    for name, joint in names.scene.joints.items():
         if joint.kind not in ('revolute', 'prismatic'):
             continue
-        (a, on_a), (b, on_b) = places.connected(name)
+        (a, on_a), (b, on_b) = names.connected(name)
         if {a, b} != {GROUND, link}:
             continue
         if joint.clearance:

@@ -248,16 +248,16 @@ LARGEST_PRESSURE = {False: 30.0, True: 45.0}  # for followers that slide, that s
 class _Reader:
     """One joint with a cam; what it raises without the scene's name gets it from `_read`."""
 
-    def __init__(self, places: Names, name: str, joint: CamKeys) -> None:
-        self.places, self.name, self.joint = places, name, joint
+    def __init__(self, names: Names, name: str, joint: CamKeys) -> None:
+        self.names, self.name, self.joint = names, name, joint
         self.where = f'joints.{name}'
 
     def pair(self, cam: Place, follower: Place) -> CamPair:
         """The joint."""
         joint, (link, at) = self.joint, cam
         self._check_keys()
-        carrier = find_guide(self.places, self.where, *cam, 'cam')
-        guide = find_guide(self.places, self.where, *follower, 'follower')
+        carrier = find_guide(self.names, self.where, *cam, 'cam')
+        guide = find_guide(self.names, self.where, *follower, 'follower')
         self._check_guide(guide)
         self._slides, phase = not carrier.swings, joint.phase
         if self._slides:
@@ -404,7 +404,7 @@ class _Reader:
         if given.points:
             ways, rises = (
                 [
-                    self.places.measure(f'{where}.points.{i}', point[k], straight, _UNITS)
+                    self.names.measure(f'{where}.points.{i}', point[k], straight, _UNITS)
                     for i, point in enumerate(given.points)
                 ]
                 for k, straight in enumerate((self._slides, not guide.swings))
@@ -427,7 +427,7 @@ class _Reader:
 
     def _segment(self, where: str, part: SegmentPart, swings: bool) -> Segment:
         begin, end = (
-            self.places.measure(f'{where}.{key}', way, self._slides, _UNITS)
+            self.names.measure(f'{where}.{key}', way, self._slides, _UNITS)
             for key, way in (('from', part.begin), ('to', part.end))
         )
         if not self._slides and end - begin > 2.0 * math.pi * (1.0 + 1e-9):
@@ -445,7 +445,7 @@ class _Reader:
             raise InputError(
                 f'{said} positive length; past a full turn count on, to {turned:g} deg'
             )
-        rise = self.places.measure(f'{where}.rise', part.rise, not swings, _UNITS)
+        rise = self.names.measure(f'{where}.rise', part.rise, not swings, _UNITS)
         if part.curve == 'spline':
             x, y = zip(*part.points, strict=True)
             curve = curves.spline_curve(x, y, part.ends)

@@ -235,7 +235,7 @@ def check_bearings(joints: tuple[Joint, ...], closing: Collection[str]) -> None:
 
 
 def in_mesh(
-    places: Names, joints: tuple[Joint, ...], tree: Mechanism, start: Mapping[str, float]
+    names: Names, joints: tuple[Joint, ...], tree: Mechanism, start: Mapping[str, float]
 ) -> tuple[Joint, ...]:
     """The joints, with the teeth of all gears in spaces at the start.
 
@@ -251,10 +251,10 @@ def in_mesh(
     placed: dict[str, GearMesh] = {}
     waiting = [j for j in joints if isinstance(j, GearMesh)]
     while waiting:
-        near = [j for j in waiting if {*places.scene.joints[j.name].points} & teeth.keys()]
+        near = [j for j in waiting if {*names.scene.joints[j.name].points} & teeth.keys()]
         mesh = near[0] if near else waiting[0]
         waiting.remove(mesh)
-        one, two = places.scene.joints[mesh.name].points
+        one, two = names.scene.joints[mesh.name].points
         at = mesh.places(tree, q)
         phase = sum(w * x for w, x in zip(mesh.waves, at, strict=True))
         (w, v), (here, there) = mesh.waves, mesh.facing
@@ -283,11 +283,11 @@ def in_mesh(
     return tuple(placed.get(j.name, j) for j in joints)
 
 
-def backlashes(places: Names, joints: tuple[Joint, ...]) -> dict[str, Play]:
+def backlashes(names: Names, joints: tuple[Joint, ...]) -> dict[str, Play]:
     """How loose the meshes are that have play or give way."""
     found = {}
     for mesh in (j for j in joints if isinstance(j, GearMesh)):
-        given = places.scene.joints[mesh.name].backlash
+        given = names.scene.joints[mesh.name].backlash
         if mesh.elastic:
             found[mesh.name] = Play(radial=mesh.play, restitution=0.0)
         elif given:

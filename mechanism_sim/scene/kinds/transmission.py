@@ -67,10 +67,10 @@ class TransmissionKeys(CarrierKeys):
         )  # fmt: skip
 
 
-def carrier_of(places: Names, name: str, joint: Any) -> str:
+def carrier_of(names: Names, name: str, joint: Any) -> str:
     """The link from which angles count."""
-    carrier, _ = places.find(f'joints.{name}.carrier', joint.carrier or GROUND)
-    if carrier in [link for link, _ in places.ends(name)]:
+    carrier, _ = names.find(f'joints.{name}.carrier', joint.carrier or GROUND)
+    if carrier in [link for link, _ in names.ends(name)]:
         raise InputError(
             f'joints.{name}: {carrier} carries the {joint.kind}: name two other links'
         )
