@@ -90,14 +90,6 @@ class Constraints:
                 i += 1
         return residual, jacobian.reshape(len(self.rows), 3 * len(self.links))
 
-    def residual(self, poses: Array) -> Array:
-        """What the equations leave (m,) at poses (n, 3) [m, rad]."""
-        return self.linearise(poses)[0]
-
-    def jacobian(self, poses: Array) -> Array:
-        """Derivatives (m, 3 n) of the rows at poses (n, 3)."""
-        return self.linearise(poses)[1]
-
     def normalise(self, poses: Array) -> tuple[Array, Array]:
         """As `linearise`, with every length measured in `size`: free of units."""
         residual, jacobian = self.linearise(poses)
