@@ -55,7 +55,7 @@ from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
 from mechanism_sim.scene.clearances import gaps_and_films
 from mechanism_sim.scene.contact_keys import Play, in_plane
 from mechanism_sim.scene.elastic_links import stiffened
-from mechanism_sim.scene.names import scene_errors
+from mechanism_sim.scene.names import SceneError, scene_errors
 from mechanism_sim.scene.oscillators import read_frame
 from mechanism_sim.scene.plan import Plan
 from mechanism_sim.scene.schema import Commands, JointPart, LinkPart, Scene
@@ -227,7 +227,7 @@ class Machine(Rich):
         """Lengths and branch of a four-bar whose links' angles are those from joint to joint."""
         loop = self.closed_form
         if loop is None or any(loop.turned):
-            raise InputError(
+            raise SceneError(
                 f'{self.name}: this is for four-bars only, whose links have their joints on their '
                 'x axes'
             )
@@ -282,7 +282,7 @@ class Machine(Rich):
         """The same machine with its main drive at another angle [rad] at the start."""
         scene = self.scene
         if not scene.drive:
-            raise InputError(f"{self.name}: there is no 'drive' to start at an angle")
+            raise SceneError(f"{self.name}: there is no 'drive' to start at an angle")
         position = {c: x for c, x in scene.initial.position.items() if c != self.main}
         changed: dict[str, Any] = {
             'drive': scene.drive.model_copy(update={'start_angle': angle}),
@@ -413,7 +413,7 @@ class Machine(Rich):
         frames = Frames(mechanism.coordinates, Parameters())
         for gap in gaps:
             if all(slope is None for slope in gap.value(frames).gradient.values()):
-                raise InputError(
+                raise SceneError(
                     f'{self.name}: joints.{gap.joint} has a clearance that never opens nor '
                     'closes: its links move along it only; leave the joint out'
                 )
@@ -677,7 +677,7 @@ class Machine(Rich):
         joints = self.scene.joints.items()
         rubbing = [name for name, j in joints if j.friction and j.friction.coefficient]
         if rubbing and self.level is Level.NONSMOOTH:
-            raise InputError(
+            raise SceneError(
                 f'{self.name}: joints.{rubbing[0]}.friction: beside rigid contacts with clearance '
                 'impulses in joints are not known, which load cells and the joints of frames ask '
                 'for; leave out the friction, or give the clearances a contact with a stiffness'

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 import mechanism_sim as ms
-from mechanism_sim.errors import InputError
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.scene.names import scene_errors
 
 
 def in_symbols(mechanism, point, q, v, a):
@@ -37,9 +35,3 @@ def test_points_move_alike_in_numbers_and_in_symbols(scene):
             expected = in_symbols(mechanism, point, q, v, a)
             np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-13)
             np.testing.assert_array_equal(found[0], mechanism.locate_all(link, q, at))
-
-
-def test_a_refusal_names_its_scene_once():
-    refused = pytest.raises(InputError, match=r'^press: joints\.pin: no$')
-    with refused, scene_errors('press'), scene_errors('press'):
-        raise InputError('joints.pin: no')
