@@ -22,6 +22,7 @@ __all__ = [
     'explore',
     'load_scene',
     'measure',
+    'open_run',
     'play',
     'scene_names',
     'simulate',
@@ -53,7 +54,7 @@ _postpone_sympy()
 def __getattr__(name: str) -> _Any:
     """The public functions, imported when first used: most commands need few of the rooms."""
     if name == 'cycle':
-        from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
+        from mechanism_sim.results.cycle import cycle  # noqa: PLC0415
 
         return cycle
     if name == 'equations':
@@ -61,9 +62,13 @@ def __getattr__(name: str) -> _Any:
 
         return equations
     if name == 'measure':
-        from mechanism_sim.cycles.measures import measure  # noqa: PLC0415
+        from mechanism_sim.results.measures import measure  # noqa: PLC0415
 
         return measure
+    if name == 'open_run':
+        from mechanism_sim.analysis.open_run import open_run  # noqa: PLC0415
+
+        return open_run
     if name in ('explore', 'play'):
         from mechanism_sim.pages import notebook  # noqa: PLC0415
 
@@ -72,6 +77,10 @@ def __getattr__(name: str) -> _Any:
         from mechanism_sim.report import shown  # noqa: PLC0415
 
         return getattr(shown, name)
+    if name in ('simulate', 'stream'):
+        from mechanism_sim.results import simulate  # noqa: PLC0415
+
+        return getattr(simulate, name)
     if name in __all__:
         from mechanism_sim import scene  # noqa: PLC0415
 

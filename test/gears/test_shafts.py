@@ -9,11 +9,11 @@ from tooth_forces import bevel, helical
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.loads import BearingCollector
-from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.forces import WormPair, pitch_angles
 from mechanism_sim.messages import BearingLoads, deserialize
 from mechanism_sim.nodes.publications import bearing_loads
+from mechanism_sim.results.cycle import cycle
 from mechanism_sim.scene.check import check
 from mechanism_sim.scene.files import check_scene
 
@@ -208,9 +208,9 @@ def test_a_message_says_what_the_bearings_of_each_shaft_carry():
     """Both together the reaction of the plane; along the shaft opposite forces on both gears."""
     machine = ms.load_scene('helical_shafts')
     t = np.array([0.01, 0.02])
-    seen = ms.simulate(machine, duration=0.03).samples(t)
+    seen = ms.simulate(machine, duration=0.03).view(t)
     write = bearing_loads(machine, 'world')
-    messages = [deserialize(x, BearingLoads) for x in write(t, seen.observed, seen.modes)]
+    messages = [deserialize(x, BearingLoads) for x in write(seen)]
     assert [(m.joint, m.time) for m in messages] == [
         (joint, x) for joint in ('pinion_shaft', 'wheel_shaft') for x in t
     ]

@@ -1,0 +1,424 @@
+"""Everything about a machine over one cycle, as arrays by name.
+
+A cycle is a revolution of the drive where it turns at constant speed, and otherwise as long as it
+is asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid import plotting
+from mechanism_sim.hybrid.peak_shapes import PeakShape, peak_shape
+from mechanism_sim.hybrid.physics import each_instant
+from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.quadrature import parts_of
+from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.inverse_dynamics import NoLimit
+from mechanism_sim.planar.points import LinkPoint
+from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.extremes import Extremes, find_extremes
+from mechanism_sim.results.quantities.motion import RATES, choose_points
+from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.results.solution import Solution
+from mechanism_sim.results.strokes import Swing, find_swings
+from mechanism_sim.results.time_integrals import Estimate, TimeIntegrals
+from mechanism_sim.results.view import View
+from mechanism_sim.scene import Level, Machine, span
+from mechanism_sim.tables import Table
+
+Array = NDArray[np.float64]
+
+_OF_MOTION = 'energy.kinetic', 'energy.drive_work', 'energy.dissipated'
+_MOMENT = 1e-6
+"""[s] that is run where only the start is wanted."""
+
+# eight instants, in steps, and the weights with which a polynomial through them gives what is
+# between the middle ones, or one step before the first
+_BESIDE = np.arange(-3.5, 4.0)
+_BETWEEN = np.array([-5.0, 49.0, -245.0, 1225.0, 1225.0, -245.0, 49.0, -5.0]) / 2048.0
+_BEYOND = np.array([8.0, -28.0, 56.0, -70.0, 56.0, -28.0, 8.0, -1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle(plotting.Rich):
+    """One cycle of a machine: ``cycle[name]`` is an array (N + 1,), both ends included.
+
+    Any quantity of the machine can be asked for (``mechanism-sim quantities SCENE``). Its table
+    has all but paths of points and forces in the frames of links, which are there on request: a
+    point has ``position.LINK.POINT.x`` and so on, the force on a link along and across it is
+    ``reaction.JOINT.LINK.along`` and ``.across`` ([V] ch. 3).
+
+    Attributes
+    ----------
+    machine, solution : what was run
+    t : (N + 1,) [s] evenly spaced
+    repeats : whether it is a whole number of turns of a drive at constant speed
+    static : whether forces are without those of inertia
+    """
+
+    machine: Machine
+    solution: Solution
+    t: Array
+    repeats: bool
+    points: Mapping[str, LinkPoint]
+    local: bool
+    static: bool = False
+
+    def __repr__(self) -> str:
+        span = f'{self.t[0]:.6g} s to {self.t[-1]:.6g} s'
+        return f'<Cycle of {self.machine.name}: {len(self.t)} samples from {span}>'
+
+    @cached_property
+    def drive(self) -> str:
+        """The coordinate whose position orders the cycle: that of the first drive."""
+        return self.machine.main
+
+    @property
+    def drive_torques(self) -> list[str]:
+        """The columns of the drives' torques, or forces of those that slide."""
+        names = [name for name in self.table() if name.startswith('drive_torque')]
+        return names if len(names) < 2 else [name for name in names if '.' in name]
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return float(self.t[-1] - self.t[0])
+
+    @cached_property
+    def names(self) -> list[str]:
+        """The columns of its table."""
+        known = catalogue(self.machine)
+        paths = {f'{kind}.{p}.{axis}' for p in self.points for kind in RATES for axis in 'xy'}
+        own = ('along', 'across') if self.local else ()
+        return [
+            name
+            for name, quantity in known.items()
+            if (quantity.shown >= Shown.CYCLE or name in paths or quantity.part in own)
+            and not (self.static and name in _OF_MOTION)  # of the motion as it is
+        ]
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self.table():
+            return self.at(self.t, [catalogue(self.machine).find(name).name]).popitem()[1]
+        return self.table()[name]
+
+    def table(self) -> Table:
+        """All columns (N + 1,) by name, in SI units."""
+        return self._table
+
+    def units(self) -> dict[str, str]:
+        """SI units of the columns by name, empty for numbers."""
+        return self.table().units
+
+    @cached_property
+    def _table(self) -> Table:
+        known, columns = catalogue(self.machine), self.at(self.t, self.names)
+        return Table(columns, {name: known[name].unit for name in columns})
+
+    def at(self, t: Array, names: Sequence[str] | None = None) -> dict[str, Array]:
+        """Columns at any instants (K,) of the cycle.
+
+        Where forces in joints have no limit they are NaN. What the frame gets from all of them
+        has one, which comes from instants beside.
+
+        Parameters
+        ----------
+        names : of quantities of the machine; without any those of its table
+        """
+        names = self.names if names is None else names
+        columns = self._columns(t, names)
+        on_frame = [name for name in names if name.startswith('shaking_')]
+        lost = np.flatnonzero(np.isnan(columns[on_frame[0]])) if on_frame else np.zeros(0, int)
+        if (
+            lost.size and not self.machine.physics.unknowns
+        ):  # those have none where they do no work
+            step = 0.003 * (self.machine.period if self.repeats else self.duration)
+            curve, at = self.solution.motion.curve, t[lost, None]
+            beside, weights = at + step * _BESIDE, np.tile(_BETWEEN, (len(lost), 1))
+            for sign, outside in (
+                (1.0, beside[:, 0] < curve.start[0]),
+                (-1.0, beside[:, -1] > curve.end),
+            ):
+                beside[outside] = at[outside] + sign * step * np.arange(1.0, 9.0)
+                weights[outside] = _BEYOND
+            near = self._columns(beside.ravel(), on_frame)
+            for name in on_frame:
+                columns[name][lost] = (near[name].reshape(-1, 8) * weights).sum(axis=1)
+        return columns
+
+    def _columns(self, t: Array, names: Sequence[str]) -> dict[str, Array]:
+        run = self.solution
+        view = View.at(self.machine, run.motion, t, run.balance, self.static)
+        return catalogue(self.machine).columns(names, view)
+
+    def plot(self, *names: str, **how: Any) -> Any:
+        """Plot columns by name, or an overview, over the angle of a steady drive.
+
+        The keywords are those of `mechanism_sim.report.lines.plot`: ``against='time'``, and
+        ``start`` and ``end`` [s]. A Matplotlib figure comes back.
+        """
+        return plotting.plot(self, *names, **how)
+
+    def extremes(self) -> dict[str, Extremes]:
+        """Least and greatest value of each column, and when: of the motion, not of its samples."""
+        return self._extremes
+
+    @cached_property
+    def no_limits(self) -> list[NoLimit]:
+        """Instants of the cycle at which forces grow beyond all bounds, and are left out."""
+        physics = self.machine.statics if self.static else self.machine.physics
+        begin, end = self.t[0], self.t[-1]
+        found = physics.no_limits(self.solution.motion)
+        return [x for x in found if begin <= x.t <= end or x.is_at(begin) or x.is_at(end)]
+
+    @cached_property
+    def unbounded(self) -> set[str]:
+        """The columns that have no value at these instants, and therefore no extremes."""
+        if not self.no_limits:
+            return set()
+        at = np.clip([x.t for x in self.no_limits], self.t[0], self.t[-1])
+        known = catalogue(self.machine)
+        seen = self.at(at, [name for name in self.names if not known[name].cumulative])
+        return {name for name, x in seen.items() if not np.isfinite(x).all()}
+
+    @cached_property
+    def _extremes(self) -> dict[str, Extremes]:
+        known = catalogue(self.machine)
+        names = [n for n in self.names if known[n].has_extremes and n not in self.unbounded]
+        spans = self.solution.motion.curve.spans(float(self.t[0]), float(self.t[-1]))
+        size, drive = self.machine.mechanism.size, f'position.{self.drive}'
+        found: dict[str, Extremes] = {}
+        for cumulative in (False, True):
+            own = [known[n] for n in names if known[n].cumulative == cumulative]
+            at = partial(self.at, names=[*dict.fromkeys([*(q.name for q in own), drive])])
+            found |= find_extremes(at, own, spans, drive, size) if own else {}
+        return {name: found[name] for name in names}
+
+    def peaks(self) -> dict[str, PeakShape]:
+        """How long the largest forces and efforts last, and what impulse they carry, by column.
+
+        Of the sizes of forces, normal forces of contacts, and efforts of drives.
+        """
+        return self._peaks
+
+    @cached_property
+    def _peaks(self) -> dict[str, PeakShape]:
+        curve = self.solution.motion.between(float(self.t[0]), float(self.t[-1])).curve
+        found = {}
+        for name, ends in self.extremes().items():
+            low, high = ends.least, ends.greatest
+            top = low if -low.value > high.value else high
+            if not _is_load(name) or ends.constant or not top.value:
+                continue
+
+            def size(k: NDArray[np.intp], dt: Array | Nodes, name: str = name) -> Array:
+                each, since = each_instant(curve, k, dt)
+                t = curve.start[each] + (curve.start_low[each] + since)
+                return np.asarray(np.abs(self.at(t, [name])[name]))
+
+            found[name] = peak_shape(size, curve, top.t, abs(top.value))
+        return found
+
+    def swings(self) -> dict[str, Swing]:
+        """How far each coordinate goes, and in which strokes, by coordinate."""
+        names, found = self.machine.physics.coordinates, self.extremes()
+        ends = [found[f'position.{name}'] for name in names]
+        return find_swings(
+            names,
+            [name not in self.machine.physics.displacements for name in names],
+            self.solution.motion.curve,
+            (float(self.t[0]), float(self.t[-1])),
+            [x.greatest.value - x.least.value if not x.constant else 0.0 for x in ends],
+            self.machine.period if self.repeats else None,
+        )
+
+    def mean(self, name: str) -> float:
+        """Mean of a column over time, by quadrature over every step of the motion."""
+        return self._average('value', name).value
+
+    def rms(self, name: str) -> float:
+        """Root of the mean square of a column over time, likewise."""
+        return self._average('square', name).value
+
+    def _average(self, form: str, name: str) -> Estimate:
+        """Mean or root mean square of a column; those that begin alike are taken together."""
+        if (form, name) not in self._averages:
+            kind = name.partition('.')[0]
+            names = [n for n in self.names if n.partition('.')[0] == kind] or [name]
+            curve, taken = self.solution.motion.curve, TimeIntegrals(len(names))
+
+            def values(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
+                each, since = each_instant(curve, k, dt)
+                t = curve.start[each] + (curve.start_low[each] + since)
+                x = np.array(list(self.at(t, names).values()))
+                return x * x if form == 'square' else x
+
+            parts = parts_of(curve, float(self.t[0]), float(self.t[-1]))
+            taken.add(values, self.solution.motion, parts)
+            found = [
+                taken.root(i) if form == 'square' else taken.mean(i) for i in range(len(names))
+            ]
+            self._averages.update(((form, n), x) for n, x in zip(names, found, strict=True))
+        return self._averages[form, name]
+
+    @cached_property
+    def _averages(self) -> dict[tuple[str, str], Estimate]:
+        return {}
+
+    @property
+    def efficiency(self) -> float | None:
+        """What friction in ideal joints leaves of the drives' work, 0 to 1.
+
+        None where nothing rubs, or the drives do no work on the whole.
+        """
+        losses = [name for name in self.table() if name.startswith('friction_loss.')]
+        power = self.mean_power if losses else 0.0
+        if power <= 0.0:
+            return None
+        return 1.0 - sum(self.mean(name) for name in losses) / power
+
+    @property
+    def mean_power(self) -> float:
+        """Work of the drives over time [W], that of impacts included."""
+        if self.static:
+            return self.mean('drive_power')
+        work = self['energy.drive_work']
+        return float(work[-1] - work[0]) / self.duration
+
+
+def cycle(
+    machine: Machine,
+    samples: int = 360,
+    start: float | None = None,
+    periods: int = 1,
+    duration: float | None = None,
+    points: Sequence[str] = (),
+    local: bool = False,
+    static: bool = False,
+) -> Cycle:
+    """Run a machine over a cycle.
+
+    Parameters
+    ----------
+    samples : intervals between samples in a cycle
+    start : position of the drive where the cycle begins [rad]; where the scene begins if not
+    periods : turns of the drive
+    duration : [s] instead, where the drive has no constant speed; that of the scene if not
+    points : whose paths are wanted, ``LINK.POINT``
+    local : forces on each link along and across it too
+    static : forces without those of inertia ([V] 3.5.1): weights stay, and what loads, dampers and
+        friction owe to the speed
+
+    Raises
+    ------
+    InputError
+        If forces are wanted of a machine that has none, static forces of one that is not ideal
+        and driven, it is unknown how long the cycle is, or there is no such point.
+    RunError
+        If the run fails.
+    """
+    if samples < 2 or periods < 1:
+        raise InputError('a cycle needs at least 2 samples and 1 period')
+    if duration is not None and periods != 1:
+        raise InputError('a cycle has a number of periods or a duration, not both')
+    if local and not machine.physics.has_forces:
+        raise InputError(
+            f'{machine.name}: forces along and across links are not known: its level has no forces'
+        )
+    if static and machine.level is not Level.INVERSE_DYNAMICS:
+        raise InputError(
+            f'{machine.name}: static forces need masses, prescribed drives and no clearance; this '
+            f'scene is one of {machine.level.value}'
+        )
+    chosen = choose_points(machine, points)
+    steady = is_steady(machine)
+    begin = 0.0
+    if start is not None:
+        if not steady:
+            raise InputError(f'{machine.name}: only a drive at constant speed has a start angle')
+        angle, speed = machine.start_of_crank
+        begin = math.remainder(start - angle, 2.0 * math.pi) / speed
+        begin += machine.period if begin < 0.0 else 0.0
+    if steady and duration is None:
+        end = begin + periods * machine.period
+    else:
+        end = begin + span(machine, periods if periods != 1 else None, duration)
+    solution = simulate(machine, duration=end)
+    t = np.linspace(begin, end, samples * (periods if steady else 1) + 1)
+    return Cycle(machine, solution, t, steady and duration is None, chosen, local, static)
+
+
+def instant(
+    machine: Machine,
+    angle: float | None = None,
+    t: float | None = None,
+    duration: float | None = None,
+    points: Sequence[str] = (),
+    still: bool = False,
+) -> tuple[Cycle, float]:
+    """A cycle, and the instant in it when the drive is at an angle, or the clock at a time.
+
+    Parameters
+    ----------
+    angle : of the drive [rad], or
+    t : [s]; without either the start
+    duration : of the cycle [s], where the drive has no period
+    points : as for `cycle`
+    still : no more than the instant is wanted, so that a drive without a period needs no duration;
+        but where all points of a link coincide it is the motion that shows how large it is
+
+    Raises
+    ------
+    InputError, RunError
+        As `cycle` does.
+    """
+    if t is not None and t < 0.0:
+        raise InputError(f'a run begins at 0 s: there is nothing at {t:g} s')
+    if duration is not None:
+        duration = span(machine, None, duration)
+    if is_steady(machine):
+        if t is not None:
+            duration = max(t, duration or machine.period)
+    elif still and duration is None:
+        spread = machine.scene.duration if not machine.mechanism.longest else None
+        duration = max(t or 0.0, spread or _MOMENT)
+    elif duration := duration or machine.scene.duration:
+        duration = max(t or 0.0, duration)
+    found = cycle(machine, start=angle, duration=duration, points=points)
+    return found, float(found.t[0]) if t is None else t
+
+
+def is_steady(machine: Machine) -> bool:
+    """Whether the main drive turns at constant speed, so that there is a period.
+
+    Other drives rest, or turn whole turns in each of its turns.
+    """
+    speeds = []
+    for coordinate, laws in machine.plan.laws.items():
+        law = laws[0]
+        if len(laws) > 1 or not isinstance(law, DriveLaw) or law.degree > 1:
+            return False
+        speeds.append(law.coefficients[1] if law.degree else 0.0)
+        if speeds[-1] and coordinate in machine.mechanism.displacements:
+            return False
+    if not speeds[0]:
+        return False
+    ratios = [speed / speeds[0] for speed in speeds]
+    return all(abs(ratio - round(ratio)) < 1e-9 for ratio in ratios)
+
+
+def _is_load(name: str) -> bool:
+    """Whether a column is the size of a force, or of a drive's effort."""
+    kind = name.partition('.')[0]
+    sized = kind in ('reaction', 'shaking_force', 'bearing_force') and name.endswith('.size')
+    return sized or kind in ('normal_force', 'drive_torque')

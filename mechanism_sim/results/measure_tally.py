@@ -1,0 +1,281 @@
+"""Figures of what is known at every instant, accumulated over the pieces of a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.expressions import Node, numbers
+from mechanism_sim.numerics.extremes import GLANCES, ExtremeSearch
+from mechanism_sim.numerics.monotone import Monotone, joined, monotone
+from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.quadrature import Parts, Values, parts_of, where_steep
+from mechanism_sim.results.catalogue import Selection
+from mechanism_sim.results.measure_text import EXTREMES, Figure, as_row
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.time_integrals import EXACT, Estimate, TimeIntegrals
+from mechanism_sim.scene import Machine
+from mechanism_sim.units import product
+
+R = TypeVar('R', str, tuple[str, str])
+
+_FORMS = {'mean': 'value', 'integral': 'value', 'rms': 'square', 'work': 'power'}
+"""Of what figures are integrals over time: an argument, its square, or the power it is part of."""
+
+
+def speed_of(machine: Machine, f: Figure) -> str:
+    """The column of the speed that goes with the torque or force of a drive."""
+    kind, _, coordinate = f.argument.partition('.')
+    driven = machine.physics.driven
+    if kind != 'drive_torque' or f.names != (f.argument,):
+        raise InputError(
+            f'work({f.argument}): it is of drive_torque or drive_torque.COORDINATE; of anything '
+            "else write 'integral(FORCE * SPEED)'"
+        )
+    return f'velocity.{coordinate or driven[0]}'
+
+
+def _apart(rows: Sequence[R], steep: Collection[str]) -> list[list[R]]:
+    """Arguments, or pairs of a form and an argument: those of each steep one by themselves."""
+    groups: dict[str, list[R]] = {}
+    for row in rows:
+        argument = row if isinstance(row, str) else row[1]
+        groups.setdefault(argument if argument in steep else '', []).append(row)
+    return list(groups.values())
+
+
+class Tally:
+    """Figures of what is known at every instant of one window."""
+
+    def __init__(self, machine: Machine, quantities: Selection, figures: Sequence[Figure]) -> None:
+        self._machine, self._quantities = machine, quantities
+        self._arguments = list(dict.fromkeys(f.argument for f in figures))
+        self._by_argument = {f.argument: f for f in figures}
+        self._units = {a: f.unit(quantities.units) for a, f in self._by_argument.items()}
+        wanted = {f.function for f in figures}
+        self._extreme = list(dict.fromkeys(f.argument for f in figures if f.function in EXTREMES))
+        self._conditions = [f.argument for f in figures if f.function == 'share']
+        self._ends = bool(wanted & {'change', 'initial', 'final'})
+        self._works = {f.argument: speed_of(machine, f) for f in figures if f.function == 'work'}
+        # what may be steep is looked at in parts of its own, all else together
+        self._steep = {f.argument: f for f in figures if f.steep}
+        self._searches = [
+            (own, ExtremeSearch([(a, self._units[a]) for a in own]))
+            for own in _apart(self._extreme, self._steep)
+        ]
+        self._unbounded: dict[str, bool] = {}
+        self._rows = list(
+            dict.fromkeys(
+                (_FORMS[f.function], f.argument) for f in figures if f.function in _FORMS
+            )
+        )
+        self._integrals = [
+            (own, TimeIntegrals(len(own))) for own in _apart(self._rows, self._steep)
+        ]
+        self._true, self._span = dict.fromkeys(self._conditions, 0.0), 0.0
+        self._struck = dict.fromkeys(self._works, 0.0)  # [J] work in impacts
+        self._parts: dict[str, list[Monotone]] = {
+            f.argument: [] for f in figures if f.function == 'percentile'
+        }
+        self._largest: dict[str, float] = {}  # magnitudes so far of what is cut into parts
+        self._first: Array | None = None
+        self._last: Array | None = None
+
+    def _values(
+        self, piece: Piece, arguments: Sequence[str], k: NDArray[np.intp], dt: Array | Nodes
+    ) -> tuple[Array, dict[str, Array]]:
+        """Expressions (C, N) at instants, and the quantities in them by name."""
+        seen = self._quantities.at(piece.motion, piece.balance, k, dt)
+        count = len(next(iter(seen.values())))
+        rows = [as_row(numbers(self._by_argument[a].tree, seen), count) for a in arguments]
+        return np.array(rows).reshape(len(arguments), count), seen
+
+    def add(self, piece: Piece, since: float, until: float) -> None:
+        """Enter the part of a piece within a window [s]."""
+        motion, curve = piece.motion, piece.motion.curve
+        if not self._arguments or since == math.inf:
+            return
+        start, end = curve.spans(since, until)
+        if not len(start):
+            return
+        every = parts_of(curve, since, until)
+        parts = {a: self._steep_parts(piece, f, every) for a, f in self._steep.items()}
+        self._look_for_extremes(piece, parts, since, until)
+        for rows, integrals in self._integrals:
+            integrals.add(
+                lambda k, dt, rows=rows: self._integrands(piece, rows, k, dt),  # type: ignore[misc]
+                motion,
+                parts.get(rows[0][1], every),
+            )
+        for a, kept in self._parts.items():
+            part, self._largest[a] = monotone(
+                lambda k, dt, a=a: self._values(piece, [a], k, dt)[0],  # type: ignore[misc]
+                parts.get(a, every), self._largest.get(a, 0.0),
+            )  # fmt: skip
+            kept.append(part)
+        if self._conditions:
+            self._time_true(piece, every, parts)
+        for impact in piece.impacts if self._struck else ():
+            if since <= impact.t < until and len(self._machine.physics.driven) == 1:
+                for a in self._struck:
+                    self._struck[a] += impact.drive_work
+        if self._ends:
+            for t, first in ((start[:1], True), (end[-1:], False)):
+                row = self._values(piece, self._arguments, *curve.find(t))[0][:, 0]
+                if not first:
+                    self._last = row
+                elif self._first is None:
+                    self._first = row
+
+    def _look_for_extremes(
+        self, piece: Piece, steep: Mapping[str, Parts], since: float, until: float
+    ) -> None:
+        """Enter what is greatest and least, and where there is no limit."""
+        motion, curve = piece.motion, piece.motion.curve
+        for own, search in self._searches:
+
+            def values(t: Array, own: list[str] = own) -> Array:
+                return self._values(piece, own, *curve.within(t))[0]
+
+            if own[0] in steep:
+                k, begin, end, _ = steep[own[0]]
+                start, low = curve.start[k], curve.start_low[k]
+                search.add(values, start + (low + begin), start + (low + end))
+                continue
+            start, last = curve.spans(since, until)
+            k = curve.locate(0.5 * (start + last))
+
+            def glance(
+                some: NDArray[np.intp] | slice,
+                k: NDArray[np.intp] = k,
+                own: list[str] = own,
+            ) -> Array:
+                return self._values(piece, own, k[some], GLANCES)[0]
+
+            search.add(values, start, last, glance)
+        if self._extreme:
+            for limit in self._machine.physics.no_limits(motion):
+                if since <= limit.t <= until:
+                    at = self._values(piece, self._extreme, *curve.find(np.array([limit.t])))[0]
+                    lost = ~np.isfinite(at[:, 0])
+                    self._unbounded |= dict.fromkeys(np.array(self._extreme)[lost].tolist(), True)
+
+    def _steep_parts(self, piece: Piece, figure: Figure, parts: Parts) -> Parts:
+        """Parts in which what the text of a figure makes steep is found."""
+        for name, argument in figure.steep:
+            parts = where_steep(self._of_text(piece, argument), name, parts)
+        return parts
+
+    def _of_text(self, piece: Piece, node: Node) -> Values:
+        """A part of the text of a figure as a function of time."""
+
+        def values(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
+            seen = self._quantities.at(piece.motion, piece.balance, k, dt)
+            return as_row(numbers(node, seen), len(next(iter(seen.values()))))[None]
+
+        return values
+
+    def _integrands(
+        self,
+        piece: Piece,
+        wanted: Sequence[tuple[str, str]],
+        k: NDArray[np.intp],
+        dt: Array | Nodes,
+    ) -> Array:
+        """What is integrated, in rows."""
+        arguments = list(dict.fromkeys(a for _, a in wanted))
+        x, seen = self._values(piece, arguments, k, dt)
+        rows = []
+        for form, name in wanted:
+            row = x[arguments.index(name)]
+            with np.errstate(invalid='ignore', over='ignore'):
+                speed = seen[self._works[name]] if form == 'power' else 1.0
+                rows.append(row * (row if form == 'square' else speed))
+        return np.array(rows)
+
+    def _time_true(self, piece: Piece, all_parts: Parts, steep: Mapping[str, Parts]) -> None:
+        """Enter for how long conditions hold; they change where what they compare is equal."""
+        self._span += float((all_parts.end - all_parts.begin).sum())
+        for name in self._true:
+            every = steep.get(name, all_parts)
+            places, owners = [every.begin, every.end], [every.segment, every.segment]
+            for i, difference in enumerate(self._by_argument[name].compared):
+                key = f'{name} {i}'
+                part, self._largest[key] = monotone(
+                    self._of_text(piece, difference), every, self._largest.get(key, 0.0)
+                )
+                of = np.flatnonzero(np.sign(part.first) * np.sign(part.last) < 0.0)
+                share = 0.5 * (part.crossings(0.0, of) + 1.0)
+                places.append(part.begin[of] + part.width[of] * share)
+                owners.append(part.segment[of])
+            segment, place = np.concatenate(owners), np.concatenate(places)
+            order = np.lexsort((place, segment))
+            segment, place = segment[order], place[order]
+            same = np.flatnonzero(segment[1:] == segment[:-1])
+            if not len(same):
+                continue
+            width = place[same + 1] - place[same]
+            middle = 0.5 * (place[same + 1] + place[same])
+            holds = self._values(piece, [name], segment[same], middle[:, None])[0][0] != 0.0
+            self._true[name] += float(width[holds].sum())
+
+    def result(self, f: Figure) -> tuple[float, str]:
+        """The value of a figure of this window, and its resolution."""
+        name, kind, note = f.argument, f.function, EXACT
+        if kind in EXTREMES:
+            own, search = next(x for x in self._searches if name in x[0])
+            i = own.index(name)
+            low, high = float(search.least[i]), float(search.greatest[i])
+            x = {'highest': high, 'lowest': low, 'largest': max(-low, high), 'range': high - low}[
+                kind
+            ]
+            if self._unbounded.get(name):
+                x = math.inf if kind in ('largest', 'range') else math.nan
+                note = 'it grows beyond all bounds at a singular position'
+            return x, note
+        if kind in ('change', 'initial', 'final'):
+            if self._first is None or self._last is None:
+                return math.nan, note
+            i = self._arguments.index(name)
+            first, last = float(self._first[i]), float(self._last[i])
+            return {'change': last - first, 'initial': first, 'final': last}[kind], note
+        if kind == 'share':
+            return self._true[name] / self._span if self._span else math.nan, note
+        if kind == 'percentile':
+            return self._percentile(f)
+        return self._integrated(f)
+
+    def _integrated(self, f: Figure) -> tuple[float, str]:
+        """A figure that is an integral over time, or follows from one."""
+        name, unit, kind = f.argument, self._units[f.argument], f.function
+        row = _FORMS[kind], name
+        rows, found = next(x for x in self._integrals if row in x[0])
+        i = rows.index(row)
+        if kind == 'work':
+            unit, e = 'J', found.integral(i)
+            e = e._replace(value=e.value + self._struck[name])
+        elif kind == 'integral':
+            unit, e = product(unit, 's'), found.integral(i)
+        else:
+            e = found.root(i) if kind == 'rms' else found.mean(i)
+        if not found.time:
+            return 0.0 if kind == 'work' else math.nan, EXACT
+        return e.value, e.note(unit)
+
+    def _percentile(self, f: Figure) -> tuple[float, str]:
+        """The level that is not exceeded for a share of the time."""
+        unit, kept = self._units[f.argument], self._parts[f.argument]
+        part = joined(kept) if kept else None
+        if part is None or not len(part.low):
+            return math.nan, EXACT
+        x = part.quantile((f.percent or 0.0) / 100.0)
+        size = float(np.abs(part.first).max())
+        if part.lost:
+            return x, f'of the time but {part.lost:.3g} s, when it is not finite'
+        return x, Estimate(x, part.error, size).note(unit)

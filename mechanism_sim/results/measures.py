@@ -1,0 +1,298 @@
+"""Measures of a run, taken from its motion piece by piece.
+
+Extremes are those of the motion (`mechanism_sim.numerics.extremes`), integrals and means are
+adaptive quadratures over every step of the integrator (`mechanism_sim.numerics.quadrature`),
+percentiles and shares of time add up times between crossings of a level
+(`mechanism_sim.numerics.monotone`). What may be off by more than 1e-9 of its size says by how
+much.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.batch_means import ratio
+from mechanism_sim.results.catalogue import Selection
+from mechanism_sim.results.measure_series import Series, Turns
+from mechanism_sim.results.measure_tally import Tally, speed_of
+from mechanism_sim.results.measure_text import Bound, Figure, Measure, read_all
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.time_integrals import EXACT
+from mechanism_sim.scene import Machine
+from mechanism_sim.units import product
+
+
+class Measured(NamedTuple):
+    """What a measure is.
+
+    Attributes
+    ----------
+    value : in `unit`; not a number where there is nothing to take it from
+    text : the measure as it is written
+    resolution : `EXACT`, what the value may be off, or of how many samples it is
+    """
+
+    name: str
+    value: float
+    unit: str
+    text: str
+    resolution: str
+    half_width: float = math.nan
+
+
+class Measurement:
+    """Takes measures of a run that comes in pieces, from its start on.
+
+    Parameters
+    ----------
+    measures : as they are written, by name or as a list, or read already
+    since, until : the window [s] of figures that name none
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        measures: dict[str, str] | Sequence[str] | Sequence[Measure],
+        since: float = 0.0,
+        until: float = math.inf,
+        where: str = 'measures',
+    ) -> None:
+        given = list(measures) if not isinstance(measures, dict) else measures
+        self.measures: list[Measure] = (
+            given  # type: ignore[assignment]
+            if isinstance(given, list) and all(isinstance(m, Measure) for m in given)
+            else read_all(given, where)  # type: ignore[arg-type]
+        )
+        self._machine = machine
+        figures = list(dict.fromkeys(f for m in self.measures for f in m.figures))
+        names = [n for f in figures if not f.of_events for n in _names_of(machine, f)]
+        self._quantities = Selection(machine, names)
+        self._series = Series(machine, [f for f in figures if f.of_events])
+        self._turns = Turns(machine)
+        limits = Bound(since), Bound(until)
+        self._windows: dict[tuple[Bound, Bound, bool], Window] = {}
+        self._figures: dict[Figure, Window] = {}
+        for f in figures:
+            key = f.since or limits[0], f.until or limits[1], f.per_revolution
+            turns = f.per_revolution or key[0].revolutions or key[1].revolutions
+            if turns and machine.main in machine.mechanism.displacements:
+                raise InputError(
+                    f'{f.function}({f.argument}): {machine.main} is driven straight, it makes no '
+                    'revolutions'
+                )
+            window = self._windows.setdefault(key, Window(self._turns, *key))
+            window.figures.append(f)
+            self._figures[f] = window
+        for window in self._windows.values():
+            window.open(self._quantities, machine, self._series)
+        self.units()  # what cannot be added fails before anything runs
+
+    def units(self) -> dict[str, str]:
+        """The SI unit of every measure by its name."""
+        return {m.name: m.unit(self._unit) for m in self.measures}
+
+    def _unit(self, f: Figure) -> str:
+        """The unit of a figure."""
+        unit = self._series.unit(f) if f.of_events else f.unit(self._quantities.units)
+        if f.function == 'integral':
+            return product(unit, 's')
+        return {'count': '', 'share': '', 'work': 'J'}.get(f.function, unit)
+
+    def add(self, piece: Piece) -> None:
+        """Enter the piece that follows."""
+        if not len(piece.motion):
+            return
+        self._series.add(piece)
+        self._turns.add(piece)
+        for window in self._windows.values():
+            window.add(piece)
+
+    def found(self) -> list[Measured]:
+        """The measures of what was entered; to be called once, at the end."""
+        self._series.finish()
+        for window in self._windows.values():
+            window.finish(self._turns.end)
+        results = {f: window.result(f) for f, window in self._figures.items()}
+        out, units = [], self.units()
+        for measure in self.measures:
+            said = dict.fromkeys(results[f][1] for f in measure.figures)
+            resolution = ', '.join([s for s in said if s != EXACT]) or EXACT
+            x, half = measure.value(lambda f: results[f][0]), self._half_width(measure)
+            unit = units[measure.name]
+            out.append(Measured(measure.name, x, unit, measure.text, resolution, half))
+        return out
+
+    def _half_width(self, measure: Measure) -> float:
+        """Of the 95 % confidence interval of a mean over the revolutions of a loose machine."""
+        windows = [self._figures[f] for f in measure.figures]
+        if not (self._machine.clearances and windows and all(w.per_revolution for w in windows)):
+            return math.nan
+        turns = zip(*(self._figures[f].each_turn(f) for f in measure.figures), strict=False)
+        values = [_of_turn(measure, turn) for turn in turns]
+        return ratio(np.array(values), np.ones(len(values)))[1] if len(values) > 1 else math.nan
+
+    def found_each_turn(self) -> list[tuple[str, str, Array]]:
+        """Name, unit and values (n,) in n whole revolutions; of measures by `per_turn` only."""
+        self._series.finish()
+        results = {f: window.each_turn(f) for f, window in self._figures.items()}
+        out = []
+        for m in self.measures:
+            turns = zip(*(results[f] for f in m.figures), strict=True)
+            values = [_of_turn(m, turn) for turn in turns]
+            unit = self.units()[m.name] if values else ''
+            out.append((m.name, unit, np.array(values)))
+        return out
+
+
+def _of_turn(measure: Measure, turn: Sequence[tuple[float, str]]) -> float:
+    """A measure by its figures in one revolution."""
+    known = dict(zip(measure.figures, [value for value, _ in turn], strict=True))
+    return measure.value(known.__getitem__)
+
+
+def per_turn(measures: Sequence[Measure], skip: int) -> list[Measure]:
+    """Measures of every revolution after some that are left out."""
+    found = []
+    for m in measures:
+        if any(f.since or f.until for f in m.figures):
+            raise InputError(
+                f"'{m.text}': a window does not apply to statistics, which are of every revolution"
+            )
+        figures = tuple(
+            replace(f, since=Bound(float(skip), True), per_revolution=True) for f in m.figures
+        )
+        found.append(replace(m, figures=figures))
+    return found
+
+
+def measure(
+    machine: Machine,
+    pieces: Iterable[Piece] | Piece,
+    *texts: str,
+    since: float = 0.0,
+    until: float = math.inf,
+) -> list[Measured]:
+    """Measures of a run of a machine, as ``measure(machine, solution, 'rms(drive_torque)')``.
+
+    Parameters
+    ----------
+    pieces : a `Solution`, or a `stream`
+    texts : the measures; those of the scene without any
+    since, until : the window [s] of figures that name none
+    """
+    taken = Measurement(machine, list(texts) or dict(machine.scene.measures), since, until)
+    for piece in [pieces] if isinstance(pieces, Piece) else pieces:
+        taken.add(piece)
+    return taken.found()
+
+
+def check_measures(machine: Machine, measures: dict[str, str] | Sequence[str], where: str) -> None:
+    """Refuse measures that cannot be taken of a machine."""
+    if measures:
+        Measurement(machine, measures, where=where)
+
+
+def _names_of(machine: Machine, f: Figure) -> list[str]:
+    """The names in a figure, and what its work is made of."""
+    return [*f.names, speed_of(machine, f)] if f.function == 'work' else [*f.names]
+
+
+class Window:
+    """The figures of one window, or of each whole revolution within it."""
+
+    def __init__(self, turns: Turns, since: Bound, until: Bound, each_turn: bool) -> None:
+        self.figures: list[Figure] = []
+        self._turns, self._since, self._until = turns, since, until
+        self.per_revolution = each_turn
+        self._tallies: list[Tally] = []
+        self._ends: list[float] = []
+        self._turn = 0
+
+    def open(self, quantities: Selection, machine: Machine, series: Series) -> None:
+        """Make ready for these figures."""
+        self._series = series
+        timed = [f for f in self.figures if not f.of_events]
+        self._new: Callable[[], Tally] = lambda: Tally(machine, quantities, timed)
+        self._tally = self._new()
+
+    def add(self, piece: Piece) -> None:
+        """Enter a piece."""
+        since, until = self._turns.time(self._since), self._turns.time(self._until)
+        edges = self._turns.edges
+        if not self.per_revolution:
+            self._tally.add(piece, since, until)
+            return
+        while True:
+            begin = edges[self._turn]
+            over = self._turn + 1 < len(edges)
+            end = edges[self._turn + 1] if over else math.inf
+            slack = 1e-9 * (abs(begin) + 1e-3)
+            counts = begin >= since - slack and (end <= until + slack or not over)
+            if counts:
+                self._tally.add(piece, begin, end)
+            if not over:
+                return
+            if counts:
+                self._tallies.append(self._tally)
+                self._ends += [begin, end]
+                self._tally = self._new()
+            self._turn += 1
+
+    def finish(self, end: float) -> None:
+        """Nothing more comes; the run ends at `end` [s]."""
+        self._last = end
+
+    def result(self, f: Figure) -> tuple[float, str]:
+        """The value of a figure, and its resolution."""
+        if not self.per_revolution:
+            since, until = self._turns.time(self._since), self._turns.time(self._until)
+            if f.of_events:
+                value, note = self._of_events(f, since, until, last=True)
+            else:
+                value, note = self._tally.result(f)
+            lost = self._outside(since, until)
+            return value, lost if lost and note == EXACT else ', '.join(filter(None, (note, lost)))
+        parts = self.each_turn(f)
+        if not parts:
+            return math.nan, 'no whole revolution'
+        return float(np.mean([x for x, _ in parts])), parts[0][1]
+
+    def _outside(self, since: float, until: float) -> str:
+        """How much of the window [s] the run does not reach, in words."""
+        slack = 1e-9 * (abs(self._last) + 1e-3)
+        if since > self._last - slack:
+            return f'the run ends at {self._last:.6g} s, before the window begins'
+        if math.isfinite(self._until.value) and until > self._last + slack:
+            return f'up to the end of the run at {self._last:.6g} s'
+        return ''
+
+    def each_turn(self, f: Figure) -> list[tuple[float, str]]:
+        """The values of a figure in every whole revolution, and their resolutions."""
+        if f.of_events:
+            spans = list(zip(self._ends[::2], self._ends[1::2], strict=True))
+            return [self._of_events(f, a, b, last=b == spans[-1][1]) for a, b in spans]
+        return [tally.result(f) for tally in self._tallies]
+
+    def _of_events(self, f: Figure, since: float, until: float, last: bool) -> tuple[float, str]:
+        _, x = self._series.values(f, since, until, last)
+        note = self._series.note(f, len(x))
+        if f.function == 'count':
+            return float(np.count_nonzero(x) if f.compared else len(x)), note
+        if f.function == 'sum':
+            return float(x.sum()), note
+        if not len(x):
+            return math.nan, 'there are none'
+        if f.function == 'percentile':
+            return float(np.percentile(x, f.percent or 0.0)), note
+        simple = {
+            'highest': x.max(), 'lowest': x.min(), 'largest': np.abs(x).max(),
+            'range': np.ptp(x), 'mean': x.mean(), 'rms': math.sqrt((x**2).mean()),
+        }  # fmt: skip
+        return float(simple[f.function]), note

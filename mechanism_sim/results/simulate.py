@@ -1,0 +1,222 @@
+"""A scene from start to end in this process, in pieces or whole: no nodes, no middleware.
+
+A solution is its pieces joined: `stream` is the only way through a run, and its memory is that of
+a piece.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.audit import Audit, Energy, Work
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.energy_terms import EnergyTerms
+from mechanism_sim.hybrid.events import StopReason
+from mechanism_sim.hybrid.snapshot import Snapshot
+from mechanism_sim.hybrid.totals import Totals
+from mechanism_sim.numerics.compiled import spent
+from mechanism_sim.planar.inverse_dynamics import NoLimit
+from mechanism_sim.results.solution import Piece, Solution, Stats
+from mechanism_sim.results.view import View
+from mechanism_sim.scene import Machine, span
+
+Progress = Callable[[float, int], None]
+"""Called now and then with the simulated time [s] and the number of impacts so far."""
+
+_BATCH = 8192
+
+
+class Stream:
+    """A run in pieces, each forgotten when the next one is asked for; iterate over it once.
+
+    What does not grow with the run is kept here, and is up to date after every piece.
+
+    Attributes
+    ----------
+    machine : that runs
+    totals : counts and sums of its events
+    no_limits : instants so far at which forces grow beyond all bounds
+    """
+
+    def __init__(
+        self, machine: Machine, end: float, progress: Progress | None, resume: Snapshot | None
+    ) -> None:
+        self._wall_time = self._cpu_time = self._compile_time = 0.0
+        self.machine = machine
+        self.totals = Totals()
+        self.no_limits: list[NoLimit] = []
+        with self._timed():
+            self._run = machine.resume(resume) if resume else machine.start()
+        if self._run.time >= end:
+            raise InputError(
+                f'the snapshot is at {self._run.time:g} s already: ask for more than that'
+            )
+        self._end = end
+        self._progress = progress
+        with self._timed():
+            self._audit = Audit(machine.physics)
+        self._snapshot: Snapshot | None = None
+        self._last: Piece | None = None
+
+    @contextmanager
+    def _timed(self) -> Iterator[None]:
+        """Add what is done to the time of the run, but for what makes code."""
+        wall, cpu, made = time.perf_counter(), time.process_time(), spent()
+        yield
+        compiling = [now - before for now, before in zip(spent(), made, strict=True)]
+        self._wall_time += time.perf_counter() - wall - compiling[0]
+        self._cpu_time += time.process_time() - cpu - compiling[1]
+        self._compile_time += compiling[0]
+
+    def __iter__(self) -> Iterator[Piece]:
+        """Run on to the end.
+
+        Raises
+        ------
+        RunError
+            If the integration breaks down, or the motion violates a gap.
+        """
+        while self._run.time < self._end:
+            with self._timed():
+                piece = self._advance()
+            if self._progress:
+                self._progress(min(self._run.time, self._end), self.totals.impacts)
+            yield piece
+
+    def _advance(self) -> Piece:
+        """The next piece; steps up to the last one before the end first, for the snapshot."""
+        run, physics = self._run, self.machine.physics
+        if self._snapshot is None:
+            steps = run.steps
+            run.advance(self._end, most=_BATCH)
+            if run.steps - steps < _BATCH:
+                self._snapshot = self.machine.snapshot(run)
+        else:
+            run.advance(self._end, final=True)
+        motion, impacts, changes = run.drain()
+        before = self._audit.drive_work, self._audit.dissipated
+        work = self._audit.add(motion, impacts)
+        self._audit.judge(self.machine.allowed_penetration)
+        self.totals.add(impacts, changes)
+        for found in physics.no_limits(motion):
+            if not (self.no_limits and found.is_at(self.no_limits[-1].t)):
+                self.no_limits.append(found)
+        piece = Piece(self.machine, motion, EnergyTerms(work, impacts, *before), impacts, changes)
+        if len(motion):
+            self._last = piece
+        return piece
+
+    @property
+    def duration(self) -> float:
+        """Simulated time so far [s]."""
+        return self._last.motion.curve.end if self._last else self._run.time
+
+    @property
+    def final(self) -> View:
+        """The machine at the end of what was run.
+
+        Raises
+        ------
+        ValueError
+            Before the first piece.
+        """
+        if self._last is None:
+            raise ValueError('nothing has been run yet')
+        return self._last.view(self.duration)
+
+    @property
+    def energy(self) -> Energy | None:
+        """The energy balance so far; ``None`` where masses are not part of the scene."""
+        return self._audit.energy
+
+    @property
+    def max_penetration(self) -> float:
+        """Deepest violation of an open gap so far [m]."""
+        return self._audit.max_penetration
+
+    @property
+    def max_closure_error(self) -> float:
+        """Farthest a closed gap or a loop was from zero so far [m]."""
+        return self._audit.max_closure_error
+
+    @property
+    def stats(self) -> Stats:
+        """What the run cost so far, without what was done with its pieces."""
+        return Stats(
+            self._wall_time,
+            self._cpu_time,
+            self._compile_time,
+            self._run.steps,
+            self._run.events,
+        )
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """From where a longer run goes on, not later than the end."""
+        return self._snapshot or self.machine.snapshot(self._run)
+
+
+def stream(
+    machine: Machine,
+    revolutions: float | None = None,
+    duration: float | None = None,
+    progress: Progress | None = None,
+    resume: Snapshot | None = None,
+) -> Stream:
+    """Run a machine piece by piece, in memory that does not grow with the length of the run.
+
+    ``for piece in stream(machine, revolutions=100_000): ...`` gives a `Piece` of some thousand
+    steps at a time, which can be sampled as a whole solution can. The arguments are those of
+    `simulate`.
+    """
+    return Stream(machine, span(machine, revolutions, duration), progress, resume)
+
+
+def simulate(
+    machine: Machine,
+    revolutions: float | None = None,
+    duration: float | None = None,
+    progress: Progress | None = None,
+    resume: Snapshot | None = None,
+) -> Solution:
+    """Run a machine and keep all of its motion.
+
+    Parameters
+    ----------
+    revolutions : of the crank, or
+    duration : [s]; without either the scene's, or one revolution
+    progress : called after every batch of steps
+    resume : where an earlier run of the same machine stood; the solution begins there, and
+        `revolutions` and `duration` count from the beginning of the earlier run
+
+    Raises
+    ------
+    InputError
+        If the length of the run is not positive, or the snapshot is of another machine.
+    RunError
+        If the integration breaks down, or the finished motion violates a gap.
+    """
+    run = stream(machine, revolutions, duration, progress, resume)
+    pieces = list(run)
+    impacts = [impact for piece in pieces for impact in piece.impacts]
+    work = np.concatenate([piece.balance.work for piece in pieces], axis=1)
+    return Solution(
+        machine,
+        Motion.joined([piece.motion for piece in pieces]),
+        EnergyTerms(Work(*work), impacts),
+        impacts,
+        [change for piece in pieces for change in piece.modes],
+        machine.name,
+        machine.level.value,
+        run.stats,
+        run.energy,
+        run.max_penetration,
+        run.max_closure_error,
+        StopReason.COMPLETE,
+        run.snapshot,
+    )

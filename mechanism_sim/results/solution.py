@@ -1,0 +1,154 @@
+"""What a run leaves behind: motion as polynomials, events, and the energy balance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mechanism_sim.hybrid import plotting
+from mechanism_sim.hybrid.audit import Energy
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.hybrid.energy_terms import EnergyTerms
+from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.hybrid.plotting import Rich
+from mechanism_sim.hybrid.snapshot import Snapshot
+from mechanism_sim.hybrid.system import Array
+from mechanism_sim.results.catalogue import Catalogue, catalogue
+from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.view import View
+from mechanism_sim.scene import Machine
+from mechanism_sim.tables import Table
+
+IMPACT_UNITS = {
+    't': 's', 'normal_impulse': 'N s', 'tangential_impulse': 'N s', 'approach_speed': 'm/s',
+    'rebound_speed': 'm/s', 'normal_angle': 'rad', 'energy_loss': 'J', 'drive_impulse': 'N m s',
+    'drive_work': 'J', 'chatter_time': 's', 'duration': 's', 'peak_force': 'N',
+}  # fmt: skip
+"""Units of the fields of an impact."""
+
+
+@dataclass(frozen=True)
+class Stats:
+    """What a run cost."""
+
+    wall_time: float  #: [s] with the start of the run, without compilation
+    cpu_time: float  #: [s] of this process, likewise
+    compile_time: float  #: [s] in which code was made; 0 where the process had all of it
+    steps: int
+    switches: int  #: events: impacts and losses of contact
+
+
+@dataclass(frozen=True)
+class Piece(Rich):
+    """A part of a run.
+
+    Attributes
+    ----------
+    machine : that moves
+    motion : polynomials of all coordinates and the state of the gaps
+    balance : work and losses of its segments, and what they were before
+    impacts, modes : events in the order of time
+    """
+
+    machine: Machine
+    motion: Motion
+    balance: EnergyTerms
+    impacts: list[Impact]
+    modes: list[ModeChange]
+
+    def __repr__(self) -> str:
+        curve = self.motion.curve
+        span = f'{curve.start[0]:.6g} s to {curve.end:.6g} s' if len(curve) else 'no motion'
+        return f'<Piece of a run: {span}, {len(curve)} steps, {len(self.impacts)} impacts>'
+
+    def impact_table(self) -> Table:
+        """The impacts as columns (n,), SI units."""
+        names = [n for n in Impact._fields if n != 'joint']
+        columns = {n: np.array([float(getattr(i, n)) for i in self.impacts]) for n in names}
+        joints = {'joint': np.array([i.joint for i in self.impacts], dtype=str)}
+        return Table({'t': columns['t']} | joints | columns, IMPACT_UNITS)
+
+    @property
+    def physics(self) -> Physics:
+        """What the machine moves by."""
+        return self.machine.physics
+
+    @property
+    def catalogue(self) -> Catalogue:
+        """The quantities that can be asked for by name."""
+        return catalogue(self.machine)
+
+    def view(self, t: Array | float) -> View:
+        """The machine at times `t` (N,) [s]."""
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        return View.at(self.machine, self.motion, times, self.balance)
+
+    def sample(self, t: Array | float, *names: str) -> Table:
+        """Quantities at times `t` [s], as arrays (N,) by name.
+
+        Parameters
+        ----------
+        names : of the catalogue (``mechanism-sim quantities SCENE`` lists them), or all that begin
+            so, as ``position``; without any: positions, velocities and accelerations of
+            coordinates, gaps and contact forces, and where the scene has forces reactions of
+            joints, efforts of drives and energies
+
+        Raises
+        ------
+        ValueError
+            For a time outside of the motion.
+        """
+        known = self.catalogue
+        chosen = known.choose(names) if names else known.shown(Shown.RUN)
+        return known.table(chosen, self.view(t))
+
+    def plot(self, *names: str, **how: Any) -> Any:
+        """Plot quantities by the names of `sample`, or an overview; a Matplotlib figure.
+
+        The keywords are those of `mechanism_sim.report.lines.plot`: ``against='angle'``, and
+        ``start`` and ``end`` [s].
+        """
+        return plotting.plot(self, *names, **how)
+
+
+@dataclass(frozen=True)
+class Solution(Piece):
+    """A finished run, kept whole.
+
+    Attributes
+    ----------
+    scene, level : names
+    energy : the energy balance; ``None`` where masses are not part of the scene
+    max_penetration, max_closure_error : [m]
+    snapshot : from where a longer run goes on, not later than the end
+    """
+
+    scene: str
+    level: str
+    stats: Stats
+    energy: Energy | None
+    max_penetration: float
+    max_closure_error: float
+    stop_reason: StopReason
+    snapshot: Snapshot
+
+    def __repr__(self) -> str:
+        return (
+            f'<Solution of {self.scene} ({self.level}): {self.duration:.6g} s in '
+            f'{len(self.motion)} steps, {len(self.impacts)} impacts>'
+        )
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s]."""
+        return self.motion.curve.end
+
+    def digest(self) -> str:
+        """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""
+        digest = MotionDigest()
+        digest.add(self.motion, self.impacts)
+        return digest.hexdigest()

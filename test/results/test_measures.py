@@ -1,0 +1,368 @@
+"""Measures: figures of a run by a second route, units, windows, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from four_bars import loose
+
+import mechanism_sim as ms
+from mechanism_sim.cli import main
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.energy_terms import EnergyTerms
+from mechanism_sim.results.cycle import cycle
+from mechanism_sim.results.measure_text import read
+from mechanism_sim.results.measures import EXACT, Measurement, check_measures, measure
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.units import alike, product, read_common
+
+FINE = 20_001
+
+
+@pytest.fixture(scope='module')
+def nominal():
+    machine = ms.load_scene('four_bar_nominal')
+    return machine, ms.simulate(machine, revolutions=2)
+
+
+@pytest.fixture(scope='module')
+def rattling():
+    machine = loose(0.5, 'seated')
+    return machine, ms.simulate(machine, revolutions=4)
+
+
+def one(pair, text, **window):
+    (found,) = measure(*pair, text, **window)
+    return found
+
+
+def trapezoid(y, t):
+    return float(((y[1:] + y[:-1]) * np.diff(t)).sum() / 2.0)
+
+
+def test_figures_over_time_agree_with_fine_sampling(nominal):
+    _, solution = nominal
+    t = np.linspace(0.0, solution.duration, FINE)
+    seen = solution.sample(t)
+    force = np.hypot(seen['reaction.coupler_rocker.x'], seen['reaction.coupler_rocker.y'])
+    torque, speed = seen['drive_torque'], seen['velocity.crank']
+    for text, expected in (
+        ('largest(reaction.coupler_rocker)', force.max()),
+        ('lowest(reaction.coupler_rocker)', force.min()),
+        ('highest(drive_torque)', torque.max()),
+        ('largest(drive_torque)', np.abs(torque).max()),
+        ('range(drive_torque)', np.ptp(torque)),
+        ('mean(reaction.coupler_rocker)', trapezoid(force, t) / t[-1]),
+        ('rms(drive_torque)', math.sqrt(trapezoid(torque**2, t) / t[-1])),
+        ('integral(abs(drive_torque * velocity.crank))', trapezoid(abs(torque * speed), t)),
+        ('percentile(reaction.coupler_rocker, 90)', np.percentile(force, 90)),
+        ('share(reaction.coupler_rocker > 8 N)', (force > 8.0).mean()),
+        ('initial(position.rocker)', seen['position.rocker'][0]),
+        ('change(position.crank)', 4.0 * math.pi),
+    ):
+        assert one(nominal, text).value == pytest.approx(expected, rel=1e-3, abs=1e-9), text
+
+
+def test_extremes_are_those_of_the_motion_to_rounding(nominal):
+    """A cycle finds the same by itself; sampling gets there from below only."""
+    machine, _ = nominal
+    ends = cycle(machine).extremes()['reaction.coupler_rocker.size']
+    found = one(nominal, 'largest(reaction.coupler_rocker)')
+    assert found.value == pytest.approx(ends.greatest.value, rel=1e-11)
+    assert found.resolution == EXACT
+
+
+def test_energy_work_and_power_agree(rattling):
+    """Three routes to the drive's work, of which one counts impacts by itself."""
+    _, solution = rattling
+    work = one(rattling, 'work(drive_torque)').value
+    assert work == pytest.approx(solution.energy.drive_work, rel=1e-9)
+    assert one(rattling, 'change(energy.drive_work)').value == pytest.approx(work, rel=1e-7)
+    between = sum(i.drive_work for i in solution.impacts)
+    assert one(rattling, 'integral(drive_power)').value == pytest.approx(work - between, rel=1e-9)
+
+
+def test_events_are_counted_and_summed(rattling):
+    machine, solution = rattling
+    joint, T = 'coupler_rocker', machine.period
+    late = [i for i in solution.impacts if i.t >= 2 * T]
+    for text, expected in (
+        ('count(impacts.coupler_rocker)', len(solution.impacts)),
+        ('count(impacts, from 2 revolutions)', len(late)),
+        (f'count(impacts, from {2 * T!r} s)', len(late)),
+        ('sum(impacts.energy_loss)', sum(i.energy_loss for i in solution.impacts)),
+        ('largest(impacts.normal_impulse)', max(i.normal_impulse for i in solution.impacts)),
+        ('count(impacts, per revolution)', len(solution.impacts) / 4.0),
+        (
+            'count(impacts.approach_speed > 0.1 m/s)',
+            sum(i.approach_speed > 0.1 for i in solution.impacts),
+        ),
+    ):
+        assert one(rattling, text).value == pytest.approx(expected, rel=1e-12), text
+    flying = one(rattling, f'share(closed.{joint})').value
+    t = np.linspace(0.0, solution.duration, FINE)
+    assert flying == pytest.approx(solution.sample(t)[f'closed.{joint}'].mean(), abs=1e-3)
+
+
+def test_pieces_of_a_run_give_what_the_whole_gives(rattling):
+    machine, solution = rattling
+    texts = (
+        'largest(reaction.coupler_rocker)', 'rms(drive_torque, per revolution)',
+        'count(impacts, from 1 revolution to 3 revolutions)', 'integral(drive_power, to 0.3 s)',
+    )  # fmt: skip
+    whole = measure(machine, solution, *texts)
+    taken, run = Measurement(machine, texts), machine.start()
+    end = solution.duration
+
+    audit = Audit(machine.physics)
+    while run.time < end:
+        run.advance(end, final=True, most=37)
+        motion, impacts, changes = run.drain()
+        terms = EnergyTerms(audit.add(motion, impacts), impacts)
+        taken.add(Piece(machine, motion, terms, impacts, changes))
+    for a, b in zip(taken.found(), whole, strict=True):
+        assert a.value == pytest.approx(b.value, rel=1e-10), a.text
+
+
+def test_turns_of_a_drive_that_is_not_steady_are_found():
+    """A free crank without forces keeps its speed, so its turns are known."""
+    machine = ms.load_scene(
+        'four_bar_governed',
+        {'drive.torque.per_speed': '0 N m s/rad', 'drive.flywheel': '1000 kg m^2'},
+    )
+    solution = ms.simulate(machine, duration=1.3)
+    found = one((machine, solution), 'change(position.crank, per revolution)')
+    assert found.value == pytest.approx(2.0 * math.pi, rel=1e-9)
+    until = one((machine, solution), 'change(position.crank, from 1 revolution to 3 revolutions)')
+    assert until.value == pytest.approx(4.0 * math.pi, rel=1e-9)
+
+
+def test_units_follow_from_the_expression(nominal):
+    for text, unit in (
+        ('largest(reaction.coupler_rocker)', 'N'),
+        ('mean(drive_torque * velocity.crank)', 'W'),
+        ('integral(reaction.coupler_rocker)', 'N s'),
+        ('rms(reaction.coupler_rocker**2)', 'N^2'),
+        ('rms(sqrt(reaction.coupler_rocker**2))', 'N'),
+        ('largest(drive_torque) / largest(reaction.coupler_rocker)', 'm'),
+        ('largest(velocity.crank)', 'rad/s'),
+        ('largest(drive_torque) / mean(drive_torque)', ''),
+        ('share(drive_torque > 0 N m)', ''),
+    ):
+        assert one(nominal, text).unit == unit, text
+    assert product('J', 's', -1) == 'W'
+    assert read_common('1', 'kN mm') == (1.0, 'N m')
+    assert alike('N m', 'J')
+    assert not alike('N', 'm')
+
+
+def test_a_motor_is_seen_behind_its_gear():
+    machine = ms.load_scene('toggle_press')
+    solution = ms.simulate(machine, duration=0.02)
+    torque = one((machine, solution), 'mean(drive_torque) / mean(motor.torque)').value
+    speed = one((machine, solution), 'mean(motor.speed) / mean(velocity.crank)').value
+    assert (torque, speed) == pytest.approx((12.5, 12.5))
+
+
+def test_sensors_are_measured_by_their_samples():
+    machine = loose(0.5, 'seated')
+    solution = ms.simulate(machine, revolutions=1)
+    (name,) = machine.scene.sensors
+    channel = machine.channel(name)
+    channel.take(solution.motion)
+    samples = np.concatenate([b.samples for b in channel.blocks(final=True)])
+    found = one((machine, solution), f'rms(sensors.{name})')
+    assert found.value == pytest.approx(math.sqrt((samples**2).mean()))
+    assert found.unit == 'm/s^2'
+    assert found.resolution == f'of {len(samples)} samples at 10000 Hz'
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('largest(reaction.couper_rocker)', "did you mean 'reaction.coupler_rocker'"),
+        ('larges(drive_torque)', "did you mean 'largest'"),
+        ('drive_torque', "write for example 'largest"),
+        ('largest(drive_torque + position.rocker)', 'no like units'),
+        ('largest(drive_torque) + largest(position.rocker)', 'no like units'),
+        ('rms(drive_torque, from 2)', 'needs a unit'),
+        ('rms(drive_torque, from 2 m)', "not a unit of 's'"),
+        ('rms(drive_torque, from 2 s to 300 ms)', 'ends before it begins'),
+        ('mean(drive_torque, from 2 rev to 2 rev)', 'ends before it begins'),
+        ('rms(drive_torque, per second)', 'per revolution only'),
+        ('rms(drive_torque, speed=3)', 'each once'),
+        ('rms(drive_torque, from 1 s, from 2 s)', 'each once'),
+        ('count(drive_torque)', 'must be of events'),
+        ('integral(impacts)', 'events have'),
+        ('largest(impacts.pin)', 'loose joints: none'),
+        ('rms(sensors.here)', 'has no sensor'),
+        ('percentile(drive_torque, 101)', 'from 0 to 100'),
+        ('work(position.rocker)', 'it is of drive_torque'),
+        ('largest(motor.torque)', 'is no motor'),
+        ('largest(', 'never closed'),
+        ('largest(drive_torque[0])', 'is not made of'),
+        ('__import__("os").system("true")', 'is no'),
+        ('3', 'has no figure'),
+        ('max(abs(drive_torque), 3 N m)', "write for example 'largest"),
+        ('rms(max(drive_torque))', "of a whole run and cannot stand in 'rms'"),
+        ('largest(drive_torque) / (300/min)', 'a unit: it stands behind its number'),
+        ('count(impacts.approach_speed > 3 N)', 'no like units'),
+        ('largest(3)', 'names no quantity'),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_measured_is_refused_in_one_sentence(nominal, text, said):
+    with pytest.raises(InputError, match=said) as refused:
+        measure(*nominal, text)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ('window', 'said'),
+    [
+        ('from 1 h', 'before the window begins'),
+        ('from 500 revolutions', 'before the window begins'),
+        ('to 1 h', 'up to the end of the run'),
+        ('from 1 revolutions to 500 revolutions', 'up to the end of the run'),
+        ('to 1 revolutions', ''),
+    ],
+)
+def test_a_window_that_the_run_does_not_reach_says_so(nominal, rattling, window, said):
+    for figure in ('mean(drive_torque, WINDOW)', 'count(modes.coupler_rocker, WINDOW)'):
+        machine, run = nominal if 'torque' in figure else rattling
+        found = measure(machine, run, figure.replace('WINDOW', window))[0]
+        assert said in found.resolution
+        assert bool(said) == ('the run' in found.resolution)
+
+
+@pytest.mark.parametrize('width', [1e-2, 1e-3, 1e-4, 1e-6])
+def test_a_measure_sees_what_its_text_makes_narrow(width):
+    machine = ms.load_scene('four_bar_nominal')
+    run = ms.simulate(machine, revolutions=1)
+    T = run.duration
+    away, u = f'((t - {0.5 * T!r} s)/({width} s))', 0.5 * T / width
+    known = {
+        f'integral(exp(-{away}**2))': math.sqrt(math.pi) * width * math.erf(u),
+        f'mean(exp(-{away}**2))': math.sqrt(math.pi) * width * math.erf(u) / T,
+        f'rms(1/(1 + {away}**2))': math.sqrt((math.atan(u) + u / (1.0 + u * u)) * width / T),
+        f'integral(1 - tanh({away})**2)': 2.0 * width * math.tanh(u),
+        f'share(exp(-{away}**2) > 0.5)': 2.0 * width * math.sqrt(math.log(2.0)) / T,
+        f'highest(exp(-{away}**2))': 1.0,
+        f'percentile(1/(1 + {away}**2), 50)': 1.0 / (1.0 + 0.25 * u * u),
+    }
+
+    found = measure(machine, run, *known)
+    for m, (text, value) in zip(found, known.items(), strict=True):
+        assert m.value == pytest.approx(value, rel=1e-9 + 1e-15 / width), text
+        assert m.resolution == EXACT, text
+
+
+def test_a_tangent_near_its_pole_is_seen_beside_what_is_larger():
+    """W tan(pi/2 - W - u^2) is a pulse of height 1 and of the width sqrt(W)."""
+    machine = ms.load_scene('four_bar_nominal')
+    run = ms.simulate(machine, revolutions=1)
+    W, T = 1e-12, run.duration
+    u = f'((t - {0.3712345 * T!r} s)/({T!r} s))'
+    found = one((machine, run), f'mean(1 + {W}*tan({math.pi / 2!r} - {W} - {u}**2))')
+    assert found.value - 1.0 == pytest.approx(math.pi * math.sqrt(W), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ('name', 'same'),
+    [('max', 'highest'), ('greatest', 'highest'), ('min', 'lowest'), ('least', 'lowest'),
+     ('average', 'mean')],
+)  # fmt: skip
+def test_other_names_of_figures_are_understood(nominal, name, same):
+    other = one(nominal, f'{name}(drive_torque, from 0.1 s)')
+    assert other[1:3] == one(nominal, f'{same}(drive_torque, from 0.1 s)')[1:3]
+    assert one(nominal, f'max({name}(drive_torque), 1 kN m)').value == 1000.0
+
+
+def test_windows_and_names_are_read():
+    m = read('rms(motor.torque, from 300 ms to 2 s) / 2')
+    (figure,) = m.figures
+    assert (figure.since, figure.until) == ((0.3, False), (2.0, False))
+    assert read('count(impacts.pin, per revolution)').figures[0].per_revolution
+    assert read('percentile(x, 95, from 3 rev)').figures[0].percent == 95
+
+
+def test_a_scene_names_its_measures_and_moves_as_before(nominal, capsys):
+    plain, solution = nominal
+    texts = {'peak': 'largest(reaction.coupler_rocker)', 'half': 'rms(drive_torque)/2'}
+    named = {'measures': texts}
+    machine = ms.load_scene('four_bar_nominal', named)
+    assert machine.fingerprint == plain.fingerprint
+    found = measure(machine, solution)
+    assert [(m.name, m.unit) for m in found] == [('peak', 'N'), ('half', 'N m')]
+    given = ['--set', 'measures.peak=largest(reaction.coupler_rocker)', '--measure', 'peak']
+    given += ['--measure', 'b = mean(drive_torque)', '--json']
+    with pytest.raises(SystemExit):
+        main(['solve', 'four_bar_nominal', *given])
+    seen = json.loads(capsys.readouterr().out)['measures']
+    assert list(seen) == ['peak', 'b']
+    assert seen['peak']['value'] == pytest.approx(13.8987, rel=1e-5)
+    assert seen['peak']['resolution'] == EXACT
+    for override, said in (
+        ({'measures': {'peak': 'largest(x)'}}, "there is no quantity 'x'"),
+        ({'measures': {'peak': 'large(x)'}}, "measures.peak: 'large' in"),
+    ):
+        bad = ms.load_scene('four_bar_nominal', override)
+        with pytest.raises(InputError, match=said):
+            check_measures(bad, bad.scene.measures, 'measures')
+
+
+WORDS = (
+    'largest', 'rms', 'count', 'percentile', 'work', 'min', 'abs', 'sqrt', 'hypot', '_quantity',
+    '_0', 'drive_torque', 'reaction.coupler_rocker', 'impacts', 'impacts.t', 'sensors.x',
+    'motor.torque', 'pi', '(', ')', '(', ')', ',', '+', '-', '*', '/', '**', '<', '>=', ' if ',
+    ' else ', ' and ', 'not ', '=', '2', '0', '1e400', '3 N', '2 s', '5 kN mm', ', from 2 s',
+    ', to 1 revolution', ', per revolution', ' from ', "'a'", '[0]', 'lambda: ', '\\n', 'é',
+)  # fmt: skip
+
+
+def test_any_text_is_a_measure_or_refused(nominal):
+    """Random words, many of them nearly right: no other exception gets out."""
+    random = np.random.default_rng(3)
+    kept, refused = 0, []
+    for _ in range(4000):
+        text = ''.join(random.choice(WORDS, random.integers(1, 9)))
+        if random.random() < 0.7:
+            text = f'{random.choice(WORDS[:10])}({text})'
+        try:
+            taken = read(text)
+            kept += 1
+            if kept <= 15:
+                measure(*nominal, taken.text)
+        except InputError as error:
+            refused.append(str(error))
+    assert kept > 15
+    assert all(len(said.splitlines()) == 1 for said in refused)
+
+
+HUGE = '1' + '0' * 400
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        f'largest(reaction.ground_crank) * {HUGE}',
+        f'largest(reaction.ground_crank * {HUGE})',
+        f'largest(reaction.ground_crank + {HUGE} N)',
+        f'largest(reaction.ground_crank, from {HUGE} s)',
+        f'largest(reaction.ground_crank, from {HUGE} revolutions)',
+        f'largest(reaction.ground_crank, per {HUGE})',
+        f'percentile(reaction.ground_crank, {HUGE})',
+        f'largest(reaction.ground_crank)^{HUGE}',
+        'largest(reaction.ground_crank) * 1e400',
+        HUGE,
+    ],
+    ids=range(10),
+)
+def test_a_number_that_no_computer_holds_is_a_sentence(text, nominal):
+    machine, run = nominal
+    with pytest.raises(InputError) as error:
+        measure(machine, run, text)
+    assert '\n' not in str(error.value)
