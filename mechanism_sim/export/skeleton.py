@@ -16,8 +16,8 @@ from mechanism_sim.export.shapes import BOX, Shape, inside
 from mechanism_sim.linkages.forces import Spring
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
-from mechanism_sim.planar.paths import Poses
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
+from mechanism_sim.planar.poses import Poses
 from mechanism_sim.planar.view import Kind, circle
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.contact_keys import Clearance
