@@ -14,7 +14,6 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import chebyshev_nodes, fit_powers, shift_powers
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine, load_scene
-from mechanism_sim.scene.instruments import source
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
 from mechanism_sim.sensing.channel import Source
 
@@ -59,7 +58,7 @@ class SensorRun:
 
     def source(self) -> Source:
         """What the sensor is mounted on."""
-        return source(self.machine, SENSOR)
+        return self.machine.scene.sensors[SENSOR].source(self.machine)
 
     def acceleration(self, t: Array) -> Array:
         """What an ideal sensor shows at times (N,) [s]: (N,) [m/s^2], without impacts."""

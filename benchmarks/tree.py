@@ -114,7 +114,7 @@ class Tree:
     def links(self) -> dict[str, Link]:
         """All links, parents first."""
         m, machine = self.mechanism, self.machine
-        state, held = machine.initial_state(), machine.held
+        state, held = machine.initial_state(), machine.plan.held
         q = {c: x for c, (x, _) in held.items()} | dict(
             zip(machine.system.free, state.q, strict=True)
         )

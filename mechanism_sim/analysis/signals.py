@@ -13,7 +13,6 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.instruments import carrier
 from mechanism_sim.scene.sensor_keys import QUANTITIES
 from mechanism_sim.sensing.orders import Turns, at_equal_angles
 
@@ -160,7 +159,7 @@ def measured(machine: Machine, motion: Motion, sensor: str) -> Signal:
     collector = SignalCollector()
     channel.take(motion)
     for block in channel.blocks(final=True):
-        about = sensor, carrier(machine, sensor), scene.measures, scene.sample_rate
+        about = sensor, scene.carrier(machine), scene.measures, scene.sample_rate
         collector.add_samples(about, block.time, block.samples, block.triggered)
     signal = collector.signal()
     if signal is None:

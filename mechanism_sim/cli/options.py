@@ -185,8 +185,7 @@ def read_machine(options: argparse.Namespace, remarks: bool = True) -> Machine:
 
         machine = admit(load_scene(options.scene, overrides_of(options)))
     if remarks:
-        from mechanism_sim.scene.doubts import doubts  # noqa: PLC0415
-        from mechanism_sim.scene.unused import unused  # noqa: PLC0415
+        from mechanism_sim.scene.remarks import doubts, unused  # noqa: PLC0415
 
         for remark in (*doubts(machine), *unused(machine)):
             print(f'mechanism-sim: {machine.name}: {remark}', file=sys.stderr)

@@ -73,7 +73,7 @@ class Turn:
         loops: Kinematics | None = None,
     ) -> None:
         self.machine = machine
-        loops = loops or machine.kinematics(())
+        loops = loops or machine.plan.kinematics(())
         self.mechanism = loops.mechanism
         self._held = self._ways()
         self._kinematics = loops.holding([*self._held])

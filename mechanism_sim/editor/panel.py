@@ -119,12 +119,14 @@ def _keys(model: type[Part], value: Mapping[str, Any]) -> list[str]:
             k for k in ('title', 'description', 'length', 'points') if k in model.model_fields
         ]
         return [*dict.fromkeys([*first, *model.model_fields])]
-    kind = next((kind for name, kind in KINDS.items() if value.get(name)), None)
-    if kind is None:
+    name, kind = next(
+        ((name, kind) for name, kind in KINDS.items() if value.get(name)), ('', model)
+    )
+    if not name:
         return list(model.model_fields)
     skipped = {'clearance'} if kind.firm else set()
-    skipped |= set() if kind.friction else {'friction'}
-    return [k for k in dict.fromkeys([kind.name, *kind.keys.model_fields]) if k not in skipped]
+    skipped |= set() if kind.rubs_by else {'friction'}
+    return [k for k in dict.fromkeys([name, *kind.model_fields]) if k not in skipped]
 
 
 def _default(field: Any, facts: Facts) -> str:

@@ -351,7 +351,7 @@ class Session:
             scene = self.document.scene(edits)
         made: Machine | None = (machine := Machine(self.document.name, scene))
         try:
-            loops = machine.kinematics(())
+            loops = machine.plan.kinematics(())
         except InputError:
             return edits, self._seen(scene, poses)
         tree = loops.mechanism

@@ -92,7 +92,7 @@ def bendings(
     for link, beam in mechanism.beams.items():
         sides = [
             side for j in mechanism.joints
-            for side in ((j.first, j.on_first), (j.second, j.on_second))
+            for side in j.points
         ]  # fmt: skip
         places = [min(max(at[0], 0.0), beam.length) for name, at in sides if name == link]
         found[link] = Bending(beam, (min(places, default=0.0), max(places, default=0.0)))

@@ -79,7 +79,7 @@ class Ideal:
         links = [body.name for body in bodies]
         # guides of driven links come first into the tree: here all do
         cut = closing_joints(links, joints, (), (GROUND, *links))
-        return Mechanism(tuple(bodies), tuple(joints), cut, plan.gravity)
+        return Mechanism(tuple(bodies), tuple(joints), cut, plan.scene.gravity)
 
     @cached_property
     def _heaviest(self) -> float:
@@ -109,7 +109,7 @@ class Ideal:
         known, rates = (dict(zip(tree.coordinates, x.tolist(), strict=True)) for x in (q, v))
         for body in tree.bodies:
             place = tree.locate(body.name, known)
-            velocity = tree.velocity_all(body.name, q[:, None], v[:, None])[:, 0]
+            velocity = tree.trace((body.name, (0.0, 0.0)), q[:, None], v[:, None])[1, :, 0]
             turning = rates.get(tree.frame(body.name)[0], 0.0)
             angle = tree.angle(body.name, known)
             found[body.name] = np.array([*place, angle]), np.array([*velocity, turning])

@@ -34,7 +34,7 @@ def to_sdf(machine: Machine) -> str:
     world = SubElement(root, 'world', name=f'world_of_{machine.name}')
     physics = SubElement(world, 'physics', name='fine', type='ode')
     _leaves(physics, max_step_size=text(time_step(machine)), real_time_factor='1')
-    _leaves(world, gravity=text(*machine.plan.gravity, 0.0))
+    _leaves(world, gravity=text(*machine.scene.gravity, 0.0))
     model = SubElement(world, 'model', name=machine.name)
     drawn = solids(machine)
     _link(model, ideal, Body(GROUND, 1.0, 1.0, (0.0, 0.0)), drawn, COLOURS[0])

@@ -16,8 +16,8 @@ from mechanism_sim.export.shapes import BOX, Shape, inside
 from mechanism_sim.linkages.forces import Spring
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
-from mechanism_sim.planar.paths import Poses
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
+from mechanism_sim.planar.poses import Poses
 from mechanism_sim.planar.view import Kind, circle
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.contact_keys import Clearance
@@ -83,7 +83,7 @@ class Skeleton:
         self.springs, self._loose = list(springs), set(loose)
         self._poses = Poses(mechanism, q)
         joints, frames = mechanism.joints, frames or {}
-        places = [x for j in joints for x in ((j.first, j.on_first), (j.second, j.on_second))]
+        places = [x for j in joints for x in j.points]
         pairs = [j for j in joints if isinstance(j, HigherPair)]
         places += [end for ends in self.springs for end in ends]
         places += [place for pair in pairs for place in pair.covered()]
@@ -213,7 +213,7 @@ class Skeleton:
         return np.asarray(turned + np.stack([x, y], axis=1)[:, None])
 
     def _revolute(self, joint: Revolute) -> None:
-        sides = [(joint.first, joint.on_first), (joint.second, joint.on_second)]
+        sides = joint.points
         for side in sides:
             self.reach(side)
             self._support(side)
@@ -403,12 +403,7 @@ def skeleton_of(
         for name, at in named.items()
         if name != 'start' or 'end' in named
     }
-    ground = [
-        at
-        for j in mechanism.joints
-        for link, at in ((j.first, j.on_first), (j.second, j.on_second))
-        if link == GROUND
-    ]
+    ground = [at for j in mechanism.joints for link, at in j.points if link == GROUND]
     frames = {
         name: ([*ground, part.cog], [mount.at for mount in part.mounts.values()])
         for name, part in machine.scene.oscillators.items()

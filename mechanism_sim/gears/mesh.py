@@ -75,7 +75,7 @@ class GearMesh(PlacedMesh):
         force = np.array([fx, fy, -axial])
         found = []
         for sign, (link, at), along in zip(
-            (-1.0, 1.0), ((self.first, self.on_first), (self.second, self.on_second)), self.along,
+            (-1.0, 1.0), self.points, self.along,
             strict=True,
         ):  # fmt: skip
             if not self.is_rack(link):
@@ -94,7 +94,7 @@ class GearMesh(PlacedMesh):
 
     def draw(self, draft: Draft) -> None:
         """The gears of a mesh, each drawn once."""
-        sides = (self.first, self.on_first), (self.second, self.on_second)
+        sides = self.points
         for teeth, (link, at) in zip(self.wheels, sides, strict=True):
             if not draft.first(teeth.name):
                 continue
@@ -127,7 +127,7 @@ class GearMesh(PlacedMesh):
 
     def discs(self) -> Sequence[tuple[LinkPoint, float]]:
         """Gears by their pitch circles; no racks."""
-        sides = (self.first, self.on_first), (self.second, self.on_second)
+        sides = self.points
         wheels = zip(self.wheels, sides, strict=True)
         return [(side, teeth.gear.pitch_radius) for teeth, side in wheels if not teeth.rack]
 

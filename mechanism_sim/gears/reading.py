@@ -51,7 +51,7 @@ class GearReading(NamedTuple):
 
 def read_mesh(joint: PlacedMesh, view: View) -> GearReading:
     """Teeth in mesh: ideal, with backlash or elastic."""
-    sides = (joint.first, joint.on_first), (joint.second, joint.on_second)
+    sides = joint.points
     (first, rate), (second, _) = (_place(joint, view, *side) for side in sides)
     u = joint.waves[0] * first + joint.waves[1] * second
     ahead = np.remainder(u - joint.phase + math.pi, 2.0 * math.pi) - math.pi

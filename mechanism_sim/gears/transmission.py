@@ -89,8 +89,7 @@ class TransmissionClosure(HigherClosure[Transmission]):
             m.frame(link) for link in (joint.first, joint.second, joint.carrier)
         )
         first, second = (
-            m.turning(frames, link, at, f'{self.name}:{link}')
-            for link, at in ((joint.first, joint.on_first), (joint.second, joint.on_second))
+            m.turning(frames, link, at, f'{self.name}:{link}') for link, at in joint.points
         )
         rest = q * (b - c - joint.phase) + p * (a - c)
         u = second * float(q) + first * float(p)

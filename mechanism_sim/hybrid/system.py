@@ -8,7 +8,7 @@ one lets go. A gap with friction has two more flags, whether it sticks and which
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -153,63 +153,77 @@ class System:
         self.elements = tuple(elements)
         self._acting: dict[int, Acting] = {}
         self.equations = self.dynamics.equations
-        p = self.equations.parameters
+        frames = self.equations.frames
         # all that is looked at in a run must have its parameters before they are counted
-        self.normals = [gap.normal(self.equations.frames) for gap in self.gaps]
+        self.normals = [gap.normal(frames) for gap in self.gaps]
         self._bounds = {
             id(solved): self._bounds_by(solved)
             for solved in (self.dynamics.exact, self.dynamics.stabilised)
         }
-        self._laws = {
-            c: [p.reserve(f'drives:{c}.law.{k}') for k in range(degree + 1)]
-            for c in self.prescribed
-        }
-        d = self.dynamics
-        self.guards = [Guard(i, 0) for i in range(len(gaps))]
-        self.guards += [Guard(i, sign) for i in d.frictional for sign in (1, -1)]
-        frames = self.equations.frames
         self.switches = list(frames.switches.values())
         self.switch_levels = len(by_level(self.switches))
-        bounds = self._bounds[id(d.stabilised)].values()
-        self.sides = [hy.par[i] for n, i in p.names.items() if '.friction.side.' in n]
-        self.guards += [Guard(-1, 0, side=k) for k in range(len(self.sides))]
+        self.outside = tuple(frames.outside)
+        names = self.equations.parameters.names
+        self.side_index = [i for name, i in names.items() if '.friction.side.' in name]
+        self.sides = [hy.par[i] for i in self.side_index]
+        self._reserve()
+        self.parameters = np.array(self.equations.parameters.values)
+        self.fired_index = len(self.parameters) - 1
+        self._find_parameters()
+        self.guards = self._all_guards()
+
+    def _reserve(self) -> None:
+        """Parameters that change in a run; the last says which guard fired."""
+        p = self.equations.parameters
+        self._laws = {
+            c: [p.reserve(f'drives:{c}.law.{k}') for k in range(self.degree + 1)]
+            for c in self.prescribed
+        }
+        bounds = self._bounds[id(self.dynamics.stabilised)].values()
         pins = sum(x.side is None for bound in bounds for x in bound)
         self._towards = [
             [p.reserve(f'pins:{k}.towards.{axis}', float(axis == 'x')) for axis in 'xy']
             for k in range(pins)
         ]
-        self.guards += [Guard(-1, 0, pin=k) for k in range(pins)]
-        self.guards += [Guard(-1, 0)] if d.rubs else []
-        self.guards += [Guard(-1, 0, k) for k in range(len(self.switches))]
-        self.outside = tuple(frames.outside)
         for name in self.outside:
             p.reserve(f'now:{name}')
-        for name, s in frames.switches.items():
+        for name, s in self.equations.frames.switches.items():
             for k in range(len(s.symbols)):
                 p.reserve(f'now:{name}.{k}')
         p.reserve('fired')
-        self.parameters = np.array(p.values)
-        self.fired_index = len(self.parameters) - 1
-        self.flag_index = [p.names[f'{g.name}.closed'] for g in self.gaps]
-        self.stick_index = [p.names[f'{self.gaps[i].name}.sticks'] for i in d.frictional]
-        self.slip_index = [p.names[f'{self.gaps[i].name}.slips'] for i in d.frictional]
-        self.switch_index = [
-            [p.names[f'now:{name}.{k}'] for k in range(len(s.symbols))]
-            for name, s in frames.switches.items()
-        ]
-        self.outside_index = [p.names[f'now:{name}'] for name in self.outside]
-        self.stabilisation_index = p.names['stabilisation']
-        self.approach_index = [p.names[f'{g.name}.approach'] for g in self.gaps if g.law]
-        self.presses_index = [p.names[f'{g.name}.presses'] for g in self.gaps if g.law]
-        self.margin_index = p.names.get('release.margin')
-        self.side_index = [i for n, i in p.names.items() if '.friction.side.' in n]
-        self.towards_index = [i for n, i in p.names.items() if n.startswith('pins:')]
-        self.law_index = [
-            [p.names[f'drives:{c}.law.{k}'] for k in range(degree + 1)] for c in self.prescribed
-        ]
-        self.torque_index = [
-            [p.names[f'drives:{c}.torque.{k}'] for k in range(3)] for c in self.powered
-        ]
+
+    def _find_parameters(self) -> None:
+        """Indices of parameters, as the attributes of the class say."""
+        names, d = self.equations.parameters.names, self.dynamics
+
+        def of(gaps: Iterable[Gap], what: str) -> list[int]:
+            return [names[f'{gap.name}.{what}'] for gap in gaps]
+
+        def several(of_what: str, count: int) -> list[int]:
+            return [names[f'{of_what}.{k}'] for k in range(count)]
+
+        soft = [gap for gap in self.gaps if gap.law]
+        rough = [self.gaps[i] for i in d.frictional]
+        self.flag_index = of(self.gaps, 'closed')
+        self.stick_index, self.slip_index = of(rough, 'sticks'), of(rough, 'slips')
+        self.approach_index, self.presses_index = of(soft, 'approach'), of(soft, 'presses')
+        self.margin_index = names.get('release.margin')
+        self.stabilisation_index = names['stabilisation']
+        self.towards_index = [i for name, i in names.items() if name.startswith('pins:')]
+        self.outside_index = [names[f'now:{name}'] for name in self.outside]
+        switches = self.equations.frames.switches.items()
+        self.switch_index = [several(f'now:{name}', len(s.symbols)) for name, s in switches]
+        self.law_index = [several(f'drives:{c}.law', self.degree + 1) for c in self.prescribed]
+        self.torque_index = [several(f'drives:{c}.torque', 3) for c in self.powered]
+
+    def _all_guards(self) -> list[Guard]:
+        """Guards of gaps, their friction, sides, pins and jams of ideal joints, switches."""
+        guards = [Guard(i, 0) for i in range(len(self.gaps))]
+        guards += [Guard(i, sign) for i in self.dynamics.frictional for sign in (1, -1)]
+        guards += [Guard(-1, 0, side=k) for k in range(len(self.sides))]
+        guards += [Guard(-1, 0, pin=k) for k in range(len(self._towards))]
+        guards += [Guard(-1, 0)] if self.dynamics.rubs else []
+        return guards + [Guard(-1, 0, k) for k in range(len(self.switches))]
 
     @cached_property
     def steep(self) -> SteepLoads | None:

@@ -126,7 +126,7 @@ class FilmBearing:
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         joint, p = self.mechanism.joint(self.name), frames.parameters
         spins = []
-        for link, at in ((joint.first, joint.on_first), (joint.second, joint.on_second)):
+        for link, at in joint.points:
             turns = self.mechanism.turns(link, at).items()
             shares = [
                 v if slope == 1.0 else mul(p(f'{self.name}.turn:{c}', slope), v)

@@ -74,7 +74,7 @@ class BearingEnd(BearingClearance):
         q : (n, N) of the coordinates
         N, T : (N,) normal and friction force [N]
         """
-        x, y = self.mechanism.evaluate(self.apart, q)
+        x, y = self.mechanism.trace(self.apart, q)[0]
         size = np.hypot(x, y)
         x, y = (np.divide(a, size, out=np.zeros_like(a), where=size > 0.0) for a in (x, y))
         return self.reach * np.array([T * x - N * y, N * x + T * y])
@@ -190,7 +190,7 @@ class AxialStop(MeasuredGap):
 
     def moment(self, q: Array, N: Array, _: Array) -> Array:
         """Moment (2, N) [N m] on the second link about the bearing's middle, see `BearingEnd`."""
-        x, y = self.mechanism.evaluate(self._inclination, q)
+        x, y = self.mechanism.trace(self._inclination, q)[0]
         root = np.sqrt(self.crown**2 + self.radius**2 * (x * x + y * y))
         arm = np.divide(self.radius**2, root, out=np.zeros_like(root), where=root > 0.0)
         return np.asarray(N * arm * np.array([-y, x]))

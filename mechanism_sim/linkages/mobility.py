@@ -137,7 +137,7 @@ def _dimension(constraints: Constraints, poses: Array) -> int:
 def _reached(
     constraints: Constraints, start: Array, directions: Array, distance: float
 ) -> Iterator[tuple[Array, Array]]:
-    """NominalModel configurations at a distance, each nearest to a column or what is opposite.
+    """Assembled configurations at a distance, each nearest to a column or what is opposite.
 
     With each comes its displacement from `start`, normalised. They are looked for on a sphere, by
     Gauss and Newton's method: from anywhere else it would fall back to a start where many motions

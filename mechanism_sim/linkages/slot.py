@@ -115,10 +115,7 @@ class SlotWall(Wall):
         The pin's own along the slot, and its radius times its turning on the slot.
         """
         joint, mechanism = self.closure.joint, self.closure.mechanism
-        first, second = (
-            mechanism.turns(link, at)
-            for link, at in ((joint.first, joint.on_first), (joint.second, joint.on_second))
-        )
+        first, second = (mechanism.turns(link, at) for link, at in joint.points)
         if foot := self._foot(frames):
             slip = -foot.slip if self.side == 'left' else foot.slip
             second = {c: turn for c, turn in second.items() if c not in mechanism.deformations}

@@ -89,11 +89,12 @@ class Entities:
         state.header.stamp, state.header.frame_id = stamp(t), self._node.frame(WORLD)
         index, (frame, _) = mechanism.coordinates.index, mechanism.frame(link)
         pose, half = state.pose, 0.5 * float(mechanism.angle_all(link, q)[0])
-        pose.position.x, pose.position.y = mechanism.locate_all(link, q)[:, 0].tolist()
+        place, velocity, acceleration = mechanism.trace((link, (0.0, 0.0)), q, v, a)
+        pose.position.x, pose.position.y = place[:, 0].tolist()
         pose.orientation.z, pose.orientation.w = math.sin(half), math.cos(half)
         for part, linear, angular in (
-            (state.twist, mechanism.velocity_all(link, q, v), v),
-            (state.acceleration, mechanism.acceleration_all(link, q, v, a), a),
+            (state.twist, velocity, v),
+            (state.acceleration, acceleration, a),
         ):
             part.linear.x, part.linear.y = linear[:, 0].tolist()
             turns = frame in mechanism.coordinates

@@ -16,7 +16,6 @@ from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.instruments import carrier
 from ros_interfaces.layout import Layout
 
 
@@ -26,7 +25,7 @@ class _Sensor:
     def __init__(self, machine: Machine, name: str, frame: str) -> None:
         sensor = machine.scene.sensors[name]
         self._message = SensorBlock(
-            sensor=name, link=carrier(machine, name), quantity=sensor.measures, unit=sensor.unit,
+            sensor=name, link=sensor.carrier(machine), quantity=sensor.measures, unit=sensor.unit,
             sample_rate=sensor.sample_rate,
         )  # fmt: skip
         self._message.header.frame_id = frame
@@ -111,7 +110,7 @@ class Sensors(SimulationNode):
     def _start_over(self) -> None:
         self._sensors: list[tuple[_Sensor | _Unit, Any]] = []
         for name, (blocks, imu) in self._outlets.items():
-            frame = self.frame(carrier(self.machine, name))
+            frame = self.frame(self.machine.scene.sensors[name].carrier(self.machine))
             self._sensors.append((_Sensor(self.machine, name, frame), blocks))
             if imu:
                 self._sensors.append((_Unit(self.machine, name, frame), imu))

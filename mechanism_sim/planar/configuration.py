@@ -56,9 +56,8 @@ class Constraints:
     def size(self) -> float:
         """Longest distance between two joints of one link, or from its origin [m]; 1 if none."""
         points: dict[str, list[Vector2]] = {}
-        for j in self.joints:
-            points.setdefault(j.first, [(0.0, 0.0)]).append(j.on_first)
-            points.setdefault(j.second, [(0.0, 0.0)]).append(j.on_second)
+        for link, at in (point for j in self.joints for point in j.points):
+            points.setdefault(link, [(0.0, 0.0)]).append(at)
         longest = (math.dist(a, b) for some in points.values() for a in some for b in some)
         return max(longest, default=0.0) or 1.0
 
@@ -90,14 +89,6 @@ class Constraints:
                         jacobian[i, place[link]] += gradient
                 i += 1
         return residual, jacobian.reshape(len(self.rows), 3 * len(self.links))
-
-    def residual(self, poses: Array) -> Array:
-        """What the equations leave (m,) at poses (n, 3) [m, rad]."""
-        return self.linearise(poses)[0]
-
-    def jacobian(self, poses: Array) -> Array:
-        """Derivatives (m, 3 n) of the rows at poses (n, 3)."""
-        return self.linearise(poses)[1]
 
     def normalise(self, poses: Array) -> tuple[Array, Array]:
         """As `linearise`, with every length measured in `size`: free of units."""
@@ -136,8 +127,7 @@ def _equations(joint: Joint, pose: Callable[[str], Array]) -> Iterator[Equation]
         yield joint.equation(pose)
         return
     first, second = pose(joint.first), pose(joint.second)
-    a, turning_a = turned(first, joint.on_first)
-    b, turning_b = turned(second, joint.on_second)
+    (a, turning_a), (b, turning_b) = turned(first, joint.on_first), turned(second, joint.on_second)
     if isinstance(joint, Revolute):
         for k, along in enumerate(np.eye(2)):
             by_first = np.array([*along, turning_a[k]])
@@ -190,8 +180,7 @@ def converted(ideal: Mechanism, loose: Mechanism, q: Array, v: Array) -> tuple[A
 
     def moved(link: str, at: Vector2) -> Array:
         """Position and velocity (2, 2) [m, m/s] of a point."""
-        there = ideal.locate_all(link, q[:, None], at)
-        return np.hstack([there, ideal.velocity_all(link, q[:, None], v[:, None], at)]).T
+        return ideal.trace((link, at), q[:, None], v[:, None])[:, :, 0]
 
     found = []
     for name in loose.coordinates:

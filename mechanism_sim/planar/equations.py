@@ -22,6 +22,7 @@ import numpy as np
 from mechanism_sim.numerics.symbolic import Term, add, mul
 from mechanism_sim.planar.elastic import ROUNDING
 from mechanism_sim.planar.frames import Frames, Parameters, rotate_quarter
+from mechanism_sim.planar.loads import Wrench
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Spread, factors
 from mechanism_sim.planar.protocols import Gap, Relation
@@ -63,6 +64,22 @@ class Equations:
         self.strain_energy, self.strain_loss = self._beams.energy, self._beams.loss
         self.gap_jets = [gap.value(self.frames) for gap in self.gaps]
         self.relation_jets = [v for r in self.relations for v in r.values(self.frames)]
+
+    @property
+    def rows(self) -> list[Term]:
+        """The Jacobian of all relations, row by row (r n,)."""
+        return [x for jet in self.relation_jets for x in jet.row(self.coordinates)]
+
+    def transmitted(self) -> tuple[list[hy.expression], dict[str, Wrench]]:
+        """Symbols of the forces along these rows, and what the joints transmit by them."""
+        forces: list[hy.expression] = []
+        wrenches = {}
+        for k, relation in enumerate(self.relations):
+            count = len(relation.values(self.frames))
+            own = [hy.make_vars(f'force{k}_{i}') for i in range(count)]
+            wrenches[relation.name] = relation.wrench(self.frames, own)
+            forces += own
+        return forces, wrenches
 
     @staticmethod
     def _tangents(point: Spread, c: str) -> list[_Vector]:

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
-import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -198,13 +197,7 @@ class InverseDynamics:
             add(x, neg(applied.get(c)))
             for c, x in zip(eq.coordinates, generalized_forces(eq, accelerated), strict=True)
         ]
-        rows = [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
-        closing, cut = [], {}
-        for k, relation in enumerate(self.relations):
-            count = len(relation.values(frames))
-            own = [hy.make_vars(f'force{k}_{i}') for i in range(count)]
-            cut[relation.name] = relation.wrench(frames, own)
-            closing += own
+        closing, cut = eq.transmitted()
         sizes = self.unknowns.sizes
         loads = [*self._loads, *self.unknowns.acting]
         carried = tree_reactions(eq, accelerated, cut, loads)
@@ -218,7 +211,7 @@ class InverseDynamics:
         )
         motion = [*frames.q.values(), *frames.v.values(), *a.values(), *frames.outside.values()]
         motion += [rub.T for rub in self._rubs]
-        groups = [supplied, rows, self.unknowns.terms] if sizes else [supplied, rows]
+        groups = [supplied, eq.rows, self.unknowns.terms] if sizes else [supplied, eq.rows]
         first = SwitchedFunction(frames, groups, motion)
         balance = [kinetic, potential, lost]
         groups = [forces, moments, balance]

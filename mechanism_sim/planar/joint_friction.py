@@ -119,13 +119,13 @@ class JointFriction(ABC):
         q, v : (n, N) coordinates and rates
         """
         j, m, index = self.joint, self.mechanism, self.mechanism.coordinates.index
-        away = m.locate_all(j.second, q, j.on_second) - m.locate_all(j.first, q, j.on_first)
+        (first, first_rate), (second, second_rate) = (m.trace(end, q, v) for end in j.points)
         w1, w2 = (
             sum((x * v[index(c)] for c, x in m.turns(*end).items()), np.zeros(v.shape[1]))
-            for end in ((j.first, j.on_first), (j.second, j.on_second))
+            for end in j.points
         )
-        there = m.velocity_all(j.first, q, v, j.on_first) + w1 * np.array([-away[1], away[0]])
-        slip = m.velocity_all(j.second, q, v, j.on_second) - there
+        x, y = second - first
+        slip = second_rate - (first_rate + w1 * np.array([-y, x]))
         lost: Array = -(force * slip).sum(axis=0) - moment * (w2 - w1)
         return lost
 

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Relation
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
@@ -25,6 +25,35 @@ Array = NDArray[np.float64]
 _ITERATIONS = 60
 _PATIENCE = 8  # iterations in which what is left open must halve
 _ROUNDING = 32.0 * float(np.finfo(float).eps)
+
+
+class _Closures:
+    """The expressions of closures, compiled when they are first asked for."""
+
+    def __init__(self, mechanism: Mechanism, relations: Sequence[Relation]) -> None:
+        self._frames = Frames(mechanism.coordinates, Parameters())
+        values = [(relation.name, relation.values(self._frames)) for relation in relations]
+        self.rows = [name for name, jets in values for _ in jets]
+        self._jets = [jet for _, jets in values for jet in jets]
+
+    @cached_property
+    def position(self) -> SwitchedFunction:
+        """Values and Jacobian, of coordinates."""
+        frames = self._frames
+        values = [jet.value for jet in self._jets]
+        slopes = [x for jet in self._jets for x in jet.row(frames.coordinates)]
+        return SwitchedFunction(frames, [values, slopes], [*frames.q.values()])
+
+    @cached_property
+    def curvature(self) -> SwitchedFunction:
+        """Second time derivatives without accelerations, of coordinates and rates."""
+        frames, curvatures = self._frames, [jet.curvature for jet in self._jets]
+        return SwitchedFunction(frames, [curvatures], [*frames.q.values(), *frames.v.values()])
+
+    @cached_property
+    def edges(self) -> Edges | None:
+        """See `Kinematics.edges`."""
+        return Edges(self._frames) if self._frames.switches else None
 
 
 class Kinematics:
@@ -42,54 +71,34 @@ class Kinematics:
     ) -> None:
         self.mechanism = mechanism
         self.coordinates = mechanism.coordinates
-        self.held = [self.coordinates.index(c) for c in held]
-        self.sought = [i for i in range(len(self.coordinates)) if i not in self.held]
-        self._relations = tuple(relations)
+        self._closures = _Closures(mechanism, relations)
         slides = [c in mechanism.displacements for c in self.coordinates]
         self.scale = np.where(slides, mechanism.size, 1.0)  # [m], [rad]
+        self._hold(held)
+
+    def _hold(self, held: Sequence[str]) -> None:
+        self.held = [self.coordinates.index(c) for c in held]
+        self.sought = [i for i in range(len(self.coordinates)) if i not in self.held]
 
     def holding(self, held: Sequence[str]) -> Kinematics:
         """The same closures with other coordinates held; what is compiled serves both."""
-        _ = self._position if self._relations else None
         other = copy(self)
-        other.held = [self.coordinates.index(c) for c in held]
-        other.sought = [i for i in range(len(self.coordinates)) if i not in other.held]
+        other._hold(held)
         return other
 
     def released(self) -> Kinematics:
         """The same closures with no coordinate held."""
         return self.holding(())
 
-    @cached_property
-    def _equations(self) -> Equations:
-        return Equations(self.mechanism, relations=self._relations)
-
     @property
     def rows(self) -> list[str]:
         """The joint of every equation."""
-        counts = [(r.name, len(r.values(self._equations.frames))) for r in self._relations]
-        return [name for name, count in counts for _ in range(count)]
+        return self._closures.rows
 
-    @cached_property
-    def _position(self) -> SwitchedFunction:
-        eq = self._equations
-        values = [jet.value for jet in eq.relation_jets]
-        rows = [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
-        return SwitchedFunction(eq.frames, [values, rows], [*eq.frames.q.values()])
-
-    @cached_property
-    def _curvature(self) -> SwitchedFunction:
-        eq = self._equations
-        curvatures = [jet.curvature for jet in eq.relation_jets]
-        return SwitchedFunction(
-            eq.frames, [curvatures], [*eq.frames.q.values(), *eq.frames.v.values()]
-        )
-
-    @cached_property
+    @property
     def edges(self) -> Edges | None:
         """Where something begins to act that does so in a part of the cycle; None if nothing."""
-        frames = self._equations.frames
-        return Edges(frames) if frames.switches else None
+        return self._closures.edges
 
     def closure(self, q: Array, rows: Array | None = None) -> tuple[Array, Array]:
         """What is left open (N, r) [m] and the Jacobian (N, r, n) at coordinates q (n, N).
@@ -97,9 +106,9 @@ class Kinematics:
         `rows` are the values of the switches, if not those at these places.
         """
         n, count = q.shape
-        if not self._relations:
+        if not self.rows:
             return np.zeros((count, 0)), np.zeros((count, 0, n))
-        values, slopes = self._position(q, rows)
+        values, slopes = self._closures.position(q, rows)
         return values.T, slopes.reshape(-1, n, count).transpose(2, 0, 1)
 
     def positions(self, guess: Array, targets: Array | None = None) -> tuple[Array, Array]:
@@ -209,8 +218,8 @@ class Kinematics:
         """Accelerations (n, N) of all coordinates from those of the held ones (p, N), likewise."""
         _, J = self.closure(q, rows)
         right = -np.einsum('krp,pk->kr', J[:, :, self.held], held)
-        if self._relations:
-            right = right - self._curvature(np.concatenate([q, v]), rows)[0].T
+        if self.rows:
+            right = right - self._closures.curvature(np.concatenate([q, v]), rows)[0].T
         return self._together(held, J, right)
 
     def _together(self, held: Array, J: Array, right: Array) -> Array:

@@ -109,10 +109,7 @@ class Linearisation:
         self._size = hy.make_vars('excitation')
         self._excitation = excitation
         self.equations = Equations(mechanism, relations=relations)
-        counts = [len(r.values(self.equations.frames)) for r in relations]
-        self._forces = [
-            [hy.make_vars(f'force{k}_{i}') for i in range(n)] for k, n in enumerate(counts)
-        ]
+        self._forces, self._cut = self.equations.transmitted()
         frames = self.equations.frames
         self._loads = [x for e in self._elements for x in e.loads(frames)]
         if excitation:
@@ -125,9 +122,8 @@ class Linearisation:
 
     def _variables(self) -> list[hy.expression]:
         frames = self.equations.frames
-        forces = [x for group in self._forces for x in group]
         return [
-            *frames.q.values(), *frames.v.values(), *frames.a.values(), *forces, self._size,
+            *frames.q.values(), *frames.v.values(), *frames.a.values(), *self._forces, self._size,
             *frames.outside.values(),
         ]  # fmt: skip
 
@@ -147,9 +143,8 @@ class Linearisation:
         for motor in self._motors:
             c = motor.coordinate
             applied[c] = add(applied.get(c), motor.torque(frames))
-        forces = [x for group in self._forces for x in group]
         rows = [jet.row(eq.coordinates) for jet in eq.relation_jets]
-        closing = [dot([row[i] for row in rows], forces) for i in range(len(eq.coordinates))]
+        closing = [dot([row[i] for row in rows], self._forces) for i in range(len(eq.coordinates))]
         needed = generalized_forces(eq, dict(frames.a))
         return [
             add(x, neg(applied.get(c)), neg(y))
@@ -163,7 +158,7 @@ class Linearisation:
         groups = [
             F,
             [jet.value for jet in eq.relation_jets],
-            [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)],
+            eq.rows,
             *(_slopes(F, [*x.values()]) for x in (frames.a, frames.v, frames.q)),
             _slopes(F, [self._size]),
         ]
@@ -185,8 +180,7 @@ class Linearisation:
     @cached_property
     def _motion_function(self) -> SwitchedFunction:
         eq, F = self.equations, self._residual
-        rows = [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
-        return SwitchedFunction(eq.frames, [F, rows], self._variables())
+        return SwitchedFunction(eq.frames, [F, eq.rows], self._variables())
 
     def _motion_inputs(self, at: Point, q: Array, v: Array, a: Array, t: Array) -> Array:
         fixed = np.concatenate([at.forces * 0.0, [0.0], at.outside])
@@ -223,9 +217,8 @@ class Linearisation:
 
     def point(self, q: Array, v: Array) -> Point:
         """A point at time zero, without forces of the closures."""
-        count = sum(map(len, self._forces))
         self._function  # noqa: B018 - asks for all that is outside
-        return Point(q, v, np.zeros(count), np.zeros(len(self.outside)))
+        return Point(q, v, np.zeros(len(self._forces)), np.zeros(len(self.outside)))
 
     def basis(self, J: Array) -> tuple[Array, list[int]]:
         """How all coordinates move with the independent ones, driven coordinates at rest.
@@ -384,16 +377,11 @@ class Linearisation:
         """
         eq = self.equations
         frames = eq.frames
-        cut = {
-            r.name: r.wrench(frames, own)
-            for r, own in zip(self._relations, self._forces, strict=True)
-        }
-        wrench = tree_reactions(eq, dict(frames.a), cut, self._loads)[joint]
-        forces = [x for group in self._forces for x in group]
+        wrench = tree_reactions(eq, dict(frames.a), self._cut, self._loads)[joint]
         groups = [
             _slopes([wrench.x, wrench.y], by)
             for by in (
-                [*frames.q.values()], [*frames.v.values()], [*frames.a.values()], forces,
+                [*frames.q.values()], [*frames.v.values()], [*frames.a.values()], self._forces,
                 [self._size],
             )
         ]  # fmt: skip

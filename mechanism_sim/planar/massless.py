@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.points import GROUND, Vector2
+from mechanism_sim.planar.points import GROUND, Point, Vector2
 
 Array = NDArray[np.float64]
 
@@ -46,8 +46,7 @@ def moving(mechanism: Mechanism, q: Array, direction: Array) -> list[str]:
     found = []
     for body in mechanism.bodies:
         ends: list[Vector2] = [(0.0, 0.0), body.cog]
-        ends += [j.on_first for j in mechanism.joints if j.first == body.name]
-        ends += [j.on_second for j in mechanism.joints if j.second == body.name]
+        ends += [at for j in mechanism.joints for link, at in j.points if link == body.name]
         motion = [x for at in ends for x in _velocity(mechanism, q, body.name, at)]
         rates = np.array([*np.array(motion) / mechanism.size, _spin(mechanism, body.name)])
         if np.abs(rates @ direction).max() > NO_MASS * np.abs(direction).max():
@@ -57,20 +56,14 @@ def moving(mechanism: Mechanism, q: Array, direction: Array) -> list[str]:
 
 def _velocity(mechanism: Mechanism, q: Array, link: str, at: Vector2) -> Array:
     """Velocity (2, n) [m] of a point of a link, per rate of each coordinate."""
-    index = mechanism.coordinates.index
-    found = np.zeros((2, len(q)))
-    for (frame, slide), (x, y) in mechanism.point(link, at).items():
-        if isinstance(slide, tuple) or slide in mechanism.deformations:
-            continue  # of a beam as it is when straight
-        angle = 0.0 if frame == GROUND else q[index(frame)]
-        c, s = np.cos(angle), np.sin(angle)
-        arm = np.array([c * x - s * y, s * x + c * y])
-        length = 1.0 if slide is None else q[index(slide)]
-        if frame != GROUND:
-            found[:, index(frame)] += length * np.array([-arm[1], arm[0]])
-        if slide is not None:
-            found[:, index(slide)] += arm
-    return found
+    rigid: Point = {  # of a beam as it is when straight
+        (frame, slide): d
+        for (frame, slide), d in mechanism.point(link, at).items()
+        if not isinstance(slide, tuple) and slide not in mechanism.deformations
+    }
+    n = len(q)
+    velocity: Array = mechanism.trace(rigid, np.repeat(q[:, None], n, axis=1), np.eye(n))[1]
+    return velocity
 
 
 def _spin(mechanism: Mechanism, link: str) -> Array:

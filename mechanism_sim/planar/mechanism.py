@@ -22,8 +22,8 @@ from mechanism_sim.planar.points import (
     Spread,
     Vector2,
     factors,
-    product,
     rotate,
+    trace,
 )
 from mechanism_sim.planar.protocols import ForceElement, Relation, Rubbing
 from mechanism_sim.planar.rotor import Rotor
@@ -54,8 +54,8 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Revolute:
-    """A revolute joint between two links, at a point of each."""
+class Connection:
+    """Two links that meet, at a point of each."""
 
     name: str
     first: str
@@ -63,16 +63,24 @@ class Revolute:
     on_first: Vector2  #: [m] in the frame of `first`
     on_second: Vector2  #: [m] in the frame of `second`
 
+    @property
+    def points(self) -> tuple[LinkPoint, LinkPoint]:
+        """Both links, each with its point."""
+        return (self.first, self.on_first), (self.second, self.on_second)
+
 
 @dataclass(frozen=True)
-class Prismatic:
-    """A prismatic joint: a point of `second` slides on a line of `first`, and does not turn."""
+class Revolute(Connection):
+    """A revolute joint between two links."""
 
-    name: str
-    first: str
-    second: str
-    on_first: Vector2  #: [m] where the displacement is zero
-    on_second: Vector2  #: [m] the point that slides
+
+@dataclass(frozen=True)
+class Prismatic(Connection):
+    """A prismatic joint: a point of `second` slides on a line of `first`, and does not turn.
+
+    The displacement is zero at the point on `first`.
+    """
+
     axis: float = 0.0  #: [rad] direction of the line in the frame of `first`
     angle: float = 0.0  #: [rad] of the frame of `second` in that of `first`
 
@@ -84,17 +92,11 @@ Equation: TypeAlias = tuple[float, dict[str, Pose]]
 
 
 @dataclass(frozen=True)
-class HigherPair(ABC):
+class HigherPair(Connection, ABC):
     """A joint that takes one degree of freedom: links touch at a point or along a line.
 
     No tree has it. Every kind is a subclass in the room of its own domain.
     """
-
-    name: str
-    first: str
-    second: str
-    on_first: Vector2  #: [m] in the frame of `first`
-    on_second: Vector2  #: [m] in the frame of `second`
 
     #: where it can open: on which sides of its closure there are walls
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
@@ -189,7 +191,7 @@ class HigherPair(ABC):
         """Which readings are worth a chart; `slides` tells whether `second` does."""
         return ()
 
-    def draw(self, draft: Draft) -> None:  # noqa: B027 - many have no shape
+    def draw(self, draft: Draft) -> None:
         """Add what it looks like to a drawing."""
 
     def covered(self) -> Sequence[LinkPoint]:
@@ -313,9 +315,8 @@ class Mechanism:
         farther, and so may the disk of a rotor. 0 if all coincide.
         """
         ends: dict[str, list[Vector2]] = {b.name: [(0.0, 0.0), b.cog] for b in self.bodies}
-        for j in self.joints:
-            ends.setdefault(j.first, []).append(j.on_first)
-            ends.setdefault(j.second, []).append(j.on_second)
+        for link, at in (point for j in self.joints for point in j.points):
+            ends.setdefault(link, []).append(at)
         longest = max(
             math.hypot(a[0] - b[0], a[1] - b[1])
             for points in ends.values()
@@ -329,9 +330,8 @@ class Mechanism:
     @cached_property
     def reach(self) -> float:
         """Scale of the rounding of places [m]: the size, or how far off the origin it is."""
-        ends = [(j.first, j.on_first) for j in self.joints]
-        ends += [(j.second, j.on_second) for j in self.joints]
-        away = (math.hypot(*at) for link, at in ends if link == GROUND)
+        points = (point for j in self.joints for point in j.points)
+        away = (math.hypot(*at) for link, at in points if link == GROUND)
         return max(self.size, *away, 0.0)
 
     @cached_property
@@ -535,17 +535,24 @@ class Mechanism:
         self, link: str, q: NDArray[np.float64], at: Vector2 = (0.0, 0.0)
     ) -> NDArray[np.float64]:
         """The same (2, N) [m] at N instants, with coordinates (n, N) in their order."""
-        return self.evaluate(self.point(link, at), q)
-
-    def evaluate(self, point: Point, q: NDArray[np.float64]) -> NDArray[np.float64]:
-        """World components (2, N) [m] of a sum over arms, likewise."""
-        place, index = np.zeros((2, q.shape[1])), self.coordinates.index
-        for (frame, slide), (x, y) in point.items():
-            angle = 0.0 if frame == GROUND else q[index(frame)]
-            s = math.prod(q[index(c)] for c in factors(slide))
-            c, sn = np.cos(angle), np.sin(angle)
-            place += s * np.array([[c * x - sn * y], [sn * x + c * y]]).reshape(2, -1)
+        place: NDArray[np.float64] = self.trace((link, at), q)[0]
         return place
+
+    def trace(self, place: LinkPoint | Point, *motion: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A point of a link, or a sum over arms, at N instants: (k, 2, N) [m, s].
+
+        Parameters
+        ----------
+        motion : coordinates (n, N) in their order, then their rates and accelerations; as many
+            of these come out, see `mechanism_sim.planar.points.trace`
+        """
+        point = place if isinstance(place, dict) else self.point(*place)
+        index = {c: i for i, c in enumerate(self.coordinates)}
+
+        def course(name: str) -> list[NDArray[np.float64]]:
+            return [u[index[name]] for u in motion]
+
+        return trace(point, course, motion[0].shape[1], len(motion))
 
     def angle_all(self, link: str, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """Angle (N,) [rad] of a link's frame in the world, likewise."""
@@ -553,42 +560,6 @@ class Mechanism:
         if frame == GROUND:
             return np.full(q.shape[1], offset)
         return np.asarray(offset + q[self.coordinates.index(frame)])
-
-    def velocity_all(
-        self,
-        link: str,
-        q: NDArray[np.float64],
-        v: NDArray[np.float64],
-        at: Vector2 = (0.0, 0.0),
-    ) -> NDArray[np.float64]:
-        """Velocity (2, N) [m/s] of a point of a link, with coordinates and their rates (n, N)."""
-        velocity, index = np.zeros((2, q.shape[1])), self.coordinates.index
-        for (frame, slide), (x, y) in self.point(link, at).items():
-            angle, w = (0.0, 0.0) if frame == GROUND else (q[index(frame)], v[index(frame)])
-            s, rate, _ = product(slide, lambda c: (q[index(c)], v[index(c)], 0.0))
-            c, sn = np.cos(angle), np.sin(angle)
-            px, py = c * x - sn * y, sn * x + c * y
-            velocity[0] += rate * px - s * w * py
-            velocity[1] += rate * py + s * w * px
-        return velocity
-
-    def acceleration_all(
-        self, link: str, q: NDArray[np.float64], v: NDArray[np.float64], a: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Acceleration (2, N) [m/s^2] of the origin of a link's frame, likewise.
-
-        Of every arm s e(angle): (s'' - s w^2) e + (2 s' w + s w') e turned by +90 degrees.
-        """
-        acceleration, index = np.zeros((2, q.shape[1])), self.coordinates.index
-        none = np.zeros((3, q.shape[1]))
-        for (frame, slide), (x, y) in self.point(link, (0.0, 0.0)).items():
-            angle, w, dw = none if frame == GROUND else (u[index(frame)] for u in (q, v, a))
-            s, ds, dds = product(slide, lambda c: (q[index(c)], v[index(c)], a[index(c)]))
-            c, sn = np.cos(angle), np.sin(angle)
-            px, py = c * x - sn * y, sn * x + c * y
-            along, across = dds - s * w**2, 2.0 * ds * w + s * dw
-            acceleration += np.array([along * px - across * py, along * py + across * px])
-        return acceleration
 
     def angle(self, link: str, q: Mapping[str, float]) -> float:
         """Angle [rad] of a link's frame in the world."""

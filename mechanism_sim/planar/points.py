@@ -6,6 +6,10 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
+import numpy as np
+
+from mechanism_sim.arrays import Array
+
 GROUND = 'ground'
 
 Vector2 = tuple[float, float]
@@ -47,3 +51,41 @@ def product(slide: Any, course: Callable[[Any], Sequence[Any]]) -> tuple[Any, An
         r, dr, ddr = course(name)
         s, ds, dds = s * r, ds * r + s * dr, dds * r + 2.0 * ds * dr + s * ddr
     return s, ds, dds
+
+
+def trace(
+    point: Point, course: Callable[[str], Sequence[Any]], count: int, orders: int = 3
+) -> Array:
+    """A point at N instants with its time derivatives, (orders, 2, N) [m, s].
+
+    Of ``p = sum_k s_k R(theta_k) d_k``, with E turning by 90 degrees, they are
+
+    ``p' = sum R (s' d + s theta' E d)`` and
+    ``p'' = sum R ((s'' - s theta'^2) d + (s theta'' + 2 s' theta') E d)``.
+
+    That is where a point is, in numbers; `Frames.position` is the same in symbols.
+
+    Parameters
+    ----------
+    course : value, rate and acceleration (N,) of a coordinate by name, at least the first `orders`
+    orders : 1 for the position, 2 for the velocity beside it, 3 for the acceleration
+    """
+    found = np.zeros((orders, 2, count))
+
+    def known(name: str) -> tuple[Any, ...]:
+        return (*(() if name == GROUND else course(name)[:orders]), 0.0, 0.0, 0.0)[:3]
+
+    for (frame, slide), (x, y) in point.items():
+        (angle, w, alpha), (s, rate, second) = known(frame), product(slide, known)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        dx, dy = cosine * x - sine * y, sine * x + cosine * y
+        found[0, 0] += s * dx
+        found[0, 1] += s * dy
+        if orders > 1:
+            found[1, 0] += rate * dx - s * w * dy
+            found[1, 1] += rate * dy + s * w * dx
+        if orders > 2:
+            along, across = second - s * w**2, s * alpha + 2.0 * rate * w
+            found[2, 0] += along * dx - across * dy
+            found[2, 1] += along * dy + across * dx
+    return found

@@ -36,8 +36,6 @@ from mechanism_sim.report.parts import (
 )
 from mechanism_sim.scene.gears import Wheel, read_wheel
 from mechanism_sim.scene.machine import Machine
-from mechanism_sim.scene.places import Places
-from mechanism_sim.scene.schema import Scene
 
 #: teeth of a rack that is drawn by itself
 RACK_TEETH = 10
@@ -134,11 +132,9 @@ class _Mesh:
     """The gears of one joint."""
 
     def __init__(self, machine: Machine, joint: GearMesh) -> None:
-        scene = machine.scene
-        assert isinstance(scene, Scene)  # noqa: S101 - others have no gears
-        places = Places(machine.name, scene)
         self.machine, self.joint = machine, joint
-        self.wheels = [read_wheel(places, gear) for gear in scene.joints[joint.name].points]
+        gears = machine.scene.joints[joint.name].points
+        self.wheels = [read_wheel(machine.plan, gear) for gear in gears]
 
     def profile(self, chosen: str | None, friction: float) -> tuple[Sheet, Outline]:
         """Figures, and the outline of both or of one of them."""

@@ -18,9 +18,9 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.branch import SINGULAR
 from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute
-from mechanism_sim.planar.points import GROUND, Vector2
-from mechanism_sim.scene.model import MachineModel
+from mechanism_sim.planar.mechanism import Mechanism, Revolute
+from mechanism_sim.planar.points import GROUND
+from mechanism_sim.scene.plan import Plan
 from mechanism_sim.scene.singular_start import begin, neighbours
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ class Assembly(NamedTuple):
     slope: Array | None = None  #: (n,) direction of the motion, if the position is singular
 
 
-def assemble(machine: MachineModel, four_bar: FourBarLoop | None) -> Assembly:
+def assemble(plan: Plan, four_bar: FourBarLoop | None) -> Assembly:
     """Where a machine without clearance is at the start.
 
     Drives, and coordinates set by `initial`, are where they should be; the rest lies near `guess`.
@@ -53,21 +53,20 @@ def assemble(machine: MachineModel, four_bar: FourBarLoop | None) -> Assembly:
     ----------
     four_bar : that it is, if it has a closed form
     """
-    if four_bar and _follows(machine):
-        return _assembled(machine, four_bar)
-    plan, ideal = machine.plan, machine.plan.ideal
-    held = machine.held
+    if four_bar and _follows(plan):
+        return _assembled(plan, four_bar)
+    ideal, held = plan.ideal, plan.held
     known = dict(plan.guess)
     known |= {c: x for c, (x, _) in plan.begins.items()}
     known |= plan.given[0] | {c: x for c, (x, _) in held.items()}
     guess = np.array([known.get(c, 0.0) for c in ideal.coordinates])
-    kinematics, q = _placed(machine, guess)
+    kinematics, q = _placed(plan, guess)
     if kinematics.edges:
         try:
             kinematics.edges.check(q[:, None])
         except RunError as error:
-            raise InputError(f'{machine.name}: at the start {error}') from error
-    moving = machine.kinematics(plan.prescribed)
+            raise InputError(f'at the start {error}') from error
+    moving = plan.kinematics(plan.prescribed)
     soft = (*plan.elastic, *plan.clearances)
     ranks, hard = _ranks(moving, q, soft), sum(r not in soft for r in moving.rows)
     if ranks[0] < len(moving.sought) or ranks[1] > ranks[0] or ranks[2] < hard:
@@ -75,24 +74,24 @@ def assemble(machine: MachineModel, four_bar: FourBarLoop | None) -> Assembly:
         beside = [_ranks(moving, x, soft) for x in neighbours(moving, q).T]
         ranks = np.max([ranks, *beside], axis=0)
     freedom, overdriven = len(moving.sought) - int(ranks[0]), int(ranks[1] - ranks[0])
-    v, slope = _started(machine, moving, q), None
+    v, slope = _started(plan, moving, q), None
     driven = [*plan.prescribed, *(c for c in plan.powered if c in plan.begins)]
-    along = machine.kinematics(driven)
+    along = plan.kinematics(driven)
     decided = driven and freedom == len(driven) - len(plan.prescribed)
     singular = decided and along.independence(q[:, None])[0] < SINGULAR
     # at a dead point of the drive only its own column is missing, and no branches meet
-    if singular and machine.kinematics(()).independence(q[:, None])[0] < SINGULAR:
+    if singular and plan.kinematics(()).independence(q[:, None])[0] < SINGULAR:
         drive = np.array([[*held[c], 0.0] for c in driven]).T
         pace = 1.0
         if len(driven) == 1:  # then it is the parameter itself
             pace, drive[1] = drive[1, 0], 1.0
         if pace and drive[1].any():
-            q, slope = begin(machine, along, q, guess, drive, pace)
+            q, slope = begin(plan, along, q, guess, drive, pace)
             v = pace * slope
-        elif freedom and not machine.clearances:
+        elif freedom and not plan.clearances:
             raise InputError(
-                f'{machine.name}: {", ".join(driven)} starts at rest in a singular position: '
-                'nothing decides which way the links go on: start beside it, or with a speed'
+                f'{", ".join(driven)} starts at rest in a singular position: nothing decides '
+                'which way the links go on: start beside it, or with a speed'
             )
     return Assembly(q, v, freedom, overdriven, hard - int(ranks[2]), slope)
 
@@ -123,18 +122,17 @@ def _ranks(kinematics: Kinematics, q: Array, soft: Sequence[str]) -> Array:
     return np.array([_rank(x) for x in (scaled[:, kinematics.sought], scaled, hard)])
 
 
-def closed_four_bar(machine: MachineModel) -> FourBarLoop | None:
+def closed_four_bar(plan: Plan) -> FourBarLoop | None:
     """The four-bar that a machine is, on the branch nearest to its guess; None if it is none.
 
     Closed forms know two branches of a four-bar; through a change point neither goes on.
     """
-    plan = machine.plan
     rigid = len(plan.laws) == 1 and not plan.ideal.deformations
-    loop = whole_four_bar(plan.ideal, machine.main) if rigid else None
+    loop = whole_four_bar(plan.ideal, plan.main) if rigid else None
     if loop is None or change_points(loop.linkage):
         return None
     near = plan.guess | plan.given[0]
-    angle = machine.held.get(machine.main, (near.get(machine.main, 0.0),))[0]
+    angle = plan.held.get(plan.main, (near.get(plan.main, 0.0),))[0]
     guess = np.array([near.get(link, 0.0) for link in loop.links[1:]])
 
     def off(branch: Branch) -> float:
@@ -144,45 +142,44 @@ def closed_four_bar(machine: MachineModel) -> FourBarLoop | None:
     return loop.on('crossed' if off('crossed') < off('open') else 'open')
 
 
-def _follows(machine: MachineModel) -> bool:
+def _follows(plan: Plan) -> bool:
     """Whether the ideal mechanism's start follows from its main drive alone."""
-    plan, main = machine.plan, machine.main
-    if main not in machine.held or main in plan.given[1]:
+    main = plan.main
+    if main not in plan.held or main in plan.given[1]:
         return False
-    loose = machine.clearances and main not in plan.assumed[0]
-    return bool(loose) or not machine.placed_outright
+    loose = plan.clearances and main not in plan.assumed[0]
+    return bool(loose) or not plan.placed_outright
 
 
-def _assembled(machine: MachineModel, loop: FourBarLoop) -> Assembly:
+def _assembled(plan: Plan, loop: FourBarLoop) -> Assembly:
     """A four-bar at the start."""
-    angle, speed = machine.held[machine.main]
+    angle, speed = plan.held[plan.main]
     # In extended precision: after a few dozen impacts the last digit of the start counts.
     crank = np.array([[angle], [speed], [0.0]], dtype=np.longdouble)
     q, v, _ = (x[:, 0].astype(float) for x in loop.motion(*crank))
     if np.isnan(q).any():
-        raise InputError(f'{machine.name}: the mechanism cannot be assembled{_apart(loop, angle)}')
-    order = [loop.links.index(c) for c in machine.plan.ideal.coordinates]
-    return Assembly(q[order], v[order], len(machine.plan.powered), 0, 0)
+        raise InputError(f'the mechanism cannot be assembled{_apart(loop, angle)}')
+    order = [loop.links.index(c) for c in plan.ideal.coordinates]
+    return Assembly(q[order], v[order], len(plan.powered), 0, 0)
 
 
-def _placed(machine: MachineModel, guess: Array) -> tuple[Kinematics, Array]:
+def _placed(plan: Plan, guess: Array) -> tuple[Kinematics, Array]:
     """Coordinates that close all loops, with the drives and what is given where they should be.
 
     Loose joints allow more to be given than the mechanism without clearance can have: then it has
     what it can, in the order of the scene.
     """
-    plan, name = machine.plan, machine.name
 
     def close(held: Collection[str]) -> tuple[Kinematics, Array]:
-        kinematics = machine.kinematics([c for c in plan.ideal.coordinates if c in held])
-        return kinematics, closed_near(name, kinematics, guess)
+        kinematics = plan.kinematics([c for c in plan.ideal.coordinates if c in held])
+        return kinematics, closed_near(kinematics, guess)
 
     said = [c for c in plan.begins if c not in plan.assumed[0]]
     all_of_them = [*dict.fromkeys((*plan.prescribed, *plan.begins, *plan.given[0]))]
     try:
         return close(all_of_them)
     except InputError:
-        if not plan.given[0] or not (machine.clearances or plan.assumed[0]):
+        if not plan.given[0] or not (plan.clearances or plan.assumed[0]):
             raise
     held = [*dict.fromkeys((*plan.prescribed, *said))]
     for c in (*plan.given[0], *plan.begins):
@@ -190,22 +187,22 @@ def _placed(machine: MachineModel, guess: Array) -> tuple[Kinematics, Array]:
             try:
                 close([*held, c])
             except InputError:
-                if c in plan.given[0] and not machine.clearances:
+                if c in plan.given[0] and not plan.clearances:
                     raise
             else:
                 held.append(c)
     return close(held)
 
 
-def _started(machine: MachineModel, kinematics: Kinematics, q: Array) -> Array:
+def _started(plan: Plan, kinematics: Kinematics, q: Array) -> Array:
     """Rates with which all loops stay closed; those of drives and those given are kept."""
-    plan, coordinates = machine.plan, machine.plan.ideal.coordinates
-    rates = {c: machine.held[c][1] for c in plan.prescribed}
+    coordinates = plan.ideal.coordinates
+    rates = {c: plan.held[c][1] for c in plan.prescribed}
     for c, rate in plan.given[1].items():
         if c in rates and abs(rate - rates[c]) > 1e-12 * max(abs(rate), abs(rates[c])):
             raise InputError(
-                f'{machine.name}: initial.velocity.{c} is {rate:g}, but its drive begins with '
-                f'{rates[c]:g}; leave one of them out'
+                f'initial.velocity.{c} is {rate:g}, but its drive begins with {rates[c]:g}; leave '
+                'one of them out'
             )
     begun = {c: w for c, (_, w) in plan.begins.items() if c not in plan.given[1]}
     for c, rate in {**plan.given[1], **begun}.items():
@@ -213,12 +210,12 @@ def _started(machine: MachineModel, kinematics: Kinematics, q: Array) -> Array:
             continue
         v = nearest_rates(kinematics, q, coordinates, {**rates, c: rate}, {})
         joint, speed = opening(kinematics, q, v)
-        if speed <= _OPENING * (np.abs(v).max(initial=0.0) * machine.plan.ideal.size):
+        if speed <= _OPENING * (np.abs(v).max(initial=0.0) * plan.ideal.size):
             rates[c] = rate
-        elif c in plan.given[1] and not machine.clearances:  # the rest follows from the others
+        elif c in plan.given[1] and not plan.clearances:  # the rest follows from the others
             raise InputError(
-                f'{machine.name}: initial.velocity cannot be: with {_paces(rates | {c: rate})} '
-                f'the loop closed by {joint} would open at {speed:.4g} m/s; leave one of them out'
+                f'initial.velocity cannot be: with {_paces(rates | {c: rate})} the loop closed by '
+                f'{joint} would open at {speed:.4g} m/s; leave one of them out'
             )
     return nearest_rates(kinematics, q, coordinates, rates, {})
 
@@ -235,9 +232,7 @@ def opening(kinematics: Kinematics, q: Array, v: Array) -> tuple[str, float]:
     return (kinematics.rows[worst], float(speeds[worst])) if speeds.size else ('', 0.0)
 
 
-def closed_near(
-    name: str, kinematics: Kinematics, guess: Array, targets: Array | None = None
-) -> Array:
+def closed_near(kinematics: Kinematics, guess: Array, targets: Array | None = None) -> Array:
     """Coordinates (n,) that close all loops, near a guess whose held ones count.
 
     Where Newton's method fails from the guess itself, it starts from others around it, and the
@@ -261,7 +256,7 @@ def closed_near(
             near, miss = (
                 (q[:, best], left[best]) if left[best] < missed[0] else (first[:, 0], missed[0])
             )
-            raise _refusal(name, kinematics, near, float(miss), targets)
+            raise _refusal(kinematics, near, float(miss), targets)
         q = q[:, [found]]
     return guess + _wrapped(kinematics, q - guess[:, None])[:, 0]
 
@@ -316,9 +311,7 @@ def _rank(J: Array) -> int:
     return int((np.linalg.svd(J, compute_uv=False) > _RANK).sum())
 
 
-def _refusal(
-    name: str, kinematics: Kinematics, q: Array, miss: float, targets: Array | None
-) -> InputError:
+def _refusal(kinematics: Kinematics, q: Array, miss: float, targets: Array | None) -> InputError:
     off = kinematics.closure(q[:, None])[0][0] - (0.0 if targets is None else targets)
     loops = {joint: _sides(kinematics.mechanism, joint) for joint in kinematics.rows}
     torn = {
@@ -336,7 +329,7 @@ def _refusal(
     else:
         advice = _advice(kinematics, q, targets)
     return InputError(
-        f'{name}: the mechanism cannot be assembled: the loop closed by the joint {joint} '
+        f'the mechanism cannot be assembled: the loop closed by the joint {joint} '
         f'({", ".join(loops[joint])}) stays open by {miss:.4g} m, nearest with {placed}; {advice}'
     )
 
@@ -386,11 +379,6 @@ def _sides(mechanism: Mechanism, closing: str) -> dict[str, float]:
     joints = [last, *(carried[link] for link in (*up[:top], *down)), last]
     turning = all(isinstance(j, Revolute) for j in joints)
     return {
-        link: math.dist(_end(a, link), _end(b, link)) if turning else math.nan
+        link: math.dist(dict(a.points)[link], dict(b.points)[link]) if turning else math.nan
         for link, (a, b) in zip((*up[: top + 1], *down), pairwise(joints), strict=True)
     }
-
-
-def _end(joint: Joint, link: str) -> Vector2:
-    """Where a joint is on a link [m]."""
-    return joint.on_first if joint.first == link else joint.on_second

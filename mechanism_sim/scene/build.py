@@ -7,18 +7,16 @@ from itertools import combinations
 
 import numpy as np
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.linkages.nominal import NominalPhysics
-from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.kinematics import Array, Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.unknowns import NO_WORK
 from mechanism_sim.scene.contact_keys import Clearance, Contact, Play
 from mechanism_sim.scene.gate import check_scenes_way
-from mechanism_sim.scene.instruments import check_sensors
-from mechanism_sim.scene.machine import Machine
-from mechanism_sim.scene.nominal_model import Level
-from mechanism_sim.scene.oscillators import check_oscillators
+from mechanism_sim.scene.machine import Level, Machine
+from mechanism_sim.scene.names import scene_errors
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.singular_start import neighbours
 
@@ -26,10 +24,14 @@ from mechanism_sim.scene.singular_start import neighbours
 def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
     """The machine of a scene; `questions` are doubts about what its file says."""
     machine = Machine(name, scene, questions)
-    _check_freedom(machine)
-    _check_joints(machine)
-    check_oscillators(machine)
-    check_sensors(machine)
+    with scene_errors(name):
+        _check_freedom(machine)
+        _check_mass(machine)
+        check_scenes_way(machine)
+        _check_unknowns(machine)
+        _check_joints(machine)
+        _check_oscillators(machine)
+        _check_sensors(machine)
     return machine
 
 
@@ -38,51 +40,58 @@ def _check_freedom(machine: Machine) -> None:
     assembly, plan = machine.assembly, machine.plan
     if 0 < assembly.overdriven == len(plan.prescribed) and not assembly.freedom:
         raise InputError(
-            f'{machine.name}: the mechanism cannot move: with its loops closed by '
-            f'{", ".join(plan.ideal.cut)} its joints hold {", ".join(plan.prescribed)} fast: '
-            'remove a joint, or make ratios agree that contradict each other'
+            f'the mechanism cannot move: with its loops closed by {", ".join(plan.ideal.cut)} its '
+            f'joints hold {", ".join(plan.prescribed)} fast: remove a joint, or make ratios agree '
+            'that contradict each other'
         )
     if assembly.overdriven:
         count = len(plan.prescribed)
         raise InputError(
-            f'{machine.name}: {count} drive{"s" * (count > 1)} ({", ".join(plan.prescribed)}): '
+            f'{count} drive{"s" * (count > 1)} ({", ".join(plan.prescribed)}): '
             f'{assembly.overdriven} too many: the mechanism has not so many degrees of freedom; '
             'remove a drive'
         )
     if machine.torque_driven and not assembly.freedom:
         raise InputError(
-            f'{machine.name}: the mechanism cannot move: its joints and drives leave it no degree '
-            'of freedom; it is a structure'
+            'the mechanism cannot move: its joints and drives leave it no degree of freedom; it '
+            'is a structure'
         )
     if assembly.redundant and (machine.dynamic or machine.level is Level.INVERSE_DYNAMICS):
         raise InputError(
-            f'{machine.name}: {assembly.redundant} of the closure equations follow from the '
-            "others, so that the joint forces are not determined; set 'outputs.forces: false' for "
-            f'kinematics, or make a redundant joint a slot{_redundant(machine)}'
+            f'{assembly.redundant} of the closure equations follow from the others, so that the '
+            "joint forces are not determined; set 'outputs.forces: false' for kinematics, or make "
+            f'a redundant joint a slot{_redundant(machine)}'
         )
     given = [n for n, link in machine.links.items() if link.mass is not None or link.elastic]
     if machine.level is Level.SMOOTH and not given:
         freedom = assembly.freedom + len(plan.prescribed)
         drives = ', '.join(plan.prescribed) or 'none'
         raise InputError(
-            f'{machine.name}: the mechanism has {freedom} degree{"s" * (freedom > 1)} of freedom, '
-            f'and prescribed are {drives}: is a joint or a drive missing? A motion that is left '
-            "free needs the mass of every link, 'links.LINK.mass'"
+            f'the mechanism has {freedom} degree{"s" * (freedom > 1)} of freedom, and prescribed '
+            f'are {drives}: is a joint or a drive missing? A motion that is left free needs the '
+            "mass of every link, 'links.LINK.mass'"
         )
-    if machine.dynamic or (given and machine.scene.outputs.forces):
-        _check_masses(
-            machine, [] if plan.weighed else [n for n in machine.links if n not in given]
-        )
-    if machine.dynamic:
-        _check_inertia(machine)
-        for joint, why in machine.without_forces.items():
+
+
+def _check_mass(machine: Machine) -> None:
+    """Refuse links without a mass that forces need, and forces without limit."""
+    weighed = [n for n, link in machine.links.items() if link.mass is not None or link.elastic]
+    if machine.dynamic or (weighed and machine.scene.outputs.forces):
+        without = [n for n in machine.links if n not in weighed]
+        if without and not machine.plan.weighed:
             raise InputError(
-                f'{machine.name}: joints.{joint}.{why}; a scene of {machine.level.value} needs '
-                'forces: take curves and ends that meet, or run it as kinematics, with a '
-                "prescribed 'drive' and without 'lift_off' and clearance"
+                f"'links.{without[0]}.mass' is missing: forces, torques and clearances need the "
+                'mass, inertia and cog of every moving link'
             )
-    check_scenes_way(machine)
-    _check_unknowns(machine)
+    if not machine.dynamic:
+        return
+    _check_inertia(machine)
+    for joint, why in machine.without_forces.items():
+        raise InputError(
+            f'joints.{joint}.{why}; a scene of {machine.level.value} needs forces: take curves '
+            "and ends that meet, or run it as kinematics, with a prescribed 'drive' and without "
+            "'lift_off' and clearance"
+        )
 
 
 def _check_unknowns(machine: Machine) -> None:
@@ -93,7 +102,7 @@ def _check_unknowns(machine: Machine) -> None:
         return
     unknown = ', '.join(f'loads.{label}' for label in labels) or 'no load'
     given = ', '.join(plan.efforts) or 'none'
-    start = f'{machine.name}: unknown is {unknown}, and drives with a given effort are {given}'
+    start = f'unknown is {unknown}, and drives with a given effort are {given}'
     if machine.level is not Level.INVERSE_DYNAMICS:
         raise InputError(
             f'{start}: that needs prescribed drives, masses (0 kg will do) and no clearance; this '
@@ -137,9 +146,8 @@ def _check_inertia(machine: Machine) -> None:
 
     While loose joints are open they keep nothing together.
     """
-    mechanism, prescribed = machine.mechanism, machine.plan.prescribed
-    firm = [j for j in mechanism.cut if j not in machine.clearances]
-    loops = Kinematics(mechanism, closures(mechanism, firm), prescribed)
+    mechanism = machine.mechanism
+    loops = machine.plan.loops(machine.plan.prescribed)
     q = machine.at_start(mechanism)
     direction = _without_mass(loops, q)
     if direction is not None and loops.rows:  # at this position only, if it is singular
@@ -157,14 +165,13 @@ def _check_inertia(machine: Machine) -> None:
     if len(links) == 1 and not bare:
         (link,) = links
         raise InputError(
-            f'{machine.name}: nothing that turns with the link {link} has inertia, so that its '
-            f"motion is not determined: give 'links.{link}.inertia' more than 0, or its mass "
-            'away from its joint'
+            f'nothing that turns with the link {link} has inertia, so that its motion is not '
+            f"determined: give 'links.{link}.inertia' more than 0, or its mass away from its joint"
         )
     several = len(links) > 1
     key = f'links.{(bare or links)[0]}'
     raise InputError(
-        f'{machine.name}: {" and ".join(links)} can move{open_} without moving any mass, so that '
+        f'{" and ".join(links)} can move{open_} without moving any mass, so that '
         f"{'their' if several else 'its'} motion is not determined: give '{key}.mass' or "
         f"'{key}.inertia' more than 0, or a point mass that moves along"
     )
@@ -186,7 +193,7 @@ def _check_joints(machine: Machine) -> None:
     loose = machine.plan.rigid
     shortest = _shortest(machine) if loose else 0.0
     for joint, clearance in loose.items():
-        where = f'{machine.name}: joints.{joint}.{_key_of_play(machine, joint)}'
+        where = f'joints.{joint}.{_key_of_play(machine, joint)}'
         if clearance.radial >= shortest:
             raise InputError(
                 f'{where}.radial = {clearance.radial:g} m is larger than the shortest link '
@@ -275,20 +282,10 @@ def _check_contact(where: str, clearance: Play) -> None:
 def _shortest(machine: Machine) -> float:
     """Smallest distance of two joints of one link [m]."""
     places: dict[str, list[tuple[float, float]]] = {}
-    for j in machine.plan.joints:
-        places.setdefault(j.first, []).append(j.on_first)
-        places.setdefault(j.second, []).append(j.on_second)
+    for link, at in (point for j in machine.plan.joints for point in j.points):
+        places.setdefault(link, []).append(at)
     between = [math.dist(a, b) for p in places.values() for a, b in combinations(p, 2)]
     return min((x for x in between if x > 0.0), default=math.inf)
-
-
-def _check_masses(machine: Machine, without: list[str]) -> None:
-    """No link that needs a mass is without."""
-    if without:
-        raise InputError(
-            f"{machine.name}: 'links.{without[0]}.mass' is missing: forces, torques and "
-            'clearances need the mass, inertia and cog of every moving link'
-        )
 
 
 def _redundant(machine: Machine) -> str:
@@ -299,3 +296,39 @@ def _redundant(machine: Machine) -> str:
     start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
     extra = redundant_joints(mechanism, start)
     return f': {", ".join(extra)} is one' if extra else ''
+
+
+def _check_oscillators(machine: Machine) -> None:
+    """Frames on springs that can be."""
+    grounded = [j.name for j in machine.mechanism.joints if GROUND in (j.first, j.second)]
+    for name, part in machine.scene.oscillators.items():
+        where = f'oscillators.{name}'
+        if not name.isidentifier():
+            raise InputError(f"the oscillator name '{name}' must be letters, digits and _")
+        if name in (GROUND, *machine.links):
+            raise InputError(f"the oscillator '{name}' has the name of a link")
+        machine.frame(name)
+        if not machine.plan.weighed:
+            raise InputError(f'{where}: what shakes it needs the masses of all links')
+        if part.joints is None:
+            continue
+        machine.check_impulses()
+        if not (machine.dynamic or machine.scene.outputs.forces):
+            raise InputError(f"{where}.joints: their forces need 'outputs.forces: true'")
+        for joint in part.joints:
+            if joint not in grounded:
+                raise InputError(
+                    f"{where}.joints: '{joint}' is no joint of the "
+                    f'ground{nearest(joint, grounded)}; those are: {", ".join(grounded)}'
+                )
+
+
+def _check_sensors(machine: Machine) -> None:
+    """Sensors that are somewhere on this machine."""
+    for name, sensor in machine.scene.sensors.items():
+        where = f'sensors.{name}'
+        if not name.isidentifier():
+            raise InputError(f"the sensor name '{name}' must be letters, digits and _")
+        sensor.check(machine, where)
+        if sensor.trigger and machine.main in machine.mechanism.displacements:
+            raise InputError(f'{where}.trigger needs a drive that turns; {machine.main} slides')

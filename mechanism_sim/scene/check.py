@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import HigherPair, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.doubts import doubts
+from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import admit
-from mechanism_sim.scene.instruments import sensor_notes
-from mechanism_sim.scene.kinds import KINDS
-from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
-from mechanism_sim.scene.nominal_model import Level
-from mechanism_sim.scene.oscillators import oscillator_notes
+from mechanism_sim.scene.remarks import doubts, unused
+from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.scene.tilted_links import tilt_notes
-from mechanism_sim.scene.unused import unused
 from mechanism_sim.units import Measure
 
 _WHY = {
@@ -36,8 +35,12 @@ _WHY = {
 }
 
 
+_SHOCKS = 'acceleration', 'force'
+"""What impacts make impulses of, which samples without a filter do not show."""
+
+
 @dataclass(frozen=True)
-class Start:
+class GapStart:
     """How a gap starts."""
 
     joint: str
@@ -62,7 +65,7 @@ class Report:
     coordinates: dict[str, str]  #: name: prescribed, follows or free
     relations: list[str]
     gaps: list[str]
-    starts: dict[str, Start]  #: of every gap
+    starts: dict[str, GapStart]  #: of every gap
     limits: list[str]  #: what stops the machine, or may: the first of its notes
     left_out: list[str]
     notes: list[str]
@@ -75,73 +78,25 @@ class Report:
 
 def check(machine: Machine) -> Report:
     """Look at a scene without running it."""
-    scene, level = machine.scene, machine.level
     admit(machine)
+    plan, mechanism, level = machine.plan, machine.mechanism, machine.level
     rest = 'free (integrated)' if machine.dynamic else 'follows from the closed loops'
-    straight = machine.mechanism.displacements
+    straight = mechanism.displacements
     coordinates = {
-        c: ('displacement, ' if c in straight else '') + rest
-        for c in machine.mechanism.coordinates
+        c: ('displacement, ' if c in straight else '') + rest for c in mechanism.coordinates
     }
-    coordinates |= {c: _drive(machine, c) for c in machine.plan.laws}
-    relations, gaps, warnings = [], [], []
-    for joint, c in machine.clearances.items():
-        pair = machine.mechanism.joint(joint)
-        if isinstance(pair, HigherPair) and pair.elastic:
-            continue
-        if c.friction and c.restitution and c.hypothesis == 'newton':
-            warnings.append(
-                f"{joint}: Newton's restitution with friction can create energy where sliding "
-                "stops or turns within an impact; 'hypothesis: poisson' or 'stronge' cannot"
-            )
-        friction = f', friction {c.friction:g}' if c.friction else ''
-        if isinstance(pair, HigherPair):
-            room = f'play {c.radial:g} m to either side' if len(pair.sides) > 1 else 'may lift off'
-            gaps.append(
-                f'{joint}: {pair.parts}, {room}, {c.hypothesis.capitalize()} restitution '
-                f'{c.restitution:g}{friction}'
-            )
-            continue
-        block = isinstance(pair, Prismatic)
-        kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
-        if c.film:
-            kind = 'pin in oil, radial clearance'
-        if not c.wall:
-            gaps.append(f'{joint}: {kind} {c.radial:g} m, walls that never touch')
-            continue
-        gaps.append(
-            f'{joint}: {kind} {c.radial:g} m{" to either side" if block else ""}, '
-            f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}, start '
-            f'{"centred" if c.film else scene.start}'
-        )
-    for name in machine.mechanism.cut:
+    coordinates |= {c: _drive(machine, c) for c in plan.laws}
+    relations = []
+    for name in mechanism.cut:
         if name not in machine.clearances:
-            single = isinstance(machine.mechanism.joint(name), HigherPair)
+            single = isinstance(mechanism.joint(name), HigherPair)
             relations.append(f'{name}: closes a loop, {"1 equation" if single else "2 equations"}')
-    notes = [*warnings, *_notes(machine)]
-    left_out = []
-    if level is not Level.KINEMATIC and not any(scene.gravity):
-        left_out.append('gravity: it is zero')
-    if level is Level.KINEMATIC:
-        left_out.append(
-            'masses, gravity and forces: '
-            + (', '.join(machine.without_forces) + ' takes forces without limit'
-               if machine.without_forces else 'nobody asks for them')
-        )  # fmt: skip
-    left_out += unused(machine)
-    if gaps:
-        if not any(c.friction for c in machine.clearances.values()):
-            left_out.append('friction and pin radius: none given')
-        if len(gaps) < sum(isinstance(j, Revolute) for j in machine.plan.joints):
-            left_out.append('clearance in the other joints: none given')
-    grounded = [{j.first, j.second} for j in machine.plan.joints if GROUND in (j.first, j.second)]
-    given = machine.plan.prescribed if machine.dynamic else []
-    left_out += [
-        f'{c} inertia: its motion is given' for c in given if any(c in ends for ends in grounded)
-    ]
+    loose = {n: c for n, c in machine.clearances.items() if n not in plan.elastic}
+    gaps = [f'{name}: {_gap(mechanism.joint(name), c, machine)}' for name, c in loose.items()]
+    notes = _notes(machine, loose)
     return Report(
         machine.name,
-        scene.title,
+        machine.scene.title,
         level.value,
         _WHY[level],
         coordinates,
@@ -149,26 +104,68 @@ def check(machine: Machine) -> Report:
         gaps,
         _starts(machine),
         [note for note in notes if isinstance(note, Limit)],
-        left_out,
+        _left_out(machine, len(gaps)),
         notes,
         doubts(machine),
     )
 
 
-def _starts(machine: Machine) -> dict[str, Start]:
+def _gap(joint: Joint, c: Play, machine: Machine) -> str:
+    """The clearance of a joint, in words."""
+    friction = f', friction {c.friction:g}' if c.friction else ''
+    contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
+    if isinstance(joint, HigherPair):
+        room = f'play {c.radial:g} m to either side' if len(joint.sides) > 1 else 'may lift off'
+        return f'{joint.parts}, {room}, {contact}'
+    block = isinstance(joint, Prismatic)
+    kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
+    if c.film:
+        kind = 'pin in oil, radial clearance'
+    if not c.wall:
+        return f'{kind} {c.radial:g} m, walls that never touch'
+    start = 'centred' if c.film else machine.scene.start
+    side = ' to either side' if block else ''
+    return f'{kind} {c.radial:g} m{side}, {contact}, start {start}'
+
+
+def _left_out(machine: Machine, gaps: int) -> list[str]:
+    """Physics that the level leaves out, with reasons."""
+    plan, level = machine.plan, machine.level
+    found = []
+    if level is Level.KINEMATIC:
+        why = 'nobody asks for them'
+        if machine.without_forces:
+            why = f'{", ".join(machine.without_forces)} takes forces without limit'
+        found.append(f'masses, gravity and forces: {why}')
+    elif not any(machine.scene.gravity):
+        found.append('gravity: it is zero')
+    found += unused(machine)
+    if gaps and not any(c.friction for c in machine.clearances.values()):
+        found.append('friction and pin radius: none given')
+    if gaps and gaps < sum(isinstance(j, Revolute) for j in plan.joints):
+        found.append('clearance in the other joints: none given')
+    grounded = [{j.first, j.second} for j in plan.joints if GROUND in (j.first, j.second)]
+    given = plan.prescribed if machine.dynamic else []
+    found += [
+        f'{c} inertia: its motion is given' for c in given if any(c in ends for ends in grounded)
+    ]
+    return found
+
+
+def _starts(machine: Machine) -> dict[str, GapStart]:
     """How all gaps start."""
     if not machine.dynamic:
         return {}
     system, state, seen = machine.system, machine.initial_state(), machine.observer
     place = dict(zip(system.free, zip(state.q, state.v, strict=True), strict=True))
-    place |= {c: machine.held[c] for c in system.prescribed}
+    place |= {c: machine.plan.held[c] for c in system.prescribed}
     q, v = np.array([place[c] for c in system.coordinates]).T[:, :, None]
     opened = seen.distances(seen.gap_values(q))[:, 0].tolist()
     closed = (-seen.gap_rates(q, v)[:, 0]).tolist() if system.gaps else []
     size = machine.mechanism.size
     pace = max(1.0, float(np.abs(v).max(initial=0.0)))
     return {
-        gap.name: Start(
+        gap.name: GapStart(
             gap.joint,
             0.0 if abs(x) < 1e-14 * size else x,
             0.0 if abs(w) < 1e-12 * size * pace else w,
@@ -206,25 +203,79 @@ def _drive(machine: Machine, coordinate: str) -> str:
     return f'prescribed, {speed:g} {pace}{changing}{with_effort}'
 
 
-def _notes(machine: Machine) -> list[str]:
-    scene, mechanism = machine.scene, machine.plan.ideal
+def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
+    """Remarks on a machine at rest."""
+    plan, mechanism = machine.plan, machine.plan.ideal
+    notes = [
+        f"{joint}: Newton's restitution with friction can create energy where sliding "
+        "stops or turns within an impact; 'hypothesis: poisson' or 'stronge' cannot"
+        for joint, c in loose.items()
+        if c.friction and c.restitution and c.hypothesis == 'newton'
+    ]
     start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
-    notes = motion_notes(mechanism, start, machine.plan.laws)
-    for joint in machine.plan.joints:
-        notes += KINDS[scene.joints[joint.name].kind].notes(machine, joint)
-    rubbing = (f'{f.name}: friction, {f.words}' for f in machine.plan.frictions(mechanism))
-    notes += dict.fromkeys(rubbing)
+    notes += motion_notes(mechanism, start, plan.laws)
+    for joint in plan.joints:
+        keys = machine.scene.joints[joint.name]
+        notes += keys.kind_keys.notes(keys, machine, joint)
+    notes += dict.fromkeys(f'{f.name}: friction, {f.words}' for f in plan.frictions(mechanism))
     notes += elastic_notes(machine.mechanism, machine.period, bool(machine.clearances))
     notes += tilt_notes(machine.mechanism)
-    notes += sensor_notes(machine)
-    notes += oscillator_notes(machine)
-    for load in machine.plan.unknowns(machine.plan.ideal):
-        notes.append(
-            f'{load.name}: its size [{load.unit}] follows from the motion and the efforts'
-        )
+    notes += _sensor_notes(machine)
+    notes += _oscillator_notes(machine)
+    notes += (
+        f'{load.name}: its size [{load.unit}] follows from the motion and the efforts'
+        for load in plan.unknowns(mechanism)
+    )
     if machine.dynamic:
-        notes.append(f'rtol {scene.solver.rtol:g}, atol {scene.solver.atol:g} m')
+        solver = machine.scene.solver
+        notes.append(f'rtol {solver.rtol:g}, atol {solver.atol:g} m')
     return notes
+
+
+def _oscillator_notes(machine: Machine) -> Iterator[str]:
+    """Frames on springs by themselves."""
+    carried = sum(body.mass for body in machine.mechanism.bodies)
+    for name, part in machine.scene.oscillators.items():
+        frame = machine.frame(name)
+        pitches = ', '.join(f'{f:.4g}' for f in frame.frequencies)
+        by = 'the machine' if part.joints is None else ', '.join(part.joints)
+        yield (
+            f'oscillator {name}: {frame.mass:g} kg on {len(frame.mounts)} '
+            f'mount{"s" * (len(frame.mounts) > 1)}, natural frequencies {pitches} Hz, shaken by '
+            f'{by}; it does not move the machine, whose moving links have '
+            f'{carried / frame.mass:.2g} of its mass'
+        )
+
+
+def _sensor_notes(machine: Machine) -> Iterator[str]:
+    """Places of sensors, and their chains."""
+    for name, sensor in machine.scene.sensors.items():
+        said = [f'{sensor.kind} {sensor.place(machine)}', f'{sensor.sample_rate:g} Hz']
+        yield f'sensor {name}: {", ".join([*said, *_chain(sensor)])}'
+
+
+def _chain(sensor: SensorPart) -> list[str]:
+    """Parts of a sensor that are not ideal."""
+    transducer, amplifier, adc = sensor.transducer, sensor.amplifier, sensor.adc
+    integrated = sensor.quantity != 'acceleration'
+    ideal = ['ideal: no impacts in it'] if sensor.measures in _SHOCKS else ['ideal']
+    lower = sensor.integrator.high_pass if sensor.integrator else None
+    parts: tuple[tuple[Any, Callable[[Any], str]], ...] = (
+        (transducer.natural_frequency, lambda f: f'transducer of {f:g} Hz'),
+        (amplifier.high_pass, lambda f: f'high-pass {f:g} Hz'),
+        (amplifier.low_pass, lambda f: f'low-pass {f:g} Hz'),
+        (integrated, lambda _: f'integrated to {sensor.quantity}'),
+        (lower, lambda f: f'from {f:g} Hz on'),
+        (sensor.anti_alias, lambda a: f'anti-alias filter {a.frequency:g} Hz'),
+        (sensor.impact_pulse, lambda s: f'impacts last {s:g} s'),
+        (sensor.trigger, lambda t: f'triggered at {t.angle:g} rad'),
+        (adc.range, lambda r: f'range {r.value:g} {sensor.unit}'),
+        (adc.bits, lambda n: f'{n} bits'),
+        (adc.jitter, lambda s: f'jitter {s:g} s'),
+        (sensor.noise.rms.value, lambda x: f'noise {x:g} {sensor.unit}'),
+        (sensor.noise.hum, lambda h: f'hum {h.amplitude.value:g} at {h.frequency:g} Hz'),
+    )
+    return [say(value) for value, say in parts if value] or ideal
 
 
 def render(report: Report) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -100,6 +100,15 @@ class Play(Part):
         if self.film and not self.contact.roughness:
             return ''
         return 'soft' if self.contact.stiffness else 'rigid'
+
+
+def play_of(given: Any, radial: float) -> Play:
+    """The clearance of a joint whose keys give restitution and so on under other names."""
+    keys = {'hypothesis', 'friction', 'pin_radius', 'contact'}.intersection(
+        type(given).model_fields
+    )
+    said = {key: getattr(given, key) for key in keys}
+    return Play(radial=radial, restitution=given.restitution or 0.0, **said)
 
 
 class Inclination(Part):

@@ -9,40 +9,39 @@ from typing import Any
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.clock import take_off_turns
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
-from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import InductionMotor, Motor, PointsOfTorque
-from mechanism_sim.scene.places import Places, kind_of
+from mechanism_sim.scene.names import Names, kind_of
 from mechanism_sim.scene.schema import Commands, DrivePart, MotorPart
 
 _WAYS = 'profile', 'torque', 'force', 'motor'
 _POWERED = 'they are of speeds; a torque takes commands of effort without this key'
 
 
-def read_drives(places: Places) -> dict[str, DrivePart]:
+def read_drives(names: Names) -> dict[str, DrivePart]:
     """The drives by coordinate, the main one first."""
-    scene, found = places.scene, {}
+    scene, found = names.scene, {}
     if scene.drive:
-        default = 'crank' if 'crank' in places.links else None
+        default = 'crank' if 'crank' in names.links else None
         coordinate = scene.drive.coordinate or default
         if coordinate is None:
             raise InputError(
-                f"{places.name}: 'drive.coordinate' is missing: name the driven link; links: "
-                f'{", ".join(places.links)}'
+                "'drive.coordinate' is missing: name the driven link; links: "
+                f'{", ".join(names.links)}'
             )
         found[coordinate] = scene.drive
     for coordinate, drive in scene.drives.items():
         if coordinate in found:
-            raise InputError(f'{places.name}: drives.{coordinate}: it has a drive already')
+            raise InputError(f'drives.{coordinate}: it has a drive already')
         _check_commands(f'drives.{coordinate}', drive.commands, "only the main 'drive' takes them")
         found[coordinate] = drive
     for coordinate in found:
-        places.coordinate('drive.coordinate', coordinate)
+        names.coordinate('drive.coordinate', coordinate)
     return found
 
 
-def drive_key(places: Places, coordinate: str) -> str:
+def drive_key(names: Names, coordinate: str) -> str:
     """Where the scene says what moves a driven coordinate."""
-    return f'drives.{coordinate}' if coordinate in places.scene.drives else 'drive'
+    return f'drives.{coordinate}' if coordinate in names.scene.drives else 'drive'
 
 
 def is_straight(drive: DrivePart) -> bool:
@@ -56,38 +55,38 @@ def is_straight(drive: DrivePart) -> bool:
 
 
 def read_laws(
-    places: Places, c: str, drive: DrivePart, tree: Mechanism
+    names: Names, c: str, drive: DrivePart, straight: bool, start: float | None, guess: float
 ) -> tuple[tuple[Law, ...], tuple[float, float], int]:
-    """The laws of a driven coordinate, its value and rate at the start, and whole turns beside."""
-    own = drive_key(places, c)
-    where = f'{places.name}: {own}'
-    straight = c in tree.displacements
+    """The laws of a driven coordinate, its value and rate at the start, and whole turns beside.
+
+    Parameters
+    ----------
+    start, guess : its value as `initial` gives it, before the drive itself, and as `guess` does
+    """
+    where = drive_key(names, c)
     ways = [way for way in _WAYS if getattr(drive, way) is not None]
     if len(ways) > 1:
-        raise InputError(f'{where}.{ways[0]} and {own}.{ways[1]} exclude each other: keep one')
+        raise InputError(f'{where}.{ways[0]} and {where}.{ways[1]} exclude each other: keep one')
     if drive.profile and drive.speed is not None:
         raise InputError(
-            f'{where}.speed and {own}.profile exclude each other: a profile gives every '
-            'speed, the first at its first point'
+            f'{where}.speed and {where}.profile exclude each other: a profile gives every speed, '
+            'the first at its first point'
         )
     wrong = {'torque', 'motor', 'start_angle'} if straight else {'force', 'start_position'}
     for key in sorted(wrong):
         if getattr(drive, key) is not None:
             raise InputError(f'{where}.{key} does not fit: {c} is {kind_of(straight)}')
-    start = drive.start_position if straight else drive.start_angle
-    start = places.values('initial.position', places.scene.initial.position, tree,
-                         ('rad', 'm')).get(c, start)  # fmt: skip
-    value = start if start is not None else places.values(
-        'guess', places.scene.guess, tree, ('rad', 'm')).get(c, 0.0)  # fmt: skip
+    own = drive.start_position if straight else drive.start_angle
+    value = start if start is not None else guess if own is None else own
     turns, value = (0, value) if straight else take_off_turns(value)
-    speed = 0.0 if drive.speed is None else places.measure(
-        f'{own}.speed', drive.speed, straight, ('rad/s', 'm/s'))  # fmt: skip
+    speed = 0.0 if drive.speed is None else names.measure(
+        f'{where}.speed', drive.speed, straight, ('rad/s', 'm/s'))  # fmt: skip
     begin = value, speed
     powered = drive.torque or drive.force or drive.motor
     if powered and drive.effort is not None:
         raise InputError(
-            f"{where}.effort and {own}.{ways[0]} exclude each other: 'effort' is what a drive "
-            f"supplies whose motion is prescribed, by 'speed' or 'profile'"
+            f"{where}.effort and {where}.{ways[0]} exclude each other: 'effort' is what a drive "
+            "supplies whose motion is prescribed, by 'speed' or 'profile'"
         )
     reason = _POWERED if powered else 'a displacement takes none' if straight else ''
     _check_commands(where, drive.commands, reason)
@@ -102,15 +101,15 @@ def read_laws(
     if drive.profile:
         _check_times(f'{where}.profile.points', drive.profile.points)
         points = [
-            (t, places.measure(f'{own}.profile.points', p, straight, ('rad/s', 'm/s')))
+            (t, names.measure(f'{where}.profile.points', p, straight, ('rad/s', 'm/s')))
             for t, p in drive.profile.points
         ]
         laws = speed_profile(c, value, points, drive.profile.ramp == 'smooth', straight, turns)
         return tuple(laws), (value, points[0][1]), turns
     if drive.speed is None:
         raise InputError(
-            f"{places.name}: '{own}.speed' is missing: a speed, a profile, a torque, a "
-            f'force or a motor moves {c}'
+            f"'{where}.speed' is missing: a speed, a profile, a torque, a force or a motor moves "
+            f'{c}'
         )
     return (DriveLaw(c, (value, speed), straight=straight, turns=turns),), begin, turns
 

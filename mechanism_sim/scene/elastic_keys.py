@@ -7,9 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from mechanism_sim.planar.beam_sections import Shape, Taper, geometry
-from mechanism_sim.scene.quantities import Length, Part, Position, Time, si
+from mechanism_sim.scene.quantities import POSITIVE, Length, Part, Position, Time, si
 
-_POSITIVE = Field(gt=0.0, allow_inf_nan=False)
 _SHARE = Field(ge=0.0, lt=1.0)
 
 MATERIALS = {
@@ -33,9 +32,9 @@ class StationPart(Part):
     diameter: Length | None = None
     """Of a circle."""
 
-    area: Annotated[float, si('m^2'), _POSITIVE] | None = None
+    area: Annotated[float, si('m^2'), POSITIVE] | None = None
     """Of any other section, with `second_moment`."""
-    second_moment: Annotated[float, si('m^4'), _POSITIVE] | None = None
+    second_moment: Annotated[float, si('m^4'), POSITIVE] | None = None
     """Of any other section, for bending in the plane of the machine."""
     outer_fibre: Length | None = None
     """Largest distance from the axis in the plane, for stress, of any other section."""
@@ -124,17 +123,17 @@ class ElasticPart(Part):
 
     section: SectionPart | None = None
     """Cross-section; or its `area` and `second_moment`."""
-    area: Annotated[float, si('m^2'), _POSITIVE] | None = None
+    area: Annotated[float, si('m^2'), POSITIVE] | None = None
     """Of the cross-section."""
-    second_moment: Annotated[float, si('m^4'), _POSITIVE] | None = None
+    second_moment: Annotated[float, si('m^4'), POSITIVE] | None = None
     """Of the cross-section, for bending in the plane of the machine."""
     outer_fibre: Length | None = None
     """Largest distance from the axis in the plane, for stress; of a `section` it is known."""
     material: Literal[tuple(MATERIALS)] | None = None  # type: ignore[valid-type]
     """Whose Young's modulus and density are taken where none are given."""
-    youngs_modulus: Annotated[float, si('Pa'), _POSITIVE] | None = None
+    youngs_modulus: Annotated[float, si('Pa'), POSITIVE] | None = None
     """Instead of a material's."""
-    density: Annotated[float, si('kg/m^3'), _POSITIVE] | None = None
+    density: Annotated[float, si('kg/m^3'), POSITIVE] | None = None
     """Instead of a material's."""
     modes: Annotated[int, Field(ge=1, le=8)] = 2
     """How many shapes it bends in."""

@@ -23,7 +23,7 @@ from mechanism_sim.planar.mechanism import (
 from mechanism_sim.planar.points import Vector2
 from mechanism_sim.planar.rails import PARALLEL
 from mechanism_sim.scene.drives import is_straight
-from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.schema import DrivePart, LinkPart
 
 _QUASI_STATIC, _RIGID = 20.0, 200.0
@@ -31,33 +31,33 @@ _QUASI_STATIC, _RIGID = 20.0, 200.0
 
 
 def read_beams(
-    places: Places, joints: Iterable[Joint], driven: Mapping[str, DrivePart]
+    names: Names, joints: Iterable[Joint], driven: Mapping[str, DrivePart]
 ) -> dict[str, Body]:
     """The elastic links as bodies, of what they weigh by themselves, by name."""
     found = {
-        link: _body(f'{places.name}: links.{link}', link, given)
-        for link in places.links
-        if (given := places.scene.links[link]).elastic
+        link: _body(f'links.{link}', link, given)
+        for link in names.links
+        if (given := names.scene.links[link]).elastic
     }
     for joint in joints:
         for link in dict.fromkeys((joint.first, joint.second, getattr(joint, 'carrier', ''))):
             if link in found:
-                _check(places, joint, found[link], driven)
+                _check(names, joint, found[link], driven)
     for link in driven:
         body = found.get(link)
         if body and body.beam and body.beam.ends != 'clamped':
             raise InputError(
-                f'{places.name}: links.{link}.elastic.ends must be clamped: a drive holds the '
-                'direction of its link where that starts'
+                f'links.{link}.elastic.ends must be clamped: a drive holds the direction of its '
+                'link where that starts'
             )
     return found
 
 
-def _check(places: Places, joint: Joint, body: Body, driven: Mapping[str, DrivePart]) -> None:
+def _check(names: Names, joint: Joint, body: Body, driven: Mapping[str, DrivePart]) -> None:
     """Refuse joints that ask more of an elastic link than where its cross-sections are."""
-    where, link = f'{places.name}: joints.{joint.name}', body.name
+    where, link = f'joints.{joint.name}', body.name
     if isinstance(joint, HigherPair) and not joint.bears(link):
-        kind = places.scene.joints[joint.name].kind
+        kind = names.scene.joints[joint.name].kind
         raise InputError(
             f'{where}: this {kind} needs the whole of {link}, which is elastic: make it rigid, or '
             'put a rigid link between'
@@ -66,7 +66,7 @@ def _check(places: Places, joint: Joint, body: Body, driven: Mapping[str, DriveP
         joint.second if isinstance(joint, PinInSlot) else joint.first,
         joint.axis,
     )
-    friction = places.scene.joints[joint.name].friction
+    friction = names.scene.joints[joint.name].friction
     along = line and line[0] == link and abs(math.sin(line[1])) <= PARALLEL
     if along and friction and friction.coefficient:
         raise InputError(

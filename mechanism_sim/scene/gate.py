@@ -16,14 +16,13 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.linkages.grashof import crank_limits
 from mechanism_sim.linkages.loops import FourBarLoop
 from mechanism_sim.linkages.nominal import NominalRun
-from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.assembly import closed_near
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import between
+from mechanism_sim.scene.names import scene_errors
 
 TURN = 2.0 * math.pi
 _PACE = 2.0 * TURN
@@ -47,19 +46,19 @@ def admit(machine: Machine, duration: float | None = None) -> Machine:
 
     That it can for a turn, or for as long as its scene says, was found when it was built.
     """
-    if machine.dynamic:
+    with scene_errors(machine.name):
         try:
-            machine.initial_state()
+            if machine.dynamic:
+                machine.initial_state()
         except ZeroDivisionError as error:  # of the mass matrix: what adds to it is rounded off
             masses = {name: link.mass for name, link in machine.scene.links.items() if link.mass}
             least = min(masses, key=lambda name: masses[name], default='')
             which = f"; 'links.{least}.mass' is {masses[least]:g} kg, the least" if least else ''
             raise InputError(
-                f'{machine.name}: something could move without moving any mass{which}: give it '
-                'more'
+                f'something could move without moving any mass{which}: give it more'
             ) from error
-    if duration is not None:
-        check_way(machine, duration)
+        if duration is not None:
+            check_way(machine, duration)
     return machine
 
 
@@ -93,7 +92,11 @@ def check_way(machine: Machine, duration: float) -> None:
     moving = {c: w for c in plan.prescribed if (w := way_of(plan.laws[c], duration))[0] < w[1]}
     if len(moving) > 1 or (moving and len(plan.prescribed) > 1):
         if duration not in tried:
-            _try_together(machine, duration)
+            laws = list(plan.laws.values())
+            run = machine.nominal([each[0] for each in laws])
+            for later in (law for each in laws for law in each[1:]):
+                run.change_law(later)
+            _advance(run, min(duration, _MOST * machine.period))
             tried.add(duration)
         return
     for c, way in moving.items():
@@ -104,11 +107,15 @@ def check_way(machine: Machine, duration: float) -> None:
             reach = TURN if again else _MOST * TURN
         ends = max(way[0], start - reach), min(way[1], start + reach)
         if machine.closed_form:
-            _check_four_bar(machine, machine.closed_form, ends)
+            _check_four_bar(machine.closed_form, ends)
             continue
         for end in ends:
             if end != start and (start, end) not in tried:
-                _try(machine, c, start, end)
+                straight = c in plan.ideal.displacements
+                pace = _PACE * (plan.ideal.size if straight else 1.0)
+                pace = math.copysign(pace, end - start)
+                run = machine.nominal([DriveLaw(c, (start, pace), straight=straight)])
+                _advance(run, (end - start) / pace)
                 tried.add((start, end))
 
 
@@ -133,7 +140,7 @@ def _value(law: Law, t: float) -> float:
     return value + law.turns * TURN
 
 
-def _check_four_bar(machine: Machine, loop: FourBarLoop, way: Way) -> None:
+def _check_four_bar(loop: FourBarLoop, way: Way) -> None:
     """Whether crank and ground leave a triangle with coupler and rocker all the way."""
     linkage, crank = loop.linkage, loop.links[0]
     low, high = crank_limits(linkage)
@@ -146,34 +153,18 @@ def _check_four_bar(machine: Machine, loop: FourBarLoop, way: Way) -> None:
             named = zip((GROUND, *loop.links), linkage.lengths, strict=True)
             said = ', '.join(f'{n} {x:g} m' for n, x in named)
             raise InputError(
-                f'{machine.name}: the {crank} cannot make a full turn at constant speed ({said}): '
-                f'ground and {crank} in line must leave a triangle with {loop.links[1]} and '
-                f'{loop.links[2]}; shorten the {crank}, or keep it between {limits} deg from the '
-                "line of the ground joints by a 'profile' and 'duration'"
+                f'the {crank} cannot make a full turn at constant speed ({said}): ground and '
+                f'{crank} in line must leave a triangle with {loop.links[1]} and {loop.links[2]}; '
+                f'shorten the {crank}, or keep it between {limits} deg from the line of the '
+                "ground joints by a 'profile' and 'duration'"
             )
-
-
-def _try(machine: Machine, coordinate: str, start: float, end: float) -> None:
-    straight = coordinate in machine.plan.ideal.displacements
-    pace = math.copysign(_PACE * (machine.plan.ideal.size if straight else 1.0), end - start)
-    run = machine.nominal([DriveLaw(coordinate, (start, pace), straight=straight)])
-    _advance(machine, run, (end - start) / pace)
-
-
-def _try_together(machine: Machine, duration: float) -> None:
-    laws = list(machine.plan.laws.values())
-    run = machine.nominal([each[0] for each in laws])
-    for later in (law for each in laws for law in each[1:]):
-        run.change_law(later)
-    _advance(machine, run, min(duration, _MOST * machine.period))
 
 
 def _try_loops(machine: Machine, duration: float) -> None:
     """Refuse drives along which loops without clearance cannot close, wherever other links go."""
     mechanism, laws = machine.mechanism, machine.plan.laws
-    firm = [joint for joint in mechanism.cut if joint not in machine.clearances]
     prescribed = machine.plan.prescribed
-    loops = Kinematics(mechanism, closures(mechanism, firm), prescribed)
+    loops = machine.plan.loops(prescribed)
     if not loops.rows:
         return
     known = dict(zip(machine.system.free, machine.initial_state().q, strict=True))
@@ -191,20 +182,19 @@ def _try_loops(machine: Machine, duration: float) -> None:
         if not left[0]:
             continue
         try:
-            q = closed_near(machine.name, loops, q[:, 0])[:, None]
+            q = closed_near(loops, q[:, 0])[:, None]
         except InputError as error:
             raise InputError(
-                f'{machine.name}: the machine cannot follow its drive beyond t = {t:.6g} s: '
-                f'{str(error).removeprefix(machine.name + ": ")}; '
-                "change the lengths, or keep the drive within limits by a 'profile' and 'duration'"
+                f'the machine cannot follow its drive beyond t = {t:.6g} s: {error}; change the '
+                "lengths, or keep the drive within limits by a 'profile' and 'duration'"
             ) from error
 
 
-def _advance(machine: Machine, run: NominalRun, duration: float) -> None:
+def _advance(run: NominalRun, duration: float) -> None:
     try:
         run.advance(duration, final=True)
     except RunError as error:
         raise InputError(
-            f'{machine.name}: {error}; change the lengths, or keep the drive within limits by a '
-            "'profile' and 'duration'"
+            f"{error}; change the lengths, or keep the drive within limits by a 'profile' and "
+            "'duration'"
         ) from error

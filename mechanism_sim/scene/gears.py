@@ -1,19 +1,55 @@
-"""Gears of a scene on their links, and pairs of them on their carrier."""
+"""Gears: what a scene file says of them, where they are on their links, pairs on their carrier."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
 
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.gears.involute import Gear, ToothSystem, transverse
 from mechanism_sim.gears.pair import Pair, Path, path_with_rack
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
-from mechanism_sim.scene.gear_keys import GearPart
-from mechanism_sim.scene.joint_keys import Names
+from mechanism_sim.scene.names import Names
+from mechanism_sim.scene.quantities import Angle, Length, Part, Position, si
 
 _FITS = 1e-6  # of a module: how exact a centre distance must be
+
+
+MOST_TEETH = 100_000
+
+
+_Height = Annotated[float, si(''), Field(gt=0.0, le=2.0)]
+_Shift = Annotated[float, si(''), Field(ge=-5.0, le=5.0)]
+
+
+class GearPart(Part):
+    """An involute gear, or a rack, that is fixed to a link; heights in modules."""
+
+    at: str
+    """LINK or LINK.POINT: its centre; a point of a rack's pitch line."""
+    module: Length
+    """In the plane normal to the teeth."""
+    teeth: Annotated[int, Field(ge=3, le=MOST_TEETH)] | None = None
+    """How many; not for racks."""
+    pressure_angle: Angle = math.radians(20.0)
+    """In the plane normal to the teeth."""
+    addendum: _Height = 1.0
+    """Height of the teeth above the pitch circle, in modules."""
+    dedendum: _Height = 1.25
+    """Depth of the gaps below the pitch circle, in modules."""
+    shift: _Shift = 0.0
+    """Profile shift, in modules."""
+    helix_angle: Angle = 0.0
+    """Of helical gears, equal for both; negative: left-handed, as the first of a pair decides."""
+    along: Position = 0.0
+    """Where it lies along its shaft, from the plane of the machine towards the reader."""
+    internal: bool = False
+    """Whether the teeth point inwards."""
+    rack: bool = False
+    """Whether it is straight."""
 
 
 class Wheel(NamedTuple):
@@ -43,22 +79,22 @@ class Wheel(NamedTuple):
         return Gear(self.part.teeth or 0, self.module, self.system, shift, self.part.internal)
 
 
-def read_wheel(places: Names, name: str) -> Wheel:
+def read_wheel(names: Names, name: str) -> Wheel:
     """A gear by name."""
-    gears = places.scene.gears
+    gears = names.scene.gears
     if name not in gears:
         raise InputError(
-            f"{places.name}: there is no gear '{name}'{nearest(name, gears)}; gears: "
+            f"there is no gear '{name}'{nearest(name, gears)}; gears: "
             f"{', '.join(gears) or 'none'}; they stand under 'gears'"
         )
-    part, where = gears[name], f'{places.name}: gears.{name}'
+    part, where = gears[name], f'gears.{name}'
     if (part.teeth is None) != part.rack:
         raise InputError(f"{where}: {'a rack has no' if part.rack else 'a gear has'} 'teeth'")
     if part.rack and (part.internal or part.shift):
         raise InputError(f'{where}: a rack is not internal, and has no shift')
     if not abs(part.helix_angle) < math.radians(60.0):
         raise InputError(f'{where}.helix_angle must be less than 60 deg')
-    wheel = Wheel(name, part, *places.find(f'gears.{name}.at', part.at))
+    wheel = Wheel(name, part, *names.find(f'gears.{name}.at', part.at))
     try:
         _ = wheel.system if part.rack else wheel.gear
     except InputError as error:
@@ -83,17 +119,17 @@ class Placed(NamedTuple):
     guide: Prismatic | None = None
 
 
-def place(places: Names, one: Wheel, two: Wheel) -> Placed:
+def place(names: Names, one: Wheel, two: Wheel) -> Placed:
     """Two gears, or a gear and a rack, where they stand on their carrier."""
-    return _with_rack(places, one, two) if two.part.rack else _pair(places, one, two)
+    return _with_rack(names, one, two) if two.part.rack else _pair(names, one, two)
 
 
-def _pair(places: Names, one: Wheel, two: Wheel) -> Placed:
+def _pair(names: Names, one: Wheel, two: Wheel) -> Placed:
     gears = one.gear, two.gear
     if one.part.internal and two.part.internal:
         raise InputError('one of the gears must have external teeth')
     signs = tuple(-1.0 if g.internal else 1.0 for g in gears)
-    carrier, (here, there) = _carrier(places, one, two)
+    carrier, (here, there) = _carrier(names, one, two)
     x, y = there.at[0] - here.at[0], there.at[1] - here.at[1]
     distance = math.hypot(x, y)
     pinion, wheel = gears if signs[0] > 0.0 else gears[::-1]
@@ -124,15 +160,15 @@ def _pair(places: Names, one: Wheel, two: Wheel) -> Placed:
     )  # fmt: skip
 
 
-def _with_rack(places: Names, one: Wheel, two: Wheel) -> Placed:
+def _with_rack(names: Names, one: Wheel, two: Wheel) -> Placed:
     gear = one.gear
     if gear.internal:
         raise InputError(f'the rack {two.name} needs a gear with external teeth')
-    for n, joint in places.scene.joints.items():
+    for n, joint in names.scene.joints.items():
         if not joint.prismatic:
             continue
-        (a, on_a), (b, on_b) = (places.find(f'joints.{n}', p) for p in joint.points)
-        shaft = _axes(places, one).get(a)
+        (a, on_a), (b, on_b) = names.connected(n)
+        shaft = _axes(names, one).get(a)
         if b == two.link and a != one.link and shaft is not None:
             centre = shaft.at
             guide = Prismatic(n, a, b, on_a, on_b, joint.axis, joint.angle)
@@ -157,8 +193,8 @@ def _with_rack(places: Names, one: Wheel, two: Wheel) -> Placed:
     path = path_with_rack(gear, out)
     if path.end - path.start < gear.base_pitch:
         raise InputError(
-            'a pair of teeth lets go before the next one touches: without backlash the pitch '
-            f'line is {tight:.9g} m from the centre'
+            'a pair of teeth lets go before the next one touches: without backlash the pitch line '
+            f'is {tight:.9g} m from the centre'
         )
     slope = side * 2.0 / gear.module  # E n . t, with the pitch line on that side of the centre
     return Placed(
@@ -178,13 +214,13 @@ class _Axis(NamedTuple):
     by: tuple[str, ...] = ()
 
 
-def _axes(places: Names, wheel: Wheel) -> dict[str, _Axis]:
+def _axes(names: Names, wheel: Wheel) -> dict[str, _Axis]:
     """The links that turn about a gear's centre."""
     found = {wheel.link: _Axis(wheel.at)}
-    waiting = [n for n, joint in places.scene.joints.items() if joint.revolute]
+    waiting = [n for n, joint in names.scene.joints.items() if joint.revolute]
     while True:
         for n in waiting:
-            ends = dict(places.find(f'joints.{n}', p) for p in places.scene.joints[n].points)
+            ends = dict(names.connected(n))
             here = [x for x in ends if x in found and math.dist(ends[x], found[x].at) < 1e-9]
             if here:
                 by = (*found[here[0]].by, n)
@@ -193,7 +229,7 @@ def _axes(places: Names, wheel: Wheel) -> dict[str, _Axis]:
                 break
         else:
             break
-        if places.scene.joints[n].clearance:
+        if names.scene.joints[n].clearance:
             raise InputError(
                 f'the shaft of {wheel.name} has a clearance ({n}), so that its centre is nowhere '
                 'fixed: gears need ideal bearings'
@@ -201,10 +237,10 @@ def _axes(places: Names, wheel: Wheel) -> dict[str, _Axis]:
     return found
 
 
-def _carrier(places: Names, one: Wheel, two: Wheel) -> tuple[str, tuple[_Axis, _Axis]]:
+def _carrier(names: Names, one: Wheel, two: Wheel) -> tuple[str, tuple[_Axis, _Axis]]:
     """The link on which both gears turn, the ground if possible, and their centres on it."""
-    a, b = (_axes(places, x) for x in (one, two))
-    both = [x for x in (GROUND, *places.links) if x in a and x in b]
+    a, b = (_axes(names, x) for x in (one, two))
+    both = [x for x in (GROUND, *names.links) if x in a and x in b]
     both = [
         x for x in both
         if x not in (one.link, two.link) and math.dist(a[x].at, b[x].at) > 1e-9

@@ -1,35 +1,44 @@
-"""What every kind of joint registers: its keys, how it is read, what can be said of it.
+"""Kinds of joints: their keys, how they are read, what can be said of them.
 
-A kind is a file in `mechanism_sim.scene.kinds`; whatever lists kinds or keys finds it there.
+A kind is a file in `mechanism_sim.scene.kinds` with a class of keys that `register` makes known;
+whatever lists kinds or keys finds it there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import Field
 
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
-from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.contact_keys import Clearance, Friction, Play
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Part
-from mechanism_sim.units import Measure
 
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
 """Two points, ``LINK.POINT``, or names of what a joint connects."""
 
 
 class JointKeys(Part):
-    """The keys of joints of every kind."""
+    """The keys of joints of every kind, and how they are read."""
 
     clearance: Clearance | None = None
     """Pin on the first-named link, loose in the second; without it the joint is ideal."""
     friction: Friction | None = None
     """Of an ideal joint; a loose one has its own in its clearance."""
+
+    #: the reason why it can have no ``clearance``; empty if it can
+    firm: ClassVar[str] = ''
+    #: the keys that its friction may have beside the coefficient, and whether the first, which
+    #: says where friction acts, must be given; None of joints without friction
+    rubs_by: ClassVar[tuple[tuple[str, ...], bool] | None] = None
+    #: loose because friction alone holds it
+    slips: ClassVar[bool] = False
+    #: lets the axis of a link give way, see `rotor_of`
+    gives_way: ClassVar[bool] = False
 
     @property
     def kind(self) -> str:
@@ -37,116 +46,73 @@ class JointKeys(Part):
         return next(kind for kind in KINDS if getattr(self, kind, None) is not None)
 
     @property
+    def kind_keys(self) -> type[JointKeys]:
+        """The keys of its kind, with their methods: ``joint.kind_keys.notes(joint, ...)``."""
+        return KINDS[self.kind]
+
+    @property
     def points(self) -> list[str]:
         """What it connects."""
         points: list[str] = getattr(self, self.kind)
         return points
 
+    def read(self, names: Names, name: str) -> Joint:
+        """The joint of that name of a mechanism."""
+        raise NotImplementedError
 
-def _clearance(joint: JointKeys) -> Play | None:
-    return joint.clearance
+    def play(self) -> Play | None:
+        """Its clearance, if it is loose."""
+        return self.clearance
 
+    def wrong_play(self, given: Clearance) -> str:
+        """An objection to a clearance of it; empty if there is none."""
+        known = {'radial', 'restitution', 'hypothesis', 'friction', 'pin_radius'}
+        wrong = sorted(key for key in given.model_fields_set - known if getattr(given, key))
+        said = f'here it has {", ".join(sorted(known))} only'
+        return f'has a clearance with {wrong[0]}: {said}' if wrong else ''
 
-def _walls_only(given: Clearance) -> str:
-    """What a pair without a law of contact cannot have."""
-    known = {'radial', 'restitution', 'hypothesis', 'friction', 'pin_radius'}
-    wrong = sorted(key for key in given.model_fields_set - known if getattr(given, key))
-    return (
-        f'has a clearance with {wrong[0]}: here it has {", ".join(sorted(known))} only'
-        if wrong
-        else ''
-    )
+    def mounted(self, joint: Any, start: Mapping[str, float], turned: Mapping[str, int]) -> Joint:
+        """As it is put together where coordinates have rough values [rad, m] and whole turns."""
+        mounted: Joint = joint
+        return mounted
 
+    def frictions(
+        self, given: Friction, joint: Any, mechanism: Mechanism
+    ) -> Sequence[JointFriction]:
+        """Those of the ideal joint of a mechanism."""
+        return ()
 
-class Names(Protocol):
-    """The names of a scene, as `mechanism_sim.scene.places.Places` knows them.
+    def rotor_of(self, names: Names, name: str) -> tuple[str, Rotor]:
+        """The link whose axis it lets give way, and how."""
+        raise NotImplementedError
 
-    All methods raise InputError, which begins with the scene's name, if there is no such thing;
-    `where` is the key that asks.
-    """
-
-    name: str
-    """Of the scene."""
-    links: list[str]
-    """The moving ones."""
-
-    @property
-    def scene(self) -> Any:
-        """The scene itself."""
-
-    def find(self, where: str, reference: str) -> LinkPoint:
-        """A link and a point in its frame, from ``LINK.POINT`` or ``LINK``."""
-
-    def ends(self, name: str, joint: JointKeys) -> tuple[LinkPoint, LinkPoint]:
-        """The points of two links that a joint of that name connects."""
-
-    def pivot(self, where: str, link: str) -> tuple[Vector2, Vector2]:
-        """Where a link turns on the ground, in the world and in its own frame [m]."""
-
-    def shaft(self, where: str, link: str, on: str = GROUND) -> tuple[str, Vector2, Vector2]:
-        """The joint in which a link turns on another, and where on that and on itself [m]."""
-
-    def coordinate(self, where: str, name: str) -> str:
-        """The name of a coordinate, which is that of a moving link."""
-
-    def measure(
-        self, where: str, measure: Measure, straight: bool, units: tuple[str, str]
-    ) -> float:
-        """A quantity in the first of the units if it is of an angle, else in the second."""
+    def notes(self, machine: Any, joint: Any) -> list[str]:
+        """Remarks on the joint of a machine at rest."""
+        return []
 
 
-@dataclass(frozen=True)
-class JointKind:
-    """A kind of joints.
+KINDS: dict[str, type[JointKeys]] = {}
+"""All kinds of joints by name: the key whose value is what such a joint connects."""
 
-    Attributes
-    ----------
-    name : the key whose value is what such a joint connects; a field of `keys`
-    keys : all that a joint of this kind may say
-    read : from a scene's names, the joint's name and its keys to the joint; raises InputError
-    play : how loose a joint is, if it is
-    wrong_play : what is wrong with a clearance of it, or nothing
-    firm : why it can have no ``clearance``; empty if it can
-    notes : what can be said of a joint of a machine without moving it
-    mounted : a joint as it is put together where coordinates have rough values [rad, m], and
-        whole turns beside
-    friction : those of an ideal joint, of its name, its keys and the mechanism; None if none
-    rubs_by : the keys that its friction may have beside the coefficient, and whether the first,
-        which says where friction acts, must be given
-    slips : whether a joint is loose because friction alone holds it
-    rotor : if it lets the axis of a link give way: that link, and how
-    """
-
-    name: str
-    keys: type[JointKeys]
-    read: Callable[[Names, str, Any], Joint]
-    play: Callable[[Any], Play | None] = _clearance
-    wrong_play: Callable[[Clearance], str] = _walls_only
-    firm: str = ''
-    notes: Callable[[Any, Any], list[str]] = lambda machine, joint: []  # noqa: ARG005
-    mounted: Callable[[Any, Mapping[str, float], Mapping[str, int]], Joint] = (
-        lambda joint, start, turned: joint  # noqa: ARG005
-    )
-    friction: Callable[[str, Friction, Mechanism], Sequence[JointFriction]] | None = None
-    rubs_by: tuple[Sequence[str], bool] = ((), False)
-    slips: bool = False
-    rotor: Callable[[Names, str, Any], tuple[str, Rotor]] | None = None
+Kind = TypeVar('Kind', bound=type[JointKeys])
 
 
-KINDS: dict[str, JointKind] = {}
-"""All kinds of joints by name."""
+def register(name: str) -> Callable[[Kind], Kind]:
+    """Make the keys of a kind of joints known by its name."""
+
+    def add(keys: Kind) -> Kind:
+        KINDS[name] = keys
+        return keys
+
+    return add
 
 
 def keys_of(joint: JointKeys) -> list[str]:
     """The keys that have a meaning in a joint of this kind, what it connects first."""
-    kind = KINDS[joint.kind]
-    own = kind.keys.__annotations__
-    keys = dict.fromkeys([kind.name, *own, *kind.keys.model_fields])
-    absent = {'clearance'} if kind.firm else set()
-    absent |= set() if kind.friction else {'friction'}
+    fields = joint.kind_keys.model_fields
+    keys = dict.fromkeys(
+        [joint.kind, *(k for k in joint.kind_keys.__annotations__ if k in fields), *fields]
+    )
+    absent = {'clearance'} if joint.kind_keys.firm else set()
+    absent |= set() if joint.kind_keys.rubs_by else {'friction'}
     return [key for key in keys if key not in absent]
-
-
-def register(kind: JointKind) -> None:
-    """Make a kind of joints known."""
-    KINDS[kind.name] = kind

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.doubts import length_questions
 from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.remarks import length_questions
 
 
 def load_scene(name: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Machine:

@@ -12,7 +12,7 @@ from typing import Any
 
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.scene.joint_keys import Names
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Part
 
 Elements = Callable[[Mechanism], list[ForceElement]]
@@ -49,17 +49,17 @@ def register(kind: LoadKind) -> None:
     LOADS[kind.name] = kind
 
 
-def read_loads(places: Names, tree: Mechanism) -> Elements:
+def read_loads(names: Names, tree: Mechanism) -> Elements:
     """What makes the force elements of a scene for a tree of its mechanism.
 
     Parameters
     ----------
-    places : of the scene
+    names : of the scene
     tree : the ideal mechanism; the displacements of its links are what formulas name
     """
     makers: Sequence[Elements] = [
-        kind.read(places, name, part, tree)
+        kind.read(names, name, part, tree)
         for kind in LOADS.values()
-        for name, part in getattr(places.scene, kind.name).items()
+        for name, part in getattr(names.scene, kind.name).items()
     ]
     return lambda mechanism: [x for make in makers for x in make(mechanism)]

@@ -70,7 +70,7 @@ def si_of(*units: str) -> Quantity:
 
 _FINITE = Field(allow_inf_nan=False)
 POSITIVE = Field(gt=0.0, allow_inf_nan=False)
-_NOT_NEGATIVE = Field(ge=0.0, allow_inf_nan=False)
+NOT_NEGATIVE = Field(ge=0.0, allow_inf_nan=False)
 
 Length = Annotated[float, si('m'), POSITIVE]
 Position = Annotated[float, si('m'), _FINITE]
@@ -94,7 +94,7 @@ def one_or_two(unit: str, other: str, least: float = -math.inf) -> Quantity:
 Offset = Annotated[float | tuple[float, float], one_or_two('m', 'a pair [x, y]')]
 """A place on a link: along it from its origin, or a pair [x, y] in its frame."""
 Mass = Annotated[float, si('kg'), POSITIVE]
-LinkMass = Annotated[float, si('kg'), _NOT_NEGATIVE]
+LinkMass = Annotated[float, si('kg'), NOT_NEGATIVE]
 Inertia = Annotated[float, si('kg m^2'), POSITIVE]
 Angle = Annotated[float, si('rad'), _FINITE]
 Speed = Annotated[float, si('rad/s'), _FINITE]
@@ -102,14 +102,14 @@ Acceleration = Annotated[float, si('m/s^2'), _FINITE]
 AngularAcceleration = Annotated[float, si('rad/s^2'), POSITIVE]
 Rate = Annotated[float, si('Hz'), POSITIVE]
 Tolerance = Annotated[float, si(''), Field(ge=1e-16, le=1e-4)]
-Displacement = Annotated[float, si('m'), _NOT_NEGATIVE]
-Time = Annotated[float, si('s'), _NOT_NEGATIVE]
+Displacement = Annotated[float, si('m'), NOT_NEGATIVE]
+Time = Annotated[float, si('s'), NOT_NEGATIVE]
 Duration = Annotated[float, si('s'), POSITIVE]
 Torque = Annotated[float, si('N m'), _FINITE]
 TorquePerAngle = Annotated[float, si('N m/rad'), _FINITE]
 TorquePerSpeed = Annotated[float, si('N m s/rad'), _FINITE]
-AddedInertia = Annotated[float, si('kg m^2'), _NOT_NEGATIVE]
-Radius = Annotated[float, si('m'), _NOT_NEGATIVE]
+AddedInertia = Annotated[float, si('kg m^2'), NOT_NEGATIVE]
+Radius = Annotated[float, si('m'), NOT_NEGATIVE]
 Friction = Annotated[
     float,
     Quantity(lambda x: float('inf') if x == 'rough' else to_si(x, ''), ('',), 'rough'),

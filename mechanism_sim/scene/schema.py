@@ -10,11 +10,11 @@ from pydantic_core import PydanticCustomError
 from mechanism_sim.errors import nearest
 from mechanism_sim.planar.motor import InductionMotor
 from mechanism_sim.scene.elastic_keys import ElasticPart
-from mechanism_sim.scene.gear_keys import GearPart
+from mechanism_sim.scene.gears import GearPart
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.loads.applied import EffortOrFormula
-from mechanism_sim.scene.oscillator_keys import Oscillator
+from mechanism_sim.scene.oscillators import Oscillator
 from mechanism_sim.scene.quantities import (
     POSITIVE,
     Acceleration,
@@ -43,8 +43,9 @@ from mechanism_sim.scene.quantities import (
 from mechanism_sim.scene.sensor_keys import QUANTITIES, seated
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
-from mechanism_sim.scene.tilt_keys import TiltPart
+from mechanism_sim.scene.tilted_links import TiltPart
 from mechanism_sim.sensing import chain
+from mechanism_sim.sensing.channel import Source
 from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import Measure
 
@@ -184,7 +185,7 @@ class PointMass(Part):
     """How heavy it is."""
 
 
-class JointPart(*(kind.keys for kind in KINDS.values())):  # type: ignore[misc]
+class JointPart(*KINDS.values()):  # type: ignore[misc]
     """A joint between points of two links: of one kind."""
 
     @model_validator(mode='after')
@@ -192,27 +193,43 @@ class JointPart(*(kind.keys for kind in KINDS.values())):  # type: ignore[misc]
         kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
         if len(kinds) != 1:
             raise ValueError(
-                f'must be of one kind, {", ".join(KINDS)}, with two points such as '
-                '[crank.end, rod.start]'
+                f'must be of one kind, {", ".join(KINDS)}, with two points such as [crank.end, '
+                'rod.start]'
             )
-        c, kind = self.clearance, KINDS[kinds[0]]
-        if self.friction and not kind.friction:
-            rubbing = ', '.join(name for name, k in KINDS.items() if k.friction)
-            raise ValueError(f'cannot have friction: a {kind.name} has none here, only {rubbing}')
-        if c and kind.firm:
-            raise ValueError(f'cannot have a clearance: {kind.firm}')
-        if c and (wrong := kind.wrong_play(c)):
+        c, own = self.clearance, self.kind_keys
+        if self.friction and not own.rubs_by:
+            rubbing = ', '.join(name for name, k in KINDS.items() if k.rubs_by)
+            raise ValueError(f'cannot have friction: a {self.kind} has none here, only {rubbing}')
+        if c and own.firm:
+            raise ValueError(f'cannot have a clearance: {own.firm}')
+        if c and (wrong := own.wrong_play(self, c)):
             raise ValueError(wrong)
         return self
 
 
-class SensorPart(*(kind.keys for kind in SENSORS.values())):  # type: ignore[misc]
+class SensorPart(*SENSORS.values()):  # type: ignore[misc]
     """A sensor: of one kind."""
+
+    def source(self, machine: Any) -> Source:
+        """Input of its chain."""
+        return SENSORS[self.kind].source(self, machine)
+
+    def carrier(self, machine: Any) -> str:
+        """The link or frame that carries it."""
+        return SENSORS[self.kind].carrier(self, machine)
+
+    def place(self, machine: Any) -> str:
+        """Its place, in words."""
+        return SENSORS[self.kind].place(self, machine)
+
+    def check(self, machine: Any, where: str) -> None:
+        """Refuse what no machine has."""
+        SENSORS[self.kind].check(self, machine, where)
 
     @property
     def measures(self) -> str:
         """What its samples are, one of `QUANTITIES`."""
-        return SENSORS[self.kind].quantity or str(self.quantity)
+        return SENSORS[self.kind].reads or str(self.quantity)
 
     @property
     def unit(self) -> str:
@@ -241,8 +258,8 @@ class SensorPart(*(kind.keys for kind in SENSORS.values())):  # type: ignore[mis
             )
         kind = SENSORS[self.kind]
         for key, field in type(self).model_fields.items():
-            if key not in kind.keys.model_fields and getattr(self, key) != field.default:
-                raise ValueError(f"has '{key}', which has no meaning for the kind {kind.name}")
+            if key not in kind.model_fields and getattr(self, key) != field.default:
+                raise ValueError(f"has '{key}', which has no meaning for the kind {self.kind}")
         for key in kind.needs:
             if getattr(self, key) is None:
                 raise PydanticCustomError('missing_key', '{key} is missing', {'key': key})
@@ -268,8 +285,8 @@ class SensorPart(*(kind.keys for kind in SENSORS.values())):  # type: ignore[mis
         ):
             if reading and reading.unit not in ('', self.unit):
                 raise ValueError(
-                    f'has {name} in {reading.unit}, but its quantity is {self.measures}: '
-                    f'give it in {self.unit}'
+                    f'has {name} in {reading.unit}, but its quantity is {self.measures}: give it '
+                    f'in {self.unit}'
                 )
         if self.adc.range and not self.adc.range.value:
             raise ValueError('has adc.range = 0: it must be more')

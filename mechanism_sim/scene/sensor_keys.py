@@ -1,19 +1,19 @@
-"""What every kind of sensor registers: its keys, what it is mounted on, what can be said of it.
+"""Kinds of sensors: their keys, what they are mounted on, what can be said of them.
 
-A kind is a file in `mechanism_sim.scene.sensors`; whatever lists kinds or keys finds it there. The
-parts of the chain behind a sensor, which kinds share, are here.
+A kind is a file in `mechanism_sim.scene.sensors` with a class of keys that `register` makes known;
+whatever lists kinds or keys finds it there. The parts of the chain behind a sensor, which kinds
+share, are here.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Annotated, Any
+from collections.abc import Callable, Iterable
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import Field
 
-from mechanism_sim.errors import nearest
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.scene.quantities import (
     Angle,
     Duration,
@@ -126,7 +126,7 @@ class Noise(Part):
 
 
 class SensorKeys(Part):
-    """The keys of sensors of every kind."""
+    """The keys of sensors of every kind, and how they are read."""
 
     kind: str = 'accelerometer'
     """What it is."""
@@ -134,6 +134,26 @@ class SensorKeys(Part):
     """In simulated time."""
     trigger: Trigger | None = None
     """Blocks that begin at an angle of the drive; {} is enough."""
+
+    #: keys that must be given
+    needs: ClassVar[tuple[str, ...]] = ()
+    #: the quantity that it measures, one of `QUANTITIES`; empty if its keys say so
+    reads: ClassVar[str] = ''
+
+    def source(self, machine: Any) -> Source:
+        """Input of its chain."""
+        raise NotImplementedError
+
+    def carrier(self, machine: Any) -> str:
+        """The link or frame that carries it."""
+        raise NotImplementedError
+
+    def place(self, machine: Any) -> str:
+        """Its place, in words."""
+        raise NotImplementedError
+
+    def check(self, machine: Any, where: str) -> None:
+        """Refuse what no machine has."""
 
 
 class AnalogueKeys(SensorKeys):
@@ -162,6 +182,16 @@ class OnLinkKeys(SensorKeys):
     link: str | None = None
     """Required: the moving link that carries it; of an accelerometer also a frame on springs."""
 
+    needs: ClassVar[tuple[str, ...]] = ('link',)
+
+    def carrier(self, machine: Any) -> str:
+        """Its link."""
+        return str(self.link)
+
+    def check(self, machine: Any, where: str) -> None:
+        """Refuse a sensor on a link that does not move."""
+        check_link(machine, where, self.link)
+
 
 class InJointKeys(SensorKeys):
     """A sensor in a joint."""
@@ -170,6 +200,37 @@ class InJointKeys(SensorKeys):
     """Required: the joint it is in."""
     direction: Angle = 0.0
     """Of what it reads, in the frame of the joint's second link; 0: along that link."""
+
+    needs: ClassVar[tuple[str, ...]] = ('joint',)
+
+    def carrier(self, machine: Any) -> str:
+        """The second link of its joint."""
+        return str(machine.mechanism.joint(self.joint).second)
+
+    def place(self, machine: Any) -> str:
+        """Joint and direction."""
+        link = machine.mechanism.joint(self.joint).second
+        return f'in {self.joint}, at {self.direction:g} rad in the frame of the {link}'
+
+
+def check_link(machine: Any, where: str, link: str | None, frames: Iterable[str] = ()) -> None:
+    """Refuse a sensor on a link that does not move, or on no frame of these."""
+    known = [*machine.links, *frames]
+    if link not in known:
+        raise InputError(
+            f"{where}.link: there is no moving link '{link}'{nearest(str(link), known)}; links: "
+            f'{", ".join(known)}'
+        )
+
+
+def check_joint(where: str, joint: str | None, known: Iterable[str], what: str) -> None:
+    """Refuse a sensor in a joint that is none of those `known`, which are `what`."""
+    known = list(known)
+    if joint not in known:
+        raise InputError(
+            f"{where}.joint: '{joint}' is no {what}{nearest(str(joint), known)}; those are: "
+            f'{", ".join(known) or "none"}'
+        )
 
 
 def _named(data: dict[str, Any], key: str, kind: type = object) -> list[tuple[str, Any]]:
@@ -202,51 +263,32 @@ def seated(data: Any) -> Any:
         place = f'{link}.{at.rpartition(".")[2]}'
         if place not in places or sensor.get('link', link) != link:
             raise ValueError(
-                f"sensors.{name}.at = '{at}' is no point of the sensor's link"
-                f'{nearest(place, places)}; write LINK.POINT, for example rocker.end, a distance '
-                "along the link, '64 mm', or [x, y]"
+                f"sensors.{name}.at = '{at}' is no point of the sensor's "
+                f'link{nearest(place, places)}; write LINK.POINT, for example rocker.end, a '
+                "distance along the link, '64 mm', or [x, y]"
             )
         found[name] = {**sensor, 'link': link, 'at': places[place]}
     return {**data, 'sensors': {**data['sensors'], **found}} if found else data
 
 
-@dataclass(frozen=True)
-class SensorKind:
-    """A kind of sensors.
-
-    Attributes
-    ----------
-    name : value of ``kind``
-    keys : all that a sensor of this kind may say
-    needs : keys that must be given
-    quantity : what such a sensor measures, one of `QUANTITIES`; empty if its keys say so
-    source : from a machine, its sensor's keys and where they stand to what its chain is fed with
-    carrier : from a machine and keys to the link or frame that carries the sensor
-    place : likewise, where it is, in words
-    check : refuses, from the machine, keys and where they stand, what no machine has
-    """
-
-    name: str
-    keys: type[SensorKeys]
-    needs: tuple[str, ...]
-    quantity: str
-    source: Callable[[Any, Any], Source]
-    carrier: Callable[[Any, Any], str]
-    place: Callable[[Any, Any], str]
-    check: Callable[[Any, Any, str], None]
-
-
-SENSORS: dict[str, SensorKind] = {}
+SENSORS: dict[str, type[SensorKeys]] = {}
 """All kinds of sensors by name."""
+
+Kind = TypeVar('Kind', bound=type[SensorKeys])
+
+
+def register(name: str) -> Callable[[Kind], Kind]:
+    """Make the keys of a kind of sensors known by its name, the value of ``kind``."""
+
+    def add(keys: Kind) -> Kind:
+        SENSORS[name] = keys
+        return keys
+
+    return add
 
 
 def sensor_keys_of(sensor: SensorKeys) -> list[str]:
     """The keys that have a meaning in a sensor of this kind, those that must be given first."""
-    kind = SENSORS[sensor.kind]
-    own = kind.keys.__annotations__
-    return list(dict.fromkeys(['kind', *kind.needs, *own, *kind.keys.model_fields]))
-
-
-def register(kind: SensorKind) -> None:
-    """Make a kind of sensors known."""
-    SENSORS[kind.name] = kind
+    keys = SENSORS[sensor.kind]
+    own = [key for key in keys.__annotations__ if key in keys.model_fields]
+    return list(dict.fromkeys(['kind', *keys.needs, *own, *keys.model_fields]))

@@ -13,7 +13,7 @@ from mechanism_sim.planar.branch import Branch
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.model import MachineModel
+from mechanism_sim.scene.plan import Plan
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def neighbours(kinematics: Kinematics, q: Array) -> Array:
 
 
 def begin(
-    machine: MachineModel,
+    plan: Plan,
     kinematics: Kinematics,
     q: Array,
     guess: Array,
@@ -61,12 +61,12 @@ def begin(
     count = len(found.width)
     if not count:
         raise InputError(
-            f'{machine.name}: the start is a singular position from which {driven} cannot go on; '
-            "start beside it, or give another 'guess'"
+            f'the start is a singular position from which {driven} cannot go on; start beside it, '
+            "or give another 'guess'"
         )
     offs = (_ahead(found, pace) - guess[None, :, None]) / kinematics.scale[:, None]
     distance = np.linalg.norm(offs[:, kinematics.sought], axis=1).min(axis=1)
-    idle, bend = _idle(machine.plan.ideal, found), _bend(found, kinematics.scale)
+    idle, bend = _idle(plan.ideal, found), _bend(found, kinematics.scale)
     left = np.arange(count)
     for measure in (distance, idle, bend):
         left = left[measure[left] <= measure[left].min() + _ALIKE]
@@ -74,9 +74,9 @@ def begin(
         slopes = found.at(np.zeros((count, 1)))[1][:, left, 0]
         differ = names[int(np.argmax(np.ptp(slopes / kinematics.scale[:, None], axis=1)))]
         raise InputError(
-            f'{machine.name}: the start is a singular position from which {len(left)} motions go '
-            f"on with equal right; say in 'guess' where {differ} goes, a few degrees or "
-            'millimetres on, or start beside it'
+            f'the start is a singular position from which {len(left)} motions go on with equal '
+            f"right; say in 'guess' where {differ} goes, a few degrees or millimetres on, or "
+            'start beside it'
         )
     chosen = found[left]
     place, slope, _ = (x[:, 0, 0] for x in chosen.at(np.zeros((1, 1))))

@@ -1,48 +1,76 @@
-"""Links that lean out of their plane: what a scene makes of their bodies."""
+"""Links that lean out of their plane: what a scene says of them, and makes of their bodies."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Annotated
+
+from pydantic import Field, model_validator
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.tilt import Tilt
-from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.names import Names
+from mechanism_sim.scene.quantities import Inertia, Length, Part, si
 
 _ROUNDING = 1e-12
+_SHARE = Field(ge=0.0, lt=1.0)
 
 
-def without_mass(places: Places, link: str) -> Body:
+class TiltPart(Part):
+    """How a link leans out of its plane: by small rotations about its x and y axes."""
+
+    stiffness: Annotated[float, si('N m/rad'), Field(ge=0.0, allow_inf_nan=False)]
+    """Of what holds it in its plane, against rotation about either axis."""
+    inertia: tuple[Inertia, Inertia] | None = None
+    """Moments of inertia about the link's x and y axes through its centre of gravity."""
+    thickness: Length | None = None
+    """Instead of `inertia`: of a bar of square section along the link's x axis."""
+    damping: Annotated[float, _SHARE] = 0.0
+    """Ratio of critical damping of either rotation by itself, and of the motion along the axes."""
+    axial_stiffness: Annotated[float, si('N/m'), Field(ge=0.0, allow_inf_nan=False)] = 0.0
+    """Of what holds it along the axes, where a bearing of it has `clearance.axial`."""
+
+    @model_validator(mode='after')
+    def _weighed(self) -> TiltPart:
+        if (self.inertia is None) == (self.thickness is None):
+            raise ValueError(
+                "needs either 'inertia', as [20 kg mm^2, 3000 kg mm^2], or 'thickness'"
+            )
+        return self
+
+
+def without_mass(names: Names, link: str) -> Body:
     """A link as it moves, whatever it weighs."""
-    none, given = (0.0, 0.0), places.scene.links[link].tilt
-    axial = stiffness_along(places, link)
+    none, given = (0.0, 0.0), names.scene.links[link].tilt
+    axial = stiffness_along(names, link)
     tilt = Tilt(0.0, none, (0.0, 0.0, 0.0), none, axial=axial) if given else None
     return Body(link, 0.0, 0.0, none, tilt=tilt)
 
 
-def stiffness_along(places: Places, link: str) -> float | None:
+def stiffness_along(names: Names, link: str) -> float | None:
     """Of what holds a link along the axes [N/m]; None if no bearing lets it move there."""
-    given = places.scene.links[link].tilt
+    given = names.scene.links[link].tilt
     stopped = any(
-        joint.clearance and joint.clearance.axial and link in dict(places.ends(name, joint))
-        for name, joint in places.scene.joints.items()
+        joint.clearance and joint.clearance.axial and link in dict(names.ends(name))
+        for name, joint in names.scene.joints.items()
     )
     return given.axial_stiffness if given and stopped else None
 
 
-def tilted(body: Body, places: Places, spin: float = 0.0) -> Body:
+def tilted(body: Body, names: Names, spin: float = 0.0) -> Body:
     """A body as its link leans.
 
     Parameters
     ----------
     spin : [kg m^2] of its inertia that turns in the plane, but does not lean
     """
-    given, where = places.scene.links[body.name].tilt, f'{places.name}: links.{body.name}'
+    given, where = names.scene.links[body.name].tilt, f'links.{body.name}'
     if given is None:
         return body
-    axial = stiffness_along(places, body.name)
+    axial = stiffness_along(names, body.name)
     if given.axial_stiffness and axial is None:
         raise InputError(
             f'{where}.tilt.axial_stiffness has no meaning where no bearing of the link has '
@@ -69,30 +97,30 @@ def tilted(body: Body, places: Places, spin: float = 0.0) -> Body:
     return replace(body, tilt=tilt)
 
 
-def check_tilts(places: Places, joints: tuple[Joint, ...]) -> None:
+def check_tilts(names: Names, joints: tuple[Joint, ...]) -> None:
     """Links that lean are rigid, and have revolute joints only."""
-    leaning = {x for x in places.links if places.scene.links[x].tilt}
-    for link in places.links:
-        if link in leaning and places.scene.links[link].elastic:
+    leaning = {x for x in names.links if names.scene.links[x].tilt}
+    for link in names.links:
+        if link in leaning and names.scene.links[link].elastic:
             raise InputError(
-                f'{places.name}: links.{link} has both elastic and tilt: a link that bends in the '
-                'plane stays in it here; leave one of them out'
+                f'links.{link} has both elastic and tilt: a link that bends in the plane stays in '
+                'it here; leave one of them out'
             )
-    for name, keys in places.scene.joints.items():
+    for name, keys in names.scene.joints.items():
         if keys.clearance and keys.clearance.axial:
-            ends = [link for link, _ in places.ends(name, keys)]
+            ends = [link for link, _ in names.ends(name)]
             if not leaning & {*ends}:
                 movable = next(x for x in ends if x != GROUND)
                 raise InputError(
-                    f'{places.name}: joints.{name}.clearance.axial: none of its links can move '
-                    f"along the axis: give 'links.{movable}.tilt' to one that leans"
+                    f'joints.{name}.clearance.axial: none of its links can move along the axis: '
+                    f"give 'links.{movable}.tilt' to one that leans"
                 )
     for joint in joints:
         for link in {joint.first, joint.second} & leaning:
             if not isinstance(joint, Revolute):
                 raise InputError(
-                    f'{places.name}: joints.{joint.name}: the link {link}, which leans, has '
-                    'revolute joints only; put a rigid link between'
+                    f'joints.{joint.name}: the link {link}, which leans, has revolute joints '
+                    'only; put a rigid link between'
                 )
 
 

@@ -34,6 +34,28 @@ class Source(Protocol):
         """Integrals of the inputs over the instants at which the m pieces begin (m, inputs)."""
 
 
+class DirectSource:
+    """A source of one input that is read as it is, and has no impulses."""
+
+    inputs = 1
+
+    def through(self, chain: Rational) -> Modes:
+        """The system from what is read here to what comes out of a chain."""
+        return chain.modes()
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """The input (1, N) at instants as those of ``motion.curve.at(segments, dt)``."""
+        return np.asarray(self.reading(motion.curve.local(segments, dt).T))[None]
+
+    def reading(self, q: Array) -> Array:
+        """The input (N,) at coordinates (n, N), if it depends on these alone."""
+        raise NotImplementedError
+
+    def impulses(self, motion: Motion) -> Array:
+        """None (m, 1)."""
+        return np.zeros((len(motion), 1))
+
+
 class Block(NamedTuple):
     """Consecutive samples; `time` [s] is when the first is due."""
 

@@ -8,17 +8,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.numerics.rational import Array, Modes, Rational
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Vector2
 from mechanism_sim.sensing.chain import Instrument
-from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.sensing.channel import Channel, DirectSource
 from mechanism_sim.sensing.point import PointOnLink
 
 
-class Attitude:
+class Attitude(DirectSource):
     """The angle of a link, or its rate, as a source of a channel.
 
     Parameters
@@ -26,8 +26,6 @@ class Attitude:
     derivative : 0 for the angle without whole turns [rad], 1 for its rate [rad/s]
     at : [m] in the link's frame: an elastic link turns with its cross-section there
     """
-
-    inputs = 1
 
     def __init__(
         self, mechanism: Mechanism, link: str, derivative: int, at: Vector2 = (0.0, 0.0)
@@ -38,18 +36,10 @@ class Attitude:
             self._shares[mechanism.coordinates.index(name)] = slope
         self._offset, self._derivative = 0.0 if derivative else offset, derivative
 
-    def through(self, chain: Rational) -> Modes:
-        """The system from what is read here to what comes out of a chain."""
-        return chain.modes()
-
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Angle or rate (1, N) at instants as those of ``curve.at(segments, dt)``."""
         turned = motion.curve.local(segments, dt, self._derivative)
         return (turned @ self._shares + self._offset)[None]
-
-    def impulses(self, motion: Motion) -> Array:
-        """None (m, 1): an angle has no impulses, and a gyroscope is ideal here."""
-        return np.zeros((len(motion), 1))
 
 
 class Readings(NamedTuple):

@@ -15,7 +15,7 @@ from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism
 from mechanism_sim.planar.play import wall_name
-from mechanism_sim.planar.points import GROUND, Point, Vector2, product
+from mechanism_sim.planar.points import GROUND, Point, Vector2, trace
 from mechanism_sim.planar.view import Course, Side
 
 Array = NDArray[np.float64]
@@ -81,17 +81,7 @@ class JointView:
 
     def trace(self, point: Point) -> Array:
         """The same (3, 2, N) of a sum over arms."""
-        found = np.zeros((3, 2, self.observed.position.shape[1]))
-        for (frame, slide), (x, y) in point.items():
-            angle, w, alpha, _ = self._coordinate(frame)
-            s, rate, second = product(slide, lambda name: self._coordinate(name)[:3])
-            cosine, sine = np.cos(angle), np.sin(angle)
-            d = np.array([cosine * x - sine * y, sine * x + cosine * y])
-            across = np.array([-d[1], d[0]])
-            found[0] += s * d
-            found[1] += rate * d + s * w * across
-            found[2] += (second - s * w**2) * d + (s * alpha + 2.0 * rate * w) * across
-        return found
+        return trace(point, self._coordinate, self.count)
 
     @cached_property
     def force(self) -> Array:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
-from mechanism_sim.numerics.rational import Modes, Rational
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Vector2, factors, product
+from mechanism_sim.sensing.channel import DirectSource
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ _ROUNDING = 1e-13
 """Of the speed of a point: steps of it that are smaller are none."""
 
 
-class PointOnLink:
+class PointOnLink(DirectSource):
     """Reads the acceleration of a point from the motion of the links, exactly.
 
     The point is ``p = sum_k s_k R(theta_k) d_k``, so that its acceleration is
@@ -38,8 +38,6 @@ class PointOnLink:
     gravity : whether what is read is the acceleration less that of gravity, as instruments do
     transverse : part of the acceleration 90 degrees on from the axis that is read, too
     """
-
-    inputs = 1
 
     def __init__(
         self,
@@ -72,10 +70,6 @@ class PointOnLink:
         self._turn, self._size = turn + math.atan(transverse), math.hypot(1.0, transverse)
         self._gravity = mechanism.gravity if gravity else (0.0, 0.0)
         self._before: Array | None = None
-
-    def through(self, chain: Rational) -> Modes:
-        """The system from what is read here to what comes out of a chain."""
-        return chain.modes()
 
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Acceleration (1, N) [m/s^2] at instants as those of ``curve.at(segments, dt)``."""
@@ -127,4 +121,4 @@ class PointOnLink:
     ) -> Array:
         """Velocity of the point in the world (2, N) [m/s]."""
         q, v = (curve.local(segments, dt, d).T for d in (0, 1))
-        return self._mechanism.velocity_all(self._link, q, v, self._place)
+        return np.asarray(self._mechanism.trace((self._link, self._place), q, v)[1])

@@ -200,10 +200,10 @@ def _part(mechanism: Mechanism, joint: Joint, curve: PiecewisePolynomial, impact
     normal = np.array([math.cos(impact.normal_angle), math.sin(impact.normal_angle)])
     change = impact.approach_speed + impact.rebound_speed
     parts = []
-    for link, at in ((joint.first, joint.on_first), (joint.second, joint.on_second)):
+    for link, at in joint.points:
         frame = mechanism.frame(link)[0]
         spin = 0.0 if frame == GROUND else np.diff(v[mechanism.coordinates.index(frame)])[0]
-        jump = np.diff(mechanism.velocity_all(link, q, v, at).T @ normal)[0]
+        jump = np.diff(mechanism.trace((link, at), q, v)[1].T @ normal)[0]
         known = isinstance(joint, Revolute) or abs(spin) * mechanism.size < _STILL * change
         part = min(abs(float(jump)) / change, 1.0)
         parts.append((part if part > _STILL else 0.0) if known else None)

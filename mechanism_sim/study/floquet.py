@@ -44,8 +44,8 @@ class Turns:
         _, independent = known.basis(known(at).J)
         self.names = [system.coordinates[i] for i in independent]
         self._own = [system.free.index(c) for c in self.names]
-        self._held = [machine.held[c][0] for c in machine.plan.prescribed]
-        self._kinematics = machine.kinematics([*machine.plan.prescribed, *self.names])
+        self._held = [machine.plan.held[c][0] for c in machine.plan.prescribed]
+        self._kinematics = machine.plan.kinematics([*machine.plan.prescribed, *self.names])
         self._free = [system.coordinates.index(c) for c in system.free]
         self._guess = at.q
         size = [mechanism.size if c in mechanism.displacements else 1.0 for c in self.names]
@@ -56,7 +56,7 @@ class Turns:
     def _whole(machine: Machine, state: State) -> Array:
         """All coordinates (n,)."""
         known = dict(zip(machine.system.free, state.q, strict=True))
-        known |= {c: machine.held[c][0] for c in machine.plan.prescribed}
+        known |= {c: machine.plan.held[c][0] for c in machine.plan.prescribed}
         return np.array([known[c] for c in machine.system.coordinates])
 
     @property
@@ -148,7 +148,7 @@ def station(machine: Machine, turning: bool = False) -> Station:
 
 def repeated(machine: Machine) -> Station:
     """The modes about the motion that a machine repeats in each turn of its main drive."""
-    moving = any(machine.held[c][1] for c in machine.plan.prescribed)
+    moving = any(machine.plan.held[c][1] for c in machine.plan.prescribed)
     if 'time' in machine.system.outside or moving:
         raise InputError(
             f'{machine.name}: time acts on it by loads or other drives, so that no turn is like '

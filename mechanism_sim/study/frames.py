@@ -18,7 +18,6 @@ from mechanism_sim.numerics.fourier import spectrum
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.oscillators import forces_on, read_frame
 from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.periodic_forces import SteadyVibration, known_harmonics
 from mechanism_sim.vibration.shaking import Shaking
@@ -39,14 +38,14 @@ def coordinates_of(machine: Machine) -> dict[str, tuple[str, int]]:
     return {
         f'{name}.{part}': (name, k)
         for name in machine.scene.oscillators
-        for k, part in enumerate(PARTS[: read_frame(machine, name).freedom])
+        for k, part in enumerate(PARTS[: machine.frame(name).freedom])
     }
 
 
 def load_on(machine: Machine, option: str, place: str, direction: float | None) -> Array:
     """A force in a direction [rad], or a moment, on a frame (3,): FRAME, or FRAME.MOUNT."""
     name, _, mount = place.partition('.')
-    frame, mounts = read_frame(machine, name), machine.scene.oscillators[name].mounts
+    frame, mounts = machine.frame(name), machine.scene.oscillators[name].mounts
     if mount and mount not in mounts:
         raise InputError(
             f"{machine.name}: {option} {place}: the frame {name} has no mount '{mount}'"
@@ -63,7 +62,7 @@ def load_on(machine: Machine, option: str, place: str, direction: float | None) 
 
 def receptance(machine: Machine, name: str, w: Array) -> ComplexArray:
     """Displacements per force (N, n, n) of a frame at angular frequencies w (N,) [rad/s]."""
-    frame: Frame = read_frame(machine, name)
+    frame: Frame = machine.frame(name)
     each = np.asarray(w, float)[:, None, None]
     Z = np.asarray(frame.K + 1j * each * frame.C - each**2 * frame.M, complex)
     size = np.sqrt(np.diag(frame.M))
@@ -94,8 +93,8 @@ def harmonics_of(
     motion = simulate(ideal, duration=_LONGER * period).motion
     found = {}
     for name in names:
-        frame = read_frame(machine, name)
-        shaking = Shaking(frame, forces_on(ideal, name))
+        frame = machine.frame(name)
+        shaking = Shaking(frame, ideal.forces_on(name))
 
         def forces(t: Array, shaking: Shaking = shaking) -> Array:
             return shaking.read(motion, *motion.curve.find(t))

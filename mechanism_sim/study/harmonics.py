@@ -94,7 +94,7 @@ def harmonics(
                 f'{machine.name}: {c} does not turn at a steady speed, so that nothing repeats '
                 "itself: give its drive a 'speed'"
             )
-    rates = np.array([machine.held[c][1] for c in machine.plan.prescribed])
+    rates = np.array([machine.plan.held[c][1] for c in machine.plan.prescribed])
     known = frames.coordinates_of(machine)
     asked = [x for x in quantities if x.partition('.')[2] in known]
     if not quantities and not machine.torque_driven:
@@ -279,7 +279,7 @@ class _Excitation:
     def __init__(self, one: LinearMachine, driven: list[int], rates: Array, length: float) -> None:
         self._one, self._driven, self._rates, self._length = one, driven, rates, length
         names, held = one.derivatives.coordinates, [*driven, *one.independent]
-        self._kinematics = one.machine.kinematics([names[i] for i in held])
+        self._kinematics = one.machine.plan.kinematics([names[i] for i in held])
         self._held = np.concatenate([rates, np.zeros(len(one.independent))])
         self._others = [i for i in one.derivatives.free if i not in one.independent]
         pace = np.abs(rates).max(initial=0.0)

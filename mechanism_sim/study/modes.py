@@ -22,7 +22,6 @@ from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.linearisation import Excitation, Linear, Linearisation, Point
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.oscillators import read_frame
 from mechanism_sim.vibration import state_space
 from mechanism_sim.vibration.systems import ROUNDING, System
 
@@ -462,7 +461,7 @@ def about(machine: Machine, turning: bool = False) -> Station:
 
 def _frame_modes(machine: Machine, name: str) -> list[Mode]:
     """The modes of a frame, which the machine does not feel."""
-    frame = read_frame(machine, name)
+    frame = machine.frame(name)
     scale = np.array([machine.plan.ideal.size, machine.plan.ideal.size, 1.0])[: frame.freedom]
     names = [f'{name}.{part}' for part in ('x', 'y', 'angle')[: frame.freedom]]
     return [

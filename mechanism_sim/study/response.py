@@ -17,7 +17,7 @@ from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.planar.linearisation import Excitation
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.names import scene_errors
 from mechanism_sim.study import frames
 from mechanism_sim.study.modes import LinearMachine, derivatives, kept, linearised, turning
 
@@ -100,7 +100,8 @@ def read_source(
         name = f'{option.strip("-")} {reference}'
         unit = 'N m' if direction is None else 'N'
         return Source(name, unit, frame=(str(reference).partition('.')[0], own))
-    point = Places(machine.name, machine.scene).find(option, str(reference))
+    with scene_errors(machine.name):
+        point = machine.plan.find(option, str(reference))
     if point[0] == GROUND:
         raise InputError(f'{machine.name}: {option} {reference}: the ground does not move')
     if direction is None:

@@ -18,7 +18,6 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.instruments import source
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
 from mechanism_sim.sensing.channel import Channel, Source
@@ -216,7 +215,10 @@ def _signals(
         }
     bare = replace(next(iter(chains.values())), noise=Noise(), converter=Converter())
     chosen = _samples(record, turns, bare)
-    read = [all_samples(source(machine, name), c, name, motion) for name, c in chains.items()]
+    sensors = machine.scene.sensors
+    read = [
+        all_samples(sensors[name].source(machine), c, name, motion) for name, c in chains.items()
+    ]
     return _Signals(
         bare,
         [_place_on(sensor) for sensor in sensors.values()],

@@ -98,7 +98,7 @@ def test_the_gallery_has_a_row_of_every_scene_tested_here():
 def test_the_gallery_is_right_and_its_scenes_run(name):
     machine, solution = run(name)
     q = machine.assembly.q[:, None]
-    rank = np.linalg.matrix_rank(machine.kinematics([]).closure(q)[1][0])
+    rank = np.linalg.matrix_rank(machine.plan.kinematics([]).closure(q)[1][0])
     assert len(q) - rank - len(machine.plan.ideal.deformations) == gallery.FREEDOMS.get(name, 1)
     assert solution.max_closure_error < 1e-12
     energy, seen = solution.energy, solution.sample(np.linspace(0.0, solution.duration, 50))

@@ -104,7 +104,7 @@ def elsewhere(machine):
     if four_bar:
         crank = machine.start_of_crank[0] + 0.3
         return np.array([crank, *four_bar.positions(np.array(crank))])
-    kinematics, start = machine.kinematics(list(machine.plan.laws)), machine.assembly.q
+    kinematics, start = machine.plan.kinematics(list(machine.plan.laws)), machine.assembly.q
     for step in (0.1, -0.1, 0.02, -0.02):
         guess = start.copy()
         for c in machine.plan.laws:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import schema
-from mechanism_sim.scene.plan import plan_of
+from mechanism_sim.scene.plan import Plan
 from test.grid.case import Draft, Family, Random, Scene, rotate
 from test.grid.four_bars import NOT_SEATED, clearance
 from test.grid.machines import rub
@@ -215,17 +215,14 @@ def add_drives(random: Random, scene: Scene, poses: Poses, freedom: int) -> Scen
 
 def _coordinates(scene: Scene, poses: Poses) -> dict[str, tuple[float, bool]]:
     """The coordinates of the tree that the program finds, at the poses; which are straight."""
-    tree = plan_of('by chance', schema.Scene.model_validate(scene)).ideal
+    tree = Plan(schema.Scene.model_validate(scene)).ideal
     found = {}
     for c in tree.coordinates:
         j = tree.tree_joints[c]
         if not isinstance(j, Prismatic):
             found[c] = float(poses[c][2]), False
             continue
-        places = [
-            poses[link][:2] + rotate(poses[link][2], at)
-            for link, at in ((j.first, j.on_first), (j.second, j.on_second))
-        ]
+        places = [poses[link][:2] + rotate(poses[link][2], at) for link, at in j.points]
         way = rotate(poses[j.first][2] + j.axis, (1.0, 0.0))
         found[c] = float((places[1] - places[0]) @ way), True
     return found

@@ -126,7 +126,7 @@ def toggle_near_its_dead_point() -> list[Figure]:
         )
         q = machine.assembly.q[:, None]
         explained = EPS / math.tan(angle) ** 2
-        v = machine.kinematics(['slider']).rates(q, np.array([[1.0]]))
+        v = machine.plan.kinematics(['slider']).rates(q, np.array([[1.0]]))
         exact = -1.0 / (2.0 * ARM * math.sin(angle))
         rates.append(abs(float(v[0, 0]) / exact - 1.0) / explained)
         zero = np.zeros_like(q)

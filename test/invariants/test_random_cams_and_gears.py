@@ -51,7 +51,7 @@ def asked_for(machine, angle, speed):
         return np.array(pair.world(tuple(v)))
 
     pitch, contact = (world(turned(-x, p[:, 0])) for p in (touch.pitch, touch.profile))
-    follower, gravity = pair.cam.follower, np.array(plan.gravity)
+    follower, gravity = pair.cam.follower, np.array(plan.scene.gravity)
     guide = next(j for j in plan.joints if j.name == 'guide')
     if isinstance(follower, Oscillating | OscillatingFlat):
         sign = pair.swing

@@ -159,9 +159,7 @@ def test_forces_of_teeth_act_where_they_touch():
     mesh = stage.joints[k]
     force = found.forces[:, k]
     along = force / np.hypot(*force.T)[:, None]
-    for teeth, (link, centre) in zip(
-        mesh.wheels, ((mesh.first, mesh.on_first), (mesh.second, mesh.on_second)), strict=True
-    ):
+    for teeth, (link, centre) in zip(mesh.wheels, mesh.points, strict=True):
         arm = found.feet[:, 0] - at(found.poses, stage.links.index(link), centre)
         lever = np.abs(arm[:, 0] * along[:, 1] - arm[:, 1] * along[:, 0])
         assert lever == pytest.approx(np.full(len(t), teeth.gear.base_radius), rel=1e-9)

@@ -288,7 +288,7 @@ def test_what_a_page_gets_is_the_motion_at_these_instants():
         assert np.diff(t).max() <= live.step * (1.0 + 1e-6)
         seen = solution.view(t[1:-1]).observed  # the ends may be events
         places = [machine.mechanism.locate_all(link, seen.position, at) for link, at in
-                  ((joint.first, joint.on_first), (joint.second, joint.on_second))]  # fmt: skip
+                  joint.points]  # fmt: skip
         assert np.abs(frames['pins'][1:-1, 0] - (places[0] - places[1]).T).max() < 1e-10
         assert frames['speed'] == pytest.approx(36.6519)
         assert np.abs(frames['torque'][1:-1] - seen.drive_torque[0]).max() < 1e-4

@@ -522,7 +522,7 @@ def effective_mass(machine):
     joint, shifts = m.joint('coupler_rocker'), np.zeros((n, n))
     np.fill_diagonal(shifts, step)
     moved = q[:, None] + np.concatenate([shifts, -shifts], axis=1)
-    ends = (joint.first, joint.on_first), (joint.second, joint.on_second)
+    ends = joint.points
     apart = np.subtract(*(m.locate_all(link, moved, at) for link, at in ends))
     J = (apart[:, :n] - apart[:, n:]) / (2.0 * step)
     across = np.array([-np.sin(q[1]), np.cos(q[1])]) @ J[:, 1:]

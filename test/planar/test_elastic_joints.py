@@ -113,14 +113,14 @@ def test_a_roller_is_where_the_arm_of_its_follower_bends_it():
 def test_directions_turn_with_cross_sections_as_points_beside_the_axis_do():
     mechanism = held({'slot': ['ground.far', 'arm']}, modes=2).mechanism
     q, at = np.array([[0.3], [0.1], [0.05]]), (0.4, 0.0)
-    across = mechanism.evaluate(mechanism.direction('arm', 0.5 * np.pi, at), q)
+    across = mechanism.trace(mechanism.direction('arm', 0.5 * np.pi, at), q)[0]
     beside = mechanism.locate_all('arm', q, (0.4, 1.0)) - mechanism.locate_all('arm', q, at)
     assert across == pytest.approx(beside, rel=1e-12)
     assert (
-        np.abs(across - mechanism.evaluate(mechanism.direction('arm', 0.5 * np.pi), q)).max()
+        np.abs(across - mechanism.trace(mechanism.direction('arm', 0.5 * np.pi), q)[0]).max()
         > 0.01
     )
-    along = mechanism.evaluate(mechanism.direction('arm', 0.0, at), q)
+    along = mechanism.trace(mechanism.direction('arm', 0.0, at), q)[0]
     assert along[:, 0] == pytest.approx([across[1, 0], -across[0, 0]])
 
 

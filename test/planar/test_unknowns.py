@@ -15,7 +15,7 @@ from mechanism_sim.nodes.publications import reactions
 from mechanism_sim.numerics import compiled
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.scene import scene_names
-from mechanism_sim.scene.nominal_model import Level
+from mechanism_sim.scene.machine import Level
 from ros_interfaces.checks import objection
 
 R2, R3, C2, C3 = 0.05, 0.2, 0.02, 0.08

@@ -222,7 +222,7 @@ class Absolute:
         """Generalised forces of gravity, and of loads (link, point, force, torque)."""
         Q = np.zeros(len(x))
         for i, body in enumerate(self.plan.bodies):
-            Q[3 * i : 3 * i + 2] += body.mass * np.array(self.plan.gravity)
+            Q[3 * i : 3 * i + 2] += body.mass * np.array(self.plan.scene.gravity)
         for link, at, force, torque in loads(self, x, v, t):
             Q = Q + force @ self.point(x, link, at)[1] + torque * self.spin(x, link)
         return Q

@@ -11,9 +11,8 @@ from running import one_of
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.check import check, render
-from mechanism_sim.scene.doubts import doubts, length_questions
 from mechanism_sim.scene.files import find_scene, read_yaml
-from mechanism_sim.scene.unused import unused
+from mechanism_sim.scene.remarks import doubts, length_questions, unused
 
 FOUR_BAR = 'four_bar_clearance'
 

@@ -72,7 +72,7 @@ def test_what_no_drive_moves_starts_on_its_bushing() -> None:
     assert two['position.arm'][1] == pytest.approx(one['position.arm'][1], rel=1e-3)
     place = loose.mechanism.separation('pivot')
     start = np.array([[two[f'position.{c}'][0]] for c in loose.mechanism.coordinates])
-    assert np.hypot(*loose.mechanism.evaluate(place, start)) == pytest.approx(1e-5, rel=1e-9)
+    assert np.hypot(*loose.mechanism.trace(place, start)[0]) == pytest.approx(1e-5, rel=1e-9)
 
 
 def test_a_gap_that_cannot_change_is_refused() -> None:

@@ -14,7 +14,6 @@ from two_masses import TwoMasses
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.observer import Instants
-from mechanism_sim.scene.start_configuration import joint_forces
 from mechanism_sim.study.floquet import repeated, station
 from mechanism_sim.study.frames import without_play
 from mechanism_sim.study.harmonics import harmonics
@@ -357,7 +356,7 @@ def test_reactions_are_those_of_the_equations_of_motion():
         content['loads'] = {'push': {'at': 'arm.cup', 'force': [0.0, turn.real]}}
         loaded = made(content, 'catapult')
         q, v = one.at.q + (z * turn).real, (1j * TURN * f * z * turn).real
-        return joint_forces(loaded, q[:, None], v[:, None], np.zeros((len(q), 1))).ravel()
+        return loaded.joint_forces_at_start(q[:, None], v[:, None]).ravel()
 
     for phase in (0.0, np.pi / 2):
         change = (forces(1.0, phase) - forces(-1.0, phase)) / (2.0 * small)
@@ -408,7 +407,7 @@ def random_machine(rng, kind):
 def accelerations(one, dz, dv):
     """Of the independent coordinates beside the equilibrium, by the forward dynamics."""
     machine, coordinates = one.machine, one.derivatives.coordinates
-    kinematics = machine.kinematics([coordinates[i] for i in one.independent])
+    kinematics = machine.plan.kinematics([coordinates[i] for i in one.independent])
     q = kinematics.positions((one.at.q + one.B @ dz)[:, None])[0]
     v = kinematics.rates(q, np.array(dv)[:, None])
     torques = []

@@ -18,7 +18,6 @@ from mechanism_sim.nodes.oscillator import fields
 from mechanism_sim.numerics.polynomials import gauss_nodes
 from mechanism_sim.numerics.rational import Rational
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.oscillators import forces_on, read_frame
 from mechanism_sim.sensing.chain import Amplifier
 from mechanism_sim.vibration.residues import receptance, through
 from mechanism_sim.vibration.shaking import Shaking
@@ -44,7 +43,7 @@ def on_frame(scene, overrides=(), **frame):
 
 def shaking_of(machine):
     """What shakes its frame, for one listener."""
-    return Shaking(read_frame(machine, 'frame'), forces_on(machine, 'frame'))
+    return Shaking(machine.frame('frame'), machine.forces_on('frame'))
 
 
 def grounded(machine):
@@ -237,7 +236,7 @@ def test_momentum_and_energy_of_a_long_run(scene):
     solution = ms.simulate(machine, duration=1.0 if scene == 'four_bar_on_frame' else 0.2)
     curve, shaken = solution.motion.curve, machine.oscillator(name)
     frame, moved = shaken.frame, shaken.take(solution.motion)
-    shaking = Shaking(frame, forces_on(machine, name))
+    shaking = Shaking(frame, machine.forces_on(name))
     impulses = shaking.impulses(solution.motion)
     # pieces cut so small that a quadrature of 10 points is exact for the fastest mode
     n = int(np.ceil(curve.duration.max() * 2.0 * np.pi * frame.frequencies[-1]))

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cache
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.paths import Paths
 from mechanism_sim.planar.points import LinkPoint, Point
 from mechanism_sim.results.quantity import Quantity, Shown, vector
 from mechanism_sim.results.view import View
@@ -21,12 +19,13 @@ RATES = {'position': '', 'velocity': '/s', 'acceleration': '/s^2'}
 
 
 def tracks(mechanism: Mechanism, places: Sequence[LinkPoint | Point]) -> Callable[[View], Array]:
-    """Positions, velocities and accelerations (P, 3, 2, N) of points, compiled when needed."""
-    paths = cache(lambda: Paths(mechanism, places))
+    """Positions, velocities and accelerations (P, 3, 2, N) of points."""
 
     def track(view: View) -> Array:
         o = view.observed
-        return paths()(o.local, o.velocity, o.acceleration)
+        return np.array([
+            mechanism.trace(place, o.local, o.velocity, o.acceleration) for place in places
+        ])  # fmt: skip
 
     return track
 

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
-from mechanism_sim.scene.joint_keys import Names
+from mechanism_sim.scene.names import Names
 
 Frame: TypeAlias = tuple[Vector2, float, Literal[1, -1]]
 """Centre [m], direction [rad] and sense of a `CamPair`."""
@@ -23,7 +23,7 @@ class Guide(NamedTuple):
     angle: float = 0.0  #: [rad] of its frame if it slides
 
 
-def find_guide(places: Names, where: str, link: str, at: Vector2, what: str) -> Guide:
+def find_guide(names: Names, where: str, link: str, at: Vector2, what: str) -> Guide:
     """How a point `at` [m] of a link is carried by the ground.
 
     Parameters
@@ -31,10 +31,10 @@ def find_guide(places: Names, where: str, link: str, at: Vector2, what: str) -> 
     where : the joint that asks
     what : ``cam`` or ``follower``
     """
-    for name, joint in places.scene.joints.items():
+    for name, joint in names.scene.joints.items():
         if joint.kind not in ('revolute', 'prismatic'):
             continue
-        (a, on_a), (b, on_b) = (places.find(f'joints.{name}', p) for p in joint.points)
+        (a, on_a), (b, on_b) = names.connected(name)
         if {a, b} != {GROUND, link}:
             continue
         if joint.clearance:
@@ -48,8 +48,8 @@ def find_guide(places: Names, where: str, link: str, at: Vector2, what: str) -> 
             return Guide(False, start, (0.0, 0.0), joint.axis, joint.angle)
     moves = 'turn or slide' if what == 'cam' else 'slide or swing'
     raise InputError(
-        f'{where}: the {what} {link} must {moves} on the ground: add a joint '
-        f"'prismatic: [ground, {link}]' or 'revolute: [ground, {link}]'"
+        f"{where}: the {what} {link} must {moves} on the ground: add a joint 'prismatic: [ground, "
+        f"{link}]' or 'revolute: [ground, {link}]'"
     )
 
 

@@ -1,55 +1,29 @@
-"""Belts and chains: two pulleys whose strands pull, ideal or with the stiffness of the strands.
-
-With unit normals n+ and n- from the first centre to where the strands leave the first pulley, on
-the left (+) and on the right (-) of the line of centres u, and t+, t- along the strands to the
-second pulley, tensions T+ and T- do to the second pulley
-
-    F = -T+ t+ - T- t-,    M = s r2 (T+ - T-)
-
-about its centre, with s = 1 for an open belt, -1 for a crossed one. As the strands are tangents,
-the same two forces balance on the first pulley. The left strand is longer by
-``x = r1 a1 - s r2 a2`` than at the start, the right one shorter: an ideal belt keeps x at zero, a
-strand of stiffness k pulls with ``T0 + k x + c x'`` while it is taut, else not at all. What x has
-to do with angles a follows from the power of the strands, T+ x' - T- x'.
-
-A belt that friction holds keeps x' at zero as long as the tensions on the pulley that it wraps
-least, by phi, are in a ratio of at most ``e^(mu phi)`` (L. Euler 1762, J. A. Eytelwein 1808); then
-it slips at that ratio. Its centres are fixed and it does not stretch: what one strand pulls more
-than the pretension T0, the other pulls less (F. Reuleaux), so that the pull ``T+ - T-`` is at most
-``2 T0 tanh(mu phi/2)``. Flanks of a groove of angle alpha press with ``1/sin(alpha/2)`` times the
-force: so much more is mu of a V-belt.
-"""
+"""Belts and chains: two pulleys whose strands pull, ideal or with the stiffness of the strands."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
-import heyoka as hy
-import numpy as np
 from pydantic import Field
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.gears.transmission import Transmission, TransmissionClosure
-from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames
+from mechanism_sim.gears.belt import Belt
 from mechanism_sim.planar.joint_friction import FlankFriction
-from mechanism_sim.planar.loads import Load, Wrench, moment_of
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
-from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.planar.view import Draft, circle
 from mechanism_sim.scene.contact_keys import Friction, Play
-from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
-from mechanism_sim.scene.kinds.transmission import PhaseKeys
+from mechanism_sim.scene.joint_keys import Reference, register
+from mechanism_sim.scene.kinds.transmission import PhaseKeys, carrier_of
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Length, si
 
 _LARGEST = 10_000  # of the whole numbers whose ratio the radii have
 
 
+@register('belt')
 class BeltKeys(PhaseKeys):
     """A belt or a chain."""
 
@@ -69,368 +43,99 @@ class BeltKeys(PhaseKeys):
     carrier: str | None = None
     """Link that carries both shafts; else the ground."""
 
+    firm = 'belts and chains have strands'
+    rubs_by = ('groove', 'efficiency'), False
+    slips = True
 
-class Strand(NamedTuple):
-    """One of the two strands, in the frame of the carrier."""
-
-    leaves: Vector2  #: [m] the first pulley
-    meets: Vector2  #: [m] the second pulley
-    way: Vector2  #: unit vector between them
-    side: float  #: 1 on the left, -1 on the right
-
-
-@dataclass(frozen=True)
-class Belt(Transmission):
-    """A belt over two pulleys that turn on a common carrier."""
-
-    radii: tuple[float, float] = (1.0, 1.0)  #: [m]
-    centre: Vector2 = (0.0, 0.0)  #: [m] of the first pulley, in the carrier's frame
-    apart: Vector2 = (1.0, 0.0)  #: [m] from there to that of the second
-    shafts: tuple[str, ...] = ()
-    stiffness: float = 0.0  #: [N/m]; 0 for an ideal belt
-    damping: float = 0.0  #: [N s/m]
-    pretension: float = 0.0  #: [N]
-    friction: float | None = None  #: coefficient, if that alone holds it; as on a flat pulley
-    begun: tuple[int, int, int] = (0, 0, 0)
-    """Whole turns of first, second and carrier that it did not follow: it was put on after."""
-
-    @property
-    def bearings(self) -> tuple[str, ...]:
-        """The shafts, which its forces load."""
-        return self.shafts
-
-    @property
-    def elastic(self) -> bool:
-        """Whether its strands give way, or it slips."""
-        return self.stiffness > 0.0 or self.slips
-
-    @property
-    def slips(self) -> bool:
-        """Whether friction alone holds it."""
-        return self.friction is not None
-
-    @property
-    def wrap(self) -> float:
-        """The smaller angle of contact [rad]; a crossed belt has the same on both pulleys."""
-        (r1, r2), s = self.radii, self.sense
-        across = math.asin((r1 - s * r2) / math.hypot(*self.apart))
-        return math.pi - 2.0 * (abs(across) if s > 0.0 else -across)
-
-    @property
-    def most(self) -> float:
-        """The largest difference of tensions before it slips [N]."""
-        return 2.0 * self.pretension * math.tanh(0.5 * (self.friction or 0.0) * self.wrap)
-
-    @property
-    def sense(self) -> float:
-        """1 if the pulleys turn the same way, -1 if the belt is crossed."""
-        return math.copysign(1.0, self.ratio)
-
-    @property
-    def strands(self) -> tuple[Strand, Strand]:
-        """Left and right strand."""
-        (r1, r2), s, d = self.radii, self.sense, math.hypot(*self.apart)
-        slope = (r1 - s * r2) / d
-        along, across = slope, math.sqrt(1.0 - slope**2)
-        u = self.apart[0] / d, self.apart[1] / d
-        found = []
-        for side in (1.0, -1.0):
-            nx = along * u[0] - side * across * u[1]
-            ny = along * u[1] + side * across * u[0]
-            leaves = self.centre[0] + r1 * nx, self.centre[1] + r1 * ny
-            meets = (
-                self.centre[0] + self.apart[0] + s * r2 * nx,
-                self.centre[1] + self.apart[1] + s * r2 * ny,
+    def read(self, names: Names, name: str) -> Belt:
+        """Between two pulleys on a carrier."""
+        where = f'joints.{name}'
+        (a, on_a), (b, on_b) = names.ends(name)
+        if self.radii is None:
+            raise InputError(
+                f"{where}.radii is missing: of both pulleys, such as '[40 mm, 60 mm]'"
             )
-            way = meets[0] - leaves[0], meets[1] - leaves[1]
-            length = math.hypot(*way)
-            found.append(Strand(leaves, meets, (way[0] / length, way[1] / length), side))
-        return found[0], found[1]
-
-    def closure(self, mechanism: Mechanism) -> BeltClosure:
-        """The ideal belt."""
-        return BeltClosure(self, mechanism)
-
-    def elements(self, mechanism: Mechanism) -> Sequence[ForceElement]:
-        """Strands that give way, or that slip."""
-        kind = SlippingBelt if self.slips else BeltForce
-        return [kind(self, mechanism)] if self.elastic else []
-
-    def draw(self, draft: Draft) -> None:
-        """Pulleys, and the strands between them."""
-        sides = (self.first, self.on_first), (self.second, self.on_second)
-        for (link, at), radius in zip(sides, self.radii, strict=True):
-            if draft.first(f'{link} {radius:.9g}'):
-                draft.add('wheel', link, circle(radius, at), size=radius)
-        for strand in self.strands:
-            draft.add('belt', self.carrier, np.array([strand.leaves, strand.meets]))
-
-    def discs(self) -> Sequence[tuple[LinkPoint, float]]:
-        """The pulleys."""
-        sides = (self.first, self.on_first), (self.second, self.on_second)
-        return list(zip(sides, self.radii, strict=True))
-
-
-@dataclass(frozen=True)
-class BeltClosure(TransmissionClosure):
-    """A ratio of angles that strands keep, which load the shafts."""
-
-    joint: Belt
-
-    def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """Of the difference of tensions: what they do to the second pulley."""
-        moment = super().wrench(frames, forces).moment
-        joint = self.joint
-        pull = joint.sense * joint.radii[1]
-        difference = mul(moment, frames.parameters(f'{self.name}.by_moment', 1.0 / pull))
-        half = mul(difference, frames.parameters(f'{self.name}.half', 0.5))
-        tensions = half, neg(half)
-        return strand_wrench(joint, self.mechanism, frames, tensions)._replace(moment=moment)
-
-
-@dataclass(frozen=True)
-class BeltForce:
-    """A belt whose strands give way, in the place of a joint."""
-
-    joint: Belt
-    mechanism: Mechanism
-
-    @property
-    def name(self) -> str:
-        """That of the joint."""
-        return self.joint.name
-
-    def _stretch(self, frames: Frames) -> tuple[Term, Term]:
-        """How much longer the left strand is [m], and its rate [m/s]."""
-        joint, m, p = self.joint, self.mechanism, frames.parameters
-        (r1, r2), s = joint.radii, joint.sense
-        value: Term = p(f'{self.name}.phase', s * r2 * joint.phase)
-        rate: Term = None
-        turning = (
-            (joint.first, joint.on_first, r1), (joint.second, joint.on_second, -s * r2),
-            (joint.carrier, (0.0, 0.0), s * r2 - r1),
+        carrier = carrier_of(names, name, self)
+        (one, centre, at_one), (two, far, at_two) = (
+            names.shaft(f'joints.{name}', link, carrier) for link in (a, b)
+        )
+        for link, own, given in ((a, at_one, on_a), (b, at_two, on_b)):
+            if own != given:
+                raise InputError(f'{where}.belt: name the point of {link} on which it turns')
+        (r1, r2), apart = self.radii, (far[0] - centre[0], far[1] - centre[1])
+        d, least = math.hypot(*apart), r1 + r2 if self.crossed else abs(r1 - r2)
+        if d <= least:
+            raise InputError(
+                f'{where}.radii: no {"crossed " * self.crossed}belt goes round pulleys of {r1:g} '
+                f'm and {r2:g} m that are {d:g} m apart: it must be more than {least:g} m'
+            )
+        ratio = Fraction(r1 / r2).limit_denominator(_LARGEST)
+        if not self.stiffness and (
+            ratio.numerator > _LARGEST or abs(ratio * Fraction(r2) / Fraction(r1) - 1) > 1e-12
+        ):
+            raise InputError(
+                f'{where}.radii: {r1:g} m to {r2:g} m is no ratio of whole numbers up to '
+                f"{_LARGEST}: write fewer digits, or give the belt a 'stiffness'"
+            )
+        held = self._held()
+        if held is not None and self.stiffness:
+            raise InputError(f'{where}.friction: strands that give way do not slip: leave out one')
+        if held is not None and not self.pretension:
+            raise InputError(
+                f"{where}.pretension is missing: what friction can hold goes with it, as '200 N'"
+            )
+        for key in ('damping', 'pretension'):
+            allowed = held is not None and key == 'pretension'
+            if getattr(self, key) and not (self.stiffness or allowed):
+                raise InputError(f"{where}.{key} needs 'stiffness': an ideal belt has none")
+        return Belt(
+            name, a, b, on_a, on_b, -ratio if self.crossed else ratio, self.phase, carrier,
+            self.radii, centre, apart, (one, two), self.stiffness or 0.0, self.damping,
+            self.pretension, held,
         )  # fmt: skip
-        for k, (link, at, arm) in enumerate(turning):
-            frame, offset = m.frame(link)
-            lever = p(f'{self.name}.arm.{k}', arm)
-            value = add(value, p(f'{self.name}.offset.{k}', arm * offset))
-            if frame != GROUND:
-                begun = p(f'{self.name}.begun.{k}', float(joint.begun[k]))
-                turns = add(frames.turns(frame), neg(begun))
-                angle = frames.q[frame] + 2.0 * math.pi * turns
-                value = add(value, mul(lever, angle))
-                rate = add(rate, mul(lever, frames.v[frame]))
-            bent = m.bent(frames, link, at, f'{self.name}:{link}')
-            value, rate = add(value, mul(lever, bent.value)), add(rate, mul(lever, bent.rate))
-        return value, rate
 
-    def _strands(self, frames: Frames) -> list[tuple[Term, Term, Term]]:
-        """Of each: whether it is taut, how far it is stretched [m], and its rate [m/s]."""
-        joint, p = self.joint, frames.parameters
-        x, rate = self._stretch(frames)
-        start = p(f'{self.name}.stretched', joint.pretension / joint.stiffness)
-        found = []
-        for strand in joint.strands:
-            own, own_rate = (x, rate) if strand.side > 0.0 else (neg(x), neg(rate))
-            length = add(start, own)
-            side = 'left' if strand.side > 0.0 else 'right'
-            taut = frames.switch(f'{self.name}.{side}', dense(length) / joint.radii[0])
-            found.append((taut, length, own_rate))
-        return found
+    def _held(self) -> float | None:
+        """The coefficient of friction that alone holds a belt, as if its pulleys were flat."""
+        given = self.friction
+        if given is None or given.efficiency is not None:
+            return None
+        return given.coefficient / math.sin(0.5 * (given.groove or math.pi))
 
-    def _tensions(self, frames: Frames) -> tuple[Term, Term]:
-        p = frames.parameters
-        k = p(f'{self.name}.stiffness', self.joint.stiffness)
-        c = p(f'{self.name}.damping', self.joint.damping)
-        left, right = (
-            mul(taut, add(mul(k, length), mul(c, rate)))
-            for taut, length, rate in self._strands(frames)
-        )
-        return left, right
+    def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[FlankFriction]:
+        """Of a chain: of its efficiency e it loses ``k = 2 (1 - e)/(1 + e)`` of the pull.
 
-    def wrench(self, frames: Frames) -> Wrench:
-        """What the strands do to the second pulley."""
-        return strand_wrench(self.joint, self.mechanism, frames, self._tensions(frames))
+        Half of that acts on each wheel against its turning: with the pull N they have
+        ``(1 + k/2) N`` and ``(1 - k/2) N``.
+        """
+        if given.efficiency in (None, 1.0):
+            return []
+        (r1, r2), s = joint.radii, joint.sense
+        lost = 2.0 * (1.0 - given.efficiency) / (1.0 + given.efficiency)
+        arms = 0.5 * r1, 0.5 * s * r2
+        return [FlankFriction(joint.name, mechanism, lost, arms, s * r2, joint.carrier)]
 
-    def loads(self, frames: Frames) -> list[Load]:
-        """The same, and what balances it on the first pulley."""
-        joint, w = self.joint, self.wrench(frames)
-        ux, uy = frames.position(
-            self.mechanism.direction(joint.carrier, math.atan2(*joint.apart[::-1])),
-            f'{self.name}.centres',
-        )
-        d = frames.parameters(f'{self.name}.apart', math.hypot(*joint.apart))
-        lever = mul(d, moment_of((ux.value, uy.value), (w.x, w.y)))
+    def play(self) -> Play | None:
+        """Strands that give way, or slip."""
+        soft = self.stiffness or self._held() is not None
+        return Play(radial=0.0, restitution=0.0) if soft else None
+
+    def mounted(self, joint: Any, start: Mapping[str, float], turned: Mapping[str, int]) -> Belt:
+        """At the angle of many at which it fits; strands that give way remember the turns."""
+        links = joint.first, joint.second, joint.carrier
+        a, b, c = (start.get(link, 0.0) for link in links)
+        one, two, three = (turned.get(link, 0) for link in links)
+        step = 2.0 * math.pi / joint.ratio.denominator
+        off = (b - c) - joint.phase - float(joint.ratio) * (a - c)
+        phase = joint.phase + step * round(off / step)
+        belt: Belt = replace(joint, phase=phase, begun=(one, two, three))
+        return belt
+
+    def notes(self, machine: Any, joint: Belt) -> list[str]:
+        """The largest pull."""
+        if joint.friction is None:
+            return []
+        wrap, ratio = math.degrees(joint.wrap), math.exp(joint.friction * joint.wrap)
         return [
-            Load(f'{self.name}.first', joint.first, joint.on_first, (neg(w.x), neg(w.y)),
-                 neg(add(w.moment, lever))),
-            Load(f'{self.name}.second', joint.second, joint.on_second, (w.x, w.y), w.moment),
-        ]  # fmt: skip
-
-    def power_lost(self, frames: Frames) -> Term:
-        """``c x'^2`` of the strands that are taut."""
-        c = frames.parameters(f'{self.name}.damping', self.joint.damping)
-        return add(*(
-            mul(taut, mul(c, mul(rate, rate))) for taut, _, rate in self._strands(frames)
-        ))  # fmt: skip
-
-    def energy(self, frames: Frames) -> Term:
-        """``k length^2/2`` of the strands that are taut."""
-        k = frames.parameters(f'{self.name}.stiffness', self.joint.stiffness)
-        half = mul(k, hy.expression(0.5))
-        return add(*(
-            mul(taut, mul(half, mul(length, length))) for taut, length, _ in self._strands(frames)
-        ))  # fmt: skip
-
-
-@dataclass(frozen=True)
-class SlippingBelt(BeltForce):
-    """A belt that friction holds, or lets slip: the pull acts against the slip x'."""
-
-    def _pull(self, frames: Frames) -> tuple[Term, Term]:
-        """Difference of tensions [N], and the slip [m/s]."""
-        _, rate = self._stretch(frames)
-        slips = frames.slip(f'joints:{self.name}.friction', dense(rate)).flag
-        most = frames.parameters(f'{self.name}.most', self.joint.most)
-        return mul(most, 2.0 * slips - 1.0), rate
-
-    def _tensions(self, frames: Frames) -> tuple[Term, Term]:
-        half = mul(hy.expression(0.5), self._pull(frames)[0])
-        mean = frames.parameters(f'{self.name}.pretension', self.joint.pretension)
-        return add(mean, half), add(mean, neg(half))
-
-    def power_lost(self, frames: Frames) -> Term:
-        """Pull times slip."""
-        return mul(*self._pull(frames))
-
-    def energy(self, _: Frames) -> Term:
-        """It stores none."""
-        return None
-
-
-def strand_wrench(
-    joint: Belt, mechanism: Mechanism, frames: Frames, tensions: tuple[Term, Term]
-) -> Wrench:
-    """What tensions [N] of the left and the right strand do to the second pulley."""
-    x: Term = None
-    y: Term = None
-    for strand, tension in zip(joint.strands, tensions, strict=True):
-        angle = math.atan2(*strand.way[::-1])
-        name = f'{joint.name}.strand.{strand.side:g}'
-        tx, ty = frames.position(mechanism.direction(joint.carrier, angle), name)
-        x, y = add(x, neg(mul(tension, tx.value))), add(y, neg(mul(tension, ty.value)))
-    lever = frames.parameters(f'{joint.name}.pull', joint.sense * joint.radii[1])
-    return Wrench(x, y, mul(lever, add(tensions[0], neg(tensions[1]))))
-
-
-def _read(places: Names, name: str, joint: BeltKeys) -> Belt:
-    where = f'{places.name}: joints.{name}'
-    (a, on_a), (b, on_b) = places.ends(name, joint)
-    if joint.radii is None:
-        raise InputError(f"{where}.radii is missing: of both pulleys, such as '[40 mm, 60 mm]'")
-    carrier, _ = places.find(f'joints.{name}.carrier', joint.carrier or GROUND)
-    if carrier in (a, b):
-        raise InputError(f'{where}: {carrier} carries the belt: name two other links')
-    (one, centre, at_one), (two, far, at_two) = (
-        places.shaft(f'joints.{name}', link, carrier) for link in (a, b)
-    )
-    for link, own, given in ((a, at_one, on_a), (b, at_two, on_b)):
-        if own != given:
-            raise InputError(f'{where}.belt: name the point of {link} on which it turns')
-    (r1, r2), apart = joint.radii, (far[0] - centre[0], far[1] - centre[1])
-    d, least = math.hypot(*apart), r1 + r2 if joint.crossed else abs(r1 - r2)
-    if d <= least:
-        raise InputError(
-            f'{where}.radii: no {"crossed " * joint.crossed}belt goes round pulleys of {r1:g} m '
-            f'and {r2:g} m that are {d:g} m apart: it must be more than {least:g} m'
-        )
-    ratio = Fraction(r1 / r2).limit_denominator(_LARGEST)
-    if not joint.stiffness and (
-        ratio.numerator > _LARGEST or abs(ratio * Fraction(r2) / Fraction(r1) - 1) > 1e-12
-    ):
-        raise InputError(
-            f'{where}.radii: {r1:g} m to {r2:g} m is no ratio of whole numbers up to {_LARGEST}: '
-            "write fewer digits, or give the belt a 'stiffness'"
-        )
-    held = _held(joint)
-    if held is not None and joint.stiffness:
-        raise InputError(f'{where}.friction: strands that give way do not slip: leave out one')
-    if held is not None and not joint.pretension:
-        raise InputError(
-            f"{where}.pretension is missing: what friction can hold goes with it, as '200 N'"
-        )
-    for key in ('damping', 'pretension'):
-        allowed = held is not None and key == 'pretension'
-        if getattr(joint, key) and not (joint.stiffness or allowed):
-            raise InputError(f"{where}.{key} needs 'stiffness': an ideal belt has none")
-    return Belt(
-        name, a, b, on_a, on_b, -ratio if joint.crossed else ratio, joint.phase, carrier,
-        joint.radii, centre, apart, (one, two), joint.stiffness or 0.0, joint.damping,
-        joint.pretension, held,
-    )  # fmt: skip
-
-
-def _held(joint: BeltKeys) -> float | None:
-    """The coefficient of friction that alone holds a belt, as if its pulleys were flat."""
-    given = joint.friction
-    if given is None or given.efficiency is not None:
-        return None
-    return given.coefficient / math.sin(0.5 * (given.groove or math.pi))
-
-
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFriction]:
-    """Of a chain: of its efficiency e it loses ``k = 2 (1 - e)/(1 + e)`` of the pull.
-
-    Half of that acts on each wheel against its turning: with the pull N they have
-    ``(1 + k/2) N`` and ``(1 - k/2) N``.
-    """
-    belt = mechanism.joint(name)
-    assert isinstance(belt, Belt)  # noqa: S101 - of this kind
-    if given.efficiency in (None, 1.0):
-        return []
-    (r1, r2), s = belt.radii, belt.sense
-    lost = 2.0 * (1.0 - given.efficiency) / (1.0 + given.efficiency)
-    arms = 0.5 * r1, 0.5 * s * r2
-    return [FlankFriction(name, mechanism, lost, arms, s * r2, belt.carrier)]
-
-
-def _play(joint: BeltKeys) -> Play | None:
-    soft = joint.stiffness or _held(joint) is not None
-    return Play(radial=0.0, restitution=0.0) if soft else None
-
-
-def _mounted(joint: Belt, start: Mapping[str, float], turned: Mapping[str, int]) -> Belt:
-    """An ideal belt fits at many angles of its pulleys; strands that give way remember which."""
-    links = joint.first, joint.second, joint.carrier
-    a, b, c = (start.get(link, 0.0) for link in links)
-    one, two, three = (turned.get(link, 0) for link in links)
-    step = 2.0 * math.pi / joint.ratio.denominator
-    off = (b - c) - joint.phase - float(joint.ratio) * (a - c)
-    return replace(joint, phase=joint.phase + step * round(off / step), begun=(one, two, three))
-
-
-def _notes(_: Any, joint: Belt) -> list[str]:
-    """What it can pull."""
-    if joint.friction is None:
-        return []
-    wrap, ratio = math.degrees(joint.wrap), math.exp(joint.friction * joint.wrap)
-    return [
-        f'{joint.name}: slips beyond a ratio of tensions of {ratio:.4g}, by {wrap:.4g} deg of '
-        f'contact, that is a difference of {joint.most:.6g} N'
-    ]
-
-
-register(
-    JointKind(
-        'belt',
-        BeltKeys,
-        _read,
-        _play,
-        firm='belts and chains have strands',
-        notes=_notes,
-        mounted=_mounted,
-        friction=_friction,
-        rubs_by=(('groove', 'efficiency'), False),
-        slips=True,
-    )
-)
+            f'{joint.name}: slips beyond a ratio of tensions of {ratio:.4g}, by {wrap:.4g} deg of '
+            f'contact, that is a difference of {joint.most:.6g} N'
+        ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -15,9 +15,10 @@ from mechanism_sim.gears.spatial import BevelPair
 from mechanism_sim.planar.joint_friction import FlankFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.contact_keys import Friction
-from mechanism_sim.scene.gear_keys import MOST_TEETH
-from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
+from mechanism_sim.scene.gears import MOST_TEETH
+from mechanism_sim.scene.joint_keys import Reference, register
 from mechanism_sim.scene.kinds.transmission import CarrierKeys, carrier_of
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle, Displacement, Length, Position
 
 _Count = Annotated[int, Field(ge=1, le=MOST_TEETH)]
@@ -36,6 +37,7 @@ class SpatialKeys(CarrierKeys):
     """Where both of such a pair lie along their shafts; in the plane of the machine without it."""
 
 
+@register('bevel')
 class BevelKeys(SpatialKeys):
     """Straight bevel gears."""
 
@@ -48,10 +50,66 @@ class BevelKeys(SpatialKeys):
     shaft_angle: Angle | None = None
     """Of a bevel pair: between the axes; 90 deg without it."""
 
+    firm = 'bevel gears have no play here'
+    rubs_by = (), False
 
-def needed(places: Names, name: str, joint: SpatialKeys, *keys: str) -> None:
+    def read(self, names: Names, name: str) -> BevelPair:
+        """A bevel pair."""
+        needed(name, self, 'teeth', 'module', 'face_width')
+        where = f'joints.{name}'
+        (a, on_a), (b, on_b) = names.ends(name)
+        module, width = self.module or 0.0, self.face_width or 0.0
+        one, two = self.teeth or (1, 1)
+        angle = 0.5 * math.pi if self.shaft_angle is None else self.shaft_angle
+        if not 0.0 < angle < math.pi:
+            raise InputError(f'{where}.shaft_angle must lie between 0 and 180 deg')
+        cones = pitch_angles(two / one, angle)
+        if max(cones) >= 0.5 * math.pi:
+            raise InputError(
+                f'{where}: at a shaft angle of {math.degrees(angle):g} deg one of the gears has '
+                'no cone, but an opening of 180 deg or more: take a smaller shaft_angle'
+            )
+        length = 0.5 * module * one / math.sin(cones[0])
+        if width >= length:
+            raise InputError(
+                f'{where}.face_width = {width:g} m must be less than {length:.6g} m, from back to '
+                'apex'
+            )
+        first, second = (
+            0.5 * module * n - 0.5 * width * math.sin(cone)
+            for n, cone in zip((one, two), cones, strict=True)
+        )
+        return BevelPair(
+            name, a, b, on_a, on_b, Fraction(-one, two), self.phase,
+            carrier_of(names, name, self), *placed(self), (first, second), cones,
+            pressure_angle_of(self), one,
+        )  # fmt: skip
+
+    def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[FlankFriction]:
+        """Of teeth one module high at the middle, on spur gears that roll like the cones there.
+
+        These have the cones' back radii and roll at the shafts' rates times the cosines of the
+        cones (T. Tredgold).
+        """
+        press = joint.pressure_angle
+        turns = [math.cos(cone) for cone in joint.cones]
+        radii = [r / c for r, c in zip(joint.radii, turns, strict=True)]
+        module = 2.0 * joint.radii[0] / joint.teeth
+        ends = [
+            min(math.sqrt((r + module) ** 2 - (r * math.cos(press)) ** 2) - r * math.sin(press),
+                other * math.sin(press))
+            for r, other in zip(radii, radii[::-1], strict=True)
+        ]  # fmt: skip
+        arm = sliding_arm(Path(-ends[1], ends[0]), math.pi * module * math.cos(press))
+        return [FlankFriction(
+            joint.name, mechanism, given.coefficient, (arm * turns[0], -arm * turns[1]),
+            joint.radii[1] * math.cos(press), joint.carrier,
+        )]  # fmt: skip
+
+
+def needed(name: str, joint: SpatialKeys, *keys: str) -> None:
     """Refuse a pair without one of these keys, or with a wrong pressure angle."""
-    where = f'{places.name}: joints.{name}'
+    where = f'joints.{name}'
     for key in keys:
         if getattr(joint, key) is None:
             raise InputError(f'{where}.{key} is missing: a {joint.kind} pair needs it')
@@ -67,70 +125,3 @@ def pressure_angle_of(joint: SpatialKeys) -> float:
 def placed(joint: SpatialKeys) -> tuple[tuple[float, float], tuple[float, float]]:
     """Where both have their mates [rad], and lie along their shafts [m]."""
     return joint.facing or (0.0, math.pi), joint.along or (0.0, 0.0)
-
-
-def _read(places: Names, name: str, joint: BevelKeys) -> BevelPair:
-    """A bevel pair."""
-    needed(places, name, joint, 'teeth', 'module', 'face_width')
-    where = f'{places.name}: joints.{name}'
-    (a, on_a), (b, on_b) = places.ends(name, joint)
-    module, width = joint.module or 0.0, joint.face_width or 0.0
-    one, two = joint.teeth or (1, 1)
-    angle = 0.5 * math.pi if joint.shaft_angle is None else joint.shaft_angle
-    if not 0.0 < angle < math.pi:
-        raise InputError(f'{where}.shaft_angle must lie between 0 and 180 deg')
-    cones = pitch_angles(two / one, angle)
-    if max(cones) >= 0.5 * math.pi:
-        raise InputError(
-            f'{where}: at a shaft angle of {math.degrees(angle):g} deg one of the '
-            'gears has no cone, but an opening of 180 deg or more: take a smaller shaft_angle'
-        )
-    length = 0.5 * module * one / math.sin(cones[0])
-    if width >= length:
-        raise InputError(
-            f'{where}.face_width = {width:g} m must be less than {length:.6g} m, from back to apex'
-        )
-    first, second = (
-        0.5 * module * n - 0.5 * width * math.sin(cone)
-        for n, cone in zip((one, two), cones, strict=True)
-    )
-    return BevelPair(
-        name, a, b, on_a, on_b, Fraction(-one, two), joint.phase,
-        carrier_of(places, name, joint), *placed(joint), (first, second), cones,
-        pressure_angle_of(joint), one,
-    )  # fmt: skip
-
-
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFriction]:
-    """Of teeth one module high at the middle, on the spur gears that roll like the cones there.
-
-    These have the cones' back radii and roll at the shafts' rates times the cosines of the cones
-    (T. Tredgold).
-    """
-    pair = mechanism.joint(name)
-    assert isinstance(pair, BevelPair)  # noqa: S101 - of this kind
-    press = pair.pressure_angle
-    turns = [math.cos(cone) for cone in pair.cones]
-    radii = [r / c for r, c in zip(pair.radii, turns, strict=True)]
-    module = 2.0 * pair.radii[0] / pair.teeth
-    ends = [
-        min(math.sqrt((r + module) ** 2 - (r * math.cos(press)) ** 2) - r * math.sin(press),
-            other * math.sin(press))
-        for r, other in zip(radii, radii[::-1], strict=True)
-    ]  # fmt: skip
-    arm = sliding_arm(Path(-ends[1], ends[0]), math.pi * module * math.cos(press))
-    return [FlankFriction(
-        name, mechanism, given.coefficient, (arm * turns[0], -arm * turns[1]),
-        pair.radii[1] * math.cos(press), pair.carrier,
-    )]  # fmt: skip
-
-
-register(
-    JointKind(
-        'bevel',
-        BevelKeys,
-        _read,
-        firm='bevel gears have no play here',
-        friction=_friction,
-    )
-)

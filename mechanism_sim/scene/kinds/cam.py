@@ -33,10 +33,11 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import ContactFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Vector2, rotate
-from mechanism_sim.scene.contact_keys import Contact, Friction, Play
-from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
+from mechanism_sim.scene.contact_keys import Contact, Friction, Play, play_of
+from mechanism_sim.scene.joint_keys import Reference, register
 from mechanism_sim.scene.kinds._cam_guides import Guide, along, around, find_guide
 from mechanism_sim.scene.kinds.transmission import PhaseKeys
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import (
     Angle,
     Coefficient,
@@ -148,6 +149,7 @@ class GroovePart(Part):
     """A law of force instead of rigid walls."""
 
 
+@register('cam')
 class CamKeys(PhaseKeys):
     """A cam and its follower."""
 
@@ -174,6 +176,66 @@ class CamKeys(PhaseKeys):
     groove: GroovePart | None = None
     """A groove holds the roller from both sides."""
 
+    firm = "write 'lift_off' or 'groove'"
+    rubs_by = ('radius',), False
+
+    def read(self, names: Names, name: str) -> CamPair:
+        """A cam and its follower."""
+        cam, follower = names.ends(name)
+        reader = _Reader(names, name, self)
+        try:
+            return reader.pair(cam, follower)
+        except InputError as error:
+            if str(error).startswith('joints.'):
+                raise
+            raise InputError(f'{reader.where}: {error}') from error
+
+    def play(self) -> Play | None:
+        """The play of a cam that its follower may leave, or of a groove with clearance."""
+        off, groove = self.lift_off, self.groove
+        if off:
+            return play_of(off, 0.0)
+        if groove and groove.clearance:
+            return play_of(groove, 0.5 * groove.clearance)
+        return None
+
+    def frictions(
+        self, given: Friction, joint: Any, mechanism: Mechanism
+    ) -> list[ContactFriction]:
+        """Of the follower, on both walls of a groove."""
+        touch = joint.touch(mechanism, given.radius or 0.0)
+        if not joint.grooved:
+            return [ContactFriction(joint.name, mechanism, given.coefficient, touch)]
+        return [
+            ContactFriction(joint.name, mechanism, given.coefficient, touch.on(way), way)
+            for way in (1, -1)
+        ]
+
+    def notes(self, machine: Any, joint: CamPair) -> list[str]:
+        """Pressure angle, jumps, whether the cam may pull its follower."""
+        cam, name = joint.cam, joint.name
+        notes = []
+        if joint.name not in machine.clearances and not isinstance(joint, GroovePair):
+            notes.append(
+                f'{name}: always in contact, so that the cam pulls its follower where the force '
+                "is negative; with 'lift_off' it would part (the command lift-off says from which "
+                'speed)'
+            )
+        pressure = math.degrees(cam.largest_pressure_angle)
+        limit = LARGEST_PRESSURE[joint.distance.swings]
+        note = f'{name}: pressure angle up to {pressure:.4g} deg'
+        notes.append(note + (f', more than the usual {limit:g} deg' if pressure > limit else ''))
+        unit = 'm' if joint.distance.slides else 'rad'
+        jumps = check_smoothness(cam.law, 2)
+        notes += [
+            f'{name}: {jump} [per {unit}{"^2" * (jump.order > 1)}]: '
+            f'the force {"jumps" if jump.order > 1 else "has no limit"}'
+            for jump in jumps
+        ]
+        if cam.corners:
+            notes += [f'{name}: {flaw}' for flaw in (*find_flaws(cam), *find_cut_away(cam))]
+        return notes
+
 
 Place = tuple[str, Vector2]
 _UNITS = ('rad', 'm')
@@ -183,66 +245,19 @@ _MOST = 32  # profiles that are known
 LARGEST_PRESSURE = {False: 30.0, True: 45.0}  # for followers that slide, that swing
 
 
-def _read(places: Names, name: str, joint: CamKeys) -> CamPair:
-    """The joint of a cam and its follower."""
-    cam, follower = places.ends(name, joint)
-    reader = _Reader(places, name, joint)
-    try:
-        return reader.pair(cam, follower)
-    except InputError as error:
-        if str(error).startswith(f'{places.name}: '):
-            raise
-        raise InputError(f'{reader.where}: {error}') from error
-
-
-def _play(joint: CamKeys) -> Play | None:
-    """The play of a cam that its follower may leave, or of a groove with clearance."""
-    off, groove = joint.lift_off, joint.groove
-    if off:
-        return Play(
-            radial=0.0,
-            restitution=off.restitution,
-            hypothesis=off.hypothesis,
-            friction=off.friction,
-            pin_radius=off.pin_radius,
-            contact=off.contact,
-        )
-    if groove and groove.clearance:
-        return Play(
-            radial=0.5 * groove.clearance,
-            restitution=groove.restitution or 0.0,
-            hypothesis=groove.hypothesis,
-            friction=groove.friction,
-            pin_radius=groove.pin_radius,
-            contact=groove.contact,
-        )
-    return None
-
-
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[ContactFriction]:
-    pair = mechanism.joint(name)
-    assert isinstance(pair, CamPair)  # noqa: S101 - of this kind
-    touch = pair.touch(mechanism, given.radius or 0.0)
-    if not pair.grooved:
-        return [ContactFriction(name, mechanism, given.coefficient, touch)]
-    return [
-        ContactFriction(name, mechanism, given.coefficient, touch.on(way), way) for way in (1, -1)
-    ]
-
-
 class _Reader:
     """One joint with a cam; what it raises without the scene's name gets it from `_read`."""
 
-    def __init__(self, places: Names, name: str, joint: CamKeys) -> None:
-        self.places, self.name, self.joint = places, name, joint
-        self.where = f'{places.name}: joints.{name}'
+    def __init__(self, names: Names, name: str, joint: CamKeys) -> None:
+        self.names, self.name, self.joint = names, name, joint
+        self.where = f'joints.{name}'
 
     def pair(self, cam: Place, follower: Place) -> CamPair:
         """The joint."""
         joint, (link, at) = self.joint, cam
         self._check_keys()
-        carrier = find_guide(self.places, self.where, *cam, 'cam')
-        guide = find_guide(self.places, self.where, *follower, 'follower')
+        carrier = find_guide(self.names, self.where, *cam, 'cam')
+        guide = find_guide(self.names, self.where, *follower, 'follower')
         self._check_guide(guide)
         self._slides, phase = not carrier.swings, joint.phase
         if self._slides:
@@ -389,7 +404,7 @@ class _Reader:
         if given.points:
             ways, rises = (
                 [
-                    self.places.measure(f'{where}.points.{i}', point[k], straight, _UNITS)
+                    self.names.measure(f'{where}.points.{i}', point[k], straight, _UNITS)
                     for i, point in enumerate(given.points)
                 ]
                 for k, straight in enumerate((self._slides, not guide.swings))
@@ -412,13 +427,13 @@ class _Reader:
 
     def _segment(self, where: str, part: SegmentPart, swings: bool) -> Segment:
         begin, end = (
-            self.places.measure(f'{where}.{key}', way, self._slides, _UNITS)
+            self.names.measure(f'{where}.{key}', way, self._slides, _UNITS)
             for key, way in (('from', part.begin), ('to', part.end))
         )
         if not self._slides and end - begin > 2.0 * math.pi * (1.0 + 1e-9):
             raise InputError(
-                f'law: the segment from {begin:g} to {end:g} rad is longer than a turn; '
-                "numbers without a unit are radians: write for example '30 deg'"
+                f'law: the segment from {begin:g} to {end:g} rad is longer than a turn; numbers '
+                "without a unit are radians: write for example '30 deg'"
             )
         if end <= begin:
             said = (
@@ -430,7 +445,7 @@ class _Reader:
             raise InputError(
                 f'{said} positive length; past a full turn count on, to {turned:g} deg'
             )
-        rise = self.places.measure(f'{where}.rise', part.rise, not swings, _UNITS)
+        rise = self.names.measure(f'{where}.rise', part.rise, not swings, _UNITS)
         if part.curve == 'spline':
             x, y = zip(*part.points, strict=True)
             curve = curves.spline_curve(x, y, part.ends)
@@ -454,42 +469,3 @@ class _Reader:
             ways += ['a smaller roller'] if self.joint.roller else []
             ways += [f'a smaller lift than {lift:.4g} {_UNITS[not swings]}']
             raise InputError(f'{flaw}: take {" or ".join(ways)}')
-
-
-def _notes(machine: Any, pair: CamPair) -> list[str]:
-    """Pressure angle, jumps, whether the cam may pull its follower."""
-    cam, name = pair.cam, pair.name
-    notes = []
-    if pair.name not in machine.clearances and not isinstance(pair, GroovePair):
-        notes.append(
-            f'{name}: always in contact, so that the cam pulls its follower where the force is '
-            "negative; with 'lift_off' it would part (the command lift-off says from which speed)"
-        )
-    pressure = math.degrees(cam.largest_pressure_angle)
-    limit = LARGEST_PRESSURE[pair.distance.swings]
-    note = f'{name}: pressure angle up to {pressure:.4g} deg'
-    notes.append(note + (f', more than the usual {limit:g} deg' if pressure > limit else ''))
-    unit = 'm' if pair.distance.slides else 'rad'
-    jumps = check_smoothness(cam.law, 2)
-    notes += [
-        f'{name}: {jump} [per {unit}{"^2" * (jump.order > 1)}]: '
-        f'the force {"jumps" if jump.order > 1 else "has no limit"}'
-        for jump in jumps
-    ]
-    if cam.corners:
-        notes += [f'{name}: {flaw}' for flaw in (*find_flaws(cam), *find_cut_away(cam))]
-    return notes
-
-
-register(
-    JointKind(
-        'cam',
-        CamKeys,
-        _read,
-        _play,
-        firm="write 'lift_off' or 'groove'",
-        notes=_notes,
-        friction=_friction,
-        rubs_by=(('radius',), False),
-    )
-)

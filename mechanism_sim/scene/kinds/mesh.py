@@ -17,10 +17,10 @@ from mechanism_sim.gears.pair import Pair, sliding_arm
 from mechanism_sim.gears.placement import Harmonic, Teeth
 from mechanism_sim.planar.joint_friction import TeethFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
-from mechanism_sim.scene.contact_keys import Contact, Friction, Play
-from mechanism_sim.scene.gear_keys import GearPart
-from mechanism_sim.scene.gears import Placed, Wheel, place, read_wheel
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
+from mechanism_sim.scene.contact_keys import Contact, Friction, Play, play_of
+from mechanism_sim.scene.gears import GearPart, Placed, Wheel, place, read_wheel
+from mechanism_sim.scene.joint_keys import JointKeys, Reference, register
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Coefficient, Displacement, Length, Part, si
 from mechanism_sim.scene.quantities import Friction as FrictionCoefficient
 
@@ -75,6 +75,7 @@ class ErrorPart(Part):
     """Of both gears: an error once a turn of each."""
 
 
+@register('mesh')
 class MeshKeys(JointKeys):
     """Gears in mesh."""
 
@@ -87,45 +88,135 @@ class MeshKeys(JointKeys):
     error: ErrorPart | None = None
     """Transmission error along the line of action, zero at the start."""
 
+    firm = "the play of teeth is their 'backlash'"
+    rubs_by = (), False
 
-def _read(places: Names, name: str, joint: MeshKeys) -> GearMesh:
-    """Two gears in mesh; their phase is set by `in_mesh`."""
-    where = f'{places.name}: joints.{name}'
-    one, two = (read_wheel(places, gear) for gear in joint.points)
-    if one.part.rack:
-        raise InputError(f'{where}.mesh: name the gear first, then the rack')
-    if one.link == two.link:
-        raise InputError(f'{where}.mesh: {one.name} and {two.name} are fixed to one link')
-    for key, unit, scale in (('module', 'mm', 1e-3), ('pressure_angle', 'deg', math.pi / 180.0)):
-        a, b = getattr(one.part, key), getattr(two.part, key)
-        if a != b:
+    def read(self, names: Names, name: str) -> GearMesh:
+        """Two gears in mesh; their phase is set by `in_mesh`."""
+        where = f'joints.{name}'
+        one, two = (read_wheel(names, gear) for gear in self.points)
+        if one.part.rack:
+            raise InputError(f'{where}.mesh: name the gear first, then the rack')
+        if one.link == two.link:
+            raise InputError(f'{where}.mesh: {one.name} and {two.name} are fixed to one link')
+        for key, unit, scale in (
+            ('module', 'mm', 1e-3),
+            ('pressure_angle', 'deg', math.pi / 180.0),
+        ):
+            a, b = getattr(one.part, key), getattr(two.part, key)
+            if a != b:
+                raise InputError(
+                    f'{where}.mesh: {one.name} and {two.name} do not mesh: their '
+                    f'{key.replace("_", " ")}s are {a / scale:g} {unit} and {b / scale:g} {unit}'
+                )
+        if abs(one.part.helix_angle) != abs(two.part.helix_angle):
             raise InputError(
-                f'{where}.mesh: {one.name} and {two.name} do not mesh: their '
-                f'{key.replace("_", " ")}s are {a / scale:g} {unit} and {b / scale:g} {unit}'
+                f'{where}.mesh: {one.name} and {two.name} do not mesh: helical gears on parallel '
+                'shafts have equal helix angles, of opposite hands'
             )
-    if abs(one.part.helix_angle) != abs(two.part.helix_angle):
-        raise InputError(
-            f'{where}.mesh: {one.name} and {two.name} do not mesh: helical gears on parallel '
-            'shafts have equal helix angles, of opposite hands'
+        try:
+            placed = place(names, one, two)
+            play = self._play(placed, one.gear.base_pitch)
+            elasticity = self._elasticity(one, placed)
+        except InputError as error:
+            raise InputError(f'{where}: {error}') from error
+        return GearMesh(
+            name, one.link, two.link, one.at, two.at, placed.carrier, placed.waves,
+            one.gear.base_pitch, placed.pressure_angle, placed.towards, placed.reach,
+            placed.facing, placed.guide, bearings=placed.bearings, play=play,
+            errors=self._errors(where, placed, one.gear.base_pitch), elasticity=elasticity,
+            wheels=(Teeth(one.name, one.gear), _teeth(one, two)),
+            sliding_arm=sliding_arm(placed.path, one.gear.base_pitch),
+            contact_ratio=(placed.path.end - placed.path.start) / one.gear.base_pitch,
+            helix_angle=math.atan(abs(math.tan(one.part.helix_angle)) * abs(placed.reach)
+                                  / one.gear.pitch_radius),
+            hand=-1 if one.part.helix_angle < 0.0 else 1, along=(one.part.along, two.part.along),
+        )  # fmt: skip
+
+    def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[TeethFriction]:
+        """Of the teeth on the mean."""
+        return [TeethFriction(joint.name, mechanism, given.coefficient, joint.sliding_arm)]
+
+    def _play(self, placed: Placed, base_pitch: float) -> float:
+        """Free way of the teeth to either side, along the line of action [m]."""
+        backlash = self.backlash
+        if backlash is None:
+            if placed.backlash:
+                raise InputError(
+                    f'the teeth have a backlash of {placed.backlash:.3g} m: take {placed.tight}, '
+                    "or give them a 'backlash'"
+                )
+            return 0.0
+        width = backlash.width if backlash.width is not None else placed.backlash
+        if not width:
+            raise InputError(
+                'backlash.width is missing, and the distance of the centres leaves no play: give '
+                'a width, or set the gears further apart'
+            )
+        if not self.elasticity and backlash.restitution is None:
+            raise InputError("'backlash.restitution' is missing: the teeth are rigid")
+        if self.elasticity and (
+            backlash.contact or backlash.friction or backlash.restitution is not None
+        ):
+            raise InputError(
+                'elastic teeth rebound by themselves, and do not rub: leave out '
+                'backlash.restitution, backlash.contact and backlash.friction'
+            )
+        largest = 0.5 * base_pitch / math.cos(placed.pressure_angle)
+        if width >= largest:
+            raise InputError(
+                f'backlash.width is {width:.3g} m, as much as a tooth is thick: it must be less '
+                f'than {largest:.3g} m'
+            )
+        return 0.5 * width * math.cos(placed.pressure_angle)
+
+    def _elasticity(self, one: Wheel, placed: Placed) -> Elasticity | None:
+        given = self.elasticity
+        if given is None:
+            return None
+        pitch = one.gear.base_pitch
+        asked = given.variation
+        variation = touching(placed.path, pitch) if isinstance(asked, str) else asked
+        lead = placed.half - middle(placed.path, pitch)
+        return Elasticity(given.stiffness, given.damping, variation, 0.0, lead)
+
+    def _errors(self, where: str, placed: Placed, base_pitch: float) -> tuple[Harmonic, ...]:
+        error = self.error
+        if error is None:
+            return ()
+        if error.amplitude + sum(error.eccentricity) > 0.25 * base_pitch:
+            raise InputError(
+                f'{where}.error is more than half the thickness of a tooth: all of it must be '
+                f'less than {0.25 * base_pitch:.3g} m'
+            )
+        found = []
+        if error.amplitude:
+            found.append(Harmonic(0, error.order * placed.waves[0], error.amplitude))
+        for member, size in enumerate(error.eccentricity):
+            if size and member and placed.guide:
+                raise InputError(f'{where}.error.eccentricity: a rack has none: give [X, 0]')
+            if size:
+                found.append(Harmonic(member, 1.0, size))
+        return tuple(found)
+
+    def notes(self, machine: Any, joint: GearMesh) -> list[str]:
+        """Remarks on gears beside their ratio."""
+        ideal = machine.plan.ideal
+        start = dict(zip(ideal.coordinates, machine.assembly.q.tolist(), strict=True))
+        rates = dict(zip(ideal.coordinates, machine.assembly.v.tolist(), strict=True))
+        now, later = (
+            joint.places(ideal, {c: x + t * rates[c] for c, x in start.items()})[0]
+            for t in (0.0, 1.0)
         )
-    try:
-        placed = place(places, one, two)
-        play = _play(joint, placed, one.gear.base_pitch)
-        elasticity = _elasticity(joint, one, placed)
-    except InputError as error:
-        raise InputError(f'{where}: {error}') from error
-    return GearMesh(
-        name, one.link, two.link, one.at, two.at, placed.carrier, placed.waves,
-        one.gear.base_pitch, placed.pressure_angle, placed.towards, placed.reach,
-        placed.facing, placed.guide, bearings=placed.bearings, play=play,
-        errors=_errors(where, joint, placed, one.gear.base_pitch), elasticity=elasticity,
-        wheels=(Teeth(one.name, one.gear), _teeth(one, two)),
-        sliding_arm=sliding_arm(placed.path, one.gear.base_pitch),
-        contact_ratio=(placed.path.end - placed.path.start) / one.gear.base_pitch,
-        helix_angle=math.atan(abs(math.tan(one.part.helix_angle)) * abs(placed.reach)
-                              / one.gear.pitch_radius),
-        hand=-1 if one.part.helix_angle < 0.0 else 1, along=(one.part.along, two.part.along),
-    )  # fmt: skip
+        frequency = abs(joint.waves[0] * (later - now)) / (2.0 * math.pi)
+        play = f', play {joint.play:.4g} m to either side' if joint.play else ''
+        soft = f', elastic{play}' if joint.elastic else ''
+        return [
+            *_undercut(machine.scene.gears, joint),
+            f'{joint.name}: pressure angle {math.degrees(joint.pressure_angle):.6g} deg, contact '
+            f'ratio {joint.contact_ratio:.4g}, tooth frequency {frequency:.6g} Hz at the '
+            f'start{soft}',
+        ]
 
 
 def _teeth(one: Wheel, two: Wheel) -> Teeth:
@@ -133,91 +224,18 @@ def _teeth(one: Wheel, two: Wheel) -> Teeth:
     return Teeth(two.name, one.gear, rack=True) if two.part.rack else Teeth(two.name, two.gear)
 
 
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[TeethFriction]:
-    mesh = mechanism.joint(name)
-    assert isinstance(mesh, GearMesh)  # noqa: S101 - of this kind
-    return [TeethFriction(name, mechanism, given.coefficient, mesh.sliding_arm)]
-
-
-def _play(joint: MeshKeys, placed: Placed, base_pitch: float) -> float:
-    """Free way of the teeth to either side, along the line of action [m]."""
-    backlash = joint.backlash
-    if backlash is None:
-        if placed.backlash:
-            raise InputError(
-                f'the teeth have a backlash of {placed.backlash:.3g} m: take {placed.tight}, or '
-                "give them a 'backlash'"
-            )
-        return 0.0
-    width = backlash.width if backlash.width is not None else placed.backlash
-    if not width:
-        raise InputError(
-            'backlash.width is missing, and the distance of the centres leaves no play: give a '
-            'width, or set the gears further apart'
-        )
-    if not joint.elasticity and backlash.restitution is None:
-        raise InputError("'backlash.restitution' is missing: the teeth are rigid")
-    if joint.elasticity and (
-        backlash.contact or backlash.friction or backlash.restitution is not None
-    ):
-        raise InputError(
-            'elastic teeth rebound by themselves, and do not rub: leave out '
-            'backlash.restitution, backlash.contact and backlash.friction'
-        )
-    largest = 0.5 * base_pitch / math.cos(placed.pressure_angle)
-    if width >= largest:
-        raise InputError(
-            f'backlash.width is {width:.3g} m, as much as a tooth is thick: it must be less than '
-            f'{largest:.3g} m'
-        )
-    return 0.5 * width * math.cos(placed.pressure_angle)
-
-
-def _elasticity(joint: MeshKeys, one: Wheel, placed: Placed) -> Elasticity | None:
-    given = joint.elasticity
-    if given is None:
-        return None
-    pitch = one.gear.base_pitch
-    asked = given.variation
-    variation = touching(placed.path, pitch) if isinstance(asked, str) else asked
-    lead = placed.half - middle(placed.path, pitch)
-    return Elasticity(given.stiffness, given.damping, variation, 0.0, lead)
-
-
-def _errors(
-    where: str, joint: MeshKeys, placed: Placed, base_pitch: float
-) -> tuple[Harmonic, ...]:
-    error = joint.error
-    if error is None:
-        return ()
-    if error.amplitude + sum(error.eccentricity) > 0.25 * base_pitch:
-        raise InputError(
-            f'{where}.error is more than half the thickness of a tooth: all of it must be less '
-            f'than {0.25 * base_pitch:.3g} m'
-        )
-    found = []
-    if error.amplitude:
-        found.append(Harmonic(0, error.order * placed.waves[0], error.amplitude))
-    for member, size in enumerate(error.eccentricity):
-        if size and member and placed.guide:
-            raise InputError(f'{where}.error.eccentricity: a rack has none: give [X, 0]')
-        if size:
-            found.append(Harmonic(member, 1.0, size))
-    return tuple(found)
-
-
-def check_bearings(places: Names, joints: tuple[Joint, ...], closing: Collection[str]) -> None:
+def check_bearings(joints: tuple[Joint, ...], closing: Collection[str]) -> None:
     """Refuse gears whose shafts cannot all be joints of the tree."""
     for mesh in (j for j in joints if isinstance(j, GearMesh)):
         if torn := [n for n in mesh.bearings if n in closing]:
             raise InputError(
-                f'{places.name}: joints.{mesh.name}: the shafts of gears form a closed loop, of '
-                f'which {torn[0]} is one: leave out a mesh of that loop, or make it a transmission'
+                f'joints.{mesh.name}: the shafts of gears form a closed loop, of which {torn[0]} '
+                'is one: leave out a mesh of that loop, or make it a transmission'
             )
 
 
 def in_mesh(
-    places: Names, joints: tuple[Joint, ...], tree: Mechanism, start: Mapping[str, float]
+    names: Names, joints: tuple[Joint, ...], tree: Mechanism, start: Mapping[str, float]
 ) -> tuple[Joint, ...]:
     """The joints, with the teeth of all gears in spaces at the start.
 
@@ -233,10 +251,10 @@ def in_mesh(
     placed: dict[str, GearMesh] = {}
     waiting = [j for j in joints if isinstance(j, GearMesh)]
     while waiting:
-        near = [j for j in waiting if {*places.scene.joints[j.name].points} & teeth.keys()]
+        near = [j for j in waiting if {*names.scene.joints[j.name].points} & teeth.keys()]
         mesh = near[0] if near else waiting[0]
         waiting.remove(mesh)
-        one, two = places.scene.joints[mesh.name].points
+        one, two = names.scene.joints[mesh.name].points
         at = mesh.places(tree, q)
         phase = sum(w * x for w, x in zip(mesh.waves, at, strict=True))
         (w, v), (here, there) = mesh.waves, mesh.facing
@@ -252,9 +270,9 @@ def in_mesh(
         off = math.remainder(first + second - both, 2.0 * math.pi) / (2.0 * math.pi)
         if abs(off) > 1e-6:
             raise InputError(
-                f'{places.name}: joints.{mesh.name}: the train cannot be assembled: the teeth of '
-                f'{one} and {two} are {abs(off):.3g} pitches off, for other meshes hold both; '
-                'change the angle between the planets, or the numbers of teeth'
+                f'joints.{mesh.name}: the train cannot be assembled: the teeth of {one} and {two} '
+                f'are {abs(off):.3g} pitches off, for other meshes hold both; change the angle '
+                'between the planets, or the numbers of teeth'
             )
         elasticity = mesh.elasticity and replace(mesh.elasticity, tooth=first)
         errors = tuple(replace(e, start=at[e.member]) for e in mesh.errors)
@@ -265,37 +283,16 @@ def in_mesh(
     return tuple(placed.get(j.name, j) for j in joints)
 
 
-def backlashes(places: Names, joints: tuple[Joint, ...]) -> dict[str, Play]:
+def backlashes(names: Names, joints: tuple[Joint, ...]) -> dict[str, Play]:
     """How loose the meshes are that have play or give way."""
     found = {}
     for mesh in (j for j in joints if isinstance(j, GearMesh)):
-        given = places.scene.joints[mesh.name].backlash
+        given = names.scene.joints[mesh.name].backlash
         if mesh.elastic:
             found[mesh.name] = Play(radial=mesh.play, restitution=0.0)
         elif given:
-            found[mesh.name] = Play(
-                radial=mesh.play, restitution=given.restitution or 0.0,
-                hypothesis=given.hypothesis, contact=given.contact, friction=given.friction,
-            )  # fmt: skip
+            found[mesh.name] = play_of(given, mesh.play)
     return found
-
-
-def _notes(machine: Any, mesh: GearMesh) -> list[str]:
-    """What can be said of gears beside their ratio."""
-    ideal = machine.plan.ideal
-    start = dict(zip(ideal.coordinates, machine.assembly.q.tolist(), strict=True))
-    rates = dict(zip(ideal.coordinates, machine.assembly.v.tolist(), strict=True))
-    now, later = (
-        mesh.places(ideal, {c: x + t * rates[c] for c, x in start.items()})[0] for t in (0.0, 1.0)
-    )
-    frequency = abs(mesh.waves[0] * (later - now)) / (2.0 * math.pi)
-    play = f', play {mesh.play:.4g} m to either side' if mesh.play else ''
-    soft = f', elastic{play}' if mesh.elastic else ''
-    return [
-        *_undercut(machine.scene.gears, mesh),
-        f'{mesh.name}: pressure angle {math.degrees(mesh.pressure_angle):.6g} deg, contact ratio '
-        f'{mesh.contact_ratio:.4g}, tooth frequency {frequency:.6g} Hz at the start{soft}',
-    ]
 
 
 def _undercut(gears: Mapping[str, GearPart], mesh: GearMesh) -> Iterator[str]:
@@ -337,15 +334,3 @@ def _cure(own: Teeth, mate: Teeth, now: tuple[float, float], shift: float, cosin
     same = abs(after - before) <= 1e-9 * before
     where = 'the same centre distance' if same else f'a centre distance of {after:.9g} m'
     return f'shifts of {shift:g} for it and {other:g} for {mate.name} end it at {where}'
-
-
-register(
-    JointKind(
-        'mesh',
-        MeshKeys,
-        _read,
-        firm="the play of teeth is their 'backlash'",
-        notes=_notes,
-        friction=_friction,
-    )
-)

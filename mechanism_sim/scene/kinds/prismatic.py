@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from mechanism_sim.planar.joint_friction import ContactFriction, JointFriction, LineFriction
-from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
-from mechanism_sim.planar.touch import Touch
+from typing import Any
+
+from mechanism_sim.planar.joint_friction import ContactFriction, LineFriction
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.scene.contact_keys import Clearance, Friction
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
+from mechanism_sim.scene.joint_keys import JointKeys, Reference, register
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle
 
 
@@ -16,7 +18,24 @@ class AxisKeys(JointKeys):
     axis: Angle = 0.0
     """Direction of sliding: in the first link of a prismatic joint, in the second's slot."""
 
+    def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[LineFriction]:
+        """Along a guide or a slot."""
+        return [LineFriction(joint.name, mechanism, given.coefficient, given.length or 0.0)]
 
+
+class PinKeys(JointKeys):
+    """A pin in slots that it leaves."""
+
+    rubs_by = (), False
+
+    def frictions(
+        self, given: Friction, joint: Any, mechanism: Mechanism
+    ) -> list[ContactFriction]:
+        """Of the pin in its slot."""
+        return [ContactFriction(joint.name, mechanism, given.coefficient, joint.touch(mechanism))]
+
+
+@register('prismatic')
 class PrismaticKeys(AxisKeys):
     """A guide."""
 
@@ -25,45 +44,23 @@ class PrismaticKeys(AxisKeys):
     angle: Angle = 0.0
     """Of the second link in the first."""
 
+    rubs_by = ('length',), False
 
-def _read(places: Names, name: str, joint: PrismaticKeys) -> Prismatic:
-    (a, on_a), (b, on_b) = places.ends(name, joint)
-    return Prismatic(name, a, b, on_a, on_b, joint.axis, joint.angle)
+    def read(self, names: Names, name: str) -> Prismatic:
+        """A guide."""
+        (a, on_a), (b, on_b) = names.ends(name)
+        return Prismatic(name, a, b, on_a, on_b, self.axis, self.angle)
 
-
-def line_friction(name: str, given: Friction, mechanism: Mechanism) -> list[JointFriction]:
-    """Friction along a guide or a slot."""
-    return [LineFriction(name, mechanism, given.coefficient, given.length or 0.0)]
-
-
-def contact_friction(name: str, given: Friction, mechanism: Mechanism) -> list[JointFriction]:
-    """Friction of a pin in a slot that it leaves."""
-    joint = mechanism.joint(name)
-    assert isinstance(joint, HigherPair)  # noqa: S101 - of such kinds
-    touch = joint.touch(mechanism)
-    assert isinstance(touch, Touch)  # noqa: S101 - and of no teeth
-    return [ContactFriction(name, mechanism, given.coefficient, touch)]
-
-
-def _wrong_play(given: Clearance) -> str:
-    if not (given.length and given.height):
-        return "has a clearance that needs 'length' and 'height', those of the block in its guide"
-    if wrong := [key for key in ('misalignment', 'along', 'axial') if getattr(given, key)]:
-        return f'has a clearance with {wrong[0]}, which is of pins in bushings'
-    if given.pin_radius:
-        return 'has a clearance with pin_radius: a block has none'
-    if given.contact and given.contact.law == 'film':
-        return 'has a clearance with a film, which is for pins'
-    return ''
-
-
-register(
-    JointKind(
-        'prismatic',
-        PrismaticKeys,
-        _read,
-        wrong_play=_wrong_play,
-        friction=line_friction,
-        rubs_by=(('length',), False),
-    )
-)
+    def wrong_play(self, given: Clearance) -> str:
+        """An objection to a clearance of it; empty if there is none."""
+        if not (given.length and given.height):
+            return (
+                "has a clearance that needs 'length' and 'height', those of the block in its guide"
+            )
+        if wrong := [key for key in ('misalignment', 'along', 'axial') if getattr(given, key)]:
+            return f'has a clearance with {wrong[0]}, which is of pins in bushings'
+        if given.pin_radius:
+            return 'has a clearance with pin_radius: a block has none'
+        if given.film:
+            return 'has a clearance with a film, which is for pins'
+        return ''

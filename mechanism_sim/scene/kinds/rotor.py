@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -15,8 +14,10 @@ from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import SLOPE, Lump, Rotor, Rows, Support
 from mechanism_sim.scene.elastic_keys import MATERIALS
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
+from mechanism_sim.scene.joint_keys import JointKeys, Reference, register
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import (
+    POSITIVE,
     AddedInertia,
     LinkMass,
     Mass,
@@ -29,10 +30,8 @@ from mechanism_sim.scene.quantities import (
 )
 from mechanism_sim.vibration.shafts import Bearing, condensed, shaft_rigidity
 
-_NOT_NEGATIVE = Field(ge=0.0, allow_inf_nan=False)
 _Stiffness = Annotated[float | tuple[float, float], one_or_two('N/m', 'a pair along x and y', 0.0)]
 _Damping = Annotated[float | tuple[float, float], one_or_two('N s/m', 'a pair along x and y', 0.0)]
-_POSITIVE = Field(gt=0.0, allow_inf_nan=False)
 _HELD = 1e-12  # least stiffness against the largest, free of units
 
 
@@ -75,25 +74,26 @@ class ShaftSectionPart(Part):
     """Where it begins, from the link's own disk."""
     end: Position
     """Where it ends."""
-    diameter: Annotated[float, si('m'), _POSITIVE]
+    diameter: Annotated[float, si('m'), POSITIVE]
     """How thick it is."""
 
 
 class RotorShaftPart(Part):
     """A round shaft that bends; its own mass is left out."""
 
-    diameter: Annotated[float, si('m'), _POSITIVE]
+    diameter: Annotated[float, si('m'), POSITIVE]
     """How thick it is."""
     sections: dict[str, ShaftSectionPart] = Field({})
     """Where it has another diameter, by name."""
     material: str | None = None
     """Whose Young's modulus is taken where none is given."""
-    youngs_modulus: Annotated[float, si('Pa'), _POSITIVE] | None = None
+    youngs_modulus: Annotated[float, si('Pa'), POSITIVE] | None = None
     """Instead of a material's."""
     relaxation: Time = 0.0
     """Internal damping over stiffness: it turns with the shaft."""
 
 
+@register('rotor')
 class RotorKeys(JointKeys):
     """Disks on a shaft that gives way."""
 
@@ -110,20 +110,89 @@ class RotorKeys(JointKeys):
     external_damping: _Damping = 0.0
     """Of a rotor, at the disk."""
 
+    firm = "what gives way of a rotor is its 'shaft' and its 'supports'"
+    gives_way = True
+
+    def read(self, names: Names, name: str) -> Revolute:
+        """The revolute joint of the undeformed shaft."""
+        (a, on_a), (b, on_b) = names.ends(name)
+        if a != GROUND:
+            raise InputError(
+                f'joints.{name}.rotor: name the ground first: the supports of a rotor are in the '
+                f'ground, not in {a}'
+            )
+        return Revolute(name, a, b, on_a, on_b)
+
+    def rotor_of(self, names: Names, name: str) -> tuple[str, Rotor]:
+        """The link of the disks, and how it gives way."""
+        where = f'joints.{name}'
+        (_, place), (link, _) = names.ends(name)
+        polar = names.scene.links[link].inertia or 0.0
+        if not self.supports:
+            raise InputError(f'{where}.supports is missing: a rotor needs one or more')
+        disks = [_Disk('', 0.0, polar, self.diametral_inertia, self.external_damping)]
+        for key, d in self.disks.items():
+            cog = d.cog if isinstance(d.cog, tuple) else (d.cog, 0.0)
+            disks.append(_Disk(
+                key, d.along, d.inertia, d.diametral_inertia, d.external_damping, d.mass, cog
+            ))  # fmt: skip
+        for disk in disks:
+            at = f'{where}.disks.{disk.name}' if disk.name else where
+            if disk.diametral is not None and not (
+                max(0.5 * disk.polar, 1e-300) <= disk.diametral * (1.0 + 1e-12)
+            ):
+                raise InputError(
+                    f'{at}.diametral_inertia = {disk.diametral:g} kg m^2: a body has at least '
+                    f'half of its polar inertia of {disk.polar:g} kg m^2 about a diameter, and '
+                    'more than 0'
+                )
+        for key, support in self.supports.items():
+            _check(f'{where}.supports.{key}', self, support)
+        _check_names(where, disks, self)
+        for part, along in (
+            ('supports', {key: s.along for key, s in self.supports.items()}),
+            ('disks', {disk.name or 'that of the link': disk.along for disk in disks}),
+        ):
+            seen: dict[float, str] = {}
+            for key, z in along.items():
+                if z in seen:
+                    raise InputError(
+                        f'{where}.{part}: {seen[z]} and {key} are at one place ({z:g} m): make '
+                        'them one'
+                    )
+                seen[z] = key
+        terms = (_bending if self.shaft else _stiff)(where, self, disks)
+        for k in terms.K:
+            size = np.sqrt(np.diag(k))
+            if not size.all() or np.linalg.eigvalsh(k / np.outer(size, size)).min() < _HELD:
+                raise _loose(where)
+        supports = tuple(
+            (
+                key,
+                Support(
+                    _listed([x[key] for x in terms.rows]),
+                    _listed([x[key] for x in terms.damped]),
+                    s.stiffness is None,
+                ),
+            )
+            for key, s in self.supports.items()
+        )
+        return link, Rotor(
+            tuple(terms.pairs),
+            (_listed(terms.K[0]), _listed(terms.K[1])),
+            (_listed(terms.C[0]), _listed(terms.C[1])),
+            _listed(terms.internal),
+            tuple(terms.diametral),
+            tuple(terms.polar),
+            tuple(terms.lumps),
+            supports,
+            place,
+            self.shaft.relaxation if self.shaft else 0.0,
+        )
+
 
 def _both(given: float | tuple[float, float]) -> tuple[float, float]:
     return given if isinstance(given, tuple) else (given, given)
-
-
-def _read(places: Names, name: str, joint: RotorKeys) -> Revolute:
-    """The revolute joint of the undeformed shaft."""
-    (a, on_a), (b, on_b) = places.ends(name, joint)
-    if a != GROUND:
-        raise InputError(
-            f'{places.name}: joints.{name}.rotor: name the ground first: the supports of a rotor '
-            f'are in the ground, not in {a}'
-        )
-    return Revolute(name, a, b, on_a, on_b)
 
 
 class _Disk(NamedTuple):
@@ -144,54 +213,18 @@ class _Disk(NamedTuple):
         return [self.name] if self.diametral is None else [self.name, slope]
 
 
-@dataclass(frozen=True)
-class _Reading:
-    """A rotor as its joint gives it."""
+class _Terms(NamedTuple):
+    """Matrices of n pairs of coordinates along x and along y, and masses on them."""
 
-    where: str
-    joint: RotorKeys
-    disks: tuple[_Disk, ...]
-    place: tuple[float, float]
-
-
-def _rotor(places: Names, name: str, joint: RotorKeys) -> tuple[str, Rotor]:
-    """The link of the disks, and how it gives way."""
-    where = f'{places.name}: joints.{name}'
-    (_, place), (link, _) = places.ends(name, joint)
-    polar = places.scene.links[link].inertia or 0.0
-    if not joint.supports:
-        raise InputError(f'{where}.supports is missing: a rotor needs one or more')
-    disks = [_Disk('', 0.0, polar, joint.diametral_inertia, joint.external_damping)]
-    for key, d in joint.disks.items():
-        cog = d.cog if isinstance(d.cog, tuple) else (d.cog, 0.0)
-        disks.append(_Disk(
-            key, d.along, d.inertia, d.diametral_inertia, d.external_damping, d.mass, cog
-        ))  # fmt: skip
-    for disk in disks:
-        at = f'{where}.disks.{disk.name}' if disk.name else where
-        if disk.diametral is not None and not (
-            max(0.5 * disk.polar, 1e-300) <= disk.diametral * (1.0 + 1e-12)
-        ):
-            raise InputError(
-                f'{at}.diametral_inertia = {disk.diametral:g} kg m^2: a body has at least half of '
-                f'its polar inertia of {disk.polar:g} kg m^2 about a diameter, and more than 0'
-            )
-    for key, support in joint.supports.items():
-        _check(f'{where}.supports.{key}', joint, support)
-    _check_names(where, disks, joint)
-    for part, along in (
-        ('supports', {key: s.along for key, s in joint.supports.items()}),
-        ('disks', {disk.name or 'that of the link': disk.along for disk in disks}),
-    ):
-        seen: dict[float, str] = {}
-        for key, z in along.items():
-            if z in seen:
-                raise InputError(
-                    f'{where}.{part}: {seen[z]} and {key} are at one place ({z:g} m): make them '
-                    'one'
-                )
-            seen[z] = key
-    return link, (_bending if joint.shaft else _stiff)(_Reading(where, joint, tuple(disks), place))
+    pairs: list[str]
+    K: list[Array]  #: (n, n) [N/m]
+    C: list[Array]  #: (n, n) [N s/m]
+    rows: list[dict[str, Array]]  #: (n,) of K by support: its force by the pairs
+    damped: list[dict[str, Array]]  #: likewise of C
+    internal: Array  #: (n, n) [N s/m] damping that turns with the shaft
+    diametral: list[float]  #: [kg m^2] of each pair
+    polar: list[float]
+    lumps: list[Lump]
 
 
 def _check_names(where: str, disks: Sequence[_Disk], joint: RotorKeys) -> None:
@@ -236,10 +269,9 @@ def _check(where: str, joint: RotorKeys, support: SupportPart) -> None:
         )
 
 
-def _bending(given: _Reading) -> Rotor:
+def _bending(where: str, joint: RotorKeys, disks: Sequence[_Disk]) -> _Terms:
     """A rotor whose shaft bends."""
-    joint, where = given.joint, given.where
-    shaft = joint.shaft
+    shaft, supports = joint.shaft, joint.supports
     assert shaft  # noqa: S101 - it bends
     if shaft.youngs_modulus is None and shaft.material not in MATERIALS:
         raise InputError(
@@ -248,53 +280,47 @@ def _bending(given: _Reading) -> Rotor:
     modulus = shaft.youngs_modulus or MATERIALS[shaft.material or ''][0]
     rigidity = shaft_rigidity(modulus, shaft.diameter)
     sections = _sections(where, shaft, modulus)
-    heavy = [key for key, s in joint.supports.items() if s.mass]
-    pairs = [*(pair for disk in given.disks for pair in disk.pairs), *heavy]
-    each = dict(zip(pairs, np.eye(len(pairs)), strict=True))
-    K, C, rows, inner = [], [], [], np.zeros((len(pairs), len(pairs)))
+    heavy = {key: s for key, s in supports.items() if s.mass}
+    pairs = [*(pair for disk in disks for pair in disk.pairs), *heavy]
+    n, each = len(pairs), dict(zip(pairs, np.eye(len(pairs)), strict=True))
+    found = _Terms(pairs, [], [], [], [], np.zeros((n, n)), [0.0] * n, [0.0] * n, [])
     for axis in (0, 1):
         bearings = [
             Bearing(
                 s.along, np.inf if s.stiffness is None else _both(s.stiffness)[axis],
                 bool(s.mass), s.clamped,
             )
-            for s in joint.supports.values()
+            for s in supports.values()
         ]  # fmt: skip
-        disks = [(disk.along, disk.diametral is not None) for disk in given.disks]
-        found = condensed(rigidity, bearings, disks, sections)
-        if found is None:
+        at = [(disk.along, disk.diametral is not None) for disk in disks]
+        bent = condensed(rigidity, bearings, at, sections)
+        if bent is None:
             raise _loose(where)
-        inner = shaft.relaxation * found[0]
-        k, c = found[0].copy(), np.zeros_like(inner)
-        for disk in given.disks:
+        k, c = bent[0].copy(), np.zeros((n, n))
+        rows = dict(zip(supports, bent[1], strict=True))
+        damped = dict.fromkeys(supports, np.zeros(n))
+        for disk in disks:
             i = pairs.index(disk.name)
             c[i, i] = _both(disk.damping)[axis]
-        own = dict(zip(joint.supports, found[1], strict=True))
-        for key in heavy:
-            i, support = pairs.index(key), joint.supports[key]
-            k[i, i] += _both(support.stiffness or 0.0)[axis]
-            c[i, i] = _both(support.damping)[axis]
-            own[key] = each[key] * _both(support.stiffness or 0.0)[axis]
-        K.append(k)
-        C.append(c)
-        rows.append(own)
-    lumps = [Lump(joint.supports[key].mass, _listed(each[key])) for key in heavy]
-    moved = {disk.name: _listed(each[disk.name]) for disk in given.disks}
-    slopes = {disk.pairs[-1]: disk for disk in given.disks if disk.diametral}
-    none = np.zeros(len(pairs))
-    damped = [
-        {
-            key: each[key] * _both(s.damping)[axis] if s.mass else none
-            for key, s in joint.supports.items()
-        }
-        for axis in (0, 1)
-    ]
-    return _made(
-        given, pairs, K, C, inner, rows, damped,
-        tuple((slopes[p].diametral or 0.0) if p in slopes else 0.0 for p in pairs),
-        tuple(slopes[p].polar if p in slopes else 0.0 for p in pairs),
-        [*(Lump(d.mass, moved[d.name], d.cog, d.polar) for d in given.disks[1:]), *lumps],
-    )  # fmt: skip
+        for key, s in heavy.items():
+            i, stiffness = pairs.index(key), _both(s.stiffness or 0.0)[axis]
+            k[i, i] += stiffness
+            c[i, i] = _both(s.damping)[axis]
+            rows[key], damped[key] = each[key] * stiffness, each[key] * c[i, i]
+        found.K.append(k)
+        found.C.append(c)
+        found.rows.append(rows)
+        found.damped.append(damped)
+        found = found._replace(internal=shaft.relaxation * bent[0])
+    for disk in disks:
+        if disk.diametral:
+            i = pairs.index(disk.pairs[-1])
+            found.diametral[i], found.polar[i] = disk.diametral, disk.polar
+    found.lumps.extend(
+        Lump(d.mass, tuple(each[d.name].tolist()), d.cog, d.polar) for d in disks[1:]
+    )
+    found.lumps.extend(Lump(s.mass, tuple(each[key].tolist())) for key, s in heavy.items())
+    return found
 
 
 def _sections(
@@ -318,9 +344,9 @@ def _sections(
     return found
 
 
-def _stiff(given: _Reading) -> Rotor:
+def _stiff(where: str, joint: RotorKeys, disks: Sequence[_Disk]) -> _Terms:
     """A rotor whose shaft is rigid."""
-    joint, where, supports, disks = given.joint, given.where, given.joint.supports, given.disks
+    supports = joint.supports
     tilts = joint.diametral_inertia is not None
     apart = len({s.along for s in supports.values()}) > 1
     if not tilts and apart and any(any(_both(s.damping)) or s.mass for s in supports.values()):
@@ -333,31 +359,28 @@ def _stiff(given: _Reading) -> Rotor:
             f'{where}.diametral_inertia is missing: further disks on a rigid shaft move with its '
             'tilt'
         )
-    K, C, rows, damped = [], [], [], []
+    n, z = 1 + tilts, np.array([s.along for s in supports.values()])
+    lumps = [Lump(s.mass, (1.0, s.along)[:n]) for s in supports.values() if s.mass]
+    lumps += [Lump(d.mass, (1.0, d.along), d.cog, d.polar) for d in disks[1:]]
+    diametral = [0.0, sum(disk.diametral or 0.0 for disk in disks)][:n]
+    polar = [0.0, sum(disk.polar for disk in disks)][:n]
+    found = _Terms(['', SLOPE][:n], [], [], [], [], np.zeros((n, n)), diametral, polar, lumps)
     for axis in (0, 1):
         k = np.array([_both(s.stiffness or 0.0)[axis] for s in supports.values()])
         c = np.array([_both(s.damping)[axis] for s in supports.values()])
-        z = np.array([s.along for s in supports.values()])
-        shares = np.stack([np.ones_like(z), z]) if tilts else np.ones((1, len(z)))
+        shares = np.stack([np.ones_like(z), z])[:n]
         if not tilts and apart:  # the slope that leaves no moment
             if not (k * z**2).any():
                 raise _loose(where)
             shares = (1.0 - z * (k @ z) / (k @ z**2))[None]
-        K.append(shares * k @ shares.T)
-        C.append(shares * c @ shares.T)
+        found.K.append(shares * k @ shares.T)
+        found.C.append(shares * c @ shares.T)
         for disk in disks:
-            arm = np.array([1.0, disk.along][: 1 + tilts])
-            C[-1] += _both(disk.damping)[axis] * np.outer(arm, arm)
-        rows.append(dict(zip(supports, (shares * k).T, strict=True)))
-        damped.append(dict(zip(supports, (shares * c).T, strict=True)))
-    lumps = [Lump(s.mass, (1.0, s.along)[: 1 + tilts]) for s in supports.values() if s.mass]
-    lumps += [Lump(d.mass, (1.0, d.along), d.cog, d.polar) for d in disks[1:]]
-    diametral = 0.0, sum(disk.diametral or 0.0 for disk in disks)
-    polar = 0.0, sum(disk.polar for disk in disks)
-    return _made(
-        given, ['', SLOPE][: 1 + tilts], K, C, np.zeros_like(K[0]), rows, damped,
-        diametral[: 1 + tilts], polar[: 1 + tilts], lumps,
-    )  # fmt: skip
+            arm = np.array([1.0, disk.along][:n])
+            found.C[-1] += _both(disk.damping)[axis] * np.outer(arm, arm)
+        found.rows.append(dict(zip(supports, (shares * k).T, strict=True)))
+        found.damped.append(dict(zip(supports, (shares * c).T, strict=True)))
+    return found
 
 
 def _loose(where: str) -> InputError:
@@ -367,62 +390,5 @@ def _loose(where: str) -> InputError:
     )
 
 
-def _listed(row: Array) -> tuple[float, ...]:
-    return tuple(row.tolist())
-
-
-def _made(
-    given: _Reading,
-    pairs: Sequence[str],
-    K: Sequence[Array],
-    C: Sequence[Array],
-    inner: Array,
-    rows: Sequence[dict[str, Array]],
-    damped: Sequence[dict[str, Array]],
-    diametral: tuple[float, ...],
-    polar: tuple[float, ...],
-    lumps: Sequence[Lump],
-) -> Rotor:
-    """The rotor, if its stiffness holds it."""
-    for k in K:
-        size = np.sqrt(np.diag(k))
-        if not size.all() or np.linalg.eigvalsh(k / np.outer(size, size)).min() < _HELD:
-            raise _loose(given.where)
-
-    def listed(matrix: Array | Sequence[Array]) -> Rows:
-        return tuple(_listed(row) for row in matrix)
-
-    joint = given.joint
-    return Rotor(
-        tuple(pairs),
-        (listed(K[0]), listed(K[1])),
-        (listed(C[0]), listed(C[1])),
-        listed(inner),
-        diametral,
-        polar,
-        tuple(lumps),
-        tuple(
-            (
-                key,
-                Support(
-                    listed([x[key] for x in rows]),
-                    listed([x[key] for x in damped]),
-                    s.stiffness is None,
-                ),
-            )
-            for key, s in joint.supports.items()
-        ),
-        given.place,
-        joint.shaft.relaxation if joint.shaft else 0.0,
-    )
-
-
-register(
-    JointKind(
-        'rotor',
-        RotorKeys,
-        _read,
-        rotor=_rotor,
-        firm="what gives way of a rotor is its 'shaft' and its 'supports'",
-    )
-)
+def _listed(matrix: Array | Sequence[Array]) -> Rows:
+    return tuple(tuple(row.tolist()) for row in matrix)

@@ -4,30 +4,31 @@ from __future__ import annotations
 
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.scene.contact_keys import Clearance
-from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
-from mechanism_sim.scene.kinds.prismatic import AxisKeys, line_friction
+from mechanism_sim.scene.joint_keys import Reference, register
+from mechanism_sim.scene.kinds.prismatic import AxisKeys
+from mechanism_sim.scene.names import Names
 
 
+@register('slot')
 class SlotKeys(AxisKeys):
     """A pin in a slot."""
 
     slot: Reference | None = None
     """A pin at the first point, in a slot of the second link."""
 
+    rubs_by = (), False
 
-def _read(places: Names, name: str, joint: SlotKeys) -> PinInSlot:
-    (a, on_a), (b, on_b) = places.ends(name, joint)
-    return PinInSlot(name, a, b, on_a, on_b, joint.axis)
+    def read(self, names: Names, name: str) -> PinInSlot:
+        """A pin on a line of the second link."""
+        (a, on_a), (b, on_b) = names.ends(name)
+        return PinInSlot(name, a, b, on_a, on_b, self.axis)
 
-
-def _wrong_play(given: Clearance) -> str:
-    if given.length or given.height:
-        return 'has a clearance with length or height, which are of blocks in guides'
-    if wrong := [key for key in ('misalignment', 'along', 'axial') if getattr(given, key)]:
-        return f'has a clearance with {wrong[0]}, which is of pins in bushings'
-    if given.contact and given.contact.law == 'film':
-        return 'has a clearance with a film, which is for pins in bushings'
-    return ''
-
-
-register(JointKind('slot', SlotKeys, _read, wrong_play=_wrong_play, friction=line_friction))
+    def wrong_play(self, given: Clearance) -> str:
+        """An objection to a clearance of it; empty if there is none."""
+        if given.length or given.height:
+            return 'has a clearance with length or height, which are of blocks in guides'
+        if wrong := [key for key in ('misalignment', 'along', 'axial') if getattr(given, key)]:
+            return f'has a clearance with {wrong[0]}, which is of pins in bushings'
+        if given.film:
+            return 'has a clearance with a film, which is for pins in bushings'
+        return ''

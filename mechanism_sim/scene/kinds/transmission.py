@@ -8,8 +8,9 @@ from typing import Annotated, Any
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.gear_keys import MOST_TEETH
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
+from mechanism_sim.scene.gears import MOST_TEETH
+from mechanism_sim.scene.joint_keys import JointKeys, Reference, register
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle, Quantity
 
 
@@ -43,6 +44,7 @@ class CarrierKeys(PhaseKeys):
     """Of a transmission, bevel or worm pair: the link from which angles count; else the ground."""
 
 
+@register('transmission')
 class TransmissionKeys(CarrierKeys):
     """A ratio of angles."""
 
@@ -51,35 +53,25 @@ class TransmissionKeys(CarrierKeys):
     ratio: Ratio | None = None
     """Of a transmission, required: speed of the second over the first, as -3/7."""
 
+    firm = "the play of teeth is their 'backlash'"
 
-def _read(places: Names, name: str, joint: TransmissionKeys) -> Transmission:
-    """Two links with a ratio."""
-    where = f'{places.name}: joints.{name}'
-    if joint.ratio is None:
-        raise InputError(f"{where}.ratio is missing: how fast the second turns, such as '1/2'")
-    (a, on_a), (b, on_b) = places.ends(name, joint)
-    carrier = carrier_of(places, name, joint)
-    return Transmission(
-        name, a, b, on_a, on_b, Fraction(joint.ratio), joint.phase, carrier
-    )  # fmt: skip
+    def read(self, names: Names, name: str) -> Transmission:
+        """Two links with a ratio."""
+        where = f'joints.{name}'
+        if self.ratio is None:
+            raise InputError(f"{where}.ratio is missing: how fast the second turns, such as '1/2'")
+        (a, on_a), (b, on_b) = names.ends(name)
+        carrier = carrier_of(names, name, self)
+        return Transmission(
+            name, a, b, on_a, on_b, Fraction(self.ratio), self.phase, carrier
+        )  # fmt: skip
 
 
-def carrier_of(places: Names, name: str, joint: CarrierKeys) -> str:
+def carrier_of(names: Names, name: str, joint: Any) -> str:
     """The link from which angles count."""
-    carrier, _ = places.find(f'joints.{name}.carrier', joint.carrier or GROUND)
-    if carrier in [link for link, _ in places.ends(name, joint)]:
+    carrier, _ = names.find(f'joints.{name}.carrier', joint.carrier or GROUND)
+    if carrier in [link for link, _ in names.ends(name)]:
         raise InputError(
-            f'{places.name}: joints.{name}: {carrier} carries the {joint.kind}: name two other '
-            'links'
+            f'joints.{name}: {carrier} carries the {joint.kind}: name two other links'
         )
     return carrier
-
-
-register(
-    JointKind(
-        'transmission',
-        TransmissionKeys,
-        _read,
-        firm="the play of teeth is their 'backlash'",
-    )
-)

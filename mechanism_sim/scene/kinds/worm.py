@@ -12,12 +12,14 @@ from mechanism_sim.gears.spatial import WormDrive
 from mechanism_sim.planar.joint_friction import FlankFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.contact_keys import Friction
-from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
+from mechanism_sim.scene.joint_keys import Reference, register
 from mechanism_sim.scene.kinds.bevel import SpatialKeys, needed, placed, pressure_angle_of
 from mechanism_sim.scene.kinds.transmission import carrier_of
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle, Length
 
 
+@register('worm')
 class WormKeys(SpatialKeys):
     """A worm and its wheel on shafts at 90 degrees."""
 
@@ -30,59 +32,45 @@ class WormKeys(SpatialKeys):
     hand: Literal['right', 'left'] | None = None
     """Of a worm, right without it: then its wheel turns the same way, each seen on its axis."""
 
+    firm = 'a worm has no play here'
+    rubs_by = (), False
 
-def _read(places: Names, name: str, joint: WormKeys) -> WormDrive:
-    """A worm and its wheel."""
-    needed(places, name, joint, 'teeth', 'diameter', 'lead_angle')
-    (a, on_a), (b, on_b) = places.ends(name, joint)
-    threads, teeth = joint.teeth or (1, 1)
-    try:
-        sizes = WormPair(
-            threads,
-            teeth,
-            joint.diameter or 0.0,
-            joint.lead_angle or 0.0,
-            pressure_angle_of(joint),
-        )
-    except InputError as error:
-        raise InputError(f'{places.name}: joints.{name}: {error}') from error
-    hand = -1 if joint.hand == 'left' else 1
-    return WormDrive(
-        name, a, b, on_a, on_b, Fraction(hand * threads, teeth), joint.phase,
-        carrier_of(places, name, joint), *placed(joint), sizes, hand,
-        joint.friction.coefficient if joint.friction else 0.0,
-    )  # fmt: skip
+    def read(self, names: Names, name: str) -> WormDrive:
+        """A worm and its wheel."""
+        needed(name, self, 'teeth', 'diameter', 'lead_angle')
+        (a, on_a), (b, on_b) = names.ends(name)
+        threads, teeth = self.teeth or (1, 1)
+        try:
+            sizes = WormPair(
+                threads,
+                teeth,
+                self.diameter or 0.0,
+                self.lead_angle or 0.0,
+                pressure_angle_of(self),
+            )
+        except InputError as error:
+            raise InputError(f'joints.{name}: {error}') from error
+        hand = -1 if self.hand == 'left' else 1
+        return WormDrive(
+            name, a, b, on_a, on_b, Fraction(hand * threads, teeth), self.phase,
+            carrier_of(names, name, self), *placed(self), sizes, hand,
+            self.friction.coefficient if self.friction else 0.0,
+        )  # fmt: skip
 
+    def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[FlankFriction]:
+        """Along the thread, [V] eqs. 5.52 to 5.59."""
+        lead, press, (r2, r3) = joint.worm.lead_angle, joint.worm.pressure_angle, joint.radii
+        return [FlankFriction(
+            joint.name, mechanism, given.coefficient,
+            (r2 * math.cos(lead), joint.hand * r3 * math.sin(lead)),
+            r3 * math.cos(press) * math.cos(lead), joint.carrier,
+        )]  # fmt: skip
 
-def _friction(name: str, given: Friction, mechanism: Mechanism) -> list[FlankFriction]:
-    """Along the thread, [V] eqs. 5.52 to 5.59."""
-    pair = mechanism.joint(name)
-    assert isinstance(pair, WormDrive)  # noqa: S101 - of this kind
-    lead, press, (r2, r3) = pair.worm.lead_angle, pair.worm.pressure_angle, pair.radii
-    return [FlankFriction(
-        name, mechanism, given.coefficient,
-        (r2 * math.cos(lead), pair.hand * r3 * math.sin(lead)),
-        r3 * math.cos(press) * math.cos(lead), pair.carrier,
-    )]  # fmt: skip
-
-
-def _notes(machine: Any, pair: WormDrive) -> list[str]:
-    """The friction that it could bear."""
-    given = machine.scene.joints[pair.name].friction
-    return [
-        f'{pair.name}: {"its" if given else "without friction; a"} coefficient of friction '
-        f'{f"is {given.coefficient:g}; " if given else ""}'
-        f'from {pair.worm.locking_friction:.4g} on the wheel cannot drive the worm'
-    ]
-
-
-register(
-    JointKind(
-        'worm',
-        WormKeys,
-        _read,
-        firm='a worm has no play here',
-        notes=_notes,
-        friction=_friction,
-    )
-)
+    def notes(self, machine: Any, joint: WormDrive) -> list[str]:
+        """The friction that it could bear."""
+        given = machine.scene.joints[joint.name].friction
+        return [
+            f'{joint.name}: {"its" if given else "without friction; a"} coefficient of friction '
+            f'{f"is {given.coefficient:g}; " if given else ""}'
+            f'from {joint.worm.locking_friction:.4g} on the wheel cannot drive the worm'
+        ]

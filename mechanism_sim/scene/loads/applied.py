@@ -21,8 +21,8 @@ from mechanism_sim.linkages.forces import (
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.expressions import parse, unit_hint, unit_of
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.joint_keys import Names
 from mechanism_sim.scene.load_keys import Elements, LoadKind, register
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Part, Quantity, si_of
 from mechanism_sim.units import Measure, alike, to_si, to_si_of
 
@@ -102,9 +102,9 @@ def _read(places: Names, name: str, load: LoadPart, tree: Mechanism) -> Elements
     point = places.find(f'{where}.at', load.at)
     other = places.find(f'{where}.reaction', load.reaction) if load.reaction else None
     if other and other[0] == point[0]:
-        raise InputError(f'{places.name}: {where}: at and reaction name one link, {other[0]}')
+        raise InputError(f'{where}: at and reaction name one link, {other[0]}')
     if load.unknown:
-        unknown = _unknown(places, name, load, point, other)
+        unknown = _unknown(name, load, point, other)
         return lambda mechanism: [unknown(mechanism)]
     for part, unit in zip((*load.force, load.torque), ('N', 'N', 'N m'), strict=True):
         if isinstance(part, str):
@@ -122,11 +122,11 @@ def _read(places: Names, name: str, load: LoadPart, tree: Mechanism) -> Elements
 
 
 def _unknown(
-    places: Names, name: str, load: LoadPart, point: LinkPoint, other: LinkPoint | None
+    name: str, load: LoadPart, point: LinkPoint, other: LinkPoint | None
 ) -> Callable[[Mechanism], UnknownForce]:
     """A load whose size is to be found."""
     key = f'loads.{name}'
-    where = f'{places.name}: {key}'
+    where = f'{key}'
     if any(isinstance(part, str) for part in (*load.force, load.torque)):
         raise InputError(
             f'{where} is unknown: its force or torque is a direction, in numbers, not a formula'
@@ -198,7 +198,7 @@ def check_formula(places: Names, where: str, text: str, unit: str, tree: Mechani
             if found is not None and not alike(found, unit):
                 raise InputError(f'{quoted(text)} is in {found or "no unit"}, not in {unit}')
     except InputError as error:
-        raise InputError(f'{places.name}: {where}: {error}') from error
+        raise InputError(f'{where}: {error}') from error
 
 
 def _range(places: Names, where: str, given: DuringPart, tree: Mechanism) -> CycleRange:
@@ -211,17 +211,15 @@ def _range(places: Names, where: str, given: DuringPart, tree: Mechanism) -> Cyc
     ]
     begin, end = ends
     if begin is None and end is None and given.moving is None:
-        raise InputError(f"{places.name}: {where} needs 'from' and 'to', or 'moving'")
+        raise InputError(f"{where} needs 'from' and 'to', or 'moving'")
     if not straight and (begin is None) != (end is None):
-        raise InputError(f"{places.name}: {where}: of an angle give both 'from' and 'to'")
+        raise InputError(f"{where}: of an angle give both 'from' and 'to'")
     if begin is not None and end is not None:
         if straight and not begin < end:
-            raise InputError(
-                f"{places.name}: {where}: 'from' = {begin:g} m must be less than 'to' = {end:g} m"
-            )
+            raise InputError(f"{where}: 'from' = {begin:g} m must be less than 'to' = {end:g} m")
         if not straight and abs(math.remainder(end - begin, 2.0 * math.pi)) < 1e-9:
             raise InputError(
-                f"{places.name}: {where}: 'from' and 'to' are the same direction; for a load that "
+                f"{where}: 'from' and 'to' are the same direction; for a load that "
                 "acts in the whole cycle leave out 'during'"
             )
     way = {None: 0, 'forward': 1, 'backward': -1}[given.moving]

@@ -10,8 +10,9 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.forces import Spring, TorsionSpring
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.scene.joint_keys import Names, Reference
+from mechanism_sim.scene.joint_keys import Reference
 from mechanism_sim.scene.load_keys import Elements, LoadKind, register
+from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle, Part, si, si_of
 from mechanism_sim.units import Measure
 
@@ -42,7 +43,7 @@ class Springs(Part):
 
 
 def _read(places: Names, name: str, spring: SpringPart, _: Mechanism) -> Elements:
-    where = f'{places.name}: springs.{name}'
+    where = f'springs.{name}'
     (a, on_a), (b, on_b) = (places.find(f'springs.{name}.between', p) for p in spring.between)
     stiffness, damping = spring.stiffness, spring.damping
     if a == b:
@@ -50,8 +51,8 @@ def _read(places: Names, name: str, spring: SpringPart, _: Mechanism) -> Element
     kinds = {m.unit.endswith('rad') for m in (stiffness, damping) if m.unit}
     if len(kinds) != 1:
         raise InputError(
-            f'{where}: give stiffness and damping both per length '
-            "('200 N/m', '5 N s/m') or both per angle ('3 N m/rad', '0.1 N m s/rad')"
+            f"{where}: give stiffness and damping both per length ('200 N/m', '5 N s/m') or both "
+            "per angle ('3 N m/rad', '0.1 N m s/rad')"
         )
     (torsional,) = kinds
     if torsional and spring.free_length is not None:

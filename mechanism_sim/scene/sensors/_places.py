@@ -1,13 +1,13 @@
-"""Links and joints that sensors are mounted on: whether there are such."""
+"""The angle of a link on another, which encoders and tachometers read."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.scene.sensor_keys import check_link
 
 
 def angle_between(
@@ -35,26 +35,6 @@ def check_between(machine: Any, where: str, sensor: Any, does: str) -> None:
     frames = [machine.mechanism.frame(x)[0] for x in (sensor.link, sensor.relative_to)]
     if frames[0] == frames[1]:
         raise InputError(
-            f'{where}: {sensor.link} does not turn on {sensor.relative_to}: {does} the '
-            'angle between two links'
-        )
-
-
-def check_link(machine: Any, where: str, link: str, frames: Iterable[str] = ()) -> None:
-    """Refuse a sensor on a link that does not move, or on no frame of these."""
-    known = [*machine.links, *frames]
-    if link not in known:
-        raise InputError(
-            f"{where}.link: there is no moving link '{link}'{nearest(link, known)}; links: "
-            f'{", ".join(known)}'
-        )
-
-
-def check_joint(where: str, joint: str, known: Iterable[str], what: str) -> None:
-    """Refuse a sensor in a joint that is none of those `known`, which are `what`."""
-    known = list(known)
-    if joint not in known:
-        raise InputError(
-            f"{where}.joint: '{joint}' is no {what}{nearest(joint, known)}; those are: "
-            f'{", ".join(known) or "none"}'
+            f'{where}: {sensor.link} does not turn on {sensor.relative_to}: {does} the angle '
+            'between two links'
         )

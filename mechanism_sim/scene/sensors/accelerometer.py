@@ -10,17 +10,17 @@ from mechanism_sim.scene.quantities import Offset
 from mechanism_sim.scene.sensor_keys import (
     Integrator,
     OnLinkKeys,
-    SensorKind,
     ShockKeys,
     Transducer,
+    check_link,
     register,
 )
-from mechanism_sim.scene.sensors._places import check_link
 from mechanism_sim.sensing.channel import Source
 from mechanism_sim.sensing.frame_point import PointOnFrame
 from mechanism_sim.sensing.point import PointOnLink
 
 
+@register('accelerometer')
 class AccelerometerKeys(OnLinkKeys, ShockKeys):
     """An accelerometer, with as much of its chain as matters."""
 
@@ -41,49 +41,37 @@ class AccelerometerKeys(OnLinkKeys, ShockKeys):
     imu: bool = False
     """Whether it is published as sensor_msgs/Imu, too."""
 
+    def _at(self) -> tuple[float, float]:
+        return self.at if isinstance(self.at, tuple) else (self.at, 0.0)
 
-def _source(machine: Any, sensor: Any) -> Source:
-    mechanism, transverse = machine.mechanism, sensor.transducer.transverse
-    if sensor.link in machine.scene.oscillators:
-        frame, forces = machine.shaken_frame(sensor.link)
-        at = sensor.at if isinstance(sensor.at, tuple) else (sensor.at, 0.0)
-        gravity = mechanism.gravity if sensor.gravity else (0.0, 0.0)
-        return PointOnFrame(frame, forces, at, sensor.axis, gravity, transverse)
-    return PointOnLink(mechanism, sensor.link, sensor.at, sensor.axis, sensor.gravity, transverse)
+    def source(self, machine: Any) -> Source:
+        """A point of a link, or of a frame on springs."""
+        mechanism, across, link = machine.mechanism, self.transducer.transverse, str(self.link)
+        if link in machine.scene.oscillators:
+            frame, forces = machine.shaken_frame(link)
+            gravity = mechanism.gravity if self.gravity else (0.0, 0.0)
+            return PointOnFrame(frame, forces, self._at(), self.axis, gravity, across)
+        return PointOnLink(mechanism, link, self._at(), self.axis, self.gravity, across)
 
+    def place(self, machine: Any) -> str:
+        """On a link or a frame, and along which axis."""
+        x, y = self._at()
+        at = f'({x:g}, {y:g}) m' if y else f'{x:g} m'
+        if self.link in machine.links:
+            return f'on the {self.link}, {at} from its origin, {self.axis} the link'
+        way = 'x' if self.axis == 'along' else 'y'
+        return f'on the oscillator {self.link}, at {at}, along {way}'
 
-def _place(machine: Any, sensor: Any) -> str:
-    x, y = sensor.at if isinstance(sensor.at, tuple) else (sensor.at, 0.0)
-    at = f'({x:g}, {y:g}) m' if y else f'{x:g} m'
-    if sensor.link in machine.links:
-        return f'on the {sensor.link}, {at} from its origin, {sensor.axis} the link'
-    way = 'x' if sensor.axis == 'along' else 'y'
-    return f'on the oscillator {sensor.link}, at {at}, along {way}'
-
-
-def _check(machine: Any, sensor: Any, where: str) -> None:
-    check_link(machine, where, sensor.link, machine.scene.oscillators)
-    if sensor.imu and sensor.link in machine.scene.oscillators:
-        raise InputError(
-            f'{where}.imu is for sensors on links; {sensor.link} is a frame on springs'
-        )
-    at = sensor.at if isinstance(sensor.at, tuple) else (sensor.at, 0.0)
-    if sensor.link in machine.links and math.hypot(*at) > 10.0 * machine.mechanism.size:
-        raise InputError(
-            f'{where}.at = {math.hypot(*at):g} m lies far off the {sensor.link} (the longest link '
-            f'has {machine.mechanism.size:g} m)'
-        )
-
-
-register(
-    SensorKind(
-        'accelerometer',
-        AccelerometerKeys,
-        needs=('link',),
-        quantity='',
-        source=_source,
-        carrier=lambda machine, sensor: str(sensor.link),  # noqa: ARG005
-        place=_place,
-        check=_check,
-    )
-)
+    def check(self, machine: Any, where: str) -> None:
+        """Refuse one far off its link, and a frame as what an inertial unit is on."""
+        check_link(machine, where, self.link, machine.scene.oscillators)
+        if self.imu and self.link in machine.scene.oscillators:
+            raise InputError(
+                f'{where}.imu is for sensors on links; {self.link} is a frame on springs'
+            )
+        away, size = math.hypot(*self._at()), machine.mechanism.size
+        if self.link in machine.links and away > 10.0 * size:
+            raise InputError(
+                f'{where}.at = {away:g} m lies far off the {self.link} (the longest link has '
+                f'{size:g} m)'
+            )

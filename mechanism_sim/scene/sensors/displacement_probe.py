@@ -5,21 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.numerics.rational import Array, Modes, Rational
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
-from mechanism_sim.scene.sensor_keys import AnalogueKeys, InJointKeys, SensorKind, register
-from mechanism_sim.scene.sensors._places import check_joint
+from mechanism_sim.scene.sensor_keys import AnalogueKeys, InJointKeys, check_joint, register
+from mechanism_sim.sensing.channel import DirectSource
 
 
-class ProbeKeys(InJointKeys, AnalogueKeys):
-    """A probe in a bushing that sees the pin, such as an eddy-current probe in a bearing."""
-
-
-class Probe:
+class Probe(DirectSource):
     """A source: the pin's place in its bushing, along a direction that turns with the bushing.
 
     Parameters
@@ -29,48 +22,30 @@ class Probe:
     direction : [rad] in the frame of the second link
     """
 
-    inputs = 1
-
     def __init__(self, mechanism: Mechanism, joint: Revolute, direction: float) -> None:
         self._mechanism, self._joint, self._direction = mechanism, joint, direction
 
-    def through(self, chain: Rational) -> Modes:
-        """The system from what is read here to what comes out of a chain."""
-        return chain.modes()
-
-    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """Displacement (1, N) [m] at instants as those of ``motion.curve.at(segments, dt)``."""
+    def reading(self, q: Array) -> Array:
+        """Displacement (N,) [m]."""
         joint, m = self._joint, self._mechanism
-        q = motion.curve.local(segments, dt).T
-        pin = m.locate_all(joint.first, q, joint.on_first)
-        x, y = pin - m.locate_all(joint.second, q, joint.on_second)
+        pin, bushing = (m.trace(point, q)[0] for point in joint.points)
+        x, y = pin - bushing
         angle = self._direction + m.angle_all(joint.second, q)
-        return np.asarray(x * np.cos(angle) + y * np.sin(angle))[None]
-
-    def impulses(self, motion: Motion) -> Array:
-        """None (m, 1): a displacement has no impulses."""
-        return np.zeros((len(motion), 1))
+        return np.asarray(x * np.cos(angle) + y * np.sin(angle))
 
 
-def _check(machine: Any, sensor: Any, where: str) -> None:
-    known = [joint.name for joint in machine.bearings]
-    check_joint(where, sensor.joint, known, 'joint with a pin loose in a bushing')
+@register('displacement_probe')
+class ProbeKeys(InJointKeys, AnalogueKeys):
+    """A probe in a bushing that sees the pin, such as an eddy-current probe in a bearing."""
 
+    reads = 'displacement'
 
-register(
-    SensorKind(
-        'displacement_probe',
-        ProbeKeys,
-        needs=('joint',),
-        quantity='displacement',
-        source=lambda machine, sensor: Probe(
-            machine.mechanism, machine.mechanism.joint(sensor.joint), sensor.direction
-        ),
-        carrier=lambda machine, sensor: str(machine.mechanism.joint(sensor.joint).second),
-        place=lambda machine, sensor: (
-            f'in {sensor.joint}, at {sensor.direction:g} rad in the frame of the '
-            f'{machine.mechanism.joint(sensor.joint).second}'
-        ),
-        check=_check,
-    )
-)
+    def source(self, machine: Any) -> Probe:
+        """The pin's place in its bushing."""
+        joint = machine.mechanism.joint(self.joint)
+        return Probe(machine.mechanism, joint, self.direction)
+
+    def check(self, machine: Any, where: str) -> None:
+        """Refuse joints without a bushing."""
+        known = [joint.name for joint in machine.bearings]
+        check_joint(where, self.joint, known, 'joint with a pin loose in a bushing')

@@ -9,33 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
-from mechanism_sim.numerics.rational import Array, Modes, Rational
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.quantities import Angle
-from mechanism_sim.scene.sensor_keys import OnLinkKeys, SensorKind, register
+from mechanism_sim.scene.sensor_keys import OnLinkKeys, register
 from mechanism_sim.scene.sensors._places import angle_between, check_between
 from mechanism_sim.sensing.chain import Trigger
+from mechanism_sim.sensing.channel import DirectSource
 from mechanism_sim.sensing.sampling import Passage
 
 EDGES = 4
 """Counts of a line: both edges of two tracks that are a quarter of a line apart."""
 
 
-class EncoderKeys(OnLinkKeys):
-    """An incremental encoder with two tracks, sampled as often as `sample_rate` says."""
-
-    relative_to: str = GROUND
-    """The link that carries its head."""
-    lines: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 1024
-    """In a turn; four counts each."""
-    index: Angle | None = None
-    """Angle of the index line: counts are from there once it has passed, else from the start."""
-
-
-class Encoder:
+class Encoder(DirectSource):
     """A source of samples: the angle of a link on another, rounded down to whole counts.
 
     Parameters
@@ -45,8 +35,6 @@ class Encoder:
     lines : in a turn
     index : angle [rad] of the index line; counting begins anew where it passes for the first time
     """
-
-    inputs = 1
 
     def __init__(
         self,
@@ -66,10 +54,6 @@ class Encoder:
         self._passed = math.inf, 0, 0.0  # when, and what is counted from then on
         self._seen: Motion | None = None
 
-    def through(self, chain: Rational) -> Modes:
-        """The system from what is read here to what comes out of a chain."""
-        return chain.modes()
-
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Counted angle (1, N) [rad] at instants as those of ``motion.curve.at(segments, dt)``."""
         if motion is not self._seen:
@@ -85,10 +69,6 @@ class Encoder:
         )
         counts = self._counts * (turns - whole) + np.floor((angle - since) / self._step)
         return np.asarray(self._step * counts[None])
-
-    def impulses(self, motion: Motion) -> Array:
-        """None (m, 1): an angle has no impulses."""
-        return np.zeros((len(motion), 1))
 
     def _angle(
         self, motion: Motion, segments: NDArray[np.intp], dt: Any
@@ -115,23 +95,28 @@ class Encoder:
             self._passed = times[0], int(turns) + more, self._index
 
 
-def _source(machine: Any, sensor: Any) -> Encoder:
-    return Encoder(machine.mechanism, sensor.link, sensor.relative_to, sensor.lines, sensor.index)
+@register('encoder')
+class EncoderKeys(OnLinkKeys):
+    """An incremental encoder with two tracks, sampled as often as `sample_rate` says."""
 
+    relative_to: str = GROUND
+    """The link that carries its head."""
+    lines: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 1024
+    """In a turn; four counts each."""
+    index: Angle | None = None
+    """Angle of the index line: counts are from there once it has passed, else from the start."""
 
-register(
-    SensorKind(
-        'encoder',
-        EncoderKeys,
-        needs=('link',),
-        quantity='angle',
-        source=_source,
-        carrier=lambda machine, sensor: str(sensor.link),  # noqa: ARG005
-        place=lambda machine, sensor: (  # noqa: ARG005
-            f'of the {sensor.link} on the {sensor.relative_to}, {sensor.lines} lines'
-        ),
-        check=lambda machine, sensor, where: check_between(
-            machine, where, sensor, 'an encoder counts'
-        ),
-    )
-)
+    reads = 'angle'
+
+    def source(self, machine: Any) -> Encoder:
+        """The counted angle."""
+        mechanism, link = machine.mechanism, str(self.link)
+        return Encoder(mechanism, link, self.relative_to, self.lines, self.index)
+
+    def place(self, machine: Any) -> str:
+        """Between two links."""
+        return f'of the {self.link} on the {self.relative_to}, {self.lines} lines'
+
+    def check(self, machine: Any, where: str) -> None:
+        """Refuse links that do not turn on each other."""
+        check_between(machine, where, self, 'an encoder counts')

@@ -7,23 +7,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.physics import Physics, outside
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.numerics.rational import Array, Modes, Rational
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.sensor_keys import InJointKeys, SensorKind, ShockKeys, register
-from mechanism_sim.scene.sensors._places import check_joint
+from mechanism_sim.scene.sensor_keys import InJointKeys, ShockKeys, check_joint, register
+from mechanism_sim.sensing.channel import DirectSource
 from mechanism_sim.vibration.shaking import VelocitySteps
 
 
-class LoadCellKeys(InJointKeys, ShockKeys):
-    """A load cell between a joint and its second link."""
-
-
-class LoadCell:
+class LoadCell(DirectSource):
     """A source: the force of the first on the second link of a joint, along a direction.
 
     Parameters
@@ -34,8 +30,6 @@ class LoadCell:
     joint : name
     direction : [rad] in the frame of the joint's second link
     """
-
-    inputs = 1
 
     def __init__(
         self,
@@ -49,10 +43,6 @@ class LoadCell:
         self._row = [j.name for j in mechanism.joints].index(joint)
         self._link, self._direction = mechanism.joint(joint).second, direction
         self._steps = VelocitySteps()
-
-    def through(self, chain: Rational) -> Modes:
-        """The system from what is read here to what comes out of a chain."""
-        return chain.modes()
 
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Force (1, N) [N] at instants as those of ``motion.curve.at(segments, dt)``."""
@@ -77,36 +67,25 @@ class LoadCell:
         return np.asarray(x * np.cos(angle) + y * np.sin(angle))
 
 
-def _source(machine: Any, sensor: Any) -> LoadCell:
-    return LoadCell(
-        machine.mechanism,
-        machine.physics,
-        machine.joint_impulses(),
-        sensor.joint,
-        sensor.direction,
-    )
+@register('load_cell')
+class LoadCellKeys(InJointKeys, ShockKeys):
+    """A load cell between a joint and its second link."""
 
+    reads = 'force'
 
-def _check(machine: Any, sensor: Any, where: str) -> None:
-    known = [joint.name for joint in machine.mechanism.joints]
-    check_joint(where, sensor.joint, known, 'joint')
-    if not (machine.dynamic or machine.scene.outputs.forces):
-        raise InputError(f"{where}: a load cell needs 'outputs.forces: true'")
-    machine.check_impulses()
+    def source(self, machine: Any) -> LoadCell:
+        """The joint's force along the direction, with its impulses."""
+        return LoadCell(
+            machine.mechanism,
+            machine.physics,
+            machine.joint_impulses,
+            str(self.joint),
+            self.direction,
+        )
 
-
-register(
-    SensorKind(
-        'load_cell',
-        LoadCellKeys,
-        needs=('joint',),
-        quantity='force',
-        source=_source,
-        carrier=lambda machine, sensor: str(machine.mechanism.joint(sensor.joint).second),
-        place=lambda machine, sensor: (
-            f'in {sensor.joint}, at {sensor.direction:g} rad in the frame of the '
-            f'{machine.mechanism.joint(sensor.joint).second}'
-        ),
-        check=_check,
-    )
-)
+    def check(self, machine: Any, where: str) -> None:
+        """Refuse machines whose forces, or whose impulses, are not known."""
+        check_joint(where, self.joint, [j.name for j in machine.mechanism.joints], 'joint')
+        if not (machine.dynamic or machine.scene.outputs.forces):
+            raise InputError(f"{where}: a load cell needs 'outputs.forces: true'")
+        machine.check_impulses()

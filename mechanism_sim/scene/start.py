@@ -1,0 +1,359 @@
+"""Where a machine starts: its pins at the centre of their bushings, or pressed against them.
+
+``centred``: the nominal mechanism, pins at the centre, in flight. ``seated``: each pin rests on
+its bushing in the direction of the nominal force of the first-named on the second-named link;
+nominal rates. Coordinates given in `initial` replace those, exactly; then all gaps count as open
+at first.
+
+Elastic links start straight, or, with ``initial.elastic: smooth``, bent as the forces there bend
+them, without the vibration: so that the forces of the machine leave the elastic coordinates of
+links at rest in their frames no acceleration; that place moves on with the machine. A motion that
+begins there, with the rate of that place, is free of vibration but for about ``(W/w)^2`` of the
+deflection, at the speed W of the machine and the frequency w of the first mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.clock import take_off_turns
+from mechanism_sim.hybrid.observer import Observer
+from mechanism_sim.hybrid.snapshot import State
+from mechanism_sim.linkages.bearing import BearingClearance
+from mechanism_sim.linkages.bearing_ends import AxialStop, BearingEnd, seat
+from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.configuration import converted
+from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.planar.mechanism import Mechanism, Revolute
+from mechanism_sim.planar.points import rotate
+from mechanism_sim.planar.protocols import Gap
+from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
+from mechanism_sim.scene.clearances import leaning
+from mechanism_sim.scene.plan import Plan, Values
+
+_SOFT = 1e-3
+"""Weight of a pin's way from its seat, in clearances, against a size that ideal joints open."""
+_ROUNDS = 30
+_SEATED = 1e-16
+_STEPS = 30
+_SHIFT = 1e-6  # of the lengths of links: of coordinates, and of their way in a turn
+_MOMENT = 1e-4  # of a turn of the drive, or [s]: before and after the start
+_SETTLED = 1e-11  # of the size of the machine
+
+
+@dataclass(frozen=True)
+class Start:
+    """The parts of a machine from which its start follows.
+
+    Attributes
+    ----------
+    assembly : where it is without clearance
+    observer : of its equations of motion
+    joint_forces : forces in the joints of the ideal mechanism (j, 2) [N], first-named on
+        second-named link, at coordinates and rates (n, 1) of the start
+    accelerations : of the ideal mechanism (n, N), at coordinates and rates (n, N) and
+        accelerations of prescribed coordinates (p, N), a time [s] from the start
+    turn : [s] of the drive, at most a second
+    """
+
+    plan: Plan
+    assembly: Assembly
+    observer: Observer
+    joint_forces: Callable[[Array, Array], Array]
+    accelerations: Callable[[Array, Array, Array, float], Array]
+    turn: float
+
+    @property
+    def _loose(self) -> Mechanism:
+        return self.plan.loose
+
+    def state(self) -> State:
+        """Start of the equations of motion."""
+        plan, system = self.plan, self.observer.system
+        names = self._loose.coordinates
+        q, v = (dict(zip(names, x.tolist(), strict=True)) for x in self._placed())
+        turns = dict.fromkeys(system.free, 0)
+        for c in {*system.free}.difference(self._loose.displacements):
+            whole, q[c] = take_off_turns(q[c])
+            turns[c] = whole + plan.turned.get(c, 0)
+        seated = plan.scene.start == 'seated' and not plan.placed_outright
+        values = self.observer.gap_values(np.array([[q[c]] for c in system.coordinates]))
+        closed = []
+        for gap, value in zip(system.gaps, values, strict=True):
+            self._check_inside(gap, value, seated)
+            closed.append(seated and self._starts_closed(gap, value))
+        return State(
+            Fraction(0),
+            tuple(turns[c] for c in system.free),
+            tuple(q[c] for c in system.free),
+            tuple(v[c] for c in system.free),
+            tuple(closed),
+        )
+
+    def _starts_closed(self, gap: Gap, value: Array) -> bool:
+        """Pins are on their bushings but in oil, and what can only lift off is in contact."""
+        play = self.plan.clearances[gap.joint]
+        if not isinstance(gap, BearingClearance) or play.film:
+            return play.radial == 0.0
+        near = max(1e-9 * play.radial, 1e-14 * self._loose.size)
+        return not isinstance(gap, BearingEnd) or float(gap.distance(value)[0]) <= near
+
+    def _check_inside(self, gap: Gap, value: Array, seated: bool) -> None:
+        """Refuse a start at which a pin is in its bushing's wall."""
+        radial = self.plan.clearances[gap.joint].radial
+        clearance = gap.play if isinstance(gap, AxialStop) else radial
+        distance = float(gap.distance(value)[0])
+        rounding = 1e-12 * self._loose.size
+        if distance >= -max(1e-6 * clearance, rounding) or (seated and gap.law):
+            return
+        into, place = f'{-distance:.6g} m into', 'initial.position puts'
+        if not isinstance(self._loose.joint(gap.joint), Revolute):
+            raise InputError(f'{place} {gap.joint} {into} its wall')
+        if isinstance(gap, AxialStop):
+            raise InputError(
+                f'at the start the links of {gap.joint} are {into} each other at {gap.name}: give '
+                "more axial play, or another 'initial.position'"
+            )
+        if isinstance(gap, BearingEnd):
+            raise InputError(
+                f'{place} the pin of {gap.joint} {into} its bushing, at the end {gap.name}'
+            )
+        raise InputError(
+            f'{place} the pin of {gap.name} {clearance - distance:.6g} m from the centre of its '
+            f'bushing; the radial clearance is {clearance:g} m'
+        )
+
+    # --- coordinates and rates ------------------------------------------------------------------
+
+    def _placed(self) -> tuple[Array, Array]:
+        """Values and rates (n,) of the coordinates."""
+        plan, loose = self.plan, self._loose
+        start = self.assembly
+        if plan.scene.initial.elastic == 'smooth':
+            start = self._smooth()
+        if not plan.clearances:
+            return start.q, start.v
+        given = tuple({c: x for c, x in part.items() if self._alike(c)} for part in plan.given)
+        for kind, whole, part in zip(('position', 'velocity'), plan.given, given, strict=True):
+            for link in (c for c in whole if c not in part):
+                places = [c for c in loose.coordinates if c in (f'{link}.x', f'{link}.y')]
+                own = ', '.join([f'{link}, an angle', *(f'{c}, a displacement' for c in places)])
+                raise InputError(
+                    f'initial.{kind}.{link} cannot be set: with its loose joints the machine is '
+                    f'not carried by the guide of {link}; what can be given of it is {own}'
+                )
+        near, rates = converted(plan.ideal, loose, start.q, start.v)
+        held = [c for c in loose.coordinates if c in plan.begins or c in plan.prescribed]
+        q = self._places(start, near, held, given[0] | plan.floating[0])
+        return q, self._rates(rates, q, held, given[1] | plan.floating[1])
+
+    def _alike(self, c: str) -> bool:
+        """True if a coordinate means the same with clearance as without."""
+        both = self.plan.ideal, self._loose
+        slides = [m.tree_joints.get(c) if c in m.sliding else None for m in both]
+        return slides[0] == slides[1]
+
+    def _places(self, start: Assembly, near: Array, held: Sequence[str], given: Values) -> Array:
+        """Coordinates of the loose mechanism: pins at their seats, unless given ones move them.
+
+        Where they do, ideal joints stay closed, and the pins are as little off their seats as can
+        be, measured in their clearances.
+        """
+        loose, plays = self._loose, self.plan.clearances
+        names = loose.coordinates
+        guess = np.array([given.get(c, x) for c, x in zip(names, near, strict=True)])
+        fixed = [c for c in names if c in held or c in given]
+        every = Kinematics(loose, closures(loose, loose.cut), fixed)
+        targets = np.zeros(len(every.rows))
+
+        def aim(seats: dict[str, Array]) -> None:
+            for name, Q in seats.items():
+                targets[[i for i, row in enumerate(every.rows) if row == name]] = Q
+
+        pressed: dict[str, Array] = {}
+        if self.plan.scene.start == 'seated' and self.observer.system.gaps:
+            pressed = self._seats(start.q[:, None], start.v[:, None])
+            aim(pressed)
+        if not given and not targets.any():
+            return guess  # the loops of the ideal mechanism are closed
+        try:
+            closed = closed_near(every, guess, targets)
+            for _ in range(_ROUNDS):  # where axes lean, the seat turns with the links
+                before = targets.copy()
+                aim(self._leaning_seats(pressed, closed))
+                if np.abs(targets - before).max(initial=0.0) <= _SEATED * loose.size:
+                    break
+                closed = closed_near(every, closed, targets)
+            return closed
+        except InputError as error:
+            if not given:
+                centred = "; or write 'start: centred'" if targets.any() else ''
+                raise InputError(f'{error}{centred}') from error
+        soft = np.array([row in plays for row in every.rows])
+        play = np.array([plays[row].radial if row in plays else 0.0 for row in every.rows])
+        weight = np.where(soft, _SOFT * loose.size / np.where(play, play, loose.size), 1.0)
+        for _ in range(_ROUNDS):
+            off, J = every.closure(guess[:, None])
+            left = weight * (off[0] - targets)
+            step = np.linalg.lstsq(weight[:, None] * J[0][:, every.sought], -left, rcond=1e-12)[0]
+            most = max(float(np.abs(step).max(initial=0)), 0.5)
+            guess[every.sought] += step * min(1.0, 0.5 / most)
+        firm = self.plan.loops(fixed)
+        return closed_near(firm, guess, np.zeros(len(firm.rows)))
+
+    def _rates(self, rates: Array, q: Array, held: Sequence[str], given: Values) -> Array:
+        """Rates of the loose mechanism: those of the ideal one, and those given.
+
+        Links keep turning as they would without clearance while ideal joints can stay closed so.
+        """
+        plan, loose = self.plan, self._loose
+        near = dict(zip(loose.coordinates, rates.tolist(), strict=True))
+        kinematics = plan.loops(held)
+        driven = {c: plan.held[c][1] for c in held if c not in plan.assumed[1]}
+        driven |= {c: near[c] for c in loose.deformations}
+        fixed = {**driven, **given}
+        turning = {c: near[c] for c in loose.coordinates if c not in loose.displacements}
+        for known in ({**turning, **fixed}, fixed):
+            v = nearest_rates(kinematics, q, loose.coordinates, known, near)
+            joint, speed = opening(kinematics, q, v)
+            if speed <= 1e-9 * float(np.abs(v).max(initial=0.0)) * loose.size:
+                return v
+        if not given:
+            return nearest_rates(kinematics, q, loose.coordinates, {**turning, **fixed}, near)
+        said = ', '.join(f'{c} at {rate:g}' for c, rate in given.items())
+        raise InputError(
+            f'initial.velocity cannot be: with {said} the joint {joint}, which has no clearance, '
+            f'would open at {speed:.4g} m/s; leave one of them out'
+        )
+
+    # --- where pins rest ------------------------------------------------------------------------
+
+    def _seats(self, q: Array, v: Array) -> dict[str, Array]:
+        """Places at which the pins rest (2,) [m], from the centres of their bushings, by joint.
+
+        Of a pair that can only lift off, how deep its compliant contact is (1,) [m], negative.
+
+        Parameters
+        ----------
+        q, v : (n, 1) of the ideal mechanism
+        """
+        plan, mechanism = self.plan, self._loose
+        found: dict[str, Array] = {}
+        pressed = {
+            name: isinstance(mechanism.joint(name), Revolute)
+            for name, c in plan.clearances.items()
+            if not c.film and (isinstance(mechanism.joint(name), Revolute) or not c.radial)
+        }
+        if not pressed:
+            return found  # pins start in the middle of their slots
+        names = [j.name for j in mechanism.joints]
+        try:
+            forces = dict(zip(names, self.joint_forces(q, v), strict=True))
+        except ZeroDivisionError:  # no equation for some of them
+            forces = dict.fromkeys(names, np.full(2, np.nan))
+        for name, pin in pressed.items():
+            clearance, force = plan.clearances[name], forces[name]
+            if not np.isfinite(force).all():
+                if plan.placed_outright:
+                    continue  # at the centre, if it is not said otherwise
+                raise InputError(
+                    f'start = seated, but without clearance the force in {name} is not '
+                    "determined; write 'start: centred'"
+                )
+            if pin and not force.any():
+                raise InputError(
+                    f'start = seated, but no force presses the pin of {name} on its bushing; '
+                    "write 'start: centred'"
+                )
+            size = float(np.hypot(*force))
+            contact = clearance.contact
+            soft = contact.stiffness if contact and not plan.placed_outright else None
+            leans = leaning(mechanism, name, clearance)
+            alone = leans and any((*leans.pin, *leans.bushing))  # one end of two takes it all
+            soft = 0.5 * soft if soft and alone else soft
+            depth = (size / soft) ** (1.0 / contact.exponent) if contact and soft else 0.0
+            on_bushing = (clearance.radial + depth) * force / size if pin else None
+            found[name] = np.array([-depth]) if on_bushing is None else on_bushing
+        return found
+
+    def _leaning_seats(self, found: dict[str, Array], q: Array) -> dict[str, Array]:
+        """The same where pin and bushing are out of line, at coordinates (n,) of the machine."""
+        mechanism = self._loose
+        place = dict(zip(mechanism.coordinates, q.tolist(), strict=True))
+        seated = {}
+        for name, centred in found.items():
+            if leans := leaning(mechanism, name, self.plan.clearances[name]):
+                joint, axes = mechanism.joint(name), (leans.pin, leans.bushing)
+                angles = (mechanism.angle(link, place) for link in (joint.first, joint.second))
+                first, second = (np.array(rotate(x, a)) for x, a in zip(axes, angles, strict=True))
+                off = 0.5 * leans.length * (first - second)
+                room = float(np.hypot(*centred))
+                seated[name] = seat(room, centred / room, off) if off.any() else centred
+        return seated
+
+    # --- elastic links --------------------------------------------------------------------------
+
+    def _smooth(self) -> Assembly:
+        """The machine without clearance at the start, elastic links bent by its forces."""
+        start, ideal = self.assembly, self.plan.ideal
+        names = ideal.deformations
+        if given := [c for part in self.plan.given for c in part if c in names]:
+            raise InputError(
+                'initial.elastic = smooth says how elastic links start, and so does initial for '
+                f'{given[0]}: leave one of them out'
+            )
+        if not names:
+            return start
+        m, moment = len(names), _MOMENT * self.turn
+        shifts = _SHIFT * ideal.size * np.array([1.0] * m + [1.0 / self.turn] * m)
+        x = np.zeros(2 * m)
+        for _ in range(_STEPS):
+            columns = x[:, None] + np.diag(shifts) @ np.eye(2 * m, 2 * m + 1, 1)
+            found = self._left(columns, moment)
+            slopes = (found[:, 1:] - found[:, :1]) / shifts
+            step = np.linalg.lstsq(slopes, -found[:, 0])[0]
+            x += step
+            if not np.isfinite(x).all() or np.abs(x[:m]).max() > ideal.size:
+                break
+            if (np.abs(step) <= _SETTLED / _SHIFT * shifts).all():
+                q, v = self._bent(x[:, None], 0.0)
+                return start._replace(q=q[:, 0], v=v[:, 0])
+        raise InputError(
+            'initial.elastic = smooth: at the start the forces bend its elastic links without an '
+            'end; start them straight'
+        )
+
+    def _left(self, x: Array, moment: float) -> Array:
+        """Accelerations of elastic coordinates, and their rates: (2 m, N) for their values x."""
+        plan, ideal = self.plan, self.plan.ideal
+        elastic = [ideal.coordinates.index(c) for c in ideal.deformations]
+        seen = []
+        for t in (-moment, 0.0, moment):
+            pushed = [np.full(x.shape[1], plan.law_at(c, t)[2]) for c in plan.prescribed]
+            a = np.reshape(pushed, (-1, x.shape[1]))
+            seen.append(self.accelerations(*self._bent(x, t), a, t)[elastic])
+        before, now, after = seen
+        return np.concatenate([now, (after - before) / (2.0 * moment)])
+
+    def _bent(self, x: Array, t: float) -> tuple[Array, Array]:
+        """Coordinates and rates (n, N) a time [s] after the start; x (2 m, N) of elastic ones."""
+        plan, start = self.plan, self.assembly
+        m, count = x.shape[0] // 2, x.shape[1]
+        known: dict[str, tuple[Array, Array]] = {}
+        for c, (q, v) in plan.held.items():
+            place, rate = (q + t * v, v) if c not in plan.prescribed else plan.law_at(c, t)[:2]
+            known[c] = np.full(count, place), np.full(count, rate)
+        for k, c in enumerate(plan.ideal.deformations):
+            known[c] = x[k] + t * x[m + k], x[m + k]
+        order = [c for c in plan.ideal.coordinates if c in known]
+        kinematics = plan.kinematics(order)
+        guess = np.repeat((start.q + t * start.v)[:, None], count, axis=1)
+        guess[kinematics.held] = [known[c][0] for c in order]
+        places, _ = kinematics.positions(guess)
+        return places, kinematics.rates(places, np.array([known[c][1] for c in order]))
