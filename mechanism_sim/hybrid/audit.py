@@ -274,8 +274,8 @@ def work_in(
 ) -> tuple[Work, Array]:
     """Works (m,) in parts of a motion, and the largest powers (3,) so far [W].
 
-    What loads take is integrated with nodes of its own: the balance would hide a load that is seen
-    or missed by the same nodes as the drive that balances it.
+    What steep loads take is integrated with nodes of its own: the balance would hide a load that
+    is seen or missed by the same nodes as the drive that balances it.
 
     Parameters
     ----------
@@ -287,21 +287,27 @@ def work_in(
         found = physics.account(motion, k, dt)
         if look and isinstance(dt, Nodes):
             look(found, k, dt)
-        return np.stack([found.drive_power, found.friction_power])
+        rows = found.drive_power, found.friction_power, found.load_power
+        return np.stack([x for x in rows if x is not None])
 
     flags, known = recovers(motion, parts.segment), np.zeros(3) if largest is None else largest
-    own = integrate(powers, parts, flags, known[:2], in_order, alike=True)
-    (drive, friction), error, largest = own.value, own.error.sum(axis=0), own.largest
-    gross = np.abs(drive) + np.abs(friction)
-    if physics.takes_power:
+    takes, steep = physics.takes_power, physics.steep
+    count = 3 if takes and not steep else 2
+    own = integrate(
+        powers, parts, flags, known[:count], in_order,
+        alike=True, smooth=SMOOTH if steep else physics.rule, foretold=not steep,
+    )  # fmt: skip
+    value, error, largest, _ = own
+    if takes and steep:
         load = integrate(
             lambda k, dt: physics.load_power(motion, k, dt)[None],
             parts, flags, known[2:], in_order, smooth=SECOND,
         )  # fmt: skip
-        gross = gross + np.abs(load.value[0])
-        friction, error = friction + load.value[0], error + load.error[0]
+        value, error = np.append(value, load.value, axis=0), np.append(error, load.error, axis=0)
         largest = np.append(largest, load.largest)
-    return Work(drive, friction, error, gross), np.append(largest, known[len(largest) :])
+    gross = np.abs(value).sum(axis=0)
+    work = Work(value[0], value[1:].sum(axis=0), error.sum(axis=0), gross)
+    return work, largest if takes else np.append(largest, known[2:])
 
 
 def _vertices(samples: Array) -> Array:

@@ -14,6 +14,7 @@ from mechanism_sim.hybrid.dense_output import Motion, instants
 from mechanism_sim.hybrid.observer import Instants, Observer, TouchTerms
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
+from mechanism_sim.numerics.quadrature import SMOOTH, Rule
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
 from mechanism_sim.planar.protocols import EndGap
 from mechanism_sim.planar.switched_functions import Edges
@@ -94,8 +95,17 @@ class Physics(Protocol):
     def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Power (N,) [W] that springs, dampers, films and loads take, if they do.
 
-        It follows from positions and rates alone, and is no part of `account`.
+        It follows from positions and rates alone; where it may be steep, it is no part of
+        `account`.
         """
+
+    @property
+    def rule(self) -> Rule:
+        """Quadrature of powers on a segment, where they are not steep."""
+
+    @property
+    def steep(self) -> bool:
+        """Whether powers may vary within a segment in a way that no series foretells."""
 
     def switch_parts(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
@@ -110,6 +120,7 @@ class DynamicPhysics:
     """Equations of motion: accelerations and forces follow from state and mode of contact."""
 
     has_forces = True
+    rule = SMOOTH  # a step is a third of the radius of convergence
     unknowns: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, observer: Observer) -> None:
@@ -189,6 +200,11 @@ class DynamicPhysics:
     def takes_power(self) -> bool:
         """Whether springs, dampers, films or loads take any power."""
         return self.observer.takes_power
+
+    @property
+    def steep(self) -> bool:
+        """Whether loads or contacts may be steep within a step."""
+        return self.observer.steep
 
     def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Power (N,) [W] that springs, dampers, films and loads take."""

@@ -34,6 +34,7 @@ from mechanism_sim.numerics.polynomials import (
     fit_powers,
     shift_powers,
 )
+from mechanism_sim.numerics.quadrature import LONG
 from mechanism_sim.planar.branch import SAMPLES
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
@@ -292,8 +293,9 @@ class NominalRun:
         times, rounding = np.sort([*(h * _ENDED), *beside]), _EPS * h
         every = states(times)
         edges.check(every[: len(self._last)])
-        for ahead in (0.0, _AHEAD * h):  # what begins at an edge has the rows behind it
-            present = edges.present(states(np.array([ahead]))[:, 0])
+        begun = np.array([0.0, _AHEAD * h])  # what begins at an edge has the rows behind it
+        for ahead, state in zip(begun.tolist(), states(begun).T, strict=True):
+            present = edges.present(state)
             seen = edges.left(every, present)
             self._present = present[:, 0]
             over = np.flatnonzero((seen < 0.0).any(axis=0))
@@ -415,6 +417,7 @@ class NominalPhysics:
 
     clearances: tuple[str, ...] = ()
     tilting: tuple[str, ...] = ()
+    rule = LONG  # pieces are as long as positions have a short series: powers vary faster
 
     def __init__(
         self, ideal: IdealMotion, mechanism: Mechanism, forces: InverseDynamics | None
@@ -680,17 +683,24 @@ class NominalPhysics:
         limited = len(self.driven) > 1 or bool(self.unknowns)  # one drive's torque follows without
         seen = self._observe(motion, segments, dt, limited)
         left = self._ideal.left_open(motion.curve.local(segments, dt).T)
-        lost = seen.friction_power
+        lost, load = seen.friction_power, None
         if self._forces is not None and self.takes_power:
             more = self._forces.loses_more
+            load = None if self.steep else lost
             lost = lost - self.load_power(motion, segments, dt) if more else np.zeros_like(lost)
         energies = seen.kinetic_energy, seen.potential_energy
-        return Account(seen.normal_force, lost, seen.drive_power, *energies, left)
+        return Account(seen.normal_force, lost, seen.drive_power, *energies, left, load)
 
     @property
     def takes_power(self) -> bool:
         """Whether springs, dampers or loads take any power."""
         return self._forces is not None and self._forces.takes_power
+
+    @property
+    def steep(self) -> bool:
+        """Whether loads may be steep within a segment, or friction may jump."""
+        forces = self._forces
+        return forces is not None and (forces.loses_more or forces.steep is not None)
 
     def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Power (N,) [W] that springs, dampers and loads take."""

@@ -39,6 +39,9 @@ Values = Callable[[NDArray[np.intp], Array | Nodes], Array]
 RELATIVE = 1e-10
 """Error that is aimed at, of the integral of the magnitude over the same interval."""
 
+FORETOLD = 1e-9
+"""The same where functions are foretold: their estimates exceed their errors by orders."""
+
 NEGLIGIBLE = 1e-12
 """Error that does not matter, of the largest mean magnitude so far times the length of an
 interval: what is smaller all the while is rounding of larger terms, which no halving removes."""
@@ -165,6 +168,9 @@ def _powers() -> Rule:
 SMOOTH = _smooth(8)
 """For functions with a series about every point of an interval, its ends included."""
 
+LONG = _smooth(12)
+"""The same for longer intervals."""
+
 SECOND = _smooth(9)
 """The same with none of its nodes: what one of the two misses the other one may see."""
 
@@ -180,7 +186,8 @@ def integrate(
     in_order: bool = True,
     alike: bool = False,
     smooth: Rule = SMOOTH,
-    relative: float = RELATIVE,
+    relative: float | None = None,
+    foretold: bool = False,
 ) -> Integrals:
     """Integrals of functions over intervals.
 
@@ -192,8 +199,11 @@ def integrate(
     in_order : whether the intervals follow each other, so that what was before tells what is
         rounding
     alike : whether the functions are of one kind, so that the largest of them tells it for all
-    smooth : `SMOOTH` or `SECOND`
-    relative : error that is aimed at, of the integral of the magnitude
+    smooth : `SMOOTH`, `LONG` or `SECOND`
+    relative : error that is aimed at, of the integral of the magnitude; `RELATIVE` or `FORETOLD`
+        if not given
+    foretold : whether functions vary as fast as the steps of the motion say, and nothing else:
+        then coefficients go on to fall as they do
 
     Examples
     --------
@@ -206,9 +216,15 @@ def integrate(
         largest = np.zeros(0) if largest is None else largest
         none = np.zeros((len(largest), 0))
         return Integrals(none, none, largest, none)
+    relative = relative or (FORETOLD if foretold else RELATIVE)
     width = parts.end - parts.begin
     whole = _apply(values, parts, powers, smooth)
+    if foretold:
+        whole = whole.sharper(foretold)
     before = np.zeros(len(whole.value)) if largest is None else largest
+    if (whole.error <= relative * whole.size).all():
+        largest = np.maximum(before, whole.mean.max(axis=1)) if in_order else whole.mean[:, -1]
+        return Integrals(whole.value, whole.error + _ROUNDING * whole.size, largest, whole.size)
     running = np.column_stack([before, whole.mean])
     running = (np.maximum.accumulate(running, axis=1) if in_order else running)[:, 1:]
     scale = np.broadcast_to(running.max(axis=0), running.shape) if alike else running
@@ -219,7 +235,7 @@ def integrate(
 
     every, size = np.arange(len(width)), whole.size
     limit = allowed(whole, every, size, width)
-    if not (whole.error <= limit).all():
+    if not foretold:
         sharper = np.where(whole.error <= limit, whole.error, whole.sharper().error)
         whole = whole._replace(error=sharper)
     wanted = ~(whole.error <= limit)
@@ -234,7 +250,7 @@ def integrate(
         begin = np.append(begin[chosen], begin[chosen] + width[: len(chosen)])
         interval = np.tile(interval[chosen], 2)
         halves = Parts(parts.segment[interval], begin, begin + width, np.zeros(len(begin), bool))
-        now = _apply(values, halves, powers[interval], smooth).sharper()
+        now = _apply(values, halves, powers[interval], smooth).sharper(foretold)
         size = np.fmax(size, _gathered(interval, np.where(wanted, now.size, 0.0), size.shape))
         # what the halves say the whole was off by is more than what they are off by themselves
         first = interval[: len(chosen)]
@@ -272,17 +288,23 @@ class _Applied(NamedTuple):
         """Some of the intervals."""
         return _Applied(*(x[:, chosen] for x in self))
 
-    def sharper(self) -> _Applied:
+    def sharper(self, foretold: bool = False) -> _Applied:
         """The same with errors that are smaller where coefficients fall geometrically.
 
         Then their logarithms fall as straight or steeper lines, and those that are left out are
         less than those of a power of the degree by at least ``(E_6 / E_2)^1.4``; half of that is
-        believed, see `_applied`.
+        believed, see `_applied`. Where it is `foretold` that they fall so, those from 16 on are
+        ten degrees beyond E_6, at the rate of the last two degrees, or of the last four.
         """
         with np.errstate(divide='ignore', invalid='ignore'):
-            later, earlier = np.log(self.tail / self.middle), np.log(self.middle / self.first)
-            steep = np.clip((later - 0.65 * earlier) / (0.2 * earlier), 0.0, 1.0)
-            fall = (self.tail / self.first) ** (0.7 * steep)
+            if foretold:
+                fall = (self.tail / self.first) ** 1.5
+                last = (self.tail / self.middle) ** 5 * (self.first / self.tail)
+                fall = np.fmin(fall, last)
+            else:
+                later, earlier = np.log(self.tail / self.middle), np.log(self.middle / self.first)
+                steep = np.clip((later - 0.65 * earlier) / (0.2 * earlier), 0.0, 1.0)
+                fall = (self.tail / self.first) ** (0.7 * steep)
         return self._replace(error=self.error * np.where(fall < 1.0, fall, 1.0))
 
 
@@ -317,9 +339,10 @@ def _applied(x: Array, width: Array, rule: Rule) -> _Applied:
     """A rule applied to values (C, K n) at its nodes on intervals of some width (K,).
 
     Let E_2, E_4, E_6 be the larger coefficients of degrees 2 and 3, 4 and 5, 6 and 7 (of the rule
-    of 8 nodes). Where they fall as any power of the degree, those from 16 on, of which the error
-    consists, are about ``E_6 (E_6 / E_2)``. The double exponential rule is taken to be as much
-    better than at half of its nodes as that is than nothing.
+    of 8 nodes; of more nodes they are those of the highest degrees). Where they fall as any power
+    of the degree, those from 16 on, of which the error consists, are about ``E_6 (E_6 / E_2)``.
+    The double exponential rule is taken to be as much better than at half of its nodes as that is
+    than nothing.
     """
     shape = len(x), len(width)
     x = x.reshape(-1, len(rule.weights))
