@@ -12,7 +12,8 @@ from benchmarks.stages import State, connect_in_series, lead, low_pass, resonato
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import chebyshev_nodes, fit_powers, shift_powers
-from mechanism_sim.scene import Machine, load_scene, simulate
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.scene.instruments import source
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
 from mechanism_sim.sensing.channel import Source

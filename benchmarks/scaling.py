@@ -20,7 +20,8 @@ import numpy as np
 from benchmarks.chains import SPEED, chain
 from mechanism_sim import ending
 from mechanism_sim.errors import RunError
-from mechanism_sim.scene import Machine, load_scene, simulate
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.scene import Machine, load_scene
 
 RATES = (1e3, 1e4, 1e5)
 SENSORS = (0, 1, 2, 4, 8)

@@ -35,6 +35,7 @@ extensions = [
     'mechanisms',
     'messages',
     'motion',
+    'quantities',
     'tools',
 ]
 root_doc = 'docs/index'

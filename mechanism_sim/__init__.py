@@ -72,6 +72,10 @@ def __getattr__(name: str) -> _Any:
         from mechanism_sim.report import shown  # noqa: PLC0415
 
         return getattr(shown, name)
+    if name in ('simulate', 'stream'):
+        from mechanism_sim.results import simulate  # noqa: PLC0415
+
+        return getattr(simulate, name)
     if name in __all__:
         from mechanism_sim import scene  # noqa: PLC0415
 

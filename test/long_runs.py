@@ -32,10 +32,10 @@ from numpy.typing import NDArray
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
-from mechanism_sim.cycles.columns import columns_of
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
+from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.gate import admit
 
@@ -156,7 +156,7 @@ class Revolutions:
             t = times[(times >= curve.start[0]) & (times < curve.end)]
             if not t.size:
                 continue
-            found = columns_of(piece, t, True, self.machine)
+            found = dict(piece.sample(t, *piece.catalogue.shown(Shown.PARTS)))
             local = curve.local(*curve.find(t)).T
             for c, row in zip(self.machine.physics.coordinates, local, strict=True):
                 found[f'position.{c}'] = row

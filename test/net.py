@@ -107,7 +107,7 @@ def scene_entry(name: str, duration: float | None = None) -> dict[str, Any]:
     for piece in run:
         digest.add(piece.motion, piece.impacts)
         impacts += len(piece.impacts)
-    final = run.final
+    final = run.final.observed
     return {
         'duration': run.duration,
         'level': machine.level.value,

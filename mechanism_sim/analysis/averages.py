@@ -6,8 +6,7 @@ import numpy as np
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.columns import columns_of, unit_of
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError
 from mechanism_sim.sensing.orders import Turns
 
 _BLOCK = 8192  # instants at once
@@ -38,27 +37,23 @@ def over_turns(record: Record, quantity: str, samples: int | None = None, skip: 
 
 
 def sampled(record: Record, quantity: str, t: Array) -> Array:
-    """A quantity of `Piece.sample` at times (N,) [s]."""
-    values = np.empty(len(t))
-    for first in range(0, len(t), _BLOCK):
-        columns = columns_of(
-            record.piece,
-            t[first : first + _BLOCK],
-            quantity.startswith('energy.'),
-            record.machine,
-        )
-        if quantity not in columns:
-            known = [*record.sensors, *columns]
-            raise InputError(
-                f"{record.machine.name} has no quantity '{quantity}'{nearest(quantity, known)}; "
-                f'there are: {", ".join(known)}'
-            )
-        values[first : first + _BLOCK] = columns[quantity]
-    return values
+    """A quantity of the run's machine at times (N,) [s]."""
+    name = _found(record, quantity)
+    parts = [t[k : k + _BLOCK] for k in range(0, len(t), _BLOCK)]
+    return np.concatenate([record.piece.sample(part, name)[name] for part in parts])
 
 
 def unit(record: Record, quantity: str) -> str:
     """SI unit of a quantity of `Piece.sample` or of a sensor; empty for a number."""
     if quantity in record.sensors:
         return record.signal(quantity).unit
-    return unit_of(record.machine, quantity)
+    return record.piece.catalogue[_found(record, quantity)].unit
+
+
+def _found(record: Record, quantity: str) -> str:
+    """The full name of a quantity of a run."""
+    try:
+        return record.piece.catalogue.find(quantity).name
+    except InputError as error:
+        sensors = f'; its sensors: {", ".join(record.sensors)}' if record.sensors else ''
+        raise InputError(f'{error}{sensors}') from None

@@ -121,7 +121,7 @@ def _energy(record: Record) -> dict[Key, float]:
     physics = record.piece.physics
     if not physics.has_forces:
         return {}
-    samples = record.piece.samples(np.array([record.start, record.end]))
+    samples = record.piece.view(np.array([record.start, record.end]))
     return {
         ('energy', '', word, 'J'): float(values[-1] - values[0])
         for word, values in (

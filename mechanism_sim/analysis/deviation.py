@@ -17,7 +17,8 @@ from mechanism_sim.analysis.averages import over_turns
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.sensor_keys import Converter, Noise
 from mechanism_sim.sensing.orders import Turns

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.shafts import shaft_columns
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.peak_shapes import PeakOutlines, PeakShape
 from mechanism_sim.hybrid.peaks import LoadPeaks
-from mechanism_sim.hybrid.sampling import Samples
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine
 
 
@@ -154,6 +154,12 @@ def _shaped(peak: Peak, shape: PeakShape | None) -> Peak:
     return replace(peak, duration=shape.duration, impulse=shape.impulse, whole=shape.whole)
 
 
+_OF_BEARINGS = (
+    ('bearing_force', 'size'), ('bearing_force', 'axial'), ('bearing_moment', 'size'),
+    ('axial_force', ''),
+)  # fmt: skip
+
+
 class BearingCollector:
     """Collects what bearings of shafts, and bearings that tilt, carry beside the joint's force.
 
@@ -162,16 +168,11 @@ class BearingCollector:
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
-        joints = machine.scene.joints if machine.physics.has_forces else {}
-        self._columns: list[str] = []
-        for name, keys in joints.items():
-            ends = [f'bearing_force.{name}.{b}.size' for b in getattr(keys, 'bearings', {})]
-            if ends:
-                self._columns += [*ends, f'bearing_force.{name}.{keys.locating}.axial']
-        for name in machine.physics.tilting if joints else ():
-            self._columns += [f'bearing_moment.{name}.size']
-            if getattr(joints[name].clearance, 'axial', None):
-                self._columns += [f'axial_force.{name}']
+        self._columns = [
+            quantity.name
+            for quantity in catalogue(machine).values()
+            if (quantity.kind, quantity.part) in _OF_BEARINGS
+        ]
         groups = ['moment' if self._is_moment(x) else 'force' for x in self._columns]
         self._search = ExtremeSearch(groups)
         self._outlines = PeakOutlines(self._values, len(groups))
@@ -193,11 +194,8 @@ class BearingCollector:
 
     def _values(self, motion: Motion, k: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The columns, instants as in `Physics.observe`."""
-        seen, modes = self._machine.physics.observe(motion, k, dt), motion.modes_at(k, dt)
-        none = np.zeros(seen.position.shape[1])
-        found = shaft_columns(self._machine, Samples(none, modes, seen, none, none))
-        found |= self._machine.physics.columns(seen)
-        return np.array([found[name] for name in self._columns])
+        view = View(self._machine, motion, k, dt)
+        return np.array([*catalogue(self._machine).columns(self._columns, view).values()])
 
     @staticmethod
     def _is_moment(column: str) -> bool:

@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.messages.part_states import Kind, kinds_of
+from mechanism_sim.messages.part_states import kinds_of
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine
-from mechanism_sim.sensing.joint_view import JointView
 
 
 class PartKind(NamedTuple):
@@ -152,13 +151,12 @@ class PartRanges:
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
-        self._parts: list[tuple[Kind, HigherPair]] = [
+        parts = [
             (kind, joint) for kind in kinds_of(machine).values() for joint in kind.joints(machine)
         ]
+        self._fields = [(j, field) for kind, j in parts for field in PARTS[kind.topic].fields]
         self._columns = [
-            (kind.topic, joint.name, field)
-            for kind, joint in self._parts
-            for field in PARTS[kind.topic].fields
+            (kind.topic, j.name, field) for kind, j in parts for field in PARTS[kind.topic].fields
         ]
         size = machine.mechanism.size
         self._search = ExtremeSearch(
@@ -172,13 +170,8 @@ class PartRanges:
 
     def _values(self, motion: Motion, k: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The columns, instants as in `Physics.observe`."""
-        machine = self._machine
-        seen, modes = machine.physics.observe(motion, k, dt), motion.modes_at(k, dt)
-        rows = []
-        for kind, joint in self._parts:
-            view = JointView(machine.mechanism, joint, machine.physics, seen, modes)
-            reading = joint.reading(view)
-            rows += [getattr(reading, field) for field in PARTS[kind.topic].fields]
+        view = View(self._machine, motion, k, dt)
+        rows = [view.reading(joint, field) for joint, field in self._fields]
         return np.array(rows, np.float64)
 
     def by_joint(self, topic: str) -> dict[str, tuple[Range, ...]]:

@@ -68,7 +68,7 @@ def preview(machine: Machine, duration: float | None = None) -> Preview:
     """
     wanted = [d for d in (machine.scene.duration, duration) if d]
     found = cycle(machine, 180, duration=None if is_steady(machine) or not wanted else min(wanted))
-    observed = found.solution.samples(found.t).observed
+    observed = found.solution.view(found.t).observed
     peaks = LoadPeaks(machine.physics, float(found.t[0]))
     peaks.add(found.solution.motion)
     bounded = [x.value for x in peaks.forces.values() if math.isfinite(x.value)]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -11,9 +12,7 @@ from rosbags.interfaces import Nodetype
 
 from mechanism_sim.analysis.message_paths import MessagePath, parse
 from mechanism_sim.analysis.record import Record, read_record
-from mechanism_sim.analysis.series import Series, chosen, instants, recorded, with_extremes
-from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.columns import columns_of, unit_of
+from mechanism_sim.analysis.series import Series, instants, recorded, sampled
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.planar.mechanism import Mechanism
@@ -58,15 +57,19 @@ class Asked:
         paths = [self._path(name) for name in names]
         messages = iter(recorded(self._bag, [p for p in paths if p]) if self._bag else ())
         found: list[Series] = []
-        columns: dict[str, Array] = {}
+        of_motion = {
+            name: self._chosen(name)
+            for name, path in zip(names, paths, strict=True)
+            if not path and name not in self.record.sensors
+        }
+        motion = self._sampled(dict.fromkeys(chain(*of_motion.values())), start, end)
         for name, path in zip(names, paths, strict=True):
             if path:
                 found += next(messages)
             elif name in self.record.sensors:
                 found.append(_signal(self.record, name))
             else:
-                columns = columns or self._columns(names, *self.record.part(start, end))
-                found += self._chosen(columns, name)
+                found += [motion[quantity] for quantity in of_motion[name]]
         kept = [s.within(start, end) for s in found]
         if not any(len(s.t) for s in kept):
             raise InputError(
@@ -88,35 +91,38 @@ class Asked:
     def names(self) -> Iterator[Name]:
         """All that can be asked for: of the motion, then sensors, then fields of messages."""
         if self._bag is None or scene_text(self._bag, self._namespace):
-            record, start = self.record, self.record.start
-            for column in self._at(np.array([start]), with_work=True):
-                if column != 't':
-                    yield Name(column, unit_of(record.piece, column))
+            record = self.record
+            for quantity in record.piece.catalogue.values():
+                if quantity.name != 't':
+                    yield Name(quantity.name, quantity.unit)
             for sensor in record.sampled_sensors:
                 yield Name(sensor, record.signal(sensor).unit)
         for topic in self._bag.topics.values() if self._bag else ():
             if topic.count:
                 yield from _fields(topic.name, topic.type)
 
-    def _columns(self, names: Sequence[str], start: float, end: float) -> dict[str, Array]:
-        """The columns of the motion, at times that draw it."""
-        record = self.record
-        turns = 0.0 if record.slides else record.rate * (end - start)
-        t = instants(record.piece, start, end, turns)
-        return with_extremes(record.piece, self._at, names, t)
-
-    def _at(self, t: Array, with_work: bool) -> dict[str, Array]:
-        return columns_of(self.record.piece, t, with_work, self.record.machine)
-
-    def _chosen(self, columns: Mapping[str, Array], name: str) -> list[Series]:
-        """Those of a name."""
-        if not any(c == name or c.startswith(f'{name}.') for c in columns):
+    def _chosen(self, name: str) -> list[str]:
+        """Names of the quantities of the motion that a name stands for."""
+        try:
+            return self.record.piece.catalogue.choose([name])
+        except InputError:
             known = [given.name for given in self.names()]
-            known += sorted({column.partition('.')[0] for column in columns})
+            known += sorted({name.partition('.')[0] for name in known})
             raise InputError(
                 f"there is no '{name}'{nearest(name, known)}; without a name all are listed"
-            )
-        return chosen(self.record.piece, columns, [name])
+            ) from None
+
+    def _sampled(
+        self, names: Iterable[str], start: float | None, end: float | None
+    ) -> dict[str, Series]:
+        """These quantities of the motion, at times that draw all of them."""
+        if not (names := [*names]):
+            return {}
+        record = self.record
+        begin, finish = record.part(start, end)
+        turns = 0.0 if record.slides else record.rate * (finish - begin)
+        t = instants(record.piece, begin, finish, turns)
+        return {series.name: series for series in sampled(record.piece, names, t, between=True)}
 
     def _path(self, name: str) -> MessagePath | None:
         """The path into messages of the bag that a name stands for, if it does."""

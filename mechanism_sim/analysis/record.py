@@ -25,14 +25,14 @@ from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
-from mechanism_sim.hybrid.sampling import EnergyTerms
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.recording import Bag, read_bag, scene_text
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 
 _NEWTON = 50
@@ -201,7 +201,7 @@ class Record:
         if (a, b) == (self.start, self.end):
             return self
         motion = self.piece.motion.between(a, b)
-        before = self.piece.samples(a)
+        before = self.piece.view(a)
         impacts = [impact for impact in self.piece.impacts if a < impact.t <= b]
         known = zip(self.piece.physics.clearances, motion.modes[0].tolist(), strict=True)
         changes = [ModeChange(a, name, Mode(mode), Mode.UNKNOWN) for name, mode in known]
@@ -212,7 +212,7 @@ class Record:
             work, impacts, float(before.drive_work[0]), float(before.dissipated[0])
         )
         signals = {name: s for name, x in self.signals.items() if (s := x.between(a, b))}
-        piece = Piece(self.piece.physics, motion, balance, impacts, changes)
+        piece = Piece(self.machine, motion, balance, impacts, changes)
         return Record(
             self.machine, piece, signals, audit, complete=self.complete, whole=self.history
         )
@@ -308,7 +308,7 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     audit = Audit(machine.physics)
     impacts = _with_work(machine, motion, impacts)
     work = audit.add(motion, impacts)
-    piece = Piece(machine.physics, motion, EnergyTerms(work, impacts), impacts, changes)
+    piece = Piece(machine, motion, EnergyTerms(work, impacts), impacts, changes)
     signals = {name: s for name, c in sorted(sensors.items()) if (s := c.signal())}
     return Record(machine, piece, signals, audit, bag.wall_time, bag.complete)
 

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from mechanism_sim.analysis.message_paths import Filter, Items, MessagePath
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.columns import WORK, columns_of, has_extremes, unit_of
+from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.cycles.extremes import search
-from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.hybrid.solution import Piece
+from mechanism_sim.errors import InputError
 from mechanism_sim.messages import type_name
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.recording import Bag, displacements
+from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.solution import Piece
 from ros_interfaces.stamps import seconds
-
-Columns = Callable[[Array, bool], Mapping[str, Array]]
 
 _EVENTS = (
     'mechanism_sim/msg/Impact',
@@ -168,39 +166,31 @@ def _unit(units: Sequence[str], which: tuple[str, ...], sliding: Collection[str]
     return ' or '.join(units)
 
 
-def sampled(piece: Piece, names: Sequence[str], t: Array) -> list[Series]:
-    """Quantities of `Piece.sample` at times (N,) [s], as `chosen` chooses them."""
-    return chosen(piece, with_extremes(piece, partial(columns_of, piece), names, t), names)
-
-
-def with_extremes(piece: Piece, at: Columns, names: Sequence[str], t: Array) -> dict[str, Array]:
-    """Columns of a run at times (N,) [s], and where those of these names are extreme between them.
+def sampled(
+    run: Piece | Cycle, names: Sequence[str], t: Array, between: bool = False
+) -> list[Series]:
+    """Quantities of a run at times (N,) [s], chosen as by `Piece.sample`.
 
     Parameters
     ----------
-    at : all columns at times (K,) [s], with the work so far or without
+    between : also where they are extreme between these times
     """
-    found = at(t, False)
-    wanted = [c for name in names for c in found if c == name or c.startswith(f'{name}.')]
-    units = {c: unit_of(piece, c) for c in wanted if has_extremes(c) and c not in WORK}
-    best = search(lambda x: at(x, False), units, piece.motion.curve.spans(t[0], t[-1]))
-    t = np.union1d(t, np.concatenate([best.least_time, best.greatest_time]))
-    return dict(at(t[np.isfinite(t)], any(c in WORK for c in wanted)))
+    known = catalogue(run.machine)
+    chosen = known.choose(names)
+    motion = (run.solution if isinstance(run, Cycle) else run).motion
 
+    def at(t: Array, names: Iterable[str]) -> Mapping[str, Array]:
+        return run.at(t, [*names]) if isinstance(run, Cycle) else run.sample(t, *names)
 
-def chosen(piece: Piece, columns: Mapping[str, Array], names: Sequence[str]) -> list[Series]:
-    """Columns of a run by name, over its column ``t``; ``position`` means all of them."""
-    found: dict[str, Series] = {}
-    for name in names:
-        below = [c for c in columns if c.startswith(f'{name}.')]
-        these = [name] if name in columns else below
-        if not these:
-            raise InputError(
-                f"there is no quantity '{name}'{nearest(name, columns)}; there are: "
-                f'{", ".join(columns)}'
-            )
-        found |= {c: Series(c, unit_of(piece, c), columns['t'], columns[c]) for c in these}
-    return list(found.values())
+    if between:
+        own = [known[n] for n in chosen if known[n].has_extremes and not known[n].cumulative]
+        names = [quantity.name for quantity in own]
+        spans, size = motion.curve.spans(t[0], t[-1]), run.machine.mechanism.size
+        best = search(lambda x: at(x, names), own, spans, size)
+        t = np.union1d(t, np.concatenate([best.least_time, best.greatest_time]))
+        t = t[np.isfinite(t)]
+    columns = at(t, chosen)
+    return [Series(name, known[name].unit, t, columns[name]) for name in chosen]
 
 
 def instants(piece: Piece, start: float, end: float, turns: float = 0.0) -> Array:

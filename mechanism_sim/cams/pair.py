@@ -7,7 +7,7 @@ follower may leave is `CamPair`; one whose groove holds the roller on both sides
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mechanism_sim.cams.distance import constant
 from mechanism_sim.cams.followers import FlatFaced, Oscillating, OscillatingFlat
 from mechanism_sim.cams.placement import PlacedCam
-from mechanism_sim.cams.reading import CamReading, read_cam, read_contact
+from mechanism_sim.cams.reading import CamReading, read_cam
 from mechanism_sim.cams.shapes import cam_outlines, follower_outline
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
@@ -41,17 +41,15 @@ class CamPair(PlacedCam):
 
     parts: ClassVar[str] = 'follower on its cam'
     node: ClassVar[str] = 'cam'
-    units: ClassVar[Mapping[str, str]] = {
-        'pressure_angle': 'rad', 'contact': 'm', 'contact_speed': 'm/s', 'sliding_speed': 'm/s',
-    }  # fmt: skip
+    reads: ClassVar[type] = CamReading
 
     def reading(self, view: View) -> CamReading:
         """Cam, follower, gap and contact force."""
         return read_cam(self, view)
 
-    def columns(self, view: View) -> dict[str, Array]:
-        """Pressure angle, point of contact, and its speeds along the cam and the follower."""
-        return read_contact(self, view)
+    def slides(self, link: str, mechanism: Mechanism) -> bool:
+        """As its law counts: whether the cam does, or the follower."""
+        return self.distance.slides if link == self.first else not self.distance.swings
 
     def charts(self, *, slides: bool) -> Sequence[Charted]:
         """Lift, contact force and torque."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.cams.placement import PlacedCam
 from mechanism_sim.cams.touch import Passage, Touch
-from mechanism_sim.planar.view import Array, Course, View
+from mechanism_sim.planar.view import Array, Course, Told, View
 
 
 class CamMode(IntEnum):
@@ -29,22 +29,26 @@ class CamReading(NamedTuple):
 
     Lift and follower count from the base circle; those of a swinging follower are angles. Angle
     and speed of a cam that slides are its displacement and velocity, its torque is a force.
+    Pressure angle, contact and speeds are those where they touch at this cam angle, or would;
+    speeds count counterclockwise about a cam that turns clockwise, as in `Touch`.
     """
 
-    cam_angle: Array  #: (N,) [rad] or [m] that the law is asked for
-    cam_speed: Array  #: (N,) [rad/s] or [m/s]
-    lift: Array  #: (N,) [m] or [rad] of the law
-    follower_position: Array  #: (N,) [m] or [rad] likewise: in contact the lift, but for play
-    follower_velocity: Array  #: (N,) [m/s] or [rad/s]
-    follower_acceleration: Array  #: (N,) [m/s^2] or [rad/s^2]
-    gap: Array  #: (N,) [m] to the cam, or the nearer wall of its groove
-    contact_force: Array  #: (N,) [N] of the cam on the follower along the normal out of the cam
-    pressure_angle: Array  #: (N,) [rad] where the follower touches at this cam angle
-    cam_torque: Array  #: (N,) [N m] or [N] of the follower on the cam, as the cam angle counts
-    contact_x: Array  #: (N,) [m] in the world, where they touch at this cam angle, or would
-    contact_y: Array  #: (N,) [m]
-    contact_speed: Array  #: (N,) [m/s] of that point along the profile
-    sliding_speed: Array  #: (N,) [m/s] of the follower over the cam
+    cam_angle: Annotated[Array, Told('rad or m', 'cam angle', 'first')]
+    cam_speed: Annotated[Array, Told('rad/s or m/s', 'cam speed', 'first')]
+    lift: Annotated[Array, Told('rad or m', 'lift by the law')]
+    follower_position: Annotated[Array, Told('rad or m', 'follower from the base circle')]
+    follower_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of the follower')]
+    follower_acceleration: Annotated[
+        Array, Told('rad/s^2 or m/s^2', 'acceleration of the follower')
+    ]
+    gap: Annotated[Array, Told('m', 'distance to the cam', difference=True)]
+    contact_force: Annotated[Array, Told('N', 'force on the follower, out of the cam')]
+    pressure_angle: Annotated[Array, Told('rad', 'pressure angle')]
+    cam_torque: Annotated[Array, Told('N m or N', 'torque of the follower on the cam', 'first')]
+    contact_x: Annotated[Array, Told('m', 'point of contact, x')]
+    contact_y: Annotated[Array, Told('m', 'point of contact, y')]
+    contact_speed: Annotated[Array, Told('m/s', 'speed of the contact along the profile')]
+    sliding_speed: Annotated[Array, Told('m/s', 'sliding speed of the follower over the cam')]
     mode: NDArray[np.uint8]  #: (N,) of `CamMode`
 
 
@@ -67,30 +71,12 @@ def read_cam(joint: PlacedCam, view: View) -> CamReading:
     )  # fmt: skip
 
 
-def read_contact(joint: PlacedCam, view: View) -> dict[str, Array]:
-    """Where a follower touches at the cam angles, or would: arrays (N,) by column.
-
-    ``pressure_angle`` [rad]; ``contact.x``, ``.y`` [m] in the world; ``contact_speed`` [m/s] of
-    that point along the profile, and ``sliding_speed`` [m/s] of the follower over the cam, of a
-    roller what its rolling takes up. Speeds count counterclockwise about a cam that turns
-    clockwise, as in `Touch`.
-    """
-    cam = _course(joint, view)
-    touch = joint.cam.at(cam.position)
-    x, y, along, sliding = _touching(joint, view, touch, cam.velocity)
-    return {
-        f'pressure_angle.{joint.name}': touch.pressure_angle,
-        f'contact.{joint.name}.x': x,
-        f'contact.{joint.name}.y': y,
-        f'contact_speed.{joint.name}': along,
-        f'sliding_speed.{joint.name}': sliding,
-    }
-
-
 def _touching(
     joint: PlacedCam, view: View, touch: Touch, rate: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Point of contact in the world [m]; its speed along the profile, and that of sliding [m/s].
+
+    Sliding is that of the follower over the cam; of a roller what its rolling takes up.
 
     Parameters
     ----------

@@ -24,6 +24,8 @@ def add(command: Command) -> None:
     flag(sub, '--schema', 'the keys of scenes as a JSON schema for editors, instead of the list')
     sub = command('check', _check, 'check a scene, and summarise its machine, without running it')
     scene_options(sub)
+    own = command('quantities', _quantities, 'list what can be asked of a machine by name')
+    scene_options(own)
     more = sub.add_argument_group('equations')
     flag(more, '--equations', "write down the machine's own equations instead")
     flag(more, '--rates', 'add the rates of closures and gaps')
@@ -55,6 +57,19 @@ def _scenes(options: argparse.Namespace) -> int:
         width = max(len(row['name']) for row in rows)
         for row in rows:
             print(f'{row["name"]:{width}}  {row["title"]} ({row["level"]})')
+    return 0
+
+
+def _quantities(options: argparse.Namespace) -> int:
+    from mechanism_sim import text_table  # noqa: PLC0415
+    from mechanism_sim.results.catalogue import catalogue  # noqa: PLC0415
+
+    known = catalogue(read_machine(options, remarks=False)).values()
+    if options.json:
+        print_json([{'name': q.name, 'unit': q.unit, 'words': q.words} for q in known])
+    else:
+        rows = [('quantity', 'unit', ''), *((q.name, q.unit, q.words) for q in known)]
+        print('\n'.join(text_table.lines(rows, left=3)))
     return 0
 
 

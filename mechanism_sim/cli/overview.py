@@ -9,8 +9,8 @@ from mechanism_sim.errors import nearest
 from mechanism_sim.nodes.arguments import Parser
 
 GROUPS = {
-    'A machine': ('new', 'edit', 'scenes', 'check'),
-    'Run it': ('solve', 'run', 'node'),
+    'A machine': ('new', 'edit', 'scenes', 'check', 'quantities'),
+    'Run it': ('solve', 'run'),
     'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view'),
     'How it vibrates': ('modes', 'response'),
     'Recorded runs': ('info', 'analyze', 'bag'),
@@ -24,6 +24,9 @@ GROUPS = {
     'For other programs': ('export',),
 }
 """All commands by purpose, in the order in which `--help` lists them."""
+
+FOR_LAUNCH_FILES = ('node',)
+"""Commands that other programs give; `run` starts all nodes of a machine."""
 
 VERBS = {
     'bag': 'publish what a bag holds, or close one whose recorder was killed',

@@ -80,7 +80,8 @@ def _solve(options: argparse.Namespace) -> int:
     from mechanism_sim.hybrid.events import Impact, ModeChange  # noqa: PLC0415
     from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
     from mechanism_sim.report import measured, progress, summary  # noqa: PLC0415
-    from mechanism_sim.scene import run_length, stream  # noqa: PLC0415
+    from mechanism_sim.results.simulate import stream  # noqa: PLC0415
+    from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     if options.no_events and not options.json:
         raise InputError('--no-events goes with --json: without it no events are listed')

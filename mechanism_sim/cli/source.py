@@ -86,7 +86,8 @@ def simulate_run(
     """
     from mechanism_sim.analysis.record import Record  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.scene import run_length, simulate  # noqa: PLC0415
+    from mechanism_sim.results.simulate import simulate  # noqa: PLC0415
+    from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     if options.namespace:
         raise InputError('--namespace is for bags')

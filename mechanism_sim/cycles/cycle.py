@@ -15,30 +15,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cycles.columns import WORK, columns_of_parts, has_extremes, observed, unit_of
 from mechanism_sim.cycles.extremes import Extremes, find_extremes
-from mechanism_sim.cycles.forces import Forces
-from mechanism_sim.cycles.points import choose
 from mechanism_sim.cycles.strokes import Swing, find_swings
 from mechanism_sim.cycles.time_integrals import Estimate, TimeIntegrals
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.peak_shapes import PeakShape, peak_shape
 from mechanism_sim.hybrid.physics import each_instant
-from mechanism_sim.hybrid.sampling import table
-from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.quadrature import parts_of
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import NoLimit
-from mechanism_sim.planar.paths import Paths
 from mechanism_sim.planar.points import LinkPoint
-from mechanism_sim.scene import Level, Machine, simulate, span
+from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.quantities.motion import RATES, choose_points
+from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.results.solution import Solution
+from mechanism_sim.results.view import View
+from mechanism_sim.scene import Level, Machine, span
 from mechanism_sim.tables import Table
 
 Array = NDArray[np.float64]
 
-_OF_MOTION = ('energy.kinetic', *WORK)
+_OF_MOTION = 'energy.kinetic', 'energy.drive_work', 'energy.dissipated'
 _MOMENT = 1e-6
 """[s] that is run where only the start is wanted."""
 
@@ -53,14 +53,10 @@ _BEYOND = np.array([8.0, -28.0, 56.0, -70.0, 56.0, -28.0, 8.0, -1.0])
 class Cycle(plotting.Rich):
     """One cycle of a machine: ``cycle[name]`` is an array (N + 1,), both ends included.
 
-    The names are those of `Solution.sample`, and where forces are known ``drive_power`` [W],
-    ``drive_torque.COORDINATE`` for each of several drives, ``friction_loss.JOINT`` [W],
-    ``reaction.JOINT.size`` [N] and ``.direction`` [rad],
-    ``shaking_force.x``, ``.y``, ``.size`` [N] and ``shaking_moment`` [N m],
-    what the machine does to its frame, about the origin, and ``position.mass_centre.x`` and so on
-    of the whole machine. A point has ``position.LINK.POINT.x`` [m], ``velocity.``,
-    ``acceleration.``; on request there is the force on a link in its own frame,
-    ``reaction.JOINT.LINK.along`` and ``.across`` [N] ([V] ch. 3).
+    Any quantity of the machine can be asked for (``mechanism-sim quantities SCENE``). Its table
+    has all but paths of points and forces in the frames of links, which are there on request: a
+    point has ``position.LINK.POINT.x`` and so on, the force on a link along and across it is
+    ``reaction.JOINT.LINK.along`` and ``.across`` ([V] ch. 3).
 
     Attributes
     ----------
@@ -98,7 +94,22 @@ class Cycle(plotting.Rich):
         """[s]."""
         return float(self.t[-1] - self.t[0])
 
+    @cached_property
+    def names(self) -> list[str]:
+        """The columns of its table."""
+        known = catalogue(self.machine)
+        paths = {f'{kind}.{p}.{axis}' for p in self.points for kind in RATES for axis in 'xy'}
+        own = ('along', 'across') if self.local else ()
+        return [
+            name
+            for name, quantity in known.items()
+            if (quantity.shown >= Shown.CYCLE or name in paths or quantity.part in own)
+            and not (self.static and name in _OF_MOTION)  # of the motion as it is
+        ]
+
     def __getitem__(self, name: str) -> Array:
+        if name not in self.table():
+            return self.at(self.t, [catalogue(self.machine).find(name).name]).popitem()[1]
         return self.table()[name]
 
     def table(self) -> Table:
@@ -111,30 +122,23 @@ class Cycle(plotting.Rich):
 
     @cached_property
     def _table(self) -> Table:
-        columns = self.at(self.t)
-        return Table(columns, {name: unit_of(self.machine, name) for name in columns})
+        known, columns = catalogue(self.machine), self.at(self.t, self.names)
+        return Table(columns, {name: known[name].unit for name in columns})
 
-    @cached_property
-    def _paths(self) -> Paths:
-        return Paths(self.machine.mechanism, list(self.points.values()))
-
-    @cached_property
-    def _forces(self) -> Forces:
-        return Forces(self.machine, self.local)
-
-    def at(self, t: Array, with_work: bool = True) -> dict[str, Array]:
-        """The columns at any instants (K,) of the cycle.
+    def at(self, t: Array, names: Sequence[str] | None = None) -> dict[str, Array]:
+        """Columns at any instants (K,) of the cycle.
 
         Where forces in joints have no limit they are NaN. What the frame gets from all of them
         has one, which comes from instants beside.
 
         Parameters
         ----------
-        with_work : whether the work so far is wanted, which costs eight times the rest; it is not
-            a number where not
+        names : of quantities of the machine; without any those of its table
         """
-        columns = self._columns(t, with_work)
-        lost = np.flatnonzero(np.isnan(columns.get('shaking_moment', np.zeros(0))))
+        names = self.names if names is None else names
+        columns = self._columns(t, names)
+        on_frame = [name for name in names if name.startswith('shaking_')]
+        lost = np.flatnonzero(np.isnan(columns[on_frame[0]])) if on_frame else np.zeros(0, int)
         if (
             lost.size and not self.machine.physics.unknowns
         ):  # those have none where they do no work
@@ -147,29 +151,15 @@ class Cycle(plotting.Rich):
             ):
                 beside[outside] = at[outside] + sign * step * np.arange(1.0, 9.0)
                 weights[outside] = _BEYOND
-            near = self._columns(beside.ravel(), with_work)
-            for name in columns:
-                if name.startswith('shaking_'):
-                    columns[name][lost] = (near[name].reshape(-1, 8) * weights).sum(axis=1)
+            near = self._columns(beside.ravel(), on_frame)
+            for name in on_frame:
+                columns[name][lost] = (near[name].reshape(-1, 8) * weights).sum(axis=1)
         return columns
 
-    def _columns(self, t: Array, with_work: bool) -> dict[str, Array]:
-        samples = observed(self.solution, t) if not with_work else self.solution.samples(t)
-        if self.static:
-            motion = self.solution.motion
-            seen = self.machine.statics.observe(motion, *motion.curve.find(samples.t))
-            samples = samples._replace(observed=seen)
-        o = samples.observed
-        columns = table(self.machine.physics, samples) | columns_of_parts(self.machine, samples)
-        if self.static:  # of the motion as it is
-            columns = {n: x for n, x in columns.items() if n not in _OF_MOTION}
-        if self.points:
-            paths = self._paths(o.local, o.velocity, o.acceleration)
-            for name, track in zip(self.points, paths, strict=True):
-                columns |= path_columns(name, track)
-        if self.machine.physics.has_forces:
-            columns |= self._forces.columns(samples.t, o)
-        return columns
+    def _columns(self, t: Array, names: Sequence[str]) -> dict[str, Array]:
+        run = self.solution
+        view = View.at(self.machine, run.motion, t, run.balance, self.static)
+        return catalogue(self.machine).columns(names, view)
 
     def plot(self, *names: str, **how: Any) -> Any:
         """Plot columns by name, or an overview, over the angle of a steady drive.
@@ -196,18 +186,21 @@ class Cycle(plotting.Rich):
         """The columns that have no value at these instants, and therefore no extremes."""
         if not self.no_limits:
             return set()
-        seen = self.at(np.clip([x.t for x in self.no_limits], self.t[0], self.t[-1]))
+        at = np.clip([x.t for x in self.no_limits], self.t[0], self.t[-1])
+        known = catalogue(self.machine)
+        seen = self.at(at, [name for name in self.names if not known[name].cumulative])
         return {name for name, x in seen.items() if not np.isfinite(x).all()}
 
     @cached_property
     def _extremes(self) -> dict[str, Extremes]:
-        names = [n for n in self.table() if has_extremes(n) and n not in self.unbounded]
+        known = catalogue(self.machine)
+        names = [n for n in self.names if known[n].has_extremes and n not in self.unbounded]
         spans = self.solution.motion.curve.spans(float(self.t[0]), float(self.t[-1]))
         size, drive = self.machine.mechanism.size, f'position.{self.drive}'
         found: dict[str, Extremes] = {}
-        for with_work in (False, True):
-            own = {n: unit_of(self.machine, n) for n in names if (n in WORK) == with_work}
-            at = partial(self.at, with_work=with_work)
+        for cumulative in (False, True):
+            own = [known[n] for n in names if known[n].cumulative == cumulative]
+            at = partial(self.at, names=[*dict.fromkeys([*(q.name for q in own), drive])])
             found |= find_extremes(at, own, spans, drive, size) if own else {}
         return {name: found[name] for name in names}
 
@@ -231,7 +224,7 @@ class Cycle(plotting.Rich):
             def size(k: NDArray[np.intp], dt: Array | Nodes, name: str = name) -> Array:
                 each, since = each_instant(curve, k, dt)
                 t = curve.start[each] + (curve.start_low[each] + since)
-                return np.asarray(np.abs(self.at(t, with_work=False)[name]))
+                return np.asarray(np.abs(self.at(t, [name])[name]))
 
             found[name] = peak_shape(size, curve, top.t, abs(top.value))
         return found
@@ -259,17 +252,15 @@ class Cycle(plotting.Rich):
 
     def _average(self, form: str, name: str) -> Estimate:
         """Mean or root mean square of a column; those that begin alike are taken together."""
-        kind = name.partition('.')[0]
-        if (form, kind) not in self._averages:
-            names = [n for n in self.table() if n.partition('.')[0] == kind]
+        if (form, name) not in self._averages:
+            kind = name.partition('.')[0]
+            names = [n for n in self.names if n.partition('.')[0] == kind] or [name]
             curve, taken = self.solution.motion.curve, TimeIntegrals(len(names))
 
             def values(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
                 each, since = each_instant(curve, k, dt)
-                columns = self.at(
-                    curve.start[each] + (curve.start_low[each] + since), kind == 'energy'
-                )
-                x = np.array([columns.get(n, np.zeros(len(each))) for n in names])
+                t = curve.start[each] + (curve.start_low[each] + since)
+                x = np.array(list(self.at(t, names).values()))
                 return x * x if form == 'square' else x
 
             parts = parts_of(curve, float(self.t[0]), float(self.t[-1]))
@@ -277,11 +268,11 @@ class Cycle(plotting.Rich):
             found = [
                 taken.root(i) if form == 'square' else taken.mean(i) for i in range(len(names))
             ]
-            self._averages[form, kind] = dict(zip(names, found, strict=True))
-        return self._averages[form, kind][name]
+            self._averages.update(((form, n), x) for n, x in zip(names, found, strict=True))
+        return self._averages[form, name]
 
     @cached_property
-    def _averages(self) -> dict[tuple[str, str], dict[str, Estimate]]:
+    def _averages(self) -> dict[tuple[str, str], Estimate]:
         return {}
 
     @property
@@ -349,7 +340,7 @@ def cycle(
             f'{machine.name}: static forces need masses, prescribed drives and no clearance; this '
             f'scene is one of {machine.level.value}'
         )
-    chosen = choose(machine, points)
+    chosen = choose_points(machine, points)
     steady = is_steady(machine)
     begin = 0.0
     if start is not None:
@@ -431,12 +422,3 @@ def _is_load(name: str) -> bool:
     kind = name.partition('.')[0]
     sized = kind in ('reaction', 'shaking_force', 'bearing_force') and name.endswith('.size')
     return sized or kind in ('normal_force', 'drive_torque')
-
-
-def path_columns(name: str, track: Array) -> dict[str, Array]:
-    """Columns of a point whose position, velocity and acceleration are (3, 2, N)."""
-    return {
-        f'{kind}.{name}.{axis}': row
-        for kind, pair in zip(('position', 'velocity', 'acceleration'), track, strict=True)
-        for axis, row in zip('xy', pair, strict=True)
-    }

@@ -5,13 +5,14 @@ A table of 360 rows misses the peaks of a loose bearing altogether.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.numerics.extremes import ExtremeSearch
+from mechanism_sim.results.quantity import Quantity
 
 Array = NDArray[np.float64]
 Sampler = Callable[[Array], Mapping[str, Array]]
@@ -49,35 +50,34 @@ class Extremes:
 
 def search(
     at: Sampler,
-    units: Mapping[str, str],
+    wanted: Sequence[Quantity],
     spans: tuple[Array, Array],
-    size: float = 1.0,
+    size: float,
 ) -> ExtremeSearch:
     """The search for the extremes of columns, done; limits at events count, from both sides.
 
     Parameters
     ----------
     at : the columns (K,) at any instants (K,) [s]
-    units : of those columns that are wanted; rounding is measured by the largest of a unit among
-        those whose names begin alike
+    wanted : the columns; rounding is measured by the largest of a unit among those of a kind
     spans : first and last times (m,) [s] of intervals between events
-    size : of the machine [m]; gaps are differences of such lengths
+    size : of the machine [m]; gaps and the like are differences of such lengths
     """
 
     def values(t: Array) -> Array:
-        columns, none = at(t.ravel()), np.zeros(t.size)
-        return np.array([columns.get(name, none) for name in units])  # one that is zero may lack
+        columns = at(t.ravel())
+        return np.array([columns[quantity.name] for quantity in wanted])
 
-    groups = [(name.partition('.')[0], unit) for name, unit in units.items()]
-    sizes = [name.endswith('.size') for name in units]
-    found = ExtremeSearch(groups, {('gap', 'm'): size}, sizes)
-    if units:
+    groups = [(quantity.kind, quantity.unit) for quantity in wanted]
+    differences = {(q.kind, q.unit): size for q in wanted if q.difference}
+    found = ExtremeSearch(groups, differences, [quantity.part == 'size' for quantity in wanted])
+    if wanted:
         found.add(values, *spans)
     return found
 
 
 def find_extremes(
-    at: Sampler, units: Mapping[str, str], spans: tuple[Array, Array], drive: str, size: float
+    at: Sampler, wanted: Sequence[Quantity], spans: tuple[Array, Array], drive: str, size: float
 ) -> dict[str, Extremes]:
     """Least and greatest values of columns, and when; see `search`.
 
@@ -85,7 +85,7 @@ def find_extremes(
     ----------
     drive : the column with the position of the drive
     """
-    found = search(at, units, spans, size)
+    found = search(at, wanted, spans, size)
     least, greatest = (
         [
             Extreme(float(x), float(t), float(where))
@@ -98,6 +98,6 @@ def find_extremes(
     )
     rounding = (10.0 * found.rounding).tolist()
     return {
-        name: Extremes(*x)
-        for name, x in zip(units, zip(least, greatest, rounding, strict=True), strict=True)
+        quantity.name: Extremes(*x)
+        for quantity, x in zip(wanted, zip(least, greatest, rounding, strict=True), strict=True)
     }

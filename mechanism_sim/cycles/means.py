@@ -9,8 +9,8 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.measure_series import Turns
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.numerics.batch_means import batches, ratio
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 
 

@@ -11,11 +11,10 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.measure_text import Bound, Figure, Value, as_row
 from mechanism_sim.cycles.time_integrals import EXACT
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.hybrid.column_units import IMPACT_UNITS
 from mechanism_sim.hybrid.events import Impact, Mode
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.results.solution import IMPACT_UNITS, Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.channel import Channel
 

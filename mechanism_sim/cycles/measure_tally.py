@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.measure_text import EXTREMES, Figure, Value, as_row, evaluate
-from mechanism_sim.cycles.quantities import Quantities
 from mechanism_sim.cycles.time_integrals import EXACT, Estimate, TimeIntegrals
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.numerics.extremes import GLANCES, ExtremeSearch
 from mechanism_sim.numerics.monotone import Monotone, joined, monotone
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.quadrature import Parts, Values, parts_of, where_steep
+from mechanism_sim.results.catalogue import Selection
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 
@@ -41,7 +41,7 @@ def speed_of(machine: Machine, f: Figure) -> str:
     return f'velocity.{coordinate or driven[0]}'
 
 
-def unit_of_figure(quantities: Quantities, f: Figure) -> str:
+def unit_of_figure(quantities: Selection, f: Figure) -> str:
     """The unit of what a figure is of."""
     with np.errstate(all='ignore'):
         return f.evaluate(lambda name: Value(np.ones(1), quantities.units[name])).unit
@@ -59,9 +59,7 @@ def _apart(rows: Sequence[R], steep: Collection[str]) -> list[list[R]]:
 class Tally:
     """Figures of what is known at every instant of one window."""
 
-    def __init__(
-        self, machine: Machine, quantities: Quantities, figures: Sequence[Figure]
-    ) -> None:
+    def __init__(self, machine: Machine, quantities: Selection, figures: Sequence[Figure]) -> None:
         self._machine, self._quantities = machine, quantities
         self._arguments = list(dict.fromkeys(f.argument for f in figures))
         self._by_argument = {f.argument: f for f in figures}

@@ -20,12 +20,13 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.measure_series import Series, Turns
 from mechanism_sim.cycles.measure_tally import Tally, speed_of, unit_of_figure
 from mechanism_sim.cycles.measure_text import Bound, Figure, Measure, Value, as_float, read_all
-from mechanism_sim.cycles.quantities import Quantities
 from mechanism_sim.cycles.time_integrals import EXACT
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.numerics.batch_means import ratio
-from mechanism_sim.scene import Machine, stream
+from mechanism_sim.results.catalogue import Selection
+from mechanism_sim.results.simulate import stream
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 
 
@@ -73,7 +74,7 @@ class Measurement:
         self._machine = machine
         figures = list(dict.fromkeys(f for m in self.measures for f in m.figures))
         names = [n for f in figures if not f.of_events for n in _names_of(machine, f)]
-        self._quantities = Quantities(machine, names)
+        self._quantities = Selection(machine, names)
         self._series = Series(machine, [f for f in figures if f.of_events])
         self._turns = Turns(machine)
         limits = Bound(since), Bound(until)
@@ -229,7 +230,7 @@ class Window:
         self._ends: list[float] = []
         self._turn = 0
 
-    def open(self, quantities: Quantities, machine: Machine, series: Series) -> None:
+    def open(self, quantities: Selection, machine: Machine, series: Series) -> None:
         """Make ready for these figures."""
         self._series = series
         timed = [f for f in self.figures if not f.of_events]

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.scene import Machine, stream
+from mechanism_sim.results.simulate import stream
+from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.sensing.features import features

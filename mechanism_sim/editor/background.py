@@ -159,7 +159,8 @@ def _problem(job: Job, link: Connection) -> str:
 
 def _work(job: Job, link: Connection) -> None:
     from mechanism_sim.cycles.measures import check_measures  # noqa: PLC0415
-    from mechanism_sim.scene import run_length, simulate  # noqa: PLC0415
+    from mechanism_sim.results.simulate import simulate  # noqa: PLC0415
+    from mechanism_sim.scene import run_length  # noqa: PLC0415
     from mechanism_sim.scene.build import build  # noqa: PLC0415
     from mechanism_sim.scene.check import check  # noqa: PLC0415
     from mechanism_sim.scene.files import check_scene  # noqa: PLC0415

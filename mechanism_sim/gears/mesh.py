@@ -30,6 +30,7 @@ class GearMesh(PlacedMesh):
 
     parts: ClassVar[str] = 'teeth with backlash'
     node: ClassVar[str] = 'gear_train'
+    reads: ClassVar[type] = GearReading
 
     def closure(self, mechanism: Mechanism) -> MeshClosure:
         """Without play."""
@@ -53,6 +54,11 @@ class GearMesh(PlacedMesh):
     def reading(self, view: View) -> GearReading:
         """Motion, transmission error and forces."""
         return read_mesh(self, view)
+
+    @property
+    def toothed(self) -> tuple[str, ...]:
+        """All but a rack."""
+        return tuple(link for link in self.ends if not self.is_rack(link))
 
     def tooth_loads(self, view: View) -> Sequence[ToothLoad]:
         """At the pitch point; axial against the tangential force of right-handed teeth.

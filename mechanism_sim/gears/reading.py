@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechanism_sim.gears.placement import PlacedMesh
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import Vector2
-from mechanism_sim.planar.view import Array, View
+from mechanism_sim.planar.view import Array, Told, View
 
 
 class MeshMode(IntEnum):
@@ -26,20 +26,24 @@ class MeshMode(IntEnum):
 
 
 class GearReading(NamedTuple):
-    """Two gears at N instants; forces are NaN where masses are not known."""
+    """Two gears at N instants; forces are NaN where masses are not known.
 
-    first_position: Array  #: (N,) [rad] of the first-named link
-    first_velocity: Array  #: (N,) [rad/s]
-    second_position: Array  #: (N,) [rad], of a rack [m]
-    second_velocity: Array  #: (N,) [rad/s] or [m/s]
-    transmission_error: Array  #: (N,) [m] how far the first is ahead along the line of action
-    tooth_force: Array  #: (N,) [N] normal to the tooth
-    tangential_force: Array  #: (N,) [N] on the second along the pitch line
-    radial_force: Array  #: (N,) [N] that parts the gears
-    axial_force: Array  #: (N,) [N] of helical gears
-    first_torque: Array  #: (N,) [N m] on the first about its centre
-    second_torque: Array  #: (N,) [N m] on the second about its centre, on a rack [N]
-    mesh_frequency: Array  #: (N,) [Hz] of teeth that pass
+    Positions and torques are those of the links; of a rack displacement and force. The error is
+    how far the first is ahead.
+    """
+
+    first_position: Annotated[Array, Told('rad or m', 'angle of {first}', 'first')]
+    first_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of {first}', 'first')]
+    second_position: Annotated[Array, Told('rad or m', 'angle of {second}')]
+    second_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of {second}')]
+    transmission_error: Annotated[Array, Told('m', 'transmission error', difference=True)]
+    tooth_force: Annotated[Array, Told('N', 'force normal to the teeth')]
+    tangential_force: Annotated[Array, Told('N', 'force on {second} along the pitch line')]
+    radial_force: Annotated[Array, Told('N', 'force that parts the gears')]
+    axial_force: Annotated[Array, Told('N', 'axial force of the teeth')]
+    first_torque: Annotated[Array, Told('N m or N', 'torque on {first}', 'first')]
+    second_torque: Annotated[Array, Told('N m or N', 'torque on {second}')]
+    mesh_frequency: Annotated[Array, Told('Hz', 'mesh frequency')]
     mode: NDArray[np.uint8]  #: (N,) of `MeshMode`
 
 

@@ -13,6 +13,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -38,6 +39,8 @@ class SpatialPair(Transmission):
     along : where both lie on their shafts [m]
     """
 
+    untold: ClassVar[tuple[str, ...]] = ('transmission_error', 'mesh_frequency')
+
     facing: tuple[float, float] = (0.0, math.pi)
     along: tuple[float, float] = (0.0, 0.0)
 
@@ -57,6 +60,11 @@ class SpatialPair(Transmission):
 
         Then radial and axial ones on first and second.
         """
+
+    @property
+    def toothed(self) -> tuple[str, ...]:
+        """Both links."""
+        return self.first, self.second
 
     def tooth_loads(self, view: View) -> Sequence[ToothLoad]:
         """At the pitch points: tangential forces of the torques, with those beside them."""

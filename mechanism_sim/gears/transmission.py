@@ -31,6 +31,11 @@ class Transmission(HigherPair):
 
     sides: ClassVar[tuple[Side, ...]] = ()
     node: ClassVar[str] = 'gear_train'
+    reads: ClassVar[type] = GearReading
+    untold: ClassVar[tuple[str, ...]] = (
+        'transmission_error', 'mesh_frequency', 'tooth_force', 'tangential_force', 'radial_force',
+        'axial_force',
+    )  # fmt: skip
 
     ratio: Fraction = Fraction(1)
     phase: float = 0.0  #: [rad]

@@ -60,13 +60,6 @@ class Physics(Protocol):
     def lifting_energy(self) -> float:
         """Size [J] of the terms that a potential energy consists of, see `Mechanism`."""
 
-    def columns(self, seen: Observation) -> dict[str, Array]:
-        """Columns (N,) of elastic links, see `Mechanism.strained`, and of joints in `tilting`.
-
-        ``bearing_moment.JOINT.x``, ``.y``, ``.size`` [N m]: on the second link, about the middle;
-        ``axial_force.JOINT`` [N] on it, towards the reader, if there are stops along the axis.
-        """
-
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
@@ -132,22 +125,9 @@ class DynamicPhysics:
         self.displacements = system.mechanism.displacements
         self.lifting_energy = system.mechanism.lifting_energy
         self.clearances = tuple(gap.name for gap in system.gaps)
-        self._ends = [(k, gap) for k, gap in enumerate(system.gaps) if isinstance(gap, EndGap)]
-        self.tilting = tuple(dict.fromkeys(gap.joint for _, gap in self._ends))
-
-    def columns(self, seen: Observation) -> dict[str, Array]:
-        """As `Physics.columns`."""
-        found, q = self.system.mechanism.strained(seen.position), seen.local
-        for joint in self.tilting:
-            ends = [(k, gap) for k, gap in self._ends if gap.joint == joint]
-            N, T = seen.normal_force, seen.friction_force
-            x, y = np.sum([gap.moment(q, N[k], T[k]) for k, gap in ends], axis=0)
-            name = f'bearing_moment.{joint}'
-            found |= {f'{name}.x': x, f'{name}.y': y, f'{name}.size': np.hypot(x, y)}
-            if any(gap.thrust for _, gap in ends):
-                along = np.sum([gap.thrust * N[k] for k, gap in ends], axis=0)
-                found[f'axial_force.{joint}'] = along
-        return found
+        self.tilting = tuple(
+            dict.fromkeys(gap.joint for gap in system.gaps if isinstance(gap, EndGap))
+        )
 
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import heyoka as hy
 import numpy as np
@@ -32,6 +32,7 @@ from mechanism_sim.planar.view import (
     Array,
     Charted,
     Draft,
+    Told,
     View,
     complex_of,
     points_of,
@@ -43,17 +44,17 @@ Pair = tuple[Jet, Jet]
 class GenevaReading(NamedTuple):
     """An intermittent drive at N instants; forces are NaN where masses are not known."""
 
-    engaged: NDArray[np.bool_]  #: (N,) whether the pin is in a slot
-    driver_angle: Array  #: (N,) [rad] of the link with the pin
-    driver_speed: Array  #: (N,) [rad/s]
-    driver_acceleration: Array  #: (N,) [rad/s^2]
-    driven_position: Array  #: (N,) [rad] of a wheel, [m] of a rack
-    driven_velocity: Array  #: (N,) [rad/s] or [m/s]
-    driven_acceleration: Array  #: (N,) [rad/s^2] or [m/s^2]
-    force_x: Array  #: (N,) [N] of the driver on the driven link
-    force_y: Array  #: (N,) [N]
-    driven_effort: Array  #: (N,) [N m] on a wheel about its centre, [N] on a rack along its guide
-    driver_torque: Array  #: (N,) [N m] on the driver about its centre
+    engaged: Annotated[NDArray[np.bool_], Told('', 'pin in a slot: 1, else 0')]
+    driver_angle: Annotated[Array, Told('rad', 'angle of {first}')]
+    driver_speed: Annotated[Array, Told('rad/s', 'speed of {first}')]
+    driver_acceleration: Annotated[Array, Told('rad/s^2', 'acceleration of {first}')]
+    driven_position: Annotated[Array, Told('rad or m', 'position of {second}')]
+    driven_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of {second}')]
+    driven_acceleration: Annotated[Array, Told('rad/s^2 or m/s^2', 'acceleration of {second}')]
+    force_x: Annotated[Array, Told('N', 'force of {first} on {second}, x')]
+    force_y: Annotated[Array, Told('N', 'force of {first} on {second}, y')]
+    driven_effort: Annotated[Array, Told('N m or N', 'effort on {second}')]
+    driver_torque: Annotated[Array, Told('N m', 'torque on {first}')]
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ class Geneva(HigherPair):
     entry: float  #: [m] from the wheel's centre to the mouth of a slot
 
     node: ClassVar[str] = 'geneva'
+    reads: ClassVar[type] = GenevaReading
 
     def reading(self, view: View) -> GenevaReading:
         """Whether the pin drives, both motions and forces."""
@@ -144,6 +146,7 @@ class SlottedRack(HigherPair):
     centre: Vector2  #: [m] of the crank, in the world
 
     node: ClassVar[str] = 'geneva'
+    reads: ClassVar[type] = GenevaReading
 
     def reading(self, view: View) -> GenevaReading:
         """Whether the pin drives, both motions and forces."""

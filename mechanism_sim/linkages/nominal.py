@@ -432,10 +432,6 @@ class NominalPhysics:
         self._ideal = ideal
         self._forces = forces
 
-    def columns(self, _: Observation) -> dict[str, Array]:
-        """None: its links are rigid, its joints ideal."""
-        return {}
-
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import CamState, GearState, GenevaState
 from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine
-from mechanism_sim.sensing.joint_view import JointView
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,8 @@ class Kind:
         self, machine: Machine, motion: Motion, t: NDArray[np.float64]
     ) -> list[tuple[float, str, dict[str, Any]]]:
         """Time [s], joint and fields of every state at times `t` (N,) [s] of a motion."""
-        k, dt = motion.curve.find(t)
-        observed, modes = machine.physics.observe(motion, k, dt), motion.modes[k].T
-        columns = {}
-        for joint in self.joints(machine):
-            view = JointView(machine.mechanism, joint, machine.physics, observed, modes)
-            columns[joint.name] = joint.reading(view)._asdict()
+        view = View.at(machine, motion, t)
+        columns = {joint.name: view.readings(joint) for joint in self.joints(machine)}
         return [
             (time, name, {field: column[i].item() for field, column in fields.items()})
             for i, time in enumerate(t.tolist())

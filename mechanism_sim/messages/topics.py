@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, Literal, NamedTuple
 
-from mechanism_sim.cycles.shafts import shafts_of
 from mechanism_sim.messages import (
     BearingLoads,
     Clock,
@@ -25,6 +24,7 @@ from mechanism_sim.messages import (
     WrenchStamped,
 )
 from mechanism_sim.messages.part_states import kinds_of
+from mechanism_sim.results.quantities.shafts import shafts_of
 from mechanism_sim.scene import Machine
 
 Delivery = Literal['results', 'latched', 'clock']

@@ -100,7 +100,7 @@ class Picture:
     def _lens(self, seen: Preview, joint: Joint, play: float, magnification: float) -> _Lens:
         magnified = magnification or _PLAY * _LENS * self._size / play
         radius = max(_LENS * self._size, magnified * play / _PLAY * 0.5)
-        q = seen.found.solution.samples(seen.found.t).observed.local
+        q = seen.found.solution.view(seen.found.t).observed.local
         place = self._machine.mechanism.locate_all(joint.second, q, joint.on_second)
         out = place.mean(axis=1) - seen.centre
         far = float(np.hypot(*out))

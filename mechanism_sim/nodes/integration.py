@@ -12,14 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.hybrid.audit import Audit, Work
 from mechanism_sim.hybrid.dense_output import Motion as MotionBatch
+from mechanism_sim.hybrid.energy_terms import EnergyTerms, work_since_start
 from mechanism_sim.hybrid.events import Impact as ImpactEvent
 from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
-from mechanism_sim.hybrid.sampling import EnergyTerms, sample, work_since_start
 from mechanism_sim.messages import (
     BearingLoads,
     DriveLaw,
@@ -45,6 +46,7 @@ from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.results.view import View
 from mechanism_sim.scene.machine import Run
 
 STEPS, STEPS_PER_BATCH = 256, 1024
@@ -159,11 +161,11 @@ class Integration:
             self._schedules['wrenches'] = Schedule(outputs.wrenches)
         physics, mechanism, frame = self._physics, self._machine.mechanism, self._node.frame
         self._write_states = publications.joint_states(physics)
-        self._write_linkage = publications.linkage_states(physics, mechanism, frame(WORLD))
-        self._write_reactions = publications.reactions(physics, frame(WORLD))
+        self._write_linkage = publications.linkage_states(self._machine, frame(WORLD))
+        self._write_reactions = publications.reactions(self._machine, frame(WORLD))
         self._write_loads = publications.bearing_loads(self._machine, frame(WORLD))
         self._write_transforms = publications.transforms(mechanism, frame, [*self._wrenches])
-        self._write_wrench = publications.wrenches(physics, mechanism, frame, [*self._wrenches])
+        self._write_wrench = publications.wrenches(self._machine, frame, [*self._wrenches])
         self._run: Run | None = None
         self._law_id = 0
         self._known = 0.0
@@ -265,31 +267,30 @@ class Integration:
         self._impact_count += len(impacts)
 
     def _publish_samples(self, motion: MotionBatch, balance: EnergyTerms) -> None:
-        physics, curve, node = self._physics, motion.curve, self._node
+        curve, node = motion.curve, self._node
         due = {topic: schedule.due(curve.end) for topic, schedule in self._schedules.items()}
-        t, seen = due['linkage_state'], None
-        if t.size:
-            samples = sample(physics, motion, balance, t)
-            seen = samples.observed
-            node.send_all(self._linkage, self._write_linkage(samples))
-        forces = physics.has_forces and self._machine.scene.outputs.forces
-        for topic, publisher, write in (
-            ('joint_states', self._states, self._write_states),
-            ('joint_reactions', self._reactions, self._write_reactions if forces else None),
-        ):
-            if not due[topic].size or write is None:
-                continue
-            if seen is None or not np.array_equal(due[topic], t):
-                t, seen = due[topic], physics.observe(motion, *curve.find(due[topic]))
-            node.send_all(publisher, write(t, seen))
+        views: dict[bytes, View] = {}
+
+        def view(t: Array) -> View:
+            """Topics that are due at the same instants share what is computed."""
+            key = t.tobytes()
+            if key not in views:
+                views[key] = View.at(self._machine, motion, t, balance)
+            return views[key]
+
+        if due['linkage_state'].size:
+            node.send_all(self._linkage, self._write_linkage(view(due['linkage_state'])))
+        if due['joint_states'].size:
+            seen = view(due['joint_states'])
+            node.send_all(self._states, self._write_states(seen.t, seen.observed))
+        forces = self._physics.has_forces and self._machine.scene.outputs.forces
+        if due['joint_reactions'].size and forces:
+            node.send_all(self._reactions, self._write_reactions(view(due['joint_reactions'])))
         if 'wrenches' in due and due['wrenches'].size:
-            t, seen = due['wrenches'], physics.observe(motion, *curve.find(due['wrenches']))
             for joint, publisher in self._wrenches.items():
-                node.send_all(publisher, self._write_wrench[joint](t, seen))
-        if self._loads and (t := due['bearing_loads']).size:
-            k, dt = curve.find(t)
-            seen = physics.observe(motion, k, dt)
-            node.send_all(self._loads, self._write_loads(t, seen, motion.modes[k].T))
+                node.send_all(publisher, self._write_wrench[joint](view(due['wrenches'])))
+        if self._loads and due['bearing_loads'].size:
+            node.send_all(self._loads, self._write_loads(view(due['bearing_loads'])))
         t = due['transforms']
         if t.size:
             k, dt = curve.find(t)

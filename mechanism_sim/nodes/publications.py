@@ -12,11 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cycles.shafts import bearing_loads as loads_of_bearings
-from mechanism_sim.cycles.shafts import shafts_of
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.hybrid.physics import Physics
-from mechanism_sim.hybrid.sampling import Samples
 from mechanism_sim.messages import (
     BearingLoads,
     JointReactions,
@@ -31,6 +28,10 @@ from mechanism_sim.messages import (
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.quantities.shafts import bearing_loads as loads_of_bearings
+from mechanism_sim.results.quantities.shafts import shafts_of
+from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine
 from ros_interfaces.layout import Layout
 
@@ -54,11 +55,15 @@ def joint_states(physics: Physics) -> Callable[[Array, Observation], list[bytes]
     return write
 
 
-def linkage_states(
-    physics: Physics, mechanism: Mechanism, world: str
-) -> Callable[[Samples], list[bytes]]:
+def _rows(view: View, names: Sequence[str], missing: float = np.nan) -> Array:
+    """Quantities (k, N) by name; where the machine has none of a name, `missing`."""
+    known, none = catalogue(view.machine), np.full(len(view.t), missing)
+    return np.array([known[name].evaluate(view) if name in known else none for name in names])
+
+
+def linkage_states(machine: Machine, world: str) -> Callable[[View], list[bytes]]:
     """LinkageState messages, in the frame of the world."""
-    elastic = [*mechanism.beams]
+    physics, elastic = machine.physics, [*machine.mechanism.beams]
     names, joints = list(physics.coordinates), list(physics.clearances)
     each, gap = float64_array(np.zeros(len(names))), float64_array(np.zeros(len(joints)))
     message = LinkageState(coordinates=names, joints=joints)
@@ -70,37 +75,35 @@ def linkage_states(
     message.deflections = message.stresses = float64_array(np.zeros(len(elastic)))
     layout = Layout(message)
 
-    def write(s: Samples) -> list[bytes]:
-        o = s.observed
+    def write(view: View) -> list[bytes]:
+        o = view.observed
         columns = {
             'position': o.position.T,
             'velocity': o.velocity.T,
             'acceleration': o.acceleration.T,
-            'modes': s.modes.T,
+            'modes': view.modes.T,
             'gaps': o.gap.T,
             'normal_forces': o.normal_force.T,
             'friction_forces': o.friction_force.T,
             'drive_torque': _torques(o)[0],
             'kinetic_energy': o.kinetic_energy,
             'potential_energy': o.potential_energy,
-            'drive_work': s.drive_work,
-            'dissipated': s.dissipated,
+            'drive_work': view.drive_work,
+            'dissipated': view.dissipated,
         }
         if elastic:
-            strained, unknown = mechanism.strained(o.position), np.full(len(s.t), np.nan)
-            for field, what in (('deflections', 'deflection'), ('stresses', 'stress')):
-                each = [strained.get(f'{what}.{link}', unknown) for link in elastic]
-                columns[field] = np.transpose(each)
+            columns['deflections'] = _rows(view, [f'deflection.{link}' for link in elastic]).T
+            columns['stresses'] = _rows(view, [f'stress.{link}' for link in elastic]).T
         if not o.drive_torque.size:  # nor are energies known
-            columns |= dict.fromkeys(ENERGIES, np.zeros(len(s.t)))
-        return layout.write(s.t, columns)
+            columns |= dict.fromkeys(ENERGIES, np.zeros(len(view.t)))
+        return layout.write(view.t, columns)
 
     return write
 
 
-def reactions(physics: Physics, world: str) -> Callable[[Array, Observation], list[bytes]]:
+def reactions(machine: Machine, world: str) -> Callable[[View], list[bytes]]:
     """JointReactions messages, in the frame of the world."""
-    joints = list(physics.joints)
+    physics, joints = machine.physics, list(machine.physics.joints)
     none = float64_array(np.zeros(len(joints)))
     message = JointReactions(joints=joints, force_x=none, force_y=none, moment=none)
     message.loads = list(physics.unknowns)
@@ -110,7 +113,8 @@ def reactions(physics: Physics, world: str) -> Callable[[Array, Observation], li
     message.header.frame_id = world
     layout = Layout(message)
 
-    def write(t: Array, o: Observation) -> list[bytes]:
+    def write(view: View) -> list[bytes]:
+        o = view.observed
         columns = {
             'force_x': o.reaction[:, 0].T,
             'force_y': o.reaction[:, 1].T,
@@ -120,27 +124,24 @@ def reactions(physics: Physics, world: str) -> Callable[[Array, Observation], li
         if message.loads:
             columns['load_sizes'] = o.load.T
         if physics.tilting:
-            columns |= {field: x.T for field, x in _out_of_plane(physics, o).items()}
-        return layout.write(t, columns)
+            columns |= {field: x.T for field, x in _out_of_plane(view, joints).items()}
+        return layout.write(view.t, columns)
 
     return write
 
 
-def _out_of_plane(physics: Physics, o: Observation) -> dict[str, Array]:
+def _out_of_plane(view: View, joints: Sequence[str]) -> dict[str, Array]:
     """Forces and moments (j, N) in joints out of the plane, 0 in those that take none."""
-    columns, none = physics.columns(o), np.zeros(o.position.shape[1])
     names = {'force_z': 'axial_force.{}', 'moment_x': 'bearing_moment.{}.x',
              'moment_y': 'bearing_moment.{}.y'}  # fmt: skip
     return {
-        field: np.array([columns.get(name.format(joint), none) for joint in physics.joints])
+        field: _rows(view, [name.format(joint) for joint in joints], 0.0)
         for field, name in names.items()
     }
 
 
-def bearing_loads(
-    machine: Machine, world: str
-) -> Callable[[Array, Observation, NDArray[np.uint8]], list[bytes]]:
-    """BearingLoads messages of every shaft, in the frame of the world; of instants and modes."""
+def bearing_loads(machine: Machine, world: str) -> Callable[[View], list[bytes]]:
+    """BearingLoads messages of every shaft, in the frame of the world."""
     layouts = {}
     for joint, names in shafts_of(machine).items():
         none = float64_array(np.zeros(len(names)))
@@ -149,13 +150,12 @@ def bearing_loads(
         message.header.frame_id = world
         layouts[joint] = Layout(message)
 
-    def write(t: Array, o: Observation, modes: NDArray[np.uint8]) -> list[bytes]:
-        found = loads_of_bearings(machine, o, modes)
+    def write(view: View) -> list[bytes]:
         return [
             data
-            for joint, x in found.items()
+            for joint, x in loads_of_bearings(view).items()
             for data in layouts[joint].write(
-                t,
+                view.t,
                 {
                     'force_x': x.force[:, 0].T,
                     'force_y': x.force[:, 1].T,
@@ -173,21 +173,22 @@ def _torques(o: Observation) -> Array:
 
 
 def wrenches(
-    physics: Physics, mechanism: Mechanism, frame_of: Callable[[str], str], joints: Sequence[str]
-) -> dict[str, Callable[[Array, Observation], list[bytes]]]:
+    machine: Machine, frame_of: Callable[[str], str], joints: Sequence[str]
+) -> dict[str, Callable[[View], list[bytes]]]:
     """WrenchStamped messages by joint: of the first link on the second, in `joint_frame`."""
-    index = physics.joints.index
-    return {joint: _wrench(physics, index(joint), joint, mechanism, frame_of) for joint in joints}
+    return {joint: _wrench(machine, joint, frame_of) for joint in joints}
 
 
 def _wrench(
-    physics: Physics, i: int, joint: str, mechanism: Mechanism, frame_of: Callable[[str], str]
-) -> Callable[[Array, Observation], list[bytes]]:
-    message = WrenchStamped()
+    machine: Machine, joint: str, frame_of: Callable[[str], str]
+) -> Callable[[View], list[bytes]]:
+    physics, mechanism = machine.physics, machine.mechanism
+    i, message = physics.joints.index(joint), WrenchStamped()
     message.header.frame_id = joint_frame(joint, frame_of)
     layout, second = Layout(message), mechanism.joint(joint).second
 
-    def write(t: Array, o: Observation) -> list[bytes]:
+    def write(view: View) -> list[bytes]:
+        o = view.observed
         angle = mechanism.angle_all(second, o.local)
         c, s = np.cos(angle), np.sin(angle)
         x, y = o.reaction[i]
@@ -197,13 +198,13 @@ def _wrench(
             'wrench.torque.z': o.reaction_moment[i],
         }
         if joint in physics.tilting:
-            force, x, y = (rows[i] for rows in _out_of_plane(physics, o).values())
+            force, x, y = (rows[0] for rows in _out_of_plane(view, [joint]).values())
             columns |= {
                 'wrench.force.z': force,
                 'wrench.torque.x': c * x + s * y,
                 'wrench.torque.y': c * y - s * x,
             }
-        return layout.write(t, columns)
+        return layout.write(view.t, columns)
 
     return write
 

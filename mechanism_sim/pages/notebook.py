@@ -11,13 +11,14 @@ import numpy as np
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.export.stage import packed
-from mechanism_sim.hybrid.column_units import unit_of
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import brief, places, sections
 from mechanism_sim.pages.recorded import recorded, together
 from mechanism_sim.report.charts.course import Course
-from mechanism_sim.scene import Machine, load_scene, simulate
+from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.units import for_people, typeset
 
 _NOTHING = 1e-12  # of a machine's size, which is rounding
@@ -123,11 +124,11 @@ def explore(
             )
         runs.append(recorded(record))
         lines.append(found[quantity])
-        if unit_of(machine, quantity) == 'm':  # of what touches only rounding is left
+        if catalogue(machine)[quantity].unit == 'm':  # of what touches only rounding is left
             far = lines[-1].values
             far[np.abs(far) < _NOTHING * machine.mechanism.size] = 0.0
     size = max(abs(line.values).max() for line in lines)
-    unit, scale = for_people(unit_of(runs[0].record.machine, quantity), size)
+    unit, scale = for_people(catalogue(runs[0].record.machine)[quantity].unit, size)
     curves = {
         'label': quantity.replace('_', ' ').replace('.', ' '),
         'unit': typeset(unit),

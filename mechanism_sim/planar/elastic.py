@@ -223,23 +223,22 @@ class Beam:
         """
         return np.concatenate([-y * self.deflection(x, 2), self.elongation(x, 1)])
 
-    def columns(self, q: Array) -> dict[str, Array]:
-        """What is of interest (N,) of deformations (n, N) [m], by name.
-
-        ``deflection`` [m] across the link's x axis in the middle; ``stress`` [Pa], the largest
-        size at the outer fibres, in steps of a fortieth of the length, if these are known. Stress
-        is that of bending, and of stretch where the beam has coordinates for it.
-        """
+    def sag(self, q: Array) -> Array:
+        """Deflection (N,) [m] across the link's x axis in the middle, of deformations (n, N)."""
         middle = self.deflection(0.5 * self.length)
-        found = {'deflection': np.asarray(middle @ q[: self.modes])}
-        if self.fibre is not None:
-            sections = np.linspace(0.0, self.length, _SECTIONS)
-            bent = self.deflection(sections, 2).T @ q[: self.modes]
-            drawn = self.elongation(sections, 1).T @ q[self.modes :]
-            fibre = np.reshape(self.outer_fibre(sections), (-1, 1))
-            strain = np.abs(drawn) + fibre * np.abs(bent)
-            found['stress'] = np.asarray(self.youngs_modulus * strain.max(axis=0))
-        return found
+        return np.asarray(middle @ q[: self.modes])
+
+    def largest_stress(self, q: Array) -> Array:
+        """The largest size (N,) [Pa] at the outer fibres, in steps of a fortieth of the length.
+
+        Of bending, and of stretch where the beam has coordinates for it.
+        """
+        sections = np.linspace(0.0, self.length, _SECTIONS)
+        bent = self.deflection(sections, 2).T @ q[: self.modes]
+        drawn = self.elongation(sections, 1).T @ q[self.modes :]
+        fibre = np.reshape(self.outer_fibre(sections), (-1, 1))
+        strain = np.abs(drawn) + fibre * np.abs(bent)
+        return np.asarray(self.youngs_modulus * strain.max(axis=0))
 
     def _shares(self, x: Array) -> tuple[Any, Any]:
         """Area and second moment over their means at places x (N,) [m]."""

@@ -83,10 +83,6 @@ Equation: TypeAlias = tuple[float, dict[str, Pose]]
 """What a joint's row leaves [m], and its derivatives by the poses of links."""
 
 
-COLUMN_UNITS: dict[str, str] = {}
-"""SI units of the columns of higher pairs, by the first part of their names."""
-
-
 @dataclass(frozen=True)
 class HigherPair(ABC):
     """A joint that takes one degree of freedom: links touch at a point or along a line.
@@ -161,6 +157,10 @@ class HigherPair(ABC):
 
     #: the node that publishes its readings; none if empty
     node: ClassVar[str] = ''
+    #: the named tuple of its readings, each field annotated by `Told`
+    reads: ClassVar[type | None] = None
+    #: fields of them that are not known of this kind
+    untold: ClassVar[tuple[str, ...]] = ()
 
     def reading(self, view: View) -> Any:
         """What there is to read of it: a named tuple of (N,) arrays, the fields of a message.
@@ -172,18 +172,14 @@ class HigherPair(ABC):
         """
         raise NotImplementedError(f'{self.name} has no readings')
 
-    #: SI units of its columns, by the first part of their names; the same for all kinds
-    units: ClassVar[Mapping[str, str]] = {}
+    def slides(self, link: str, mechanism: Mechanism) -> bool:
+        """Whether readings of one of its links are displacements, not angles."""
+        return link in mechanism.sliding
 
-    def __init_subclass__(cls) -> None:
-        super().__init_subclass__()
-        for name, unit in cls.units.items():
-            if COLUMN_UNITS.setdefault(name, unit) != unit:
-                raise TypeError(f'{name} has the units {COLUMN_UNITS[name]} and {unit}')
-
-    def columns(self, view: View) -> dict[str, NDArray[np.float64]]:
-        """What else is worth a column over a cycle: arrays (N,) by ``QUANTITY.JOINT``."""
-        return {}
+    @property
+    def toothed(self) -> tuple[str, ...]:
+        """The links on whose shafts `tooth_loads` acts, in their order."""
+        return ()
 
     def tooth_loads(self, view: View) -> Sequence[ToothLoad]:
         """Forces of its teeth on shafts, where forces are known."""
@@ -273,14 +269,6 @@ class Mechanism:
     def rotors(self) -> dict[str, Rotor]:
         """What gives way of the links that are rotors."""
         return {body.name: body.rotor for body in self.bodies if body.rotor}
-
-    def strained(self, q: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Columns (N,) ``deflection.LINK`` and so on of `Beam.columns`, at coordinates (n, N)."""
-        found: dict[str, NDArray[np.float64]] = {}
-        for link, beam in self.beams.items():
-            columns = beam.columns(q[self.amplitudes(link)])
-            found |= {f'{what}.{link}': x for what, x in columns.items()}
-        return found
 
     def amplitudes(self, link: str) -> list[int]:
         """Numbers of the elastic coordinates of a link."""

@@ -37,6 +37,29 @@ class Course(NamedTuple):
         return self.position + self.turned
 
 
+class Told:
+    """Annotation of a field of a reading: the quantity ``FIELD.JOINT`` that it is.
+
+    Parameters
+    ----------
+    units : SI; two where it depends on whether something turns or slides: rad and m in this order
+    words : the quantity
+    slides : of two units, the link that turns or slides: ``first`` or ``second``
+    difference : whether it is one of lengths as large as the machine, with their rounding
+    """
+
+    def __init__(
+        self, units: str, words: str, slides: str = 'second', difference: bool = False
+    ) -> None:
+        self.units = tuple(units.split(' or '))
+        self.words, self.slides, self.difference = words, slides, difference
+
+    @property
+    def is_force(self) -> bool:
+        """Whether it is known only where masses are."""
+        return self.units[-1] == 'N'
+
+
 class ToothLoad(NamedTuple):
     """A force on a shaft where teeth touch, in space; N instants."""
 
@@ -50,7 +73,11 @@ class ToothLoad(NamedTuple):
         """Tangential, counterclockwise about the shaft; radial, towards it; axial [N]."""
         x, y = self.arm[:2] / np.hypot(*self.arm[:2])
         fx, fy, axial = self.force
-        return {'tangential': x * fy - y * fx, 'radial': -(x * fx + y * fy), 'axial': axial}
+        return dict(zip(TOOTH_PARTS, (x * fy - y * fx, -(x * fx + y * fy), axial), strict=True))
+
+
+TOOTH_PARTS = 'tangential', 'radial', 'axial'
+"""Components of a `ToothLoad`."""
 
 
 class Charted(NamedTuple):

@@ -6,15 +6,14 @@ import math
 from collections.abc import Iterator
 
 from mechanism_sim import strict_json, text_table
-from mechanism_sim.cycles.columns import part_of, unit_of
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.cycles.extremes import Extreme
 from mechanism_sim.cycles.strokes import Swing
 from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
+from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.units import for_people
 
 _SHORT = 0.05  # of the cycle
-_COMPONENTS = ('x', 'y')
 _SWING = ('size', 'turns', 'period', 'rising', 'falling', 'standing', 'time_ratio')
 
 _NOTHING = 1e-8  # of the other end of a range, which is shown with six digits
@@ -45,11 +44,11 @@ def render(cycle: Cycle) -> str:
 
 
 def _extremes(cycle: Cycle) -> list[str]:
-    rows, machine = [], cycle.machine
+    rows, known = [], catalogue(cycle.machine)
     for name, ends in cycle.extremes().items():
-        if part_of(name) in _COMPONENTS:
+        if known.is_component(name):
             continue  # people read sizes; JSON has components too
-        shown, scale = for_people(unit_of(machine, name))
+        shown, scale = for_people(known[name].unit)
         both = ends.least, ends.greatest
         # a step in rates is found a little beside its zero: what that leaves is nothing
         nothing = max(ends.rounding, _NOTHING * max(abs(x.value) for x in both))
@@ -70,14 +69,14 @@ def _peaks(cycle: Cycle) -> Iterator[str]:
         if shape.whole and shape.duration <= _SHORT * cycle.duration:
             yield (
                 f'{name} is above half of its peak for {shape.duration:.4g} s, which carries '
-                f'{shape.impulse:.4g} {unit_of(cycle.machine, name)} s'
+                f'{shape.impulse:.4g} {catalogue(cycle.machine)[name].unit} s'
             )
 
 
 def _swings(cycle: Cycle) -> Iterator[str]:
     machine = cycle.machine
     for name, swing in cycle.swings().items():
-        shown, scale = for_people(unit_of(machine, f'position.{name}'))
+        shown, scale = for_people(catalogue(machine)[f'position.{name}'].unit)
         if swing.turns:
             line = f'{name} makes {swing.turns} full turn{"s" if abs(swing.turns) > 1 else ""}'
             back = sum(abs(x.way) for x in swing.strokes if x.way * swing.turns < 0.0)
@@ -109,7 +108,7 @@ def _drive(cycle: Cycle) -> Iterator[str]:
     if not machine.physics.has_forces:
         return
     for name in cycle.drive_torques:
-        yield f'{name}: root mean square {cycle.rms(name):.6g} {unit_of(machine, name)}'
+        yield f'{name}: root mean square {cycle.rms(name):.6g} {catalogue(machine)[name].unit}'
     power = cycle.mean_power
     if abs(power) <= 1e-12 * cycle.rms('drive_power'):
         power = 0.0  # what is given is taken back

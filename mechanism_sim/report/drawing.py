@@ -10,12 +10,12 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.cycle import Cycle
-from mechanism_sim.cycles.points import choose
 from mechanism_sim.export.palette import INK, colour
 from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
 from mechanism_sim.report.brush import Brush
 from mechanism_sim.report.labels import Labels
 from mechanism_sim.report.picture import Picture
+from mechanism_sim.results.quantities.motion import choose_points
 
 _SIDES = 7.5, 6.0
 """Width and height of a picture at most [in]."""
@@ -54,7 +54,7 @@ def draw(
     if positions > 1:
         for pose in skeleton.poses(_coordinates(cycle, others)):
             brush.ghost(pose)
-    points = choose(cycle.machine, cycle.points)
+    points = choose_points(cycle.machine, cycle.points)
     for (name, (link, at)), line in zip(points.items(), endless(PATHS)):
         path = skeleton.placed(link, np.array([at]), passed)[:, 0]
         trace(axes, skeleton, name, path, line)
@@ -100,4 +100,4 @@ def rule(axes: Any, skeleton: Skeleton, at: Sequence[float] | Array, width: floa
 
 
 def _coordinates(cycle: Cycle, t: Array) -> Array:
-    return cycle.solution.samples(t).observed.local
+    return cycle.solution.view(t).observed.local

@@ -8,15 +8,15 @@ from typing import Literal
 import numpy as np
 
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.analysis.series import Series, chosen, instants, sampled, with_extremes
+from mechanism_sim.analysis.series import Series, instants, sampled
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import numbers
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.report.charts.lines import OVER_TIME, Abscissa, chart, over_angle
 from mechanism_sim.report.figures import paint
 from mechanism_sim.report.picture import Picture
+from mechanism_sim.results.solution import Piece
 
 TIME = OVER_TIME
 
@@ -72,12 +72,9 @@ def plot(
         )
     t = instants(piece, float(begin), min(finish, last))
     wanted = names or _usual(piece)
+    series, title = sampled(run, wanted, t, between=True), run.machine.scene.title
     if isinstance(run, Cycle):
-        columns = with_extremes(piece, run.at, wanted, t)
-        series, title = chosen(piece, columns, wanted), run.machine.scene.title
         against = against or ('angle' if run.repeats else 'time')
-    else:
-        series, title = sampled(piece, wanted, t), getattr(run, 'scene', '')
     if not names:
         series = list(_overview(series))
     physics, over = piece.physics, TIME

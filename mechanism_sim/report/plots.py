@@ -8,7 +8,6 @@ from itertools import chain
 from typing import Any
 
 from mechanism_sim.analysis.series import Series
-from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.report.charts.chart import Axis, Chart, Curve, Over, Panel, joined
@@ -22,6 +21,7 @@ from mechanism_sim.report.charts.lines import (
 )
 from mechanism_sim.report.charts.motion import hodograph
 from mechanism_sim.report.figures import paint
+from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.units import for_people
 
 _KINDS = ('position', 'velocity', 'acceleration')
@@ -60,7 +60,7 @@ def _chart(cycle: Cycle, key: str, found: list[Panel], beside: int = 0) -> Chart
 def _lines(cycle: Cycle, labels: Mapping[str, str], words: str) -> list[Panel]:
     """Columns of one unit over the cycle, by their labels."""
     over = over_angle(cycle.solution, cycle.drive) if cycle.repeats else OVER_TIME
-    unit = unit_of(cycle.machine, next(iter(labels)))
+    unit = catalogue(cycle.machine)[next(iter(labels))].unit
     own = numbers(cycle.machine.mechanism)
     drawn = [
         Drawn(Series(column, unit, cycle['t'], cycle[column]), label, shade)
@@ -71,7 +71,7 @@ def _lines(cycle: Cycle, labels: Mapping[str, str], words: str) -> list[Panel]:
 
 def _motion(cycle: Cycle) -> Chart:
     names = cycle.machine.physics.coordinates
-    units = {name: unit_of(cycle.machine, f'position.{name}') for name in names}
+    units = {name: catalogue(cycle.machine)[f'position.{name}'].unit for name in names}
     different = list(dict.fromkeys(units.values()))
     rows = [
         [
@@ -93,7 +93,7 @@ def _phase(cycle: Cycle) -> Chart:
     """Rate over position of each coordinate, a dot at the start."""
     own, found = numbers(cycle.machine.mechanism), []
     for name in cycle.machine.physics.coordinates:
-        unit = unit_of(cycle.machine, f'position.{name}')
+        unit = catalogue(cycle.machine)[f'position.{name}'].unit
         shown, scale = for_people(unit)
         position, rate = _WORDS[unit][:2]
         line = Curve(scale * cycle[f'position.{name}'], cycle[f'velocity.{name}'],
@@ -118,7 +118,7 @@ def _hodographs(cycle: Cycle) -> Chart:
 
 def _drive(cycle: Cycle) -> Chart:
     found = []
-    units = {name: unit_of(cycle.machine, name) for name in cycle.drive_torques}
+    units = {name: catalogue(cycle.machine)[name].unit for name in cycle.drive_torques}
     for unit in dict.fromkeys(units.values()):
         labels = {
             name: name.partition('.')[2] or cycle.drive for name in units if units[name] == unit

@@ -8,12 +8,12 @@ from html import escape
 from io import BytesIO
 from typing import Any
 
-from mechanism_sim.cycles.columns import part_of
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.solution import Piece, Solution
 from mechanism_sim.packages import refusal
 from mechanism_sim.report.cycle import where
+from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.solution import Piece, Solution
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.check import check
 from mechanism_sim.units import for_people
@@ -79,7 +79,7 @@ def _extremes(cycle: Cycle) -> list[tuple[str, ...]]:
     at = f'at {cycle.drive}'
     rows: list[tuple[str, ...]] = [('', 'unit', 'least', at, 'greatest', at)]
     for name, ends in cycle.extremes().items():
-        if part_of(name) in ('x', 'y'):
+        if catalogue(cycle.machine).is_component(name):
             continue
         unit, scale = for_people(cycle.units().get(name, ''))
         low, high = (f'{scale * x.value:.6g}' for x in (ends.least, ends.greatest))

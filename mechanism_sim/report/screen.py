@@ -13,7 +13,6 @@ from matplotlib.patches import ConnectionPatch
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.points import choose
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.export.palette import ACCENT, INK
 from mechanism_sim.export.skeleton import bounds
@@ -23,6 +22,7 @@ from mechanism_sim.report.drawing import PATHS, rule, trace
 from mechanism_sim.report.labels import Labels, Move
 from mechanism_sim.report.lens import EDGE, Lens, Slit
 from mechanism_sim.report.picture import Picture
+from mechanism_sim.results.quantities.motion import choose_points
 
 DENSITY = 100.0
 """Pixels in an inch of print."""
@@ -74,10 +74,10 @@ class Screen:
         self._record, self._t, machine = record, t, record.machine
         if shown.forces and not machine.physics.has_forces:
             raise InputError(f'{machine.name}: the forces are not known, its level has none')
-        points = choose(machine, shown.paths)
+        points = choose_points(machine, shown.paths)
         self._span = t[0], min(2.0 * t[-1] - t[-2], record.end) if len(t) > 1 else t[0]
         many = np.linspace(*self._span, _SWEEP)
-        samples, sway = record.piece.samples(many), Swaying(machine).take(record.history)
+        samples, sway = record.piece.view(many), Swaying(machine).take(record.history)
         self._stage = stage_of(machine, samples.observed, sway(many))
         self._sway = self._stage.drawn(sway(t))
         skeleton = self._skeleton = self._stage.skeleton

@@ -7,12 +7,13 @@ from typing import Any
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.cycles.cycle import instant
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.report import animation, drawing, figures
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.report.screen import Shown
 from mechanism_sim.report.video import Target
-from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.scene import Machine
 
 
 def draw(

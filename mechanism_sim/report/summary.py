@@ -11,11 +11,14 @@ from mechanism_sim import text_table
 from mechanism_sim.cycles.means import ImpactTally
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.planar.inverse_dynamics import NoLimit
+from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.simulate import Stream
 from mechanism_sim.scene.machine import Machine
-from mechanism_sim.scene.simulate import Stream
 from mechanism_sim.strict_json import plain
 
 _SENTENCES = 4  # of what repeats
+_COMPLIANCE = 'deflection', 'stress', 'bearing_moment', 'axial_force'
 
 _IMPACT_KEYS = (
     't',
@@ -127,7 +130,7 @@ def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
 
 def _final(run: Stream) -> dict[str, object]:
     physics = run.machine.physics
-    o = run.final
+    o = run.final.observed
 
     def by_name(rows: np.ndarray) -> dict[str, float]:
         return {c: float(row[0]) for c, row in zip(physics.coordinates, rows, strict=True)}
@@ -139,9 +142,10 @@ def _final(run: Stream) -> dict[str, object]:
         'acceleration': by_name(o.acceleration),
     }
     others: dict[str, dict[str, float]] = {}
-    for name, row in physics.columns(o).items():
-        kind, _, link = name.partition('.')
-        others.setdefault(kind, {})[link] = float(row[0])
+    for quantity in catalogue(run.machine).values():
+        if quantity.shown is Shown.RUN and quantity.kind in _COMPLIANCE:
+            _, _, link = quantity.name.partition('.')
+            others.setdefault(quantity.kind, {})[link] = float(quantity.evaluate(run.final)[0])
     final |= others
     if physics.has_forces:
         final['reactions'] = {

@@ -12,9 +12,8 @@ import numpy as np
 
 from mechanism_sim import output, tables
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.solution import Piece
+from mechanism_sim.results.solution import Piece
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -101,9 +100,9 @@ class Writer:
     def _write(self, piece: Piece, t: Array) -> None:
         if t.size:
             self._count += len(t)
-            columns = dict(piece.sample(t))
-            self._units.update((name, unit_of(piece, name)) for name in columns)
-            self._table.write(columns)
+            columns = piece.sample(t)
+            self._units.update(columns.units)
+            self._table.write(dict(columns))
 
 
 class _Table:

@@ -1,17 +1,9 @@
-"""Scenes: YAML with units, checked at the door and turned into machines that run."""
+"""Scenes: YAML with units, checked on input and turned into machines that run."""
 
 from mechanism_sim.catalogue import scene_names
+from mechanism_sim.scene.length import run_length, span
+from mechanism_sim.scene.load import load_scene
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.nominal_model import Level
-from mechanism_sim.scene.simulate import load_scene, run_length, simulate, span, stream
 
-__all__ = [
-    'Level',
-    'Machine',
-    'load_scene',
-    'run_length',
-    'scene_names',
-    'simulate',
-    'span',
-    'stream',
-]
+__all__ = ['Level', 'Machine', 'load_scene', 'run_length', 'scene_names', 'span']

@@ -17,8 +17,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.snapshot import State
+from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.simulate import simulate
 from mechanism_sim.study.modes import Mode, Roots, Station, about, derivatives
 
 _TURNS = 400  # after which a machine that has not settled is given up

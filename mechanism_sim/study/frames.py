@@ -16,9 +16,9 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.numerics.fourier import spectrum
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
+from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.oscillators import forces_on, read_frame
-from mechanism_sim.scene.simulate import simulate
 from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.periodic_forces import SteadyVibration, known_harmonics
 from mechanism_sim.vibration.shaking import Shaking

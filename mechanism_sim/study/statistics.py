@@ -18,9 +18,10 @@ from mechanism_sim.cycles.measure_text import Measure
 from mechanism_sim.cycles.measures import Measurement, per_turn
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.numerics.batch_means import BATCHES, ratio
-from mechanism_sim.scene import Machine, stream
+from mechanism_sim.results.simulate import stream
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.scene import Machine
 
 NAMES = ('impacts', 'impulse', 'losses of contact', 'share of flight', 'dissipated')
 UNITS = ('', 'N s', '', '', 'J')

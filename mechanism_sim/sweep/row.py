@@ -18,9 +18,9 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.numerics.batch_means import ratio
+from mechanism_sim.results.simulate import stream
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.scene.simulate import stream
 from mechanism_sim.study.statistics import Tally
 from mechanism_sim.sweep.bags import RunBag
 from mechanism_sim.sweep.figures import FIGURES

@@ -25,7 +25,8 @@ from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impa
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import quotient, ratio
-from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.chain import Instrument
 from mechanism_sim.sensing.orders import Turns
 from mechanism_sim.thesis.angular_acceleration import TurningLink

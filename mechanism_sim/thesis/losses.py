@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
 from mechanism_sim.thesis.contact_loss import (
     ClearanceLink,

@@ -48,7 +48,7 @@ def test_the_drawn_profile_touches_the_follower(kind, sense):
     whole = pair.cam.at(np.linspace(0, TURN, 3601)).profile
     solution = ms.simulate(machine)
     t = np.linspace(0.0, solution.duration, 25)[:-1]
-    for column in solution.samples(t).observed.position.T:
+    for column in solution.view(t).observed.position.T:
         q = dict(zip(names, column.tolist(), strict=True))
         angle = pair.sense * machine.plan.ideal.angle('shaft', q) + pair.phase
         fine = pair.cam.at(angle + np.linspace(-1e-3, 1e-3, 401)).profile
@@ -175,7 +175,7 @@ def test_a_follower_keeps_to_its_law_through_all_rows(law, drive, lift_off):
     solution = ms.simulate(machine, duration=0.6)
     assert not [m for m in solution.modes if m.mode == Mode.FREE_FLIGHT]
     t = np.linspace(0.0, 0.6, 1201)
-    o, pair = solution.samples(t).observed, cam_pair(machine)
+    o, pair = solution.view(t).observed, cam_pair(machine)
     (x, y), (w, v), (alpha, a) = o.position, o.velocity, o.acceleration
     u, u1, u2 = (pair.cam.law(x, k) for k in range(3))
     assert np.abs(y - pair.distance.lowest - u).max() < 1e-15
@@ -198,11 +198,11 @@ def test_runs_begin_and_turn_back_exactly_on_a_break(towards):
     other = follower_on(QUARTERS, back, **{'joints.contact.lift_off': {'restitution': 0.0}})
     returned = ms.simulate(other, duration=0.8)
     for run in (solution, returned):
-        o, pair = run.samples(np.linspace(0.0, run.duration, 401)).observed, cam_pair(machine)
+        o, pair = run.view(np.linspace(0.0, run.duration, 401)).observed, cam_pair(machine)
         x, y = o.position
         assert np.abs(y - pair.distance.lowest - pair.cam.law(x)).max() < 1e-15
         assert abs(run.energy.residual) < 1e-12
-    assert returned.samples(np.array([0.4])).observed.position[0, 0] == pytest.approx(
+    assert returned.view(np.array([0.4])).observed.position[0, 0] == pytest.approx(
         0.5 * math.pi, abs=1e-14
     )
 

@@ -118,7 +118,7 @@ def test_the_drawn_profile_touches_the_follower(kind, seed):
     drawn = pair.profile(pair.cam.at(np.linspace(*law.breaks[[0, -1]], 40_001)).profile)
     solution = ms.simulate(machine)
     t = np.random.default_rng(seed).uniform(0.0, solution.duration, 20)
-    for column in solution.samples(t).observed.position.T:
+    for column in solution.view(t).observed.position.T:
         q = dict(zip(names, column.tolist(), strict=True))
         fine = np.clip(q['cam'] + np.linspace(-1e-5, 1e-5, 201), *law.breaks[[0, -1]])
         near = pair.profile(pair.cam.at(fine).profile)
@@ -171,7 +171,7 @@ def test_a_follower_keeps_to_its_law_there_and_back(kind, lift_off):
     machine = pressed(kind, 3, 60.0, lift_off=lift_off)
     solution = ms.simulate(machine)
     assert not [m for m in solution.modes if m.mode == Mode.FREE_FLIGHT]
-    o, pair = solution.samples(np.linspace(0.0, 0.65, 1301)).observed, cam_pair(machine)
+    o, pair = solution.view(np.linspace(0.0, 0.65, 1301)).observed, cam_pair(machine)
     (x, y), (w, v), (alpha, a) = o.position, o.velocity, o.acceleration
     assert x.max() > 0.141  # past six edges of the table, and back
     u, u1, u2 = (pair.cam.law(x, k) for k in range(3))
@@ -261,7 +261,7 @@ def test_a_thrown_wedge_bounces_as_the_second_route(restitution):
     motion = solve(second, (x, hump(x)), (3.5, 3.5 * hump(x, 1)), 0.052, wall)
     hard = [i for i in motion.impacts if i.impulse > 1e-4]
     assert len(hard) > 1
-    at = solution.samples(np.array([i.t for i in solution.impacts])).observed.position[0]
+    at = solution.view(np.array([i.t for i in solution.impacts])).observed.position[0]
     slope = np.hypot(1.0, hump(at, 1))
     scaled = [
         i._replace(normal_impulse=i.normal_impulse / s)
@@ -272,7 +272,7 @@ def test_a_thrown_wedge_bounces_as_the_second_route(restitution):
     assert impulses < 1e-8
     assert solution.max_penetration < 1e-15
     assert abs(solution.energy.residual) < 1e-13
-    gap = solution.samples(np.linspace(0, 0.052, 500)).observed.gap
+    gap = solution.view(np.linspace(0, 0.052, 500)).observed.gap
     assert gap.max() > 4e-4
 
 
@@ -295,7 +295,7 @@ def test_a_roller_rattles_between_the_drawn_walls_of_a_groove(kind):
     assert {i.joint for i in solution.impacts} == {'contact_left', 'contact_right'}
     assert abs(solution.energy.residual) < 1e-12
     t = np.random.default_rng(1).uniform(0.0, solution.duration, 30)
-    o = solution.samples(t).observed
+    o = solution.view(t).observed
     places = np.linspace(*pair.cam.law.breaks[[0, -1]], 200_001)
     walls = [pair.profile(wall) for wall in pair.cam.groove(places, clearance)]
     names = machine.mechanism.coordinates

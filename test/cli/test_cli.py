@@ -12,6 +12,7 @@ from running import environment, run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.cli.entry import make_parser
+from mechanism_sim.cli.overview import GROUPS
 from mechanism_sim.errors import InputError
 
 REQUIRED = {'export': ['--format', 'urdf']}
@@ -279,4 +280,4 @@ def test_an_option_is_the_same_in_every_command():
 
 
 def test_the_first_level_can_be_remembered():
-    assert len(make_parser().commands().choices) <= 24
+    assert len(sum(GROUPS.values(), ())) <= 24

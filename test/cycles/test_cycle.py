@@ -15,7 +15,6 @@ from scipy.integrate import quad
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
-from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.errors import InputError
 from mechanism_sim.report import cycle as report
 from mechanism_sim.report import figures, plots
@@ -429,7 +428,7 @@ def test_any_machine_is_told_and_drawn(general, tmp_path):
     units = report.to_json(general)['units']
     assert {units[f'reaction.{joint}.size'] for joint in general.machine.physics.joints} == {'N'}
     for name in general.machine.mechanism.displacements:
-        assert unit_of(general.machine, f'velocity.{name}') == 'm/s'
+        assert general.units()[f'velocity.{name}'] == 'm/s'
     with figures.style():
         drawn = plots.draw(general)
         files = figures.save_all(drawn, tmp_path / 'plots.pdf')

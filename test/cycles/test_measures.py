@@ -16,8 +16,8 @@ from mechanism_sim.cycles.measure_text import read
 from mechanism_sim.cycles.measures import EXACT, Measurement, check_measures, measure
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.sampling import EnergyTerms
-from mechanism_sim.hybrid.solution import Piece
+from mechanism_sim.hybrid.energy_terms import EnergyTerms
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.units import alike, product, read_common
 
 FINE = 20_001
@@ -123,7 +123,7 @@ def test_pieces_of_a_run_give_what_the_whole_gives(rattling):
         run.advance(end, final=True, most=37)
         motion, impacts, changes = run.drain()
         terms = EnergyTerms(audit.add(motion, impacts), impacts)
-        taken.add(Piece(machine.physics, motion, terms, impacts, changes))
+        taken.add(Piece(machine, motion, terms, impacts, changes))
     for a, b in zip(taken.found(), whole, strict=True):
         assert a.value == pytest.approx(b.value, rel=1e-10), a.text
 

@@ -45,7 +45,7 @@ def test_joints_hold_what_is_magnified(ends):
     """By the joints' own closure: at 200 times the deflection both pins are where they are."""
     machine = ms.load_scene('elastic_slider_crank', {'links.rod.elastic.ends': ends})
     solution = ms.simulate(machine, duration=0.02)
-    q = solution.samples(np.linspace(0.0, 0.02, 9)).observed.position
+    q = solution.view(np.linspace(0.0, 0.02, 9)).observed.position
     skeleton = Skeleton(machine.mechanism, q, magnified=200.0)
     poses = skeleton.poses(q)
     for name in ('crank_rod', 'rod_slider'):
@@ -100,7 +100,7 @@ def test_a_page_bends_them_alike(tab, tmp_path):
     skeleton = run.stage.skeleton
     unit = skeleton.symbol / 10.0
     drawn = np.array(re.findall(r'[-\d.]+', flat), float).reshape(-1, 2) * [unit, -unit]
-    pose = skeleton.poses(run.record.piece.samples(np.array([t])).observed.position)
+    pose = skeleton.poses(run.record.piece.view(np.array([t])).observed.position)
     (shape,) = (s for s in skeleton.shapes if s.kind == 'link' and s.link == 'rod')
     wanted = skeleton.deformed('rod', shape.paths[0].curves[0], pose[0])
     assert drawn == pytest.approx(wanted, abs=0.02 * skeleton.symbol)

@@ -389,7 +389,7 @@ def test_mujoco_moves_as_we_do_the_finer_the_nearer(name, share, error, tmp_path
     errors = []
     for factor in (4.0, 2.0):
         data, duration = simulated(scene, factor, share)
-        q = ms.simulate(scene, duration=duration).samples(np.array([duration])).observed.position
+        q = ms.simulate(scene, duration=duration).view(np.array([duration])).observed.position
         errors.append(off(scene, data, q[:, 0]))
     assert errors[1] < error
     assert errors[1] < 0.3 * errors[0] or errors[0] < 1e-10

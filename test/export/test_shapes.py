@@ -68,8 +68,8 @@ def test_every_named_point_is_drawn_by_every_viewer(scene):
     """In the fills of the figure, of the page and of the markers, each by its own data."""
     machine = ms.load_scene(scene)
     found, t = instant(machine, still=True)
-    observed = found.solution.samples(np.array([t])).observed
-    stage = stage_of(machine, found.solution.samples(found.t).observed)
+    observed = found.solution.view(np.array([t])).observed
+    stage = stage_of(machine, found.solution.view(found.t).observed)
     skeleton = stage.skeleton
     (pose,) = skeleton.poses(observed.position)
     with figures.style():

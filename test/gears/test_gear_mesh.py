@@ -80,7 +80,7 @@ def test_a_geared_loose_four_bar_agrees_with_another_integrator():
     assert {i.joint for i in here} == {'mesh_left', 'mesh_right'}
     assert max(abs(a.t - b[0]) for a, b in zip(here, there, strict=True)) < 1e-9
     assert max(abs(a.normal_impulse - b[3]) for a, b in zip(here, there, strict=True)) < 1e-9
-    o = ms.simulate(machine, duration=span).samples(np.array([span])).observed
+    o = ms.simulate(machine, duration=span).view(np.array([span])).observed
     assert np.abs(o.position[1:, 0] - state[:3]).max() < 1e-10
     assert np.abs(o.velocity[1:, 0] - state[3:]).max() < 1e-8
 
@@ -111,7 +111,7 @@ def test_without_backlash_the_ideal_pair_comes_back():
     for play in (1e-5, 1e-6, 1e-7):
         machine = scene(gears, **{'joints.mesh.backlash.width': play})
         solution = ms.simulate(machine, duration=3.0 * CYCLE)
-        rate = solution.samples(t).observed.velocity[1]
+        rate = solution.view(t).observed.velocity[1]
         hardest.append(max(i.approach_speed for i in solution.impacts if i.t > CYCLE))
         off = np.abs(rate + 0.5 * gears.speed).max()
         assert off < 1.1 * hardest[-1] / (gears.teeth[1] * BASE)
@@ -189,7 +189,7 @@ def test_elastic_teeth_follow_their_equation():
         atol=1e-15,
         max_step=1e-6,
     )
-    o = ms.simulate(machine, duration=span).samples(np.array([span])).observed
+    o = ms.simulate(machine, duration=span).view(np.array([span])).observed
     assert o.position[1, 0] == pytest.approx(other.y[0, -1], abs=2e-9)
     assert o.velocity[1, 0] == pytest.approx(other.y[1, -1], rel=1e-5)
 
@@ -217,7 +217,7 @@ def test_energy_of_elastic_teeth_stays_while_their_stiffness_changes(play):
     solution = ms.simulate(machine, duration=0.05)
     assert abs(solution.energy.residual) < 1e-11 * solution.energy.initial
     assert solution.energy.dissipated == 0.0
-    at = solution.samples(np.linspace(0.0, 0.05, 200)).observed
+    at = solution.view(np.linspace(0.0, 0.05, 200)).observed
     total = at.kinetic_energy + at.potential_energy
     assert np.abs(total - total[0]).max() < 1e-11 * total[0]
     assert at.potential_energy.max() > 1e-4
@@ -241,7 +241,7 @@ def test_energy_stays_in_elastic_teeth_on_a_moving_carrier():
     solution = ms.simulate(machine, duration=0.02)
     assert solution.energy.dissipated == 0.0
     assert abs(solution.energy.residual) < 1e-11 * solution.energy.initial
-    at = solution.samples(np.linspace(0.0, 0.02, 100)).observed
+    at = solution.view(np.linspace(0.0, 0.02, 100)).observed
     assert np.ptp(at.kinetic_energy + at.potential_energy) < 1e-10 * solution.energy.initial
     assert np.ptp(at.kinetic_energy) > 1e-3 * solution.energy.initial
 
@@ -249,7 +249,7 @@ def test_energy_stays_in_elastic_teeth_on_a_moving_carrier():
 def test_stiff_teeth_come_near_to_rigid_ones():
     """Static compression F/k of a constant load."""
     machine = elastic(elasticity={'stiffness': 1e9, 'damping': 2e4})
-    o = ms.simulate(machine, duration=0.05).samples(np.array([0.05])).observed
+    o = ms.simulate(machine, duration=0.05).view(np.array([0.05])).observed
     force = abs(0.2 * o.velocity[1, 0]) / (40.0 * BASE)
     compressed = BASE * (20.0 * o.position[0, 0] + 40.0 * o.position[1, 0])
     assert compressed == pytest.approx(force / 1e9, rel=1e-6)
@@ -269,7 +269,7 @@ def test_teeth_stay_in_mesh_over_many_turns(play, turns):
     run = ms.stream(machine, duration=turns * 2.0 * math.pi / 6000.0)
     for _ in run:
         pass
-    pinion, wheel = run.final.position[:, 0]
+    pinion, wheel = run.final.observed.position[:, 0]
     assert pinion == pytest.approx(2.0 * math.pi * turns, rel=1e-5 if play else 1e-12)
     ahead = 20.0 * BASE * (pinion + 2.0 * wheel)
     pressed = machine.clearances['mesh'].radial if play else 0.0

@@ -92,7 +92,7 @@ def test_trains_turn_and_load_as_the_lists_of_their_meshes_say(make):
         name, changes, train, names, held = make(random)
         machine = loaded(name, changes | {'gravity': [0.0, 0.0]})
         solution = end_of(machine)
-        o = solution.samples(np.array([0.4 * solution.duration])).observed
+        o = solution.view(np.array([0.4 * solution.duration])).observed
         rates = dict(zip(machine.mechanism.coordinates, o.velocity[:, 0], strict=True))
         driver, output = next(iter(names)), list(names)[-1]
         known = train.speeds({names[driver]: rates[driver], **held})
@@ -113,7 +113,7 @@ def test_a_differential_shares_its_torque_and_averages_its_speeds():
     )
     machine = loaded('differential')
     solution = end_of(machine, duration=0.5)
-    o = solution.samples(np.linspace(0.1, 0.5, 5)).observed
+    o = solution.view(np.linspace(0.1, 0.5, 5)).observed
     shaft, carrier, left, right = o.velocity
     for k in range(5):
         known = train.speeds({'2': shaft[k], '5': left[k]})
@@ -152,7 +152,7 @@ def test_forces_between_teeth_are_those_of_the_book(sense, helix):
     changes |= {f'gears.{g}.helix_angle': helix for g in ('pinion', 'wheel')}
     machine = loaded('gear_pair', changes)
     solution = end_of(machine)
-    o = solution.samples(np.array([0.01])).observed
+    o = solution.view(np.array([0.01])).observed
     k = [j.name for j in machine.mechanism.joints].index('mesh')
     torque = abs(o.drive_torque[0, 0])
     force = helical(torque, 0.02 / c, math.radians(20.0), helix, 2.0).driven
@@ -197,7 +197,7 @@ def test_drawn_teeth_touch_and_do_not_overlap_while_they_turn(name):
     """Flanks are drawn as chords: they miss the involute by less than a micrometre."""
     machine = loaded(name)
     solution = end_of(machine, duration=0.03)
-    q = solution.samples(np.array([0.0, 0.011, 0.03])).observed.position
+    q = solution.view(np.array([0.0, 0.011, 0.03])).observed.position
     for mesh in (j for j in machine.mechanism.joints if isinstance(j, GearMesh)):
         for k in range(3):
             known = dict(zip(machine.mechanism.coordinates, q[:, k], strict=True))
@@ -230,7 +230,7 @@ def test_transmission_errors_shift_the_wheel():
     error = {'amplitude': 20e-6, 'order': 2, 'eccentricity': [30e-6, 0.0]}
     machine = loaded('gear_pair', {'joints.mesh.error': error})
     solution = end_of(machine, revolutions=1)
-    o = solution.samples(np.linspace(0.0, solution.duration, 50)).observed
+    o = solution.view(np.linspace(0.0, solution.duration, 50)).observed
     pinion, wheel = o.position
     e = 20e-6 * np.sin(40.0 * pinion) + 30e-6 * np.sin(pinion)
     base = 0.04 * math.cos(math.radians(20.0))
@@ -265,7 +265,7 @@ def test_two_planets_fit_only_where_their_teeth_find_spaces():
             **soft,
         }
     machine = loaded('planetary', elastic | {'gravity': [0.0, 0.0]})
-    o = end_of(machine, duration=0.02).samples(np.array([0.02])).observed
+    o = end_of(machine, duration=0.02).view(np.array([0.02])).observed
     joints = [j.name for j in machine.mechanism.joints]
     one, two = (
         np.hypot(*o.reaction[joints.index(j), :, 0]) for j in ('planet_ring', 'other_ring')
@@ -346,7 +346,7 @@ def test_a_belt_turns_the_camshaft_at_half_speed():
     machine = made(content, 'belt')
     assert machine.mechanism.joint('belt').ratio == Fraction(1, 2)
     solution = ms.simulate(machine, duration=3.0)
-    o = solution.samples(np.linspace(0.0, 3.0, 9)).observed
+    o = solution.view(np.linspace(0.0, 3.0, 9)).observed
     crank, camshaft = o.position
     off = camshaft - math.radians(20.0) - 0.5 * crank
     assert np.abs(np.remainder(off + 1.0, math.pi) - 1.0).max() < 1e-11
@@ -431,7 +431,7 @@ def test_wheels_of_watt_turn_twice_a_stroke():
     """The planet does not turn in the mean, so that the sun turns twice as fast as the crank."""
     machine = made(WATT, 'watt')
     solution = ms.simulate(machine, revolutions=3)
-    q = solution.samples(np.array([0.0, solution.duration])).observed.position
+    q = solution.view(np.array([0.0, solution.duration])).observed.position
     turned = dict(zip(machine.mechanism.coordinates, q[:, 1] - q[:, 0], strict=True))
     assert turned['crank'] == pytest.approx(6.0 * math.pi, rel=1e-12)
     assert turned['sun'] == pytest.approx(12.0 * math.pi, rel=1e-12)

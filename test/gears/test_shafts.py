@@ -208,9 +208,9 @@ def test_a_message_says_what_the_bearings_of_each_shaft_carry():
     """Both together the reaction of the plane; along the shaft opposite forces on both gears."""
     machine = ms.load_scene('helical_shafts')
     t = np.array([0.01, 0.02])
-    seen = ms.simulate(machine, duration=0.03).samples(t)
+    seen = ms.simulate(machine, duration=0.03).view(t)
     write = bearing_loads(machine, 'world')
-    messages = [deserialize(x, BearingLoads) for x in write(t, seen.observed, seen.modes)]
+    messages = [deserialize(x, BearingLoads) for x in write(seen)]
     assert [(m.joint, m.time) for m in messages] == [
         (joint, x) for joint in ('pinion_shaft', 'wheel_shaft') for x in t
     ]

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.solution import Solution
-from mechanism_sim.scene import Level, Machine
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.results.solution import Solution
+from mechanism_sim.scene import Level, Machine, run_length
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml
-from mechanism_sim.scene.simulate import run_length, simulate
 from test.grid.jams import confirm_bending, confirm_jam
 from test.grid.length import defects
 

@@ -19,9 +19,9 @@ from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.scene import Machine
+from mechanism_sim.results.simulate import stream
+from mechanism_sim.scene import Machine, run_length
 from mechanism_sim.scene.machine import Run
-from mechanism_sim.scene.simulate import run_length, stream
 
 LATE = Fraction(2**20)
 """[s] Some twelve days: a time since then, added to it, loses 20 of its digits in a float."""

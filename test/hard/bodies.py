@@ -19,7 +19,6 @@ from mechanism_sim.hybrid.events import Impact, ModeChange
 from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.snapshot import State
-from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
@@ -28,6 +27,7 @@ from mechanism_sim.planar.loads import Wrench, contact_wrench
 from mechanism_sim.planar.mechanism import Body, Mechanism
 from mechanism_sim.planar.points import GROUND, Point
 from mechanism_sim.planar.protocols import ForceLaw
+from mechanism_sim.results.solution import Solution
 from mechanism_sim.scene import Machine, load_scene
 
 THESIS = 'four_bar_clearance'

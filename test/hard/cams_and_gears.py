@@ -12,9 +12,10 @@ from mechanism_sim.cams.laws import Measured
 from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.scene import Machine, load_scene, simulate, stream
+from mechanism_sim.results.simulate import simulate, stream
+from mechanism_sim.results.solution import Solution
+from mechanism_sim.scene import Machine, load_scene
 from test.hard.bodies import relative_residual, residual
 from test.hard.case import Figure, hard_case
 from test.hard.singular import linkage
@@ -120,7 +121,7 @@ def measured_law() -> list[Figure]:
             closure.append(run.max_closure_error)
             if given is not CYCLOIDAL:
                 c = piece.motion.curve
-                seen = piece.samples(c.start[::50] + 0.3 * c.duration[::50]).observed
+                seen = piece.view(c.start[::50] + 0.3 * c.duration[::50]).observed
                 x = np.remainder(seen.position[0], TURN)
                 off = max(off, float(np.abs(seen.position[1] - BASE - law(x)).max()))
         costs.append(run.stats.cpu_time / run.stats.steps)
@@ -151,7 +152,7 @@ def turning_back_on_a_break() -> list[Figure]:
     machine = valve(CYCLOIDAL, profile={'points': profile}, start_angle=0.0)
     solution = simulate(machine, duration=end + 2.0 * ramp)
     t = np.linspace(0.0, solution.duration, 2001)
-    seen = solution.samples(t).observed
+    seen = solution.view(t).observed
     contact = machine.mechanism.joint('contact')
     assert isinstance(contact, CamPair)
     law = contact.cam.law
@@ -181,7 +182,7 @@ def rattle_from_1_um_to_1_mm() -> list[Figure]:
         machine = load_scene('gear_rattle', {'joints.mesh.backlash.width': width})
         solution = simulate(machine, revolutions=10)
         t = np.linspace(0.0, solution.duration, 2000)
-        pinion, wheel = solution.samples(t).observed.position
+        pinion, wheel = solution.view(t).observed.position
         apart = np.abs(wheel - wheel[0] + 0.5 * (pinion - pinion[0])).max() * 0.04
         figures += [
             Figure(f'impacts, {name}', len(solution.impacts)),
@@ -206,7 +207,7 @@ def stiff_teeth() -> list[Figure]:
     machine = load_scene('mesh_stiffness', {'joints.mesh.elasticity': soft})
     solution = simulate(machine, revolutions=2)
     balance = solution.energy
-    ends = solution.samples(np.array([0.0, solution.duration])).observed
+    ends = solution.view(np.array([0.0, solution.duration])).observed
     turned = float(np.diff(ends.position[1])[0])
     gained = 1500e-6 * float(np.diff(ends.velocity[1])[0])
     carried = _average(solution) * solution.duration
@@ -222,7 +223,7 @@ def _average(solution: Solution) -> float:
     """Mean moment of the mesh about the wheel [N m], by many samples."""
     t = (np.arange(200_000) + 0.5) / 200_000 * solution.duration
     k = list(solution.physics.joints).index('mesh')
-    return float(np.mean(solution.samples(t).observed.reaction_moment[k]))
+    return float(np.mean(solution.view(t).observed.reaction_moment[k]))
 
 
 @hard_case(
@@ -293,7 +294,7 @@ def geneva_and_gears_on_one_shaft() -> list[Figure]:
     })  # fmt: skip
     solution = simulate(machine, duration=30.0)
     t = np.linspace(0.0, 30.0, 20_001)
-    seen = solution.samples(t).observed
+    seen = solution.view(t).observed
     crank, wheel, fly = seen.position
     steps = (wheel - 0.75 * math.pi) / (0.5 * math.pi)
     still = np.cos(crank) < 0.5
@@ -334,7 +335,7 @@ def planetary_with_two_freedoms() -> list[Figure]:
     M = sum(J * np.outer(rows[c], rows[c]) for c, J in bodies.items())
     Q = sum(x * np.array(rows[c]) for c, x in torques.items())
     a = np.linalg.solve(M, Q)
-    end = solution.samples(np.array([0.0, 2.0])).observed
+    end = solution.view(np.array([0.0, 2.0])).observed
     names = list(machine.mechanism.coordinates)
     off = spin = 0.0
     for c, row in rows.items():

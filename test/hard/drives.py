@@ -8,7 +8,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.scene import load_scene, simulate
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.scene import load_scene
 from test.hard.bodies import SPEED, TURN, residual, thesis
 from test.hard.case import Figure, hard_case
 

@@ -7,7 +7,8 @@ import math
 import numpy as np
 from scipy.special import ellipk
 
-from mechanism_sim.scene import load_scene, simulate, stream
+from mechanism_sim.results.simulate import simulate, stream
+from mechanism_sim.scene import load_scene
 from test.hard.bodies import residual
 from test.hard.case import Figure, hard_case
 from test.hard.singular import linkage
@@ -108,7 +109,7 @@ def thousand_indexings() -> list[Figure]:
     run, off, indexed, crank = stream(machine, duration=340.0), 0.0, 0.0, 0.0
     for piece in run:
         c = piece.motion.curve
-        seen = piece.samples(c.start + 0.5 * c.duration).observed
+        seen = piece.view(c.start + 0.5 * c.duration).observed
         crank, wheel = seen.position
         locked = np.cos(crank) < 0.5
         steps = (wheel[locked] - 0.75 * math.pi) / QUARTER
@@ -190,7 +191,7 @@ def closure_after_five_thousand_revolutions() -> list[Figure]:
     run, first = stream(machine, duration=530.0), 0.0
     for _ in run:
         first = first or run.max_closure_error
-    turns = abs(float(run.final.position[0, 0])) / (2.0 * math.pi)
+    turns = abs(float(run.final.observed.position[0, 0])) / (2.0 * math.pi)
     balance = run.energy
     return [
         Figure('revolutions', turns),

@@ -24,7 +24,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial, exact_sum
 from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic
-from mechanism_sim.scene import load_scene, simulate
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.scene import load_scene
 from mechanism_sim.sensing.chain import (
     Amplifier,
     AntiAlias,

@@ -15,7 +15,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.scene import Machine
 from test.hard.case import Figure, hard_case
 from test.hard.singular import linkage
 

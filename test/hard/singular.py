@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.four_bar import FourBar
-from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
 from test.hard.bodies import residual

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mechanism_sim.scene import simulate
+from mechanism_sim.results.simulate import simulate
 from test.hard.bodies import TURN, residual, thesis
 from test.hard.case import Figure, hard_case
 

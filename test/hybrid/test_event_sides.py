@@ -95,7 +95,7 @@ def test_all_of_a_sample_is_of_the_side_that_the_rule_names(name):
     curve, motion = solution.motion.curve, solution.motion
     t, k = boundaries(solution)
     assert len(t) > 30
-    seen = solution.samples(t)
+    seen = solution.view(t)
     dt = (t - curve.start[k]) - curve.start_low[k]
     powers = dt[:, None] ** np.arange(curve.coefficients.shape[2])
     rates = curve.coefficients[k, :, 1:] * np.arange(1, curve.coefficients.shape[2])

@@ -8,8 +8,8 @@ from four_bars import LINKS, SPEED, TURN, loose
 from scipy.interpolate import CubicSpline
 
 import mechanism_sim as ms
+from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.events import StopReason
-from mechanism_sim.hybrid.sampling import EnergyTerms
 
 JOINTS = ('ground_crank', 'crank_coupler', 'coupler_rocker', 'rocker_ground')
 MOTION = {f'{kind}.{k}' for kind in ('position', 'velocity', 'acceleration') for k in LINKS}

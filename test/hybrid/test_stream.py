@@ -31,7 +31,7 @@ REVOLUTIONS = 25.3
 def short_pieces():
     """Many pieces of a short run."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(import_module('mechanism_sim.scene.simulate'), '_BATCH', 1024)
+        patch.setattr(import_module('mechanism_sim.results.simulate'), '_BATCH', 1024)
         yield
 
 

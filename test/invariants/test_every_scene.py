@@ -70,7 +70,7 @@ def test_rates_and_accelerations_are_derivatives_of_the_positions(runs, name):
     machine, solution = run(runs, name)
     h = step(machine, solution)
     t = instants(machine, solution, 30, 4.0 * h)
-    around = [solution.samples(t + k * h).observed for k in range(-3, 4)]
+    around = [solution.view(t + k * h).observed for k in range(-3, 4)]
     here = around[3]
     rates = sum(w * o.position for w, o in zip(FIRST, around, strict=True)) / h
     second = sum(w * o.velocity for w, o in zip(FIRST, around, strict=True)) / h
@@ -105,7 +105,7 @@ def test_power_of_the_drives_is_the_rate_of_energy(runs, name):
         pytest.skip('without masses there is no energy')
     h = step(machine, solution)
     t = instants(machine, solution, 30, 4.0 * h)
-    around = [solution.samples(t + k * h).observed for k in range(-3, 4)]
+    around = [solution.view(t + k * h).observed for k in range(-3, 4)]
     energies = [o.kinetic_energy + o.potential_energy for o in around]
     rate = sum(w * e for w, e in zip(FIRST, energies, strict=True)) / h
     here = around[3]
@@ -123,13 +123,13 @@ def test_angles_in_formulas_count_all_their_turns_at_every_level():
     written = ms.simulate(ms.load_scene('slider_crank', spring | free), duration=2.0)
     given = ms.simulate(ms.load_scene('slider_crank', own), duration=2.0)
     t = np.linspace(0.1, 1.9, 7)
-    a, b = (s.samples(t).observed.position for s in (written, given))
+    a, b = (s.view(t).observed.position for s in (written, given))
     assert np.abs(b).max() > 4.0 * np.pi
     assert np.abs(a - b).max() < 1e-9
     steady = ms.simulate(ms.load_scene('slider_crank', spring), revolutions=3)
     bare = ms.simulate(ms.load_scene('slider_crank', {'gravity': [0.0, 0.0]}), revolutions=3)
     t = np.array([2.7]) / 3.0 * steady.duration
-    seen, without = (s.samples(t).observed for s in (steady, bare))
+    seen, without = (s.view(t).observed for s in (steady, bare))
     more = 0.002 * seen.position[0, 0]
     assert seen.drive_torque[0, 0] - without.drive_torque[0, 0] == pytest.approx(more, rel=1e-9)
 
@@ -172,7 +172,7 @@ def test_every_mechanism_moves_freely_as_inverse_dynamics_wants(name):
     energy = solution.energy
     size = max(map(abs, (energy.initial, energy.final, energy.dissipated)))
     assert abs(energy.residual) < 1e-10 * size + 1e-14
-    seen = solution.samples(np.linspace(0.0, solution.duration, 5)).observed
+    seen = solution.view(np.linspace(0.0, solution.duration, 5)).observed
     inverse = machine.inverse_dynamics
     instants = np.linspace(0.0, solution.duration, 5)
     known = np.array([instants if x == 'time' else 0.0 * instants for x in inverse.outside])

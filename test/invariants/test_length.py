@@ -12,13 +12,13 @@ from running import run_json
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
-from mechanism_sim.cycles.columns import columns_of
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.sampling import EnergyTerms
+from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.snapshot import Snapshot
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.numerics.formula import Words, expression
+from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.machine import Run
 from mechanism_sim.scene.sensors.encoder import Encoder
@@ -109,7 +109,7 @@ def begun(machine: Machine, run: Run) -> Piece:
     run.advance(until, final=True)
     motion, impacts, changes = run.drain()
     work = Audit(machine.physics).add(motion, impacts)
-    return Piece(machine.physics, motion, EnergyTerms(work, impacts), impacts, changes)
+    return Piece(machine, motion, EnergyTerms(work, impacts), impacts, changes)
 
 
 @pytest.mark.parametrize('name', quick_and_deep((*IDEAL, *DYNAMIC)))
@@ -124,7 +124,8 @@ def test_a_machine_moves_after_days_and_many_turns_as_at_first(name):
     angles = [c not in machine.mechanism.displacements for c in machine.physics.coordinates]
     assert (b.turns - a.turns == np.where(angles, OFTEN, 0)).all()
     t = np.round(np.linspace(0.0, a.end, 43)[1:-1] * 2.0**30) / 2.0**30
-    one, two = columns_of(near, t, True, machine), columns_of(far, t + float(LATE), True, machine)
+    names = near.catalogue.shown(Shown.PARTS)
+    one, two = near.sample(t, *names), far.sample(t + float(LATE), *names)
     for column in one.keys() - {'t', *(f'position.{c}' for c in machine.physics.coordinates)}:
         kind = column.partition('.')[0]
         size = max(np.abs(x).max() for n, x in one.items() if n.partition('.')[0] == kind)

@@ -14,10 +14,10 @@ import yaml
 from builders import made
 
 import mechanism_sim as ms
-from mechanism_sim.cycles.columns import part_of, unit_of
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.planar.play import joint_of_gap
+from mechanism_sim.results.catalogue import catalogue
 
 LINKS = ('one', 'two', 'three', 'block', 'swing')
 JOINTS = ('base', 'knee', 'ankle', 'hip', 'rail', 'slit', 'hook')
@@ -137,10 +137,11 @@ def test_a_restitution_is_changed_in_the_joint_that_is_named(slit: str, knee: st
 
 def test_units_of_columns_do_not_depend_on_names() -> None:
     machine = scene_of({'one': 'moment', 'two': 'direction', 'three': 'torque'})
-    assert unit_of(machine, 'position.moment') == 'rad'
-    assert unit_of(machine, 'velocity.direction') == 'rad/s'
-    assert part_of('position.direction') == part_of('reaction.x') == part_of('gap.moment') == ''
-    assert part_of('reaction.x.y') == part_of('shaking_force.y') == 'y'
+    known = catalogue(machine)
+    assert known['position.moment'].unit == 'rad'
+    assert known['velocity.direction'].unit == 'rad/s'
+    assert known['position.direction'].part == known['gap.moment'].part == ''
+    assert known['reaction.x.y'].part == known['shaking_force.y'].part == 'y'
 
 
 def test_a_name_that_a_formula_cannot_tell_apart_is_refused() -> None:

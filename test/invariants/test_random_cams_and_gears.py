@@ -98,7 +98,7 @@ def test_a_driven_cam_moves_and_presses_as_its_law_asks(seed):
     machine = made(cam(random))
     solution = ms.simulate(machine, revolutions=2.3)
     balance(solution)
-    o = solution.samples(np.sort(random.uniform(0.0, solution.duration, 7))).observed
+    o = solution.view(np.sort(random.uniform(0.0, solution.duration, 7))).observed
     names, joints = machine.mechanism.coordinates, [j.name for j in machine.mechanism.joints]
     shaft, follower, contact = names.index('shaft'), names.index('follower'), -1
     assert joints[contact] == 'contact'

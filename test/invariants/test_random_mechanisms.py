@@ -46,7 +46,7 @@ def judge(machine):
     assert (off < 1e-13 * np.maximum(condition, 1e4)).all()
     assert solution.max_closure_error < 1e-12 * max(machine.mechanism.size, 1.0)
     energy = solution.energy
-    kinetic = solution.samples(np.linspace(0.0, DURATION, 20)).observed.kinetic_energy.max()
+    kinetic = solution.view(np.linspace(0.0, DURATION, 20)).observed.kinetic_energy.max()
     scale = max(abs(energy.initial), abs(energy.drive_work), kinetic)
     assert abs(energy.residual) < 1e-10 * scale
     return solution

@@ -75,7 +75,7 @@ def test_the_wheel_points_at_the_pin_and_rests_between(slots, sense):
 def test_the_locked_wheel_is_held_against_a_torque():
     loads = {'twist': {'at': 'wheel', 'torque': 0.3}}
     solution = ms.simulate(geneva(4, loads=loads), revolutions=1)
-    dwell = solution.samples(np.array([0.01])).observed
+    dwell = solution.view(np.array([0.01])).observed
     wheel = [j.name for j in geneva(4).plan.joints].index('crank_wheel')
     assert dwell.reaction_moment[wheel, 0] == pytest.approx(-0.3, rel=1e-12)
     # the arc's force goes through the crank's centre: the drive feels none of it
@@ -92,14 +92,14 @@ def play(c, e=0.3):
 
 @pytest.mark.slow
 def test_a_wheel_with_play_rattles_between_its_walls_and_the_ideal_one_comes_back():
-    ideal = ms.simulate(geneva(4), revolutions=1.5).samples(np.array([0.72])).observed
+    ideal = ms.simulate(geneva(4), revolutions=1.5).view(np.array([0.72])).observed
     off = []
     for c in (1e-4, 1e-5, 1e-6):
         solution = ms.simulate(play(c), revolutions=1.5)
         assert {i.joint for i in solution.impacts} == {'crank_wheel_left', 'crank_wheel_right'}
         assert solution.max_penetration < 1e-15
         assert abs(solution.energy.residual) < 1e-12 * solution.energy.drive_work
-        seen = solution.samples(np.array([0.72])).observed
+        seen = solution.view(np.array([0.72])).observed
         off.append(np.abs(seen.position - ideal.position)[1, 0])
         assert seen.gap.min(initial=1.0) > -1e-15
         assert seen.gap.sum(axis=0) == pytest.approx(2.0 * c, rel=1e-9)  # two walls
@@ -161,7 +161,7 @@ def test_a_scotch_yoke_with_play_comes_back_to_the_ideal_one():
     ideal = ms.simulate(ms.load_scene('scotch_yoke'), revolutions=1)
     joint = next(n for n, j in ms.load_scene('scotch_yoke').scene.joints.items() if j.slot)
     t = np.array([0.83]) * ideal.duration
-    wanted = ideal.samples(t).observed.position
+    wanted = ideal.view(t).observed.position
     off = []
     for c in (5e-4, 5e-6):
         loose = {f'joints.{joint}.clearance': {'radial': c, 'restitution': 0.2}}
@@ -169,6 +169,6 @@ def test_a_scotch_yoke_with_play_comes_back_to_the_ideal_one():
         energy = solution.energy
         assert solution.impacts
         assert abs(energy.residual) < 1e-11 * max(energy.drive_work, energy.initial)
-        off.append(np.abs(solution.samples(t).observed.position - wanted).max())
+        off.append(np.abs(solution.view(t).observed.position - wanted).max())
     assert off[0] < 5.1e-4
     assert off[1] < 5.1e-6

@@ -492,7 +492,7 @@ def test_sizes_are_the_users_to_choose():
     seen = preview(ms.load_scene('four_bar_clearance'))
     picture = Picture(seen, 'left/', force_scale=2e-3, magnification=400.0)
     solution, t = seen.found.solution, np.array([0.05])
-    o = solution.samples(t).observed
+    o = solution.view(t).observed
     (array,) = picture.at(t, o, solution.motion.modes_at(*solution.motion.curve.find(t)))
     markers = {(m.ns, m.id): m for m in array.markers}
     arrow = markers['reactions', 0]

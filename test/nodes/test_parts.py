@@ -494,7 +494,7 @@ def test_a_cam_state_says_where_the_follower_touches():
     """A flat face touches at its own height, beside the axis by its geometry: the slope ds/da."""
     machine = ms.load_scene('valve_train', {'drive.speed': '600 rpm'})
     solution = ms.simulate(machine, duration=0.1)
-    samples = solution.samples(np.linspace(0.0, 0.099, 60))
+    samples = solution.view(np.linspace(0.0, 0.099, 60))
     joint = machine.mechanism.joint('contact')
     view = JointView(machine.mechanism, joint, machine.physics, samples.observed, samples.modes)
     seen = joint.reading(view)

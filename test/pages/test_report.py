@@ -44,7 +44,7 @@ def test_links_meet_at_their_joints(scene):
     """Poses of links that no coordinate names; what is loose is as far apart as its pin says."""
     record = simulated(scene, duration=0.05)
     t = np.linspace(0.0, record.end, 23)
-    samples = record.piece.samples(t)
+    samples = record.piece.view(t)
     stage = stage_of(record.machine, samples.observed)
     found = stage.frames(t, samples.observed, samples.modes)
     told = stage.to_json()
@@ -74,7 +74,7 @@ def test_links_meet_at_their_joints(scene):
 def test_arrows_stay_on_the_stage():
     """The catapult's are longest at its start, and point away from it."""
     record = simulated('catapult')
-    samples = record.piece.samples(np.linspace(record.start, record.end, 50))
+    samples = record.piece.view(np.linspace(record.start, record.end, 50))
     stage = stage_of(record.machine, samples.observed)
     found = stage.frames(samples.t, samples.observed, samples.modes)
     for k, joint in enumerate(stage.joints):
@@ -90,7 +90,7 @@ def test_plays_are_the_gaps_of_the_solution(scene):
     """By quantities of the solution: both walls of slots and teeth, the one that a cam is left."""
     record = simulated(scene, duration=0.2)
     t = np.linspace(record.start, record.end, 301)
-    samples, told = record.piece.samples(t), record.piece.sample(t)
+    samples, told = record.piece.view(t), record.piece.sample(t)
     stage = stage_of(record.machine, samples.observed)
     found = stage.frames(t, samples.observed, samples.modes)
     plays = stage.to_json()['plays']
@@ -120,7 +120,7 @@ def test_plays_are_the_gaps_of_the_solution(scene):
 def test_rotors_can_be_seen_to_turn():
     """The differential's links are but axes."""
     record = simulated('differential', duration=0.1)
-    stage = stage_of(record.machine, record.piece.samples(np.linspace(0.0, 0.1, 9)).observed)
+    stage = stage_of(record.machine, record.piece.view(np.linspace(0.0, 0.1, 9)).observed)
     lengths = [
         np.hypot(*np.ptp(shape.outline, axis=0))
         for shape in stage.skeleton.shapes
@@ -135,7 +135,7 @@ def test_forces_make_links_move_as_they_do():
     record = simulated('four_bar_nominal', revolutions=1)
     mechanism, h = record.machine.mechanism, 1e-4
     t = np.linspace(0.2, 0.8, 9) * record.end
-    around = [record.piece.samples(t + k * h) for k in (-1, 0, 1)]
+    around = [record.piece.view(t + k * h) for k in (-1, 0, 1)]
     stage = stage_of(record.machine, around[1].observed)
     before, now, after = (stage.frames(s.t, s.observed, s.modes) for s in around)
     for i, body in enumerate(mechanism.bodies):
@@ -152,7 +152,7 @@ def test_forces_of_teeth_act_where_they_touch():
     """On the line of action, which is tangent to both base circles ([V] 5.4)."""
     record = simulated('gear_pair', revolutions=1)
     t = np.linspace(0.1, 0.9, 7) * record.end
-    samples = record.piece.samples(t)
+    samples = record.piece.view(t)
     stage = stage_of(record.machine, samples.observed)
     found = stage.frames(t, samples.observed, samples.modes)
     k = next(i for i, joint in enumerate(stage.joints) if 'foot' in stage.to_json()['joints'][i])
@@ -198,7 +198,7 @@ def test_a_pin_keeps_its_place_between_instants(loose):
     found = frames.recorded(loose).frames
     t = np.sort(np.random.default_rng(1).uniform(0.0, loose.end, 2000))
     i = np.searchsorted(found.t, t, side='right') - 1
-    rough = loose.piece.samples(t)
+    rough = loose.piece.view(t)
     true = stage_of(loose.machine, rough.observed).frames(t, rough.observed, rough.modes)
     for k in set(i.tolist()):
         cubic = CubicHermiteSpline(

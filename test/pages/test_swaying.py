@@ -68,7 +68,7 @@ def test_as_markers_it_goes_as_in_a_film(record, true):
     times = seen.skeleton.sways['frame']
     cog = np.array(record.machine.scene.oscillators['frame'].cog)
     sway = Swaying(record.machine).take(record.history)
-    samples = record.piece.samples(T)
+    samples = record.piece.view(T)
     assert not [m for m in shapes(seen.skeleton, '').markers if m.ns == 'frames']
     for i, array in enumerate(Picture(seen).at(T, samples.observed, samples.modes, sway(T))):
         own = [m for m in array.markers if m.ns == 'frames']

@@ -286,7 +286,7 @@ def test_what_a_page_gets_is_the_motion_at_these_instants():
         assert t[-1] == motion.curve.end
         assert t[0] == motion.curve.start[0]
         assert np.diff(t).max() <= live.step * (1.0 + 1e-6)
-        seen = solution.samples(t[1:-1]).observed  # the ends may be events
+        seen = solution.view(t[1:-1]).observed  # the ends may be events
         places = [machine.mechanism.locate_all(link, seen.position, at) for link, at in
                   ((joint.first, joint.on_first), (joint.second, joint.on_second))]  # fmt: skip
         assert np.abs(frames['pins'][1:-1, 0] - (places[0] - places[1]).T).max() < 1e-10

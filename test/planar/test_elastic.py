@@ -770,7 +770,7 @@ def test_instruments_turn_with_the_cross_section():
     t, h, mechanism = np.arange(4, len(read['feel']) - 4) / 2000.0, 1e-5, machine.mechanism
 
     def seen(at, t):
-        return mechanism.locate_all('rod', solution.samples(t).observed.position, at)
+        return mechanism.locate_all('rod', solution.view(t).observed.position, at)
 
     def turned(t):
         across = seen((0.075, 1e-3), t) - seen((0.075, -1e-3), t)

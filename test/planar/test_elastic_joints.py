@@ -322,7 +322,7 @@ def test_messages_show_elastic_links_bent():
     seen = preview(machine, 0.01)
     fixed = markers.shapes(seen.skeleton, '').markers
     assert {m.header.frame_id for m in fixed} == {'world', 'crank', 'slider'}
-    samples = seen.found.solution.samples(np.array([0.005]))
+    samples = seen.found.solution.view(np.array([0.005]))
     picture = Picture(seen)
     (array,) = picture.at(samples.t, samples.observed, samples.modes)
     lines = [m for m in array.markers if m.header.frame_id == 'rod']

@@ -53,7 +53,7 @@ def test_a_coordinate_in_a_load_is_what_it_is_without_clearance(load, moment, lo
         joints['A']['clearance'] = {'radial': 1e-4, 'restitution': 0.5}
     run = machine(loads={'f': {'at': 'rocker', **load}}, joints=joints)
     assert ('block' in run.mechanism.displacements) is loose
-    seen = ms.simulate(run, duration=1.25).samples(np.linspace(0.1, 1.2, 30)).observed
+    seen = ms.simulate(run, duration=1.25).view(np.linspace(0.1, 1.2, 30)).observed
     i = run.mechanism.coordinates.index('rocker')
     angle, rate = seen.position[i], seen.velocity[i]  # the block turns with the rocker
     expected = moment(angle, rate) * rate

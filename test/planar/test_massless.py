@@ -30,7 +30,7 @@ def test_a_point_mass_on_a_rod_swings_with_the_period_of_the_elliptic_integral()
         initial={'position': {'rod': begin - 0.5 * math.pi}},
     )
     period = 4.0 * math.sqrt(L / G) * float(scipy.special.ellipk(math.sin(0.5 * begin) ** 2))
-    seen = ms.simulate(machine, duration=period).samples([0.5 * period, period]).observed
+    seen = ms.simulate(machine, duration=period).view([0.5 * period, period]).observed
     expected = [-begin - 0.5 * math.pi, begin - 0.5 * math.pi]
     assert seen.position[0] == pytest.approx(expected, abs=1e-11)
     # at its ends the rod pulls the bob with the weight's part along it
@@ -140,7 +140,7 @@ def test_a_mass_on_two_massless_rods_is_free_in_the_plane_until_they_are_in_line
     }
     machine = lumped(rods, joints, initial={'position': {'two': 1.2}}, **more)
     t = 0.1
-    seen = ms.simulate(machine, duration=t).samples(t).observed
+    seen = ms.simulate(machine, duration=t).view(t).observed
     place = machine.mechanism.locate_all('two', seen.position, (0.4, 0.0))[:, 0]
     start = machine.mechanism.locate('two', {'one': -0.4, 'two': 1.2}, (0.4, 0.0))
     # nothing holds the ball: it falls

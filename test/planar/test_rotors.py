@@ -10,8 +10,8 @@ from rotors import DiskRotor, Rotor, influence_coefficients
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.cycles.columns import columns_of
 from mechanism_sim.errors import InputError
+from mechanism_sim.results.quantity import Shown
 from mechanism_sim.scene.check import check
 from mechanism_sim.study.harmonics import harmonics, unbalance_response
 from mechanism_sim.study.modes import campbell, critical_speeds, modes
@@ -248,7 +248,7 @@ def test_a_run_up_keeps_its_energy_balance_and_its_supports_carry_the_reaction()
     energy = solution.energy
     left = energy.initial + energy.drive_work - energy.dissipated - energy.final
     assert abs(left) < 1e-10 * energy.drive_work
-    seen = columns_of(solution, np.linspace(0.1, 3.9, 7), False, machine)
+    seen = solution.sample(np.linspace(0.1, 3.9, 7), *solution.catalogue.shown(Shown.PARTS))
     for axis in 'xy':
         inertia = seen[f'acceleration.disk.{axis}']
         forces = [seen[f'bearing_force.ground_disk.{x}.{axis}'] for x in ('left', 'right')]
@@ -266,7 +266,7 @@ def test_supports_of_two_disks_carry_what_newton_and_euler_want():
     """Sums of forces, and of moments about the left support, gyroscopic ones among them."""
     machine = ms.load_scene('two_disk_rotor')
     solution = ms.simulate(machine, duration=0.05)
-    seen = columns_of(solution, np.linspace(0.01, 0.05, 7), False, machine)
+    seen = solution.sample(np.linspace(0.01, 0.05, 7), *solution.catalogue.shown(Shown.PARTS))
     m, diametral, polar, w = 19.2913424, 0.0793758, 0.1507136, 2000.0 * TURN / 60.0
     for axis, wheel, other, sign in (('x', np.cos, 'y', 1.0), ('y', np.sin, 'x', -1.0)):
         force, moment = 0.0, 0.0

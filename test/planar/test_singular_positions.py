@@ -58,7 +58,7 @@ def seen(run, start, revolutions=2, singular=np.pi):
     solution = ms.simulate(run, revolutions=revolutions)
     at = (np.arange(-4, 9) * singular - start) / (2.0 * np.pi)
     t = np.concatenate([np.linspace(0.0, revolutions, 240), (at[:, None] + BESIDE).ravel()])
-    return solution.samples(t[(t >= 0.0) & (t <= revolutions)]).observed
+    return solution.view(t[(t >= 0.0) & (t <= revolutions)]).observed
 
 
 @pytest.mark.parametrize('start', [0.5, 0.0, np.pi])
@@ -121,7 +121,7 @@ def test_forces_without_a_limit_are_named_and_left_out(tmp_path):
     # coupler's weight about its pivot, over the arm of the coupler's pull
     solution = ms.simulate(bars, revolutions=1)
     off = 1e-6
-    (x, _), t = solution.samples((np.pi + off - 0.5) / W).observed.reaction[2, :, 0], off
+    (x, _), t = solution.view((np.pi + off - 0.5) / W).observed.reaction[2, :, 0], off
     assert x == pytest.approx(-9.81 * (0.5 * 0.04 + 0.5 * 0.08) / (0.08 * t), rel=1e-5)
     file = tmp_path / 'bars.yaml'
     file.write_text(json.dumps(scene))
@@ -266,7 +266,7 @@ def test_a_drive_may_rest_in_a_singular_position():
     }  # fmt: skip
     run = made(scene)
     solution = ms.simulate(run)
-    o = solution.samples(np.linspace(0.0, 1.6, 321)).observed
+    o = solution.view(np.linspace(0.0, 1.6, 321)).observed
     assert np.abs(o.position[2] - o.position[0]).max() < 1e-13
     assert np.abs(o.velocity[2] - o.velocity[0]).max() < 1e-11 * W
     assert np.abs(o.acceleration[2] - o.acceleration[0]).max() < 1e-9 * W**2

@@ -158,7 +158,7 @@ def test_dry_friction_by_its_sign_sticks_and_slips():
     times = [begin, end, begin + half, end + half, begin + 2.0 * half, end + 4.0 * half]
     seen = solution.sample(times)
     assert seen['position.block'] == pytest.approx([0, way, way, 0, 0, way], abs=1e-11)
-    stuck = solution.samples(np.linspace(end + 1e-6, begin + half - 1e-6, 20)).observed
+    stuck = solution.view(np.linspace(end + 1e-6, begin + half - 1e-6, 20)).observed
     assert np.abs(stuck.velocity).max() < 1e-11
     assert np.abs(stuck.acceleration).max() < 1e-9
     assert abs(solution.energy.residual) < 1e-13

@@ -463,7 +463,7 @@ def test_a_foreign_reader_finds_the_moments_on_joint_reactions(tmp_path):
     machine = four_bar(length='20 mm', misalignment__pin__angle='5 mrad')
     t = np.array([0.01, 0.02, 0.03])
     solution = ms.simulate(machine, duration=0.04)
-    columns, seen = solution.sample(t), solution.samples(t).observed
+    columns, seen = solution.sample(t), solution.view(t).observed
     path = tmp_path / 'moments.mcap'
     joint, physics = 'coupler_rocker', machine.physics
     wrench = wrenches(physics, machine.mechanism, lambda name: name, [joint])[joint]
@@ -497,7 +497,7 @@ def test_a_foreign_reader_finds_the_moments_on_joint_reactions(tmp_path):
 
 def test_bearings_in_line_add_nothing_to_messages():
     machine = four_bar()
-    seen = ms.simulate(machine, duration=0.01).samples(0.005).observed
+    seen = ms.simulate(machine, duration=0.01).view(0.005).observed
     (data,) = reactions(machine.physics, 'world')(np.array([0.005]), seen)
     message = deserialize(data, JointReactions)
     assert [len(x) for x in (message.moment_x, message.moment_y, message.force_z)] == [0, 0, 0]

@@ -235,7 +235,7 @@ def back(name, seed):
             scene['links'][link].setdefault('points', {})[u] = at
     scene['loads'] = scene.get('loads', {}) | known
     first = made(scene, name)
-    seen = ms.simulate(first, duration=duration).samples(t).observed
+    seen = ms.simulate(first, duration=duration).view(t).observed
     torques = dict(zip(first.physics.driven, seen.drive_torque[:, 0].tolist(), strict=True))
     scene['loads'] |= unknown
     for c, torque in torques.items():
@@ -253,7 +253,7 @@ def back(name, seed):
         if 'friction locks' not in str(locked):
             raise
         return None
-    found = run.samples(t)
+    found = run.view(t)
     work = second.physics.unknowns
     if np.isnan(found.observed.load).any():  # in a dwell
         assert any(x.rests for x in second.physics.no_limits(run.motion))
@@ -309,17 +309,17 @@ def test_the_frame_gets_what_a_load_between_it_and_a_link_does():
 
 def test_nodes_publish_the_sizes():
     machine = slider_crank()
-    seen = ms.simulate(machine, duration=0.05).samples(np.array([0.01, 0.02])).observed
+    seen = ms.simulate(machine, duration=0.05).view(np.array([0.01, 0.02])).observed
     write = reactions(machine.physics, 'world')
     messages = [deserialize(x, JointReactions) for x in write(np.array([0.01, 0.02]), seen)]
     assert [list(m.loads) for m in messages] == [['resistance']] * 2
     assert [m.load_sizes[0] for m in messages] == seen.load[0].tolist()
-    at_dead_centre = ms.simulate(machine, duration=0.05).samples(0.0).observed
+    at_dead_centre = ms.simulate(machine, duration=0.05).view(0.0).observed
     (message,) = [deserialize(x, JointReactions) for x in write(np.zeros(1), at_dead_centre)]
     assert np.isnan(message.load_sizes).all()
     assert objection(message) is None
     plain = ms.load_scene('slider_crank')
-    seen = ms.simulate(plain, duration=0.05).samples(0.01).observed
+    seen = ms.simulate(plain, duration=0.05).view(0.01).observed
     (message,) = reactions(plain.physics, 'world')(np.array([0.01]), seen)
     assert list(deserialize(message, JointReactions).loads) == []
 

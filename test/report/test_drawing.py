@@ -35,11 +35,11 @@ def shapes(skeleton, kind):
 
 
 def skeleton_at(found):
-    return skeleton_of(found.machine, found.solution.samples(found.t).observed.position)
+    return skeleton_of(found.machine, found.solution.view(found.t).observed.position)
 
 
 def pose_at(found, skeleton, t):
-    return skeleton.poses(found.solution.samples(np.array([t])).observed.position)
+    return skeleton.poses(found.solution.view(np.array([t])).observed.position)
 
 
 def overlapping(figure):
@@ -161,7 +161,7 @@ def test_a_pin_that_indexes_is_in_a_slot_while_something_moves(scene):
     moving = np.abs(found[f'velocity.{driven}']) > 1e-6
     assert 10 < moving.sum() < 100
     skeleton = skeleton_at(found)
-    poses = skeleton.poses(found.solution.samples(found.t).observed.position)
+    poses = skeleton.poses(found.solution.view(found.t).observed.position)
     (pin,) = (s for s in shapes(skeleton, 'pin') if s.link == 'crank')
     at = skeleton.placed(pin.link, pin.outline, poses)[:, 0]
     slots = shapes(skeleton, 'slot') or [s for s in shapes(skeleton, 'wheel') if s.link == driven]
@@ -186,7 +186,7 @@ def test_a_pin_that_indexes_is_in_a_slot_while_something_moves(scene):
 def test_slots_are_as_deep_as_the_pin_goes_however_short_the_run(scene):
     """Also of an instant at which the pin is in none: the depth follows from the distances."""
     found = ms.cycle(ms.load_scene(scene), samples=60)
-    q = found.solution.samples(found.t).observed.position
+    q = found.solution.view(found.t).observed.position
     (pair,) = (j for j in found.machine.mechanism.joints if isinstance(j, Geneva | SlottedRack))
     for k in (0, 17, 31, 48):
         skeleton = skeleton_of(found.machine, q[:, k : k + 1])

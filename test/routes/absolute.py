@@ -339,7 +339,7 @@ def differences(machine, solution, t):
     plan, mechanism = machine.plan, machine.mechanism
     kept = [j for j in plan.joints if j.name not in machine.clearances]
     absolute = Absolute(plan, mechanism, plan.prescribed, kept)
-    seen = solution.samples(t).observed
+    seen = solution.view(t).observed
     driven = [mechanism.coordinates.index(c) for c in plan.prescribed]
     largest = max(np.abs(seen.reaction).max(), 1e-3)
     text = loads_of(machine.scene)

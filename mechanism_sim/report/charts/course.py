@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 from mechanism_sim.analysis.deviation import ideal_record
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.columns import part_of
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.sampling import Samples, table
-from mechanism_sim.messages.part_states import kinds_of
-from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.report.charts.lines import OVER_TIME, TURNS, Abscissa, over_turns
 from mechanism_sim.report.charts.thinning import MOST, Envelope, Line, thinned
-from mechanism_sim.sensing.joint_view import JointView
+from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.view import View
 from mechanism_sim.vibration.shaken_frame import FrameMotion
 
 _SHOWN = 2  # turns of the main drive that are shown in full; of a machine that repeats one will do
@@ -26,7 +24,6 @@ _SAME = 1e-6  # [rad] or [m] of drives that follow the same law
 _BLOCK = 4096  # segments at once
 _FEWEST = 4  # places in each
 _PER_TURN = 400  # places at least
-_LEAVE = 't', 'mode', 'closed', 'energy.drive_work', 'energy.dissipated'
 
 
 class Window:
@@ -55,11 +52,9 @@ class Window:
 
     @cached_property
     def lines(self) -> dict[str, Line]:
-        """By name: those of `Piece.sample` as far as they make lines.
+        """By name: quantities of the catalogue as far as they make lines.
 
-        And ``reaction.JOINT.size`` [N]; ``cam.JOINT.lift`` and so on for every field of the
-        readings of cams, gears and Geneva drives, named after their nodes; ``oscillator.NAME.x``
-        and so on of frames on springs.
+        And ``oscillator.NAME.x`` and so on of frames on springs.
         """
         curve = self.record.piece.motion.curve
         first, last = curve.locate(np.array([self.start, self.end]))
@@ -110,27 +105,22 @@ class Window:
                 self._reach[0].add(360.0 * self.record.turned(t), values)
             yield t, values
 
+    @cached_property
+    def _quantities(self) -> list[str]:
+        return [
+            name
+            for name, quantity in catalogue(self.record.machine).items()
+            if not (quantity.counted or quantity.cumulative)
+            and (
+                quantity.shown >= Shown.PARTS
+                or (quantity.kind == 'reaction' and quantity.part == 'size')
+            )
+        ]
+
     def _columns(self, k: NDArray[np.intp], dt: Array, t: Array) -> dict[str, Array]:
         record = self.record
-        machine, motion = record.machine, record.piece.motion
-        seen, modes = machine.physics.observe(motion, k, dt), motion.modes_at(k, dt)
-        unknown = np.full(len(t), np.nan)
-        found = {
-            name: x
-            for name, x in table(
-                machine.physics, Samples(t, modes, seen, unknown, unknown)
-            ).items()
-            if not name.startswith(_LEAVE) and part_of(name) != 'moment'
-        }
-        for i, joint in enumerate(machine.mechanism.joints if machine.physics.has_forces else ()):
-            found[f'reaction.{joint.name}.size'] = np.hypot(*seen.reaction[i])
-            if isinstance(joint, Prismatic):
-                found[f'reaction.{joint.name}.moment'] = seen.reaction_moment[i]
-        for node, kind in kinds_of(machine).items():
-            for joint in kind.joints(machine):
-                view = JointView(machine.mechanism, joint, machine.physics, seen, modes)
-                reading = joint.reading(view)._asdict()
-                found |= {f'{node}.{joint.name}.{field}': x for field, x in reading.items()}
+        view = View(record.machine, record.piece.motion, k, dt, t=t)
+        found = catalogue(record.machine).columns(self._quantities, view)
         for name, frame in self._frames.items():
             states = frame(t)
             rows = (*states.position[:2], *states.mount_force[:2])

@@ -12,7 +12,6 @@ from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.recording import realtime_factor
 from mechanism_sim.report.charts.chart import (
     PANEL,
@@ -26,6 +25,7 @@ from mechanism_sim.report.charts.chart import (
 )
 from mechanism_sim.report.charts.course import Course
 from mechanism_sim.report.charts.thinning import Line, thinned
+from mechanism_sim.results.solution import Solution
 
 _BLOCK = 2**16  # instants at once
 _TERMS = 'kinetic', 'potential', 'drive_work', 'dissipated'
@@ -74,7 +74,7 @@ def balance(course: Course) -> dict[str, Line]:
 
 
 def _terms(record: Record, t: Array) -> Array:
-    s = record.piece.samples(t)
+    s = record.piece.view(t)
     o = s.observed
     return np.array([o.kinetic_energy, o.potential_energy, s.drive_work, s.dissipated])
 

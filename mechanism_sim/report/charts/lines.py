@@ -13,7 +13,6 @@ import numpy as np
 from mechanism_sim.analysis.series import Series
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import GROUND, index
-from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.report.charts.bands import Spells, modes
 from mechanism_sim.report.charts.chart import (
     NOTHING,
@@ -26,6 +25,7 @@ from mechanism_sim.report.charts.chart import (
     Panel,
 )
 from mechanism_sim.report.charts.thinning import Envelope
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.units import for_people
 
 TOGETHER = 4

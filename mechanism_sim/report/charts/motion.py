@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import Prismatic
@@ -16,6 +15,7 @@ from mechanism_sim.report.charts.chart import Chart, Section, polar
 from mechanism_sim.report.charts.chart import Curve as Drawing
 from mechanism_sim.report.charts.course import Course, Window
 from mechanism_sim.report.charts.curves import Curve, over_drive, over_time, quantities
+from mechanism_sim.results.catalogue import catalogue
 
 Vector = Sequence[Array]
 
@@ -64,7 +64,7 @@ def motion(course: Course) -> Section:
             if kind == 'acceleration':  # of a drive at constant speed there is none
                 curves = [c for c in curves if _varies(course, c)]
             if any(_varies(course, c) for c in curves):
-                unit = unit_of(machine, curves[0].column)
+                unit = catalogue(machine)[curves[0].column].unit
                 key = f'motion-{kind}-{"straight" if straight else "turning"}'
                 words = title.lower()[:-1].replace('velocitie', 'velocity')
                 charts.append(over_drive(course, key, title, curves, words, unit))

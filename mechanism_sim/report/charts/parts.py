@@ -23,7 +23,7 @@ def parts(course: Course) -> list[Section]:
                 if force and not machine.physics.has_forces:
                     continue
                 curves = [
-                    Curve(f'{node}.{joint.name}.{field}', label, 2 * i)
+                    Curve(f'{field}.{joint.name}', label, 2 * i)
                     for i, (field, label) in enumerate(labels.items())
                 ]
                 key = f'{node}-{joint.name}-{next(iter(labels))}'.replace('_', '-')

@@ -6,71 +6,29 @@ a piece.
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit, Energy, Work
 from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.events import StopReason
-from mechanism_sim.hybrid.sampling import EnergyTerms
 from mechanism_sim.hybrid.snapshot import Snapshot
-from mechanism_sim.hybrid.solution import Piece, Solution, Stats
 from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.numerics.compiled import spent
-from mechanism_sim.planar.inverse_dynamics import NoLimit, Observation
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.doubts import length_questions
-from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml
-from mechanism_sim.scene.gate import admit
-from mechanism_sim.scene.machine import Machine
+from mechanism_sim.planar.inverse_dynamics import NoLimit
+from mechanism_sim.results.solution import Piece, Solution, Stats
+from mechanism_sim.results.view import View
+from mechanism_sim.scene import Machine, span
 
 Progress = Callable[[float, int], None]
 """Called now and then with the simulated time [s] and the number of impacts so far."""
 
 _BATCH = 8192
-
-
-def load_scene(name: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Machine:
-    """A scene of the package by name, or your own by path, ready to run.
-
-    Parameters
-    ----------
-    name : such as ``'four_bar_clearance'`` or ``'my/machine.yaml'``
-    overrides : values by dotted path, such as ``{'drive.speed': '300 rpm'}``
-    """
-    path = find_scene(name)
-    content = overridden(path.name, read_yaml(path, 'scene'), overrides)
-    return build(path.stem, check_scene(path.name, content), tuple(length_questions(content)))
-
-
-def span(machine: Machine, revolutions: float | None, duration: float | None) -> float:
-    """The duration [s] asked for, as revolutions of the crank or in seconds.
-
-    If none is asked for, that of the scene, or else one revolution.
-    """
-    if revolutions is not None and duration is not None:
-        raise InputError('give either revolutions or a duration, not both')
-    asked = revolutions if revolutions is not None else duration
-    if asked is not None and not (asked > 0.0 and math.isfinite(asked)):
-        raise InputError(f'the length of a run must be positive and finite, not {asked:g}')
-    if asked is None:
-        duration = machine.scene.duration
-    if duration is None:
-        duration = machine.time_of(1.0 if revolutions is None else revolutions)
-    return duration
-
-
-def run_length(machine: Machine, revolutions: float | None, duration: float | None) -> float:
-    """The same for commands and nodes, which refuse what cannot be run for so long."""
-    end = span(machine, revolutions, duration)
-    admit(machine, end)
-    return end
 
 
 class Stream:
@@ -148,7 +106,7 @@ class Stream:
         for found in physics.no_limits(motion):
             if not (self.no_limits and found.is_at(self.no_limits[-1].t)):
                 self.no_limits.append(found)
-        piece = Piece(physics, motion, EnergyTerms(work, impacts, *before), impacts, changes)
+        piece = Piece(self.machine, motion, EnergyTerms(work, impacts, *before), impacts, changes)
         if len(motion):
             self._last = piece
         return piece
@@ -159,7 +117,7 @@ class Stream:
         return self._last.motion.curve.end if self._last else self._run.time
 
     @property
-    def final(self) -> Observation:
+    def final(self) -> View:
         """The machine at the end of what was run.
 
         Raises
@@ -169,7 +127,7 @@ class Stream:
         """
         if self._last is None:
             raise ValueError('nothing has been run yet')
-        return self._last.samples(self.duration).observed
+        return self._last.view(self.duration)
 
     @property
     def energy(self) -> Energy | None:
@@ -248,7 +206,7 @@ def simulate(
     impacts = [impact for piece in pieces for impact in piece.impacts]
     work = np.concatenate([piece.balance.work for piece in pieces], axis=1)
     return Solution(
-        machine.physics,
+        machine,
         Motion.joined([piece.motion for piece in pieces]),
         EnergyTerms(Work(*work), impacts),
         impacts,

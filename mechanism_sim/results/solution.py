@@ -9,16 +9,26 @@ import numpy as np
 
 from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.audit import Energy
-from mechanism_sim.hybrid.column_units import IMPACT_UNITS, unit_of
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.plotting import Rich
-from mechanism_sim.hybrid.sampling import EnergyTerms, Samples, sample, table
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.system import Array
+from mechanism_sim.results.catalogue import Catalogue, catalogue
+from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.view import View
+from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
+
+IMPACT_UNITS = {
+    't': 's', 'normal_impulse': 'N s', 'tangential_impulse': 'N s', 'approach_speed': 'm/s',
+    'rebound_speed': 'm/s', 'normal_angle': 'rad', 'energy_loss': 'J', 'drive_impulse': 'N m s',
+    'drive_work': 'J', 'chatter_time': 's', 'duration': 's', 'peak_force': 'N',
+}  # fmt: skip
+"""Units of the fields of an impact."""
 
 
 @dataclass(frozen=True)
@@ -38,12 +48,13 @@ class Piece(Rich):
 
     Attributes
     ----------
+    machine : that moves
     motion : polynomials of all coordinates and the state of the gaps
     balance : work and losses of its segments, and what they were before
     impacts, modes : events in the order of time
     """
 
-    physics: Physics
+    machine: Machine
     motion: Motion
     balance: EnergyTerms
     impacts: list[Impact]
@@ -61,33 +72,39 @@ class Piece(Rich):
         joints = {'joint': np.array([i.joint for i in self.impacts], dtype=str)}
         return Table({'t': columns['t']} | joints | columns, IMPACT_UNITS)
 
-    def samples(self, t: Array | float) -> Samples:
-        """Everything at times `t` (N,) [s] in one structure."""
+    @property
+    def physics(self) -> Physics:
+        """What the machine moves by."""
+        return self.machine.physics
+
+    @property
+    def catalogue(self) -> Catalogue:
+        """The quantities that can be asked for by name."""
+        return catalogue(self.machine)
+
+    def view(self, t: Array | float) -> View:
+        """The machine at times `t` (N,) [s]."""
         times = np.atleast_1d(np.asarray(t, dtype=float))
-        return sample(self.physics, self.motion, self.balance, times)
+        return View.at(self.machine, self.motion, times, self.balance)
 
-    def sample(self, t: Array | float) -> Table:
-        """Everything at times `t` [s], as arrays (N,) by name.
+    def sample(self, t: Array | float, *names: str) -> Table:
+        """Quantities at times `t` [s], as arrays (N,) by name.
 
-        ``position.LINK`` [rad, or m for a displacement], ``velocity.LINK``,
-        ``acceleration.LINK``, the same of ``LINK.x`` and ``LINK.y`` [m] for links that float;
-        with clearance ``gap.JOINT`` [m],
-        ``normal_force.JOINT``, ``friction_force.JOINT`` [N], ``closed.JOINT`` (0 or 1),
-        ``mode.JOINT`` (the number of a `Mode`); and where the scene has forces
-        ``reaction.JOINT.x``, ``.y`` [N] (of the first-named on the second-named link),
-        ``.moment`` [N m] about its point on the latter where a joint transmits one,
-        ``drive_torque`` [N m, or N] of the first drive and ``drive_torque.COORDINATE`` of others,
-        ``load.NAME`` [N, or N m] of loads whose size is unknown,
-        ``energy.kinetic``, ``energy.potential``, ``energy.drive_work``,
-        ``energy.dissipated`` [J].
+        Parameters
+        ----------
+        names : of the catalogue (``mechanism-sim quantities SCENE`` lists them), or all that begin
+            so, as ``position``; without any: positions, velocities and accelerations of
+            coordinates, gaps and contact forces, and where the scene has forces reactions of
+            joints, efforts of drives and energies
 
         Raises
         ------
         ValueError
             For a time outside of the motion.
         """
-        columns = table(self.physics, self.samples(t))
-        return Table(columns, {name: unit_of(self, name) for name in columns})
+        known = self.catalogue
+        chosen = known.choose(names) if names else known.shown(Shown.RUN)
+        return known.table(chosen, self.view(t))
 
     def plot(self, *names: str, **how: Any) -> Any:
         """Plot quantities by the names of `sample`, or an overview; a Matplotlib figure.

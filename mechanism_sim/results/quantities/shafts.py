@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.sampling import Samples
-from mechanism_sim.hybrid.system import Array
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import Rotor
-from mechanism_sim.planar.view import ToothLoad
+from mechanism_sim.planar.view import TOOTH_PARTS, ToothLoad
+from mechanism_sim.results.quantity import Quantity, Shown, vector
+from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine
-from mechanism_sim.sensing.joint_view import JointView
 
 
 class BearingLoads(NamedTuple):
@@ -31,26 +30,55 @@ class BearingLoads(NamedTuple):
     locating: str = ''  #: which of them takes axial forces
 
 
-def shaft_columns(machine: Machine, samples: Samples) -> dict[str, Array]:
-    """Arrays (N,) [N] by column; empty where forces are not known.
+def of_shafts(machine: Machine) -> Iterator[Quantity]:
+    """Forces of teeth and of bearings, where forces are known.
 
     ``tooth_force.JOINT.LINK.tangential``, counterclockwise about the link's shaft, ``.radial``,
     towards it, and ``.axial``; ``bearing_force.SHAFT.BEARING.x``, ``.y``, ``.size`` of each
     bearing on the shaft, across it, and ``.axial`` of the one that locates it.
     """
     if not machine.physics.has_forces:
-        return {}
-    found: dict[str, Array] = {}
-    for joint, load in _tooth_loads(machine, samples.observed, samples.modes):
-        parts = load.components
-        found |= {f'tooth_force.{joint}.{load.link}.{k}': x for k, x in parts.items()}
-    for joint, loads in bearing_loads(machine, samples.observed, samples.modes).items():
-        for name, (x, y), axial in zip(loads.names, loads.force, loads.axial, strict=True):
-            head = f'bearing_force.{joint}.{name}'
-            found |= {f'{head}.x': x, f'{head}.y': y, f'{head}.size': np.hypot(x, y)}
-            if name == loads.locating:
-                found[f'{head}.axial'] = axial
-    return found
+        return
+    for joint in machine.mechanism.joints:
+        for i, link in enumerate(joint.toothed if isinstance(joint, HigherPair) else ()):
+            yield from _on_shaft(joint.name, i, link)
+    for shaft, names in shafts_of(machine).items():
+        for i, bearing in enumerate(names):
+            yield from _of_bearing(shaft, i, bearing, bearing == _locating(machine, shaft))
+
+
+def _on_shaft(joint: str, i: int, link: str) -> Iterator[Quantity]:
+    def force(part: str) -> Callable[[View], Array]:
+        return lambda view: _teeth(view)[joint][i].components[part]
+
+    for part in TOOTH_PARTS:
+        words = f'{part} force of the teeth of {joint} on {link}'
+        yield Quantity(
+            f'tooth_force.{joint}.{link}.{part}', 'N', words, joint, force(part), Shown.PARTS, part
+        )
+
+
+def _of_bearing(shaft: str, i: int, bearing: str, locates: bool) -> Iterator[Quantity]:
+    name, words = f'bearing_force.{shaft}.{bearing}', f'force of bearing {bearing} on {shaft}'
+
+    def force(view: View) -> Array:
+        return np.asarray(bearing_loads(view)[shaft].force[i])
+
+    yield from vector(name, 'N', words, shaft, force, Shown.PARTS)
+    yield Quantity(
+        f'{name}.size', 'N', words, shaft, lambda view: np.hypot(*force(view)), Shown.PARTS, 'size'
+    )
+    if locates:
+        yield Quantity(
+            f'{name}.axial', 'N', f'axial {words}', shaft,
+            lambda view: bearing_loads(view)[shaft].axial[i], Shown.PARTS, 'axial',
+        )  # fmt: skip
+
+
+def _locating(machine: Machine, shaft: str) -> str:
+    """The bearing that takes axial forces; empty of a rotor."""
+    joint = machine.mechanism.joint(shaft)
+    return '' if _rotor(machine, joint) else machine.scene.joints[shaft].locating or ''
 
 
 def shafts_of(machine: Machine) -> dict[str, tuple[str, ...]]:
@@ -65,9 +93,7 @@ def shafts_of(machine: Machine) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def bearing_loads(
-    machine: Machine, observed: Observation, modes: NDArray[np.uint8]
-) -> dict[str, BearingLoads]:
+def bearing_loads(view: View) -> dict[str, BearingLoads]:
     """What the bearings of all shafts carry, by joint.
 
     Balance of forces and moments of every shaft: the plane knows the sum R of both bearings but
@@ -77,15 +103,30 @@ def bearing_loads(
     ``sum z B = (-M_y, M_x)`` with the moments ``M = sum r x F``. Supports of rotors follow from
     how far they give way.
     """
-    teeth = [load for _, load in _tooth_loads(machine, observed, modes)]
-    found = {}
+    return view.once('bearing loads', lambda: _bearing_loads(view))
+
+
+def _bearing_loads(view: View) -> dict[str, BearingLoads]:
+    machine, found = view.machine, {}
     for name in shafts_of(machine):
         joint = machine.mechanism.joint(name)
         if rotor := _rotor(machine, joint):
-            found[name] = _supports(machine, joint.second, rotor, observed)
+            found[name] = _supports(machine, joint.second, rotor, view.observed)
         elif isinstance(joint, Revolute):
-            found[name] = _bearings(machine, joint, observed, modes, teeth)
+            found[name] = _bearings(view, joint)
     return found
+
+
+def _teeth(view: View) -> dict[str, Sequence[ToothLoad]]:
+    """Forces of teeth on shafts, by joint."""
+    return view.once(
+        'teeth',
+        lambda: {
+            joint.name: joint.tooth_loads(view.joint(joint))
+            for joint in view.machine.mechanism.joints
+            if isinstance(joint, HigherPair)
+        },
+    )
 
 
 def _rotor(machine: Machine, joint: Joint) -> Rotor | None:
@@ -94,34 +135,12 @@ def _rotor(machine: Machine, joint: Joint) -> Rotor | None:
     return machine.mechanism.rotors.get(joint.second) if own else None
 
 
-def _view(
-    machine: Machine, joint: HigherPair | Revolute, observed: Observation, modes: NDArray[np.uint8]
-) -> JointView:
-    return JointView(machine.mechanism, joint, machine.physics, observed, modes)
-
-
-def _tooth_loads(
-    machine: Machine, observed: Observation, modes: NDArray[np.uint8]
-) -> Iterator[tuple[str, ToothLoad]]:
-    """Forces of teeth on shafts, with their joints."""
-    for joint in machine.mechanism.joints:
-        if isinstance(joint, HigherPair):
-            for load in joint.tooth_loads(_view(machine, joint, observed, modes)):
-                yield joint.name, load
-
-
-def _bearings(
-    machine: Machine,
-    joint: Revolute,
-    observed: Observation,
-    modes: NDArray[np.uint8],
-    teeth: Sequence[ToothLoad],
-) -> BearingLoads:
-    keys = machine.scene.joints[joint.name]
+def _bearings(view: View, joint: Revolute) -> BearingLoads:
+    keys = view.machine.scene.joints[joint.name]
     shaft = joint.second if joint.second != GROUND else joint.first
-    own = [load for load in teeth if load.link == shaft]
+    own = [load for loads in _teeth(view).values() for load in loads if load.link == shaft]
     sign = 1.0 if shaft == joint.second else -1.0
-    across = _view(machine, joint, observed, modes).force * sign
+    across = view.joint(joint).force * sign
     across = across - sum((x.force[:2] for x in own if not x.in_plane), np.zeros(()))
     moment = sum((np.cross(x.arm, x.force, axis=0) for x in own), np.zeros_like(across[:1]))
     (one, a), (two, b) = keys.bearings.items()

@@ -1,0 +1,1 @@
+"""Runs, and what can be told of them by name."""

@@ -1,0 +1,170 @@
+"""The catalogue of a machine: all quantities that can be asked of it by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.energy_terms import EnergyTerms
+from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.results.quantities.compliance import (
+    of_elastic_links,
+    of_points_of_elastic_links,
+    of_tilting_joints,
+)
+from mechanism_sim.results.quantities.contacts import of_contacts
+from mechanism_sim.results.quantities.forces import of_drives, of_energy, of_joints, of_links
+from mechanism_sim.results.quantities.motion import of_coordinates, of_mass_centre, of_points
+from mechanism_sim.results.quantities.readings import of_readings
+from mechanism_sim.results.quantities.shafts import of_shafts
+from mechanism_sim.results.quantities.shaking import of_frame
+from mechanism_sim.results.quantity import Quantity, Shown
+from mechanism_sim.results.view import View
+from mechanism_sim.scene import Machine
+from mechanism_sim.tables import Table
+
+SOURCES: tuple[Callable[[Machine], Iterator[Quantity]], ...] = (
+    of_coordinates, of_elastic_links, of_tilting_joints, of_contacts, of_joints, of_drives,
+    of_energy, of_points_of_elastic_links, of_readings, of_shafts, of_mass_centre, of_frame,
+    of_points, of_links,
+)  # fmt: skip
+"""In the order of tables; where two tell a quantity of the same name, the first does."""
+
+TIME = Quantity('t', 's', 'time', '', lambda view: view.t, counted=True)
+
+
+class Catalogue(Mapping[str, Quantity]):
+    """The quantities of a machine by name.
+
+    Parameters
+    ----------
+    machine : theirs
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self._known = {TIME.name: TIME}
+        for source in SOURCES:
+            for quantity in source(machine):
+                self._known.setdefault(quantity.name, quantity)
+
+    def __getitem__(self, name: str) -> Quantity:
+        return self._known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._known)
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def shown(self, least: Shown) -> list[str]:
+        """Names of the quantities of tables of a kind, in their order."""
+        return [name for name, quantity in self._known.items() if quantity.shown >= least]
+
+    def is_component(self, name: str) -> bool:
+        """Whether it is part of a vector of which the catalogue has the size, too."""
+        found = self._known[name]
+        whole = name.removesuffix(f'.{found.part}')
+        return found.part in ('x', 'y') and f'{whole}.size' in self._known
+
+    def below(self, name: str) -> list[str]:
+        """The quantity of this name, else those whose names begin with it, as ``position``.
+
+        Of these, those that stand in tables: ``position`` means that of coordinates.
+        """
+        if name in self._known:
+            return [name]
+        below = [known for known in self._known if known.startswith(f'{name}.')]
+        shown = max((self._known[known].shown for known in below), default=Shown.ASKED)
+        return [known for known in below if self._known[known].shown == shown]
+
+    def choose(self, names: Iterable[str]) -> list[str]:
+        """Names of the quantities that are asked for; ``position`` means all that begin so.
+
+        Raises
+        ------
+        InputError
+            If there is none of a name.
+        """
+        found: dict[str, None] = {}
+        for name in names:
+            found |= dict.fromkeys(self.below(name) or [self.find(name).name])
+        return [*found]
+
+    def find(self, name: str) -> Quantity:
+        """The quantity of a name; the size of a vector goes by its name without ``.size``.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        found = self._known.get(name) or self._known.get(f'{name}.size')
+        if found is None:
+            raise self.unknown(name)
+        return found
+
+    def unknown(self, name: str) -> InputError:
+        """Error: there is no quantity of this name."""
+        machine = self._machine
+        if name.startswith('motor.') and 'motor.torque' not in self._known:
+            return InputError(
+                f"{machine.name}: '{name}': the drive is no motor; drive_torque and "
+                f'velocity.{machine.main} are those of any drive'
+            )
+        kinds = dict.fromkeys(q.kind for q in self._known.values())
+        short = [*(known.removesuffix('.size') for known in self._known), *kinds]
+        why = '' if machine.physics.has_forces else '; its forces are not computed'
+        return InputError(
+            f"{machine.name}: there is no quantity '{name}'{nearest(name, short)}; quantities "
+            f'begin with {", ".join(kinds)}{why}'
+        )
+
+    def table(self, names: Iterable[str], view: View) -> Table:
+        """Quantities (N,) by name in a view of N instants, with their units."""
+        columns = self.columns(names, view)
+        return Table(columns, {name: self._known[name].unit for name in columns})
+
+    def columns(self, names: Iterable[str], view: View) -> dict[str, Array]:
+        """Quantities (N,) by name in a view of N instants."""
+        return {name: self._known[name].evaluate(view) for name in names}
+
+
+class Selection:
+    """Quantities of a machine by the names under which they are asked for, see `Catalogue.find`.
+
+    Attributes
+    ----------
+    units : SI units by these names
+    """
+
+    def __init__(self, machine: Machine, names: Iterable[str]) -> None:
+        known = catalogue(machine)
+        self._machine = machine
+        self._chosen = {name: known.find(name) for name in names}
+        self.units = {name: quantity.unit for name, quantity in self._chosen.items()}
+
+    def at(
+        self, motion: Motion, balance: EnergyTerms, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> dict[str, Array]:
+        """The quantities (N,) by name, at instants as those of ``motion.curve.at(segments, dt)``.
+
+        Parameters
+        ----------
+        balance : of the motion, for what was done so far
+        """
+        view = View(self._machine, motion, segments, dt, balance)
+        return {name: quantity.evaluate(view) for name, quantity in self._chosen.items()}
+
+
+def catalogue(machine: Machine) -> Catalogue:
+    """The catalogue of a machine, made once and kept with it."""
+    found: Catalogue | None = vars(machine).get('_catalogue')
+    if found is None:
+        found = vars(machine)['_catalogue'] = Catalogue(machine)
+    return found

@@ -1,0 +1,181 @@
+"""Forces in joints and on links; efforts of drives and loads; energies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.hybrid.physics import DynamicPhysics
+from mechanism_sim.planar.joint_friction import JointFriction
+from mechanism_sim.planar.mechanism import Joint, Revolute
+from mechanism_sim.planar.paths import Poses
+from mechanism_sim.planar.points import GROUND
+from mechanism_sim.results.quantity import Quantity, Shown, vector
+from mechanism_sim.results.view import View
+from mechanism_sim.scene import Machine
+
+
+def of_joints(machine: Machine) -> Iterator[Quantity]:
+    """``reaction.JOINT.x``, ``.y``, ``.moment``, ``.size``, ``.direction``.
+
+    Of the first-named on the second-named link; the moment is about the joint's point on the
+    latter, where the joint can transmit one.
+    """
+    if not machine.physics.has_forces:
+        return
+    rubbing = {friction.name: friction for friction in machine.plan.frictions(machine.mechanism)}
+    for i, joint in enumerate(machine.mechanism.joints):
+        friction = rubbing.get(joint.name)
+        moment = friction is not None or _transmits_moment(machine, joint)
+        yield from _of_joint(i, joint.name, moment)
+        if friction:
+            yield _loss(i, friction)
+
+
+def _of_joint(i: int, joint: str, transmits_moment: bool) -> Iterator[Quantity]:
+    name, words = f'reaction.{joint}', f'force in {joint}'
+
+    def force(view: View) -> Array:
+        return np.asarray(view.observed.reaction[i])
+
+    yield from vector(name, 'N', words, joint, force)
+    if transmits_moment:
+        yield Quantity(
+            f'{name}.moment', 'N m', f'moment in {joint}', joint,
+            lambda view: view.observed.reaction_moment[i], part='moment',
+        )  # fmt: skip
+    yield Quantity(
+        f'{name}.size', 'N', words, joint, lambda view: np.hypot(*force(view)), Shown.CYCLE, 'size'
+    )
+    yield Quantity(
+        f'{name}.direction', 'rad', f'direction of the {words}', joint,
+        lambda view: np.arctan2(*force(view)[::-1]), Shown.CYCLE, 'direction',
+    )  # fmt: skip
+
+
+def _loss(i: int, friction: JointFriction) -> Quantity:
+    def loss(view: View) -> Array:
+        o = view.observed
+        return friction.loss(o.reaction[i], o.reaction_moment[i], o.local, o.velocity)
+
+    words = f'power lost to friction in {friction.name}'
+    return Quantity(f'friction_loss.{friction.name}', 'W', words, friction.name, loss, Shown.CYCLE)
+
+
+def _transmits_moment(machine: Machine, joint: Joint) -> bool:
+    """Whether anything but friction in an ideal joint may transmit a moment there.
+
+    A pin in its bushing does by friction, whose force is not at the joint's point.
+    """
+    if not isinstance(joint, Revolute):
+        return True
+    gaps = machine.physics.system.gaps if isinstance(machine.physics, DynamicPhysics) else ()
+    return any(gap.friction and gap.joint == joint.name for gap in gaps)
+
+
+def of_links(machine: Machine) -> Iterator[Quantity]:
+    """``reaction.JOINT.LINK.along`` and ``.across``: force on a moving link, in its own frame."""
+    if not machine.physics.has_forces:
+        return
+    for i, joint in enumerate(machine.mechanism.joints):
+        for link, sign in ((joint.first, -1.0), (joint.second, 1.0)):
+            if link != GROUND:
+                yield from _on_link(i, joint.name, link, sign)
+
+
+def _on_link(i: int, joint: str, link: str, sign: float) -> Iterator[Quantity]:
+    def along(view: View) -> Array:
+        (ux, uy), (x, y) = _directions(view)[link], sign * view.observed.reaction[i]
+        return np.asarray(ux * x + uy * y)
+
+    def across(view: View) -> Array:
+        (ux, uy), (x, y) = _directions(view)[link], sign * view.observed.reaction[i]
+        return np.asarray(ux * y - uy * x)
+
+    for part, evaluate in (('along', along), ('across', across)):
+        yield Quantity(
+            f'reaction.{joint}.{link}.{part}', 'N', f'force of {joint} on {link}, {part} it',
+            joint, evaluate, Shown.ASKED, part,
+        )  # fmt: skip
+
+
+def _directions(view: View) -> dict[str, Array]:
+    """Unit vectors (2, N) along the links."""
+    poses = view.once('poses', lambda: Poses(view.machine.mechanism, view.observed.local))
+    return poses.along
+
+
+def of_drives(machine: Machine) -> Iterator[Quantity]:
+    """Efforts of drives and of unknown loads, and power.
+
+    ``drive_torque`` of the first drive, ``drive_torque.COORDINATE`` of each, ``load.NAME``,
+    ``drive_power``; ``motor.torque``, ``.speed``, ``.power`` of a motor behind its gear.
+    """
+    physics = machine.physics
+    if not physics.has_forces:
+        return
+    for i, coordinate in enumerate(physics.driven):
+        slides = coordinate in physics.displacements
+        unit, words = ('N', 'drive force') if slides else ('N m', 'drive torque')
+        effort = _effort(i)
+        if i == 0:
+            yield Quantity('drive_torque', unit, words, coordinate, effort)
+        several = Shown.CYCLE if len(physics.driven) > 1 else Shown.ASKED
+        yield Quantity(
+            f'drive_torque.{coordinate}', unit, f'{words} on {coordinate}', coordinate, effort,
+            Shown.RUN if i else several,
+        )  # fmt: skip
+    for i, (load, unit) in enumerate(physics.unknowns.items()):
+        yield Quantity(f'load.{load}', unit, f'load {load}', load, _load(i))
+    if physics.driven:
+        yield Quantity(
+            'drive_power', 'W', 'power of the drives', '',
+            lambda view: view.observed.drive_power, Shown.CYCLE,
+        )  # fmt: skip
+    yield from _of_motor(machine)
+
+
+def _effort(i: int) -> Callable[[View], Array]:
+    return lambda view: view.observed.drive_torque[i]
+
+
+def _load(i: int) -> Callable[[View], Array]:
+    return lambda view: view.observed.load[i]
+
+
+def _of_motor(machine: Machine) -> Iterator[Quantity]:
+    motor = machine.scene.drive.motor if machine.scene.drive else None
+    if motor is None:
+        return
+    i, ratio = machine.physics.coordinates.index(machine.main), motor.ratio
+    for name, unit, words, evaluate in (
+        ('torque', 'N m', 'torque', lambda view: view.observed.drive_torque[0] / ratio),
+        ('speed', 'rad/s', 'speed', lambda view: ratio * view.observed.velocity[i]),
+        ('power', 'W', 'power', lambda view: view.observed.drive_power),
+    ):
+        yield Quantity(
+            f'motor.{name}', unit, f'{words} of the motor', machine.main, evaluate, Shown.ASKED
+        )
+
+
+def of_energy(machine: Machine) -> Iterator[Quantity]:
+    """``energy.kinetic``, ``energy.potential``; ``energy.drive_work``, ``energy.dissipated``."""
+    if not machine.physics.has_forces:
+        return
+    yield Quantity(
+        'energy.kinetic', 'J', 'kinetic energy', '', lambda view: view.observed.kinetic_energy
+    )
+    yield Quantity(
+        'energy.potential', 'J', 'potential energy', '',
+        lambda view: view.observed.potential_energy,
+    )  # fmt: skip
+    yield Quantity(
+        'energy.drive_work', 'J', 'work of the drives', '', lambda view: view.drive_work,
+        cumulative=True,
+    )  # fmt: skip
+    yield Quantity(
+        'energy.dissipated', 'J', 'energy dissipated', '', lambda view: view.dissipated,
+        cumulative=True,
+    )  # fmt: skip

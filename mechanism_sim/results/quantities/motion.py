@@ -1,0 +1,106 @@
+"""Coordinates and named points of links: positions, velocities, accelerations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.paths import Paths
+from mechanism_sim.planar.points import LinkPoint, Point
+from mechanism_sim.results.quantity import Quantity, Shown, vector
+from mechanism_sim.results.view import View
+from mechanism_sim.scene import Machine
+
+RATES = {'position': '', 'velocity': '/s', 'acceleration': '/s^2'}
+"""Kinds of quantities of a motion, with what they add to the unit."""
+
+
+def tracks(mechanism: Mechanism, places: Sequence[LinkPoint | Point]) -> Callable[[View], Array]:
+    """Positions, velocities and accelerations (P, 3, 2, N) of points, compiled when needed."""
+    paths = cache(lambda: Paths(mechanism, places))
+
+    def track(view: View) -> Array:
+        o = view.observed
+        return paths()(o.local, o.velocity, o.acceleration)
+
+    return track
+
+
+def of_coordinates(machine: Machine) -> Iterator[Quantity]:
+    """``position.COORDINATE``, ``velocity.``, ``acceleration.`` of all coordinates."""
+    physics = machine.physics
+    for kind, per in RATES.items():
+        for i, coordinate in enumerate(physics.coordinates):
+            unit = ('m' if coordinate in physics.displacements else 'rad') + per
+            yield Quantity(
+                f'{kind}.{coordinate}', unit, f'{kind} of {coordinate}', coordinate, _row(kind, i)
+            )
+
+
+def _row(kind: str, i: int) -> Callable[[View], Array]:
+    return lambda view: getattr(view.observed, kind)[i]
+
+
+def named_points(machine: Machine) -> dict[str, LinkPoint]:
+    """The points that have a name, ``LINK.POINT``; of moving links the ``cog`` too."""
+    cogs = {f'{b.name}.cog': (b.name, b.cog) for b in machine.mechanism.bodies}
+    return cogs | {
+        f'{link}.{name}': (link, at)
+        for link, points in machine.plan.points.items()
+        for name, at in points.items()
+    }
+
+
+def choose_points(machine: Machine, names: Iterable[str]) -> dict[str, LinkPoint]:
+    """The points of these names, in this order."""
+    known = named_points(machine)
+    for name in names:
+        if name not in known:
+            raise InputError(
+                f"{machine.name} has no point '{name}'{nearest(name, known)}; a point is "
+                f'LINK.POINT: {", ".join(known)}'
+            )
+    return {name: known[name] for name in names}
+
+
+def of_points(machine: Machine) -> Iterator[Quantity]:
+    """``position.LINK.POINT.x`` and so on of all named points, in the world."""
+    for name, place in named_points(machine).items():
+        yield from _rates(name, name, _track(machine.mechanism, place), Shown.ASKED)
+
+
+def _track(mechanism: Mechanism, place: LinkPoint) -> Callable[[View], Array]:
+    """One point (3, 2, N)."""
+    track = tracks(mechanism, [place])
+    return lambda view: track(view)[0]
+
+
+def of_mass_centre(machine: Machine) -> Iterator[Quantity]:
+    """``position.mass_centre.x`` and so on of all moving links together."""
+    bodies = machine.mechanism.bodies
+    masses = np.array([body.mass for body in bodies])
+    if not machine.physics.has_forces or not masses.any():
+        return
+    centres = tracks(machine.mechanism, [machine.mechanism.centre(body.name) for body in bodies])
+
+    def centre(view: View) -> Array:
+        return np.asarray(np.tensordot(masses, centres(view), 1) / masses.sum())
+
+    yield from _rates('mass_centre', 'the mass centre', centre, Shown.CYCLE)
+
+
+def _rates(
+    name: str, words: str, track: Callable[[View], Array], shown: Shown
+) -> Iterator[Quantity]:
+    """Position, velocity and acceleration of a point, which `track` gives as (3, 2, N)."""
+
+    def rate(k: int) -> Callable[[View], Array]:
+        return lambda view: view.once(('track', name), lambda: track(view))[k]
+
+    for k, (kind, per) in enumerate(RATES.items()):
+        yield from vector(f'{kind}.{name}', f'm{per}', f'{kind} of {words}', name, rate(k), shown)
