@@ -14,7 +14,6 @@ from mechanism_sim.hybrid.dense_output import Motion, instants
 from mechanism_sim.hybrid.observer import Instants, Observer, TouchTerms
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
-from mechanism_sim.numerics.quadrature import SMOOTH, Rule
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
 from mechanism_sim.planar.protocols import EndGap
 from mechanism_sim.planar.switched_functions import Edges
@@ -93,10 +92,6 @@ class Physics(Protocol):
         """
 
     @property
-    def rule(self) -> Rule:
-        """Quadrature of powers on a segment, where they are not steep."""
-
-    @property
     def steep(self) -> bool:
         """Whether powers may vary within a segment in a way that no series foretells."""
 
@@ -113,7 +108,6 @@ class DynamicPhysics:
     """Equations of motion: accelerations and forces follow from state and mode of contact."""
 
     has_forces = True
-    rule = SMOOTH  # a step is a third of the radius of convergence
     unknowns: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, observer: Observer) -> None:

@@ -34,7 +34,6 @@ from mechanism_sim.numerics.polynomials import (
     fit_powers,
     shift_powers,
 )
-from mechanism_sim.numerics.quadrature import LONG
 from mechanism_sim.planar.branch import SAMPLES
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
@@ -417,7 +416,6 @@ class NominalPhysics:
 
     clearances: tuple[str, ...] = ()
     tilting: tuple[str, ...] = ()
-    rule = LONG  # pieces are as long as positions have a short series: powers vary faster
 
     def __init__(
         self, ideal: IdealMotion, mechanism: Mechanism, forces: InverseDynamics | None

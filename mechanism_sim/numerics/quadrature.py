@@ -168,9 +168,6 @@ def _powers() -> Rule:
 SMOOTH = _smooth(8)
 """For functions with a series about every point of an interval, its ends included."""
 
-LONG = _smooth(12)
-"""The same for longer intervals."""
-
 SECOND = _smooth(9)
 """The same with none of its nodes: what one of the two misses the other one may see."""
 
@@ -199,7 +196,7 @@ def integrate(
     in_order : whether the intervals follow each other, so that what was before tells what is
         rounding
     alike : whether the functions are of one kind, so that the largest of them tells it for all
-    smooth : `SMOOTH`, `LONG` or `SECOND`
+    smooth : `SMOOTH` or `SECOND`
     relative : error that is aimed at, of the integral of the magnitude; `RELATIVE` or `FORETOLD`
         if not given
     foretold : whether functions vary as fast as the steps of the motion say, and nothing else:
@@ -339,10 +336,9 @@ def _applied(x: Array, width: Array, rule: Rule) -> _Applied:
     """A rule applied to values (C, K n) at its nodes on intervals of some width (K,).
 
     Let E_2, E_4, E_6 be the larger coefficients of degrees 2 and 3, 4 and 5, 6 and 7 (of the rule
-    of 8 nodes; of more nodes they are those of the highest degrees). Where they fall as any power
-    of the degree, those from 16 on, of which the error consists, are about ``E_6 (E_6 / E_2)``.
-    The double exponential rule is taken to be as much better than at half of its nodes as that is
-    than nothing.
+    of 8 nodes). Where they fall as any power of the degree, those from 16 on, of which the error
+    consists, are about ``E_6 (E_6 / E_2)``. The double exponential rule is taken to be as much
+    better than at half of its nodes as that is than nothing.
     """
     shape = len(x), len(width)
     x = x.reshape(-1, len(rule.weights))
