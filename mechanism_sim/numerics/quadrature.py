@@ -295,9 +295,8 @@ class _Applied(NamedTuple):
         """
         with np.errstate(divide='ignore', invalid='ignore'):
             if foretold:
-                fall = (self.tail / self.first) ** 1.5
-                last = (self.tail / self.middle) ** 5 * (self.first / self.tail)
-                fall = np.fmin(fall, last)
+                four, two = self.tail / self.first, self.tail / self.middle
+                fall = np.fmin(four * np.sqrt(four), two * np.square(np.square(two)) / four)
             else:
                 later, earlier = np.log(self.tail / self.middle), np.log(self.middle / self.first)
                 steep = np.clip((later - 0.65 * earlier) / (0.2 * earlier), 0.0, 1.0)
