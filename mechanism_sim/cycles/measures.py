@@ -209,8 +209,7 @@ def run_measures(
 ) -> list[Measured]:
     """Measures of a fresh run; `length` as for `mechanism_sim.stream`."""
     taken = Measurement(machine, measures)
-    for piece in stream(machine, **length):
-        taken.add(piece)
+    stream(machine, observers=[taken.add], **length).finish()
     return taken.found()
 
 

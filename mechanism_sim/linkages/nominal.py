@@ -158,6 +158,11 @@ class NominalRun:
                 return
             self._add(end)
 
+    def motion(self, until: float) -> Motion:
+        """All of it up to a time [s]: where nothing but positions is wanted."""
+        self.advance(until, final=True)
+        return self.drain()[0]
+
     def preview(self, until: float) -> Motion | None:
         """How the motion goes on up to `until` [s], of what `advance` to there held back.
 

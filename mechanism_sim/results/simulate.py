@@ -7,13 +7,14 @@ a piece.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import Self
 
 import numpy as np
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import Audit, Energy, Work
+from mechanism_sim.hybrid.audit import Energy, Work
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.events import StopReason
@@ -21,6 +22,7 @@ from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.numerics.compiled import spent
 from mechanism_sim.planar.inverse_dynamics import NoLimit
+from mechanism_sim.results.run import Observer, Runner
 from mechanism_sim.results.solution import Piece, Solution, Stats
 from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine, span
@@ -28,13 +30,15 @@ from mechanism_sim.scene import Machine, span
 Progress = Callable[[float, int], None]
 """Called now and then with the simulated time [s] and the number of impacts so far."""
 
-_BATCH = 8192
-
 
 class Stream:
     """A run in pieces, each forgotten when the next one is asked for; iterate over it once.
 
     What does not grow with the run is kept here, and is up to date after every piece.
+
+    Parameters
+    ----------
+    observers : called with every piece before it is handed on
 
     Attributes
     ----------
@@ -44,22 +48,27 @@ class Stream:
     """
 
     def __init__(
-        self, machine: Machine, end: float, progress: Progress | None, resume: Snapshot | None
+        self,
+        machine: Machine,
+        end: float,
+        progress: Progress | None,
+        resume: Snapshot | None,
+        observers: Iterable[Observer] = (),
     ) -> None:
         self._wall_time = self._cpu_time = self._compile_time = 0.0
         self.machine = machine
         self.totals = Totals()
         self.no_limits: list[NoLimit] = []
         with self._timed():
-            self._run = machine.resume(resume) if resume else machine.start()
+            self._runner = Runner(machine, resume=resume)
+        self._run, self._audit = self._runner.engine, self._runner.audit
         if self._run.time >= end:
             raise InputError(
                 f'the snapshot is at {self._run.time:g} s already: ask for more than that'
             )
         self._end = end
         self._progress = progress
-        with self._timed():
-            self._audit = Audit(machine.physics)
+        self._observers = (self._count, *observers)
         self._snapshot: Snapshot | None = None
         self._last: Piece | None = None
 
@@ -74,42 +83,42 @@ class Stream:
         self._compile_time += compiling[0]
 
     def __iter__(self) -> Iterator[Piece]:
-        """Run on to the end.
+        """Run on to the end, up to the last step before it first, for the snapshot.
 
         Raises
         ------
         RunError
             If the integration breaks down, or the motion violates a gap.
         """
-        while self._run.time < self._end:
-            with self._timed():
-                piece = self._advance()
-            if self._progress:
-                self._progress(min(self._run.time, self._end), self.totals.impacts)
-            yield piece
+        for final in (False, True):
+            pieces = self._runner.to(self._end, self._observers, final)
+            while True:
+                with self._timed():
+                    piece = next(pieces, None)
+                if piece is None:
+                    break
+                if self._progress:
+                    self._progress(min(self._run.time, self._end), self.totals.impacts)
+                yield piece
+            if self._snapshot is None:
+                self._snapshot = self.machine.snapshot(self._run)
+            if self._run.time >= self._end:
+                break
 
-    def _advance(self) -> Piece:
-        """The next piece; steps up to the last one before the end first, for the snapshot."""
-        run, physics = self._run, self.machine.physics
-        if self._snapshot is None:
-            steps = run.steps
-            run.advance(self._end, most=_BATCH)
-            if run.steps - steps < _BATCH:
-                self._snapshot = self.machine.snapshot(run)
-        else:
-            run.advance(self._end, final=True)
-        motion, impacts, changes = run.drain()
-        before = self._audit.drive_work, self._audit.dissipated
-        work = self._audit.add(motion, impacts)
-        self._audit.judge(self.machine.allowed_penetration)
-        self.totals.add(impacts, changes)
-        for found in physics.no_limits(motion):
+    def finish(self) -> Self:
+        """Run on to the end, for its observers; returns itself."""
+        for _ in self:
+            pass
+        return self
+
+    def _count(self, piece: Piece) -> None:
+        """Enter a piece in what is kept here."""
+        self.totals.add(piece.impacts, piece.modes)
+        for found in self.machine.physics.no_limits(piece.motion):
             if not (self.no_limits and found.is_at(self.no_limits[-1].t)):
                 self.no_limits.append(found)
-        piece = Piece(self.machine, motion, EnergyTerms(work, impacts, *before), impacts, changes)
-        if len(motion):
+        if len(piece.motion):
             self._last = piece
-        return piece
 
     @property
     def duration(self) -> float:
@@ -167,14 +176,15 @@ def stream(
     duration: float | None = None,
     progress: Progress | None = None,
     resume: Snapshot | None = None,
+    observers: Iterable[Observer] = (),
 ) -> Stream:
     """Run a machine piece by piece, in memory that does not grow with the length of the run.
 
     ``for piece in stream(machine, revolutions=100_000): ...`` gives a `Piece` of some thousand
     steps at a time, which can be sampled as a whole solution can. The arguments are those of
-    `simulate`.
+    `simulate`; `observers` are called with every piece, as ``digest.add``.
     """
-    return Stream(machine, span(machine, revolutions, duration), progress, resume)
+    return Stream(machine, span(machine, revolutions, duration), progress, resume, observers)
 
 
 def simulate(

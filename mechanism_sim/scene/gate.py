@@ -202,7 +202,7 @@ def _try_loops(machine: Machine, duration: float) -> None:
 
 def _advance(machine: Machine, run: NominalRun, duration: float) -> None:
     try:
-        run.advance(duration, final=True)
+        run.motion(duration)
     except RunError as error:
         raise InputError(
             f'{machine.name}: {error}; change the lengths, or keep the drive within limits by a '

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Protocol
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Impact, ModeChange
@@ -168,10 +167,3 @@ class Machine(DynamicModel):
             If there is no such sensor.
         """
         return inertial_unit(self, name)
-
-    def prepare(self) -> None:
-        """Compile all that a run will need, so that it does not wait later."""
-        run = self.start()
-        run.advance(1e-6 * min(self.period, 1.0), final=True, most=1)
-        motion, *_ = run.drain()
-        Audit(self.physics).add(motion, [])
