@@ -34,6 +34,7 @@ import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
+from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.results.run import prepare
 from mechanism_sim.results.solution import Piece
@@ -48,6 +49,10 @@ LONGEST_CYCLE = 240
 PLACES = 64
 """Instants of a revolution that are compared."""
 SAME = 1e-7  # [rad, or its size] what is so near to where it was a cycle ago has come back
+WITH_TURNS = (
+    'cam_angle', 'first_position', 'second_position', 'driver_angle', 'driven_position',
+)  # fmt: skip
+"""Readings of joints that count turns, as their coordinates do."""
 SUMS = 'energy.drive_work', 'energy.dissipated'
 
 
@@ -157,16 +162,15 @@ class Revolutions:
             t = times[(times >= curve.start[0]) & (times < curve.end)]
             if not t.size:
                 continue
-            found = dict(piece.sample(t, *piece.catalogue.shown(Shown.PARTS)))
+            known = piece.catalogue
+            names = [n for n in known.shown(Shown.PARTS) if known[n].kind not in WITH_TURNS]
+            found = dict(piece.sample(t, *names))
             local = curve.local(*curve.find(t)).T
             for c, row in zip(self.machine.physics.coordinates, local, strict=True):
                 found[f'position.{c}'] = row
             parts.append(found)
-        names = {n for x in parts for n in x} - {'t'}  # moments that are zero may lack
-        return {
-            n: np.concatenate([x.get(n, np.zeros(len(x['t']))) for x in parts])
-            for n in sorted(names)
-        }
+        names = sorted({n for x in parts for n in x} - {'t'})
+        return {n: np.concatenate([x[n] for x in parts]) for n in names}
 
     def _sizes(self, columns: dict[str, Array]) -> dict[str, float]:
         """What differences are measured by: the largest of a kind, if its own is but rounding."""
@@ -175,11 +179,14 @@ class Revolutions:
             kind, size = name.partition('.')[0], float(np.nanmax(np.abs(x), initial=0.0))
             largest[kind] = max(largest.get(kind, 0.0), size)
         found, displacements = {}, self.machine.physics.displacements
+        known = catalogue(self.machine)
         for name, x in columns.items():
             kind, _, c = name.partition('.')
             found[name] = max(float(np.nanmax(np.abs(x), initial=0.0)), 1e-6 * largest[kind])
             if kind == 'position' and c not in displacements:
                 found[name] = 2.0 * math.pi
+            if known[name].difference:
+                found[name] = max(found[name], self.machine.mechanism.size)
         return {name: size for name, size in found.items() if size > 0.0}
 
 

@@ -154,10 +154,7 @@ def _shaped(peak: Peak, shape: PeakShape | None) -> Peak:
     return replace(peak, duration=shape.duration, impulse=shape.impulse, whole=shape.whole)
 
 
-_OF_BEARINGS = (
-    ('bearing_force', 'size'), ('bearing_force', 'axial'), ('bearing_moment', 'size'),
-    ('axial_force', ''),
-)  # fmt: skip
+_OF_BEARINGS = ('bearing_force', 'size'), ('bearing_force', 'axial'), ('bearing_moment', 'size')
 
 
 class BearingCollector:
@@ -172,6 +169,7 @@ class BearingCollector:
             quantity.name
             for quantity in catalogue(machine).values()
             if (quantity.kind, quantity.part) in _OF_BEARINGS
+            or (quantity.kind == 'axial_force' and quantity.of in machine.physics.tilting)
         ]
         groups = ['moment' if self._is_moment(x) else 'force' for x in self._columns]
         self._search = ExtremeSearch(groups)

@@ -126,10 +126,13 @@ def test_a_machine_moves_after_days_and_many_turns_as_at_first(name):
     t = np.round(np.linspace(0.0, a.end, 43)[1:-1] * 2.0**30) / 2.0**30
     names = near.catalogue.shown(Shown.PARTS)
     one, two = near.sample(t, *names), far.sample(t + float(LATE), *names)
-    for column in one.keys() - {'t', *(f'position.{c}' for c in machine.physics.coordinates)}:
+    for column in one.keys() - {'t'}:
         kind = column.partition('.')[0]
         size = max(np.abs(x).max() for n, x in one.items() if n.partition('.')[0] == kind)
-        assert two[column] == pytest.approx(one[column], rel=1e-9, abs=1e-9 * size), column
+        off = two[column] - one[column]
+        if one.units[column] == 'rad':  # it counts turns, which cost digits
+            off, size = np.remainder(off + np.pi, 2.0 * np.pi) - np.pi, size + 0.1 * OFTEN
+        assert np.abs(off).max() <= 1e-9 * size, column
 
 
 @pytest.mark.parametrize('name', quick_and_deep(('geneva', 'gear_box', 'valve_train')))

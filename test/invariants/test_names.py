@@ -140,8 +140,8 @@ def test_units_of_columns_do_not_depend_on_names() -> None:
     known = catalogue(machine)
     assert known['position.moment'].unit == 'rad'
     assert known['velocity.direction'].unit == 'rad/s'
-    assert known['position.direction'].part == known['gap.moment'].part == ''
-    assert known['reaction.x.y'].part == known['shaking_force.y'].part == 'y'
+    assert known['position.direction'].part == known['velocity.moment'].part == ''
+    assert known['reaction.base.y'].part == known['shaking_force.y'].part == 'y'
 
 
 def test_a_name_that_a_formula_cannot_tell_apart_is_refused() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bags import recorded
+from bags import write_bag
 from builders import simulated
 
 import mechanism_sim as ms
@@ -85,7 +85,7 @@ def test_measures_and_cycles_take_every_quantity(runs, name):
 @pytest.mark.parametrize('name', ['four_bar_clearance', 'offset_roller_cam', 'gear_rattle'])
 def test_a_bag_tells_the_same_to_the_last_bit(tmp_path, name):
     solution = ms.simulate(ms.load_scene(name), duration=0.02)
-    record = read_record(recorded(tmp_path / 'run.mcap', simulated(name, duration=0.02)))
+    record = read_record(write_bag(tmp_path / 'run.mcap', simulated(name, duration=0.02)))
     t = np.linspace(0.0, 0.02, 50)
     names = [n for n, q in solution.catalogue.items() if not q.cumulative]
     assert names == [n for n, q in record.piece.catalogue.items() if not q.cumulative]

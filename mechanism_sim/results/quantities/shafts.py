@@ -44,7 +44,9 @@ def of_shafts(machine: Machine) -> Iterator[Quantity]:
             yield from _on_shaft(joint.name, i, link)
     for shaft, names in shafts_of(machine).items():
         for i, bearing in enumerate(names):
-            yield from _of_bearing(shaft, i, bearing, bearing == _locating(machine, shaft))
+            yield from _of_bearing(shaft, i, bearing)
+        if (locating := _locating(machine, shaft)) in names:
+            yield _axial(shaft, names.index(locating), locating)
 
 
 def _on_shaft(joint: str, i: int, link: str) -> Iterator[Quantity]:
@@ -58,7 +60,7 @@ def _on_shaft(joint: str, i: int, link: str) -> Iterator[Quantity]:
         )
 
 
-def _of_bearing(shaft: str, i: int, bearing: str, locates: bool) -> Iterator[Quantity]:
+def _of_bearing(shaft: str, i: int, bearing: str) -> Iterator[Quantity]:
     name, words = f'bearing_force.{shaft}.{bearing}', f'force of bearing {bearing} on {shaft}'
 
     def force(view: View) -> Array:
@@ -68,11 +70,14 @@ def _of_bearing(shaft: str, i: int, bearing: str, locates: bool) -> Iterator[Qua
     yield Quantity(
         f'{name}.size', 'N', words, shaft, lambda view: np.hypot(*force(view)), Shown.PARTS, 'size'
     )
-    if locates:
-        yield Quantity(
-            f'{name}.axial', 'N', f'axial {words}', shaft,
-            lambda view: bearing_loads(view)[shaft].axial[i], Shown.PARTS, 'axial',
-        )  # fmt: skip
+
+
+def _axial(shaft: str, i: int, bearing: str) -> Quantity:
+    return Quantity(
+        f'bearing_force.{shaft}.{bearing}.axial', 'N',
+        f'axial force of bearing {bearing} on {shaft}', shaft,
+        lambda view: bearing_loads(view)[shaft].axial[i], Shown.PARTS, 'axial',
+    )  # fmt: skip
 
 
 def _locating(machine: Machine, shaft: str) -> str:
