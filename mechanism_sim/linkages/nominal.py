@@ -32,7 +32,6 @@ from mechanism_sim.numerics.polynomials import (
     chebyshev_coefficients,
     chebyshev_nodes,
     fit_powers,
-    shift_powers,
 )
 from mechanism_sim.planar.branch import SAMPLES
 from mechanism_sim.planar.drive import DriveLaw, Law
@@ -103,6 +102,8 @@ class NominalRun:
         self._hidden = HiddenEdges(guards, names, edges.parameters) if edges and guards else None
         self._loads = LoadsOnPieces(steep, names, parameters, _NODES) if steep else None
         self._laws = list(laws)
+        #: the laws about a time, which is another object where they change
+        self._about: tuple[Fraction | None, list[tuple[int, tuple[float, ...]]]] = None, []
         self._scale = np.array(
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
         )
@@ -150,6 +151,7 @@ class NominalRun:
                     law = self._coming.popleft()
                     names = [known.coordinate for known in self._laws]
                     self._laws[names.index(law.coordinate)] = law
+                    self._about = None, []
                 continue
             if end > until:
                 if final and self._time < until:
@@ -181,6 +183,13 @@ class NominalRun:
         motion.curve.duration[-1] = float(until - start)
         return motion
 
+    @property
+    def _local(self) -> list[tuple[int, tuple[float, ...]]]:
+        """Whole turns now, and the law in powers of the time from now on, of every drive."""
+        if self._about[0] is not self._time:
+            self._about = self._time, [law.about(self._time) for law in self._laws]
+        return self._about[1]
+
     def _usual_end(self) -> Fraction:
         """Where the next piece ends unless something shortens it [s]."""
         return self._time + Fraction(self._share * self._width())
@@ -188,8 +197,7 @@ class NominalRun:
     def _width(self) -> float:
         """Time [s] in which the fastest drive goes through one usual piece, or a short while."""
         widths = [_LONGEST]
-        for law, i in zip(self._laws, self._ideal.driven, strict=True):
-            _, local = law.about(self._time)
+        for (_, local), i in zip(self._local, self._ideal.driven, strict=True):
             way = 2.0 * np.pi * self._scale[i] / _PIECES_PER_TURN
             widths += [(way / abs(c)) ** (1.0 / k) for k, c in enumerate(local) if k and c]
         return float(min(widths))
@@ -268,8 +276,7 @@ class NominalRun:
     def _fitted(self, values: Array, h: float) -> Array:
         """Coefficients (n, m) of powers of the time through values at nodes; laws as they are."""
         coefficients = fit_powers(values, h)
-        for law, i in zip(self._laws, self._ideal.driven, strict=True):
-            _, local = law.about(self._time)
+        for (_, local), i in zip(self._local, self._ideal.driven, strict=True):
             coefficients[i] = 0.0
             coefficients[i, : len(local)] = local
         return coefficients
@@ -277,7 +284,7 @@ class NominalRun:
     def _resolved(self, piece: Piece) -> float:
         """Share of a piece on which its nodes tell all of its loads."""
         assert self._loads is not None  # noqa: S101 - nobody asks otherwise
-        rates = [abs(law.about(self._time)[1][1]) for law in self._laws if law.degree]
+        rates = [abs(local[1]) for _, local in self._local if len(local) > 1]
         return self._loads.share(piece, max(rates, default=0.0))
 
     def _before_switch(self, h: float, looked: Sequence[float] = ()) -> float:
@@ -325,7 +332,7 @@ class NominalRun:
         q = self._followed(times)[0] if follow else self._driven(times)
         v = np.zeros_like(q)
         if edges.rated:
-            driven = [law.about(self._time)[1] for law in self._laws]
+            driven = [local for _, local in self._local]
             v_p, a_p = (
                 np.array([polynomial.polyval(times, polynomial.polyder(c, m)) for c in driven])
                 for m in (1, 2)
@@ -349,8 +356,7 @@ class NominalRun:
         """
         q = self._driven(times)
         now = np.zeros((3, len(self._laws)))
-        for row, law in enumerate(self._laws):
-            _, local = law.about(self._time)
+        for row, (_, local) in enumerate(self._local):
             now[: len(local), row] = local[:3]
         now[2] *= 2.0
         driven = q[self._ideal.driven]
@@ -359,11 +365,9 @@ class NominalRun:
     def _driven(self, times: Array) -> Array:
         """The same, zero for those that follow."""
         q = np.zeros((len(self._last), len(times)))
-        for law, i in zip(self._laws, self._ideal.driven, strict=True):
-            self._turns[i], local = law.about(self._time)
-            self._last[i] = local[0]
-            rows = np.repeat(np.array([local]), len(times), axis=0)
-            q[i] = shift_powers(rows, times)[:, 0]
+        for (turns, local), i in zip(self._local, self._ideal.driven, strict=True):
+            self._turns[i], self._last[i] = turns, local[0]
+            q[i] = polynomial.polyval(times, local)
         return q
 
     @property
