@@ -301,11 +301,12 @@ def work_in(
         powers, parts, flags, known[:count], in_order,
         alike=True, foretold=not steep,
     )  # fmt: skip
-    value, error, largest, _ = own
+    value, error, largest = own.value, own.error, own.largest
     if takes and steep:
         load = integrate(
             lambda k, dt: physics.load_power(motion, k, dt)[None],
-            parts, flags, known[2:], in_order, smooth=SECOND,
+            parts, flags, known[2:], in_order,
+            smooth=SECOND, beside=own.running.max(axis=0, initial=0.0),
         )  # fmt: skip
         value, error = np.append(value, load.value, axis=0), np.append(error, load.error, axis=0)
         largest = np.append(largest, load.largest)

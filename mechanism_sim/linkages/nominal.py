@@ -688,9 +688,12 @@ class NominalPhysics:
         left = self._ideal.left_open(motion.curve.local(segments, dt).T)
         lost, load = seen.friction_power, None
         if self._forces is not None and self.takes_power:
-            more = self._forces.loses_more
             load = None if self.steep else lost
-            lost = lost - self.load_power(motion, segments, dt) if more else np.zeros_like(lost)
+            if self._forces.loses_more:
+                q, v = seen.position, seen.velocity
+                lost = lost - self._load_power(q, v, motion.curve, segments, dt)
+            else:
+                lost = np.zeros_like(lost)
         energies = seen.kinetic_energy, seen.potential_energy
         return Account(seen.normal_force, lost, seen.drive_power, *energies, left, load)
 
@@ -707,8 +710,18 @@ class NominalPhysics:
 
     def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Power (N,) [W] that springs, dampers and loads take."""
+        q, v, _, _ = self._motion(motion.curve, segments, dt)
+        return self._load_power(q, v, motion.curve, segments, dt)
+
+    def _load_power(
+        self,
+        q: Array,
+        v: Array,
+        curve: PiecewisePolynomial,
+        segments: NDArray[np.intp],
+        dt: Array | Nodes,
+    ) -> Array:
+        """The same, where coordinates and rates are known."""
         assert self._forces is not None  # noqa: S101 - nobody asks otherwise
-        curve = motion.curve
-        q, v, _, _ = self._motion(curve, segments, dt)
         acting = rows(self._forces.edges, self.coordinates, curve, segments, dt)
         return self._forces.load_power(q, v, self._outside(curve, segments, dt), acting)
