@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.problem import Answer
 from mechanism_sim.linkages.forces import AppliedForce
-from mechanism_sim.numerics.formula import Words, expression, names
+from mechanism_sim.numerics.formula import Words, expression, read
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
@@ -174,7 +174,8 @@ class Tree:
             guide = self.mechanism.tree_joints.get(getattr(load, 'point', [''])[0])
             if not isinstance(load, AppliedForce) or not isinstance(guide, Prismatic):
                 raise NotImplementedError('only forces on guided links are known here')
-            used = sorted({x for part in load.force if isinstance(part, str) for x in names(part)})
+            texts = [part for part in load.force if isinstance(part, str)]
+            used = sorted({x for text in texts for x in read(text).names})
             known = {name: hy.expression(name) for name in used}
             x, y = (expression(str(part), Words(known)) for part in load.force)
             axis = rotate((1.0, 0.0), guide.axis)

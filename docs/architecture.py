@@ -27,7 +27,7 @@ WORDS = {
     'sweep': 'many runs, a table',
     'messages': 'message classes, events',
     'recording': 'MCAP read and write',
-    'cycles': 'columns, extremes, measures',
+    'results': 'runs, quantities by name, cycles, measures',
     'scene': 'YAML to machine, kinds of joints, sensors, loads',
     'sensing': 'instruments',
     'linkages': 'gaps, slots',

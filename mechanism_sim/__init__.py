@@ -53,7 +53,7 @@ _postpone_sympy()
 def __getattr__(name: str) -> _Any:
     """The public functions, imported when first used: most commands need few of the rooms."""
     if name == 'cycle':
-        from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
+        from mechanism_sim.results.cycle import cycle  # noqa: PLC0415
 
         return cycle
     if name == 'equations':
@@ -61,7 +61,7 @@ def __getattr__(name: str) -> _Any:
 
         return equations
     if name == 'measure':
-        from mechanism_sim.cycles.measures import measure  # noqa: PLC0415
+        from mechanism_sim.results.measures import measure  # noqa: PLC0415
 
         return measure
     if name in ('explore', 'play'):

@@ -103,17 +103,24 @@ class _Unit(NamedTuple):
     hertz: bool
 
 
+def _powers(text: str) -> list[tuple[str, int]]:
+    """The units in a product, and their powers."""
+    return [
+        (name, int(exponent or 1) * (-1 if operator.strip() == '/' else 1))
+        for operator, name, exponent in _FACTOR.findall(text)
+    ]
+
+
 @lru_cache
 def _common_unit(text: str) -> _Unit | None:
     """A product of different common units, without pint; none for anything else."""
-    factors = _FACTOR.findall(text)
-    names = {name for _, name, _ in factors}
+    factors = _powers(text)
+    names = {name for name, _ in factors}
     if _FACTOR.sub('', text) or len(names) < len(factors) or not names <= _KNOWN.keys():
         return None
     product, powers = Decimal(1), [0, 0, 0]
-    for operator, name, exponent in factors:
+    for name, power in factors:
         factor, *own = _KNOWN[name]
-        power = int(exponent or 1) * (-1 if operator.strip() == '/' else 1)
         product *= factor**power
         powers = [total + power * p for total, p in zip(powers, own, strict=True)]
     return _Unit(product, powers, not names.isdisjoint(_ANGULAR), not names.isdisjoint(_HERTZ))
@@ -180,8 +187,7 @@ def read_common(number: str, unit: str) -> Measure:
     if known is None:
         raise ValueError(f"'{unit}' is not a product of different units: {', '.join(_KNOWN)}")
     si = ''
-    for operator, name, exponent in _FACTOR.findall(unit):
-        power = int(exponent or 1) * (-1 if operator.strip() == '/' else 1)
+    for name, power in _powers(unit):
         si = product(si, _SI_NAMES.get(name, name), power)
     return Measure(float(Decimal(number) * known.factor), si)
 
@@ -190,8 +196,8 @@ def product(a: str, b: str, power: int = 1) -> str:
     """The SI unit of a quantity in `a` times one in `b` to a power; angles give way to others."""
     powers: Counter[str] = Counter()
     for text, sign in ((a, 1), (b, power)):
-        for operator, name, exponent in _FACTOR.findall(text):
-            powers[name] += sign * int(exponent or 1) * (-1 if operator.strip() == '/' else 1)
+        for factor, own in _powers(text):
+            powers[factor] += sign * own
     if {name for name, n in powers.items() if n} - {'rad', 's'}:
         del powers['rad']
     name = _PLAIN.get(frozenset((name, n) for name, n in powers.items() if n))
@@ -206,6 +212,16 @@ def product(a: str, b: str, power: int = 1) -> str:
         for sign in (1, -1)
     )
     return '/'.join([' '.join(above) or '1' * bool(below), *below])
+
+
+def root(unit: str) -> str | None:
+    """The unit whose square this is; none of an odd power."""
+    found = ''
+    for name, power in _powers(unit):
+        if power % 2:
+            return None
+        found = product(found, name, power // 2)
+    return found
 
 
 _PLAIN = {

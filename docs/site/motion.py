@@ -26,13 +26,13 @@ import mechanism_sim as ms
 from mechanism_sim import strict_json
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.catalogue import scene_names
-from mechanism_sim.cycles.cycle import is_steady
 from mechanism_sim.export.skeleton import bounds
 from mechanism_sim.messages.events import describe
 from mechanism_sim.pages import report
 from mechanism_sim.pages.assets import import_map, styles
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.recorded import Recorded, frames_at, instants, recorded
+from mechanism_sim.results.cycle import is_steady
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / 'build' / 'runs'

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.means import Mean, impact_means
+from mechanism_sim.results.means import Mean, impact_means
 
 _SLACK = 1e-9  # a revolution that is full but for rounding is full
 

@@ -165,12 +165,15 @@ class BearingCollector:
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
-        self._columns = [
-            quantity.name
+        chosen = [
+            quantity
             for quantity in catalogue(machine).values()
             if (quantity.kind, quantity.part) in _OF_BEARINGS
             or (quantity.kind == 'axial_force' and quantity.of in machine.physics.tilting)
         ]
+        of = [*dict.fromkeys(quantity.of for quantity in chosen)]
+        chosen.sort(key=lambda q: (of.index(q.of), q.part == 'axial'))
+        self._columns = [quantity.name for quantity in chosen]
         groups = ['moment' if self._is_moment(x) else 'force' for x in self._columns]
         self._search = ExtremeSearch(groups)
         self._outlines = PeakOutlines(self._values, len(groups))

@@ -8,9 +8,9 @@ from pathlib import Path
 from mechanism_sim.analysis.record import machine_of
 from mechanism_sim.analysis.signals import Signal, SignalCollector
 from mechanism_sim.analysis.topics import find_topics
-from mechanism_sim.cycles.sensor_record import STRETCHES, SensorRecord
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.recording import Bag, read_bag
+from mechanism_sim.results.sensor_record import STRETCHES, SensorRecord
 from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.sensing.features import FEWEST
 

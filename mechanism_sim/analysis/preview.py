@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.cycle import Cycle, cycle, is_steady
 from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.export.stage import Stage, Swaying, stage_of
 from mechanism_sim.hybrid.peaks import LoadPeaks
+from mechanism_sim.results.cycle import Cycle, cycle, is_steady
 from mechanism_sim.scene import Machine
 
 

@@ -15,7 +15,7 @@ from mechanism_sim.analysis.modes import JointModes
 from mechanism_sim.analysis.parts import PARTS, PartSummary
 from mechanism_sim.analysis.summary import Summary
 from mechanism_sim.analysis.vibration import SensorSummary
-from mechanism_sim.cycles.means import Mean
+from mechanism_sim.results.means import Mean
 from mechanism_sim.text_table import Cell
 
 ROWS = 12  # of a table of revolutions, before its middle is left out

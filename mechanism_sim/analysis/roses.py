@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.means import impact_means
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.results.means import impact_means
 
 MARKED = 6  #: impacts marked in [SB] 8.11
 

@@ -11,13 +11,13 @@ import numpy as np
 
 from mechanism_sim.analysis.message_paths import Filter, Items, MessagePath
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.cycle import Cycle
-from mechanism_sim.cycles.extremes import search
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import type_name
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.recording import Bag, displacements
 from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.cycle import Cycle
+from mechanism_sim.results.extremes import search
 from mechanism_sim.results.solution import Piece
 from ros_interfaces.stamps import seconds
 

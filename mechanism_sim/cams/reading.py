@@ -33,8 +33,8 @@ class CamReading(NamedTuple):
     speeds count counterclockwise about a cam that turns clockwise, as in `Touch`.
     """
 
-    cam_angle: Annotated[Array, Told('rad or m', 'cam angle', 'first')]
-    cam_speed: Annotated[Array, Told('rad/s or m/s', 'cam speed', 'first')]
+    cam_angle: Annotated[Array, Told('rad or m', 'cam angle', 'first', repeats=True)]
+    cam_speed: Annotated[Array, Told('rad/s or m/s', 'cam speed', 'first', repeats=True)]
     lift: Annotated[Array, Told('rad or m', 'lift by the law')]
     follower_position: Annotated[Array, Told('rad or m', 'follower from the base circle')]
     follower_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of the follower')]

@@ -97,10 +97,10 @@ def add(command: Command) -> None:
 
 
 def _cycle(options: argparse.Namespace) -> int:
-    from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
-    from mechanism_sim.cycles.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.report import cycle as report  # noqa: PLC0415
     from mechanism_sim.report import figures, measured, progress, tables  # noqa: PLC0415
+    from mechanism_sim.results.cycle import cycle  # noqa: PLC0415
+    from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
 
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     if options.output:
@@ -139,8 +139,8 @@ def _draw(options: argparse.Namespace) -> int:
         refuse_options(options, _PICTURE, 'does not apply to --profile')
         return _profile(options)
     refuse_options(options, ['table', 'gear', 'friction'], 'goes with --profile')
-    from mechanism_sim.cycles.cycle import instant  # noqa: PLC0415
     from mechanism_sim.report import drawing, figures, progress  # noqa: PLC0415
+    from mechanism_sim.results.cycle import instant  # noqa: PLC0415
 
     machine = read_machine(options)
     if not machine.mechanism.deformations:

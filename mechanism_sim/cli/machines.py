@@ -81,7 +81,7 @@ def _check(options: argparse.Namespace) -> int:
 
     machine = read_machine(options, remarks=False)
     if machine.scene.measures:
-        from mechanism_sim.cycles.measures import check_measures  # noqa: PLC0415
+        from mechanism_sim.results.measures import check_measures  # noqa: PLC0415
 
         check_measures(machine, machine.scene.measures, f'{machine.name}: measures')
     report = check(machine)

@@ -12,7 +12,7 @@ from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
-    from mechanism_sim.cycles.measure_text import Measure
+    from mechanism_sim.results.measure_text import Measure
     from mechanism_sim.scene import Machine
 
     Options = argparse.ArgumentParser | argparse._ArgumentGroup
@@ -134,7 +134,7 @@ def measure_option(sub: argparse.ArgumentParser) -> None:
 
 def read_measures(options: argparse.Namespace, machine: Machine) -> list[Measure]:
     """The measures of a scene, and those on a command line."""
-    from mechanism_sim.cycles.measure_text import read_all  # noqa: PLC0415
+    from mechanism_sim.results.measure_text import read_all  # noqa: PLC0415
 
     if not machine.scene.measures and not options.measures:
         return []

@@ -75,12 +75,12 @@ def add(command: Command) -> None:
 def _report(options: argparse.Namespace) -> int:
     if options.other or options.others:
         return _compare(options)
-    from mechanism_sim.cycles.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.pages import report  # noqa: PLC0415
     from mechanism_sim.pages.charts import sections  # noqa: PLC0415
     from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
     from mechanism_sim.report import measured, progress  # noqa: PLC0415
     from mechanism_sim.report.charts.chart import Section  # noqa: PLC0415
+    from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
 
     file = output.check_path(
         '--output', options.output or f'{Path(options.scene).stem}.html', '.html', '.htm'

@@ -74,12 +74,12 @@ def add(command: Command) -> None:
 
 
 def _solve(options: argparse.Namespace) -> int:
-    from mechanism_sim.cycles.means import ImpactTally  # noqa: PLC0415
-    from mechanism_sim.cycles.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.hybrid.digest import MotionDigest  # noqa: PLC0415
     from mechanism_sim.hybrid.events import Impact, ModeChange  # noqa: PLC0415
     from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
     from mechanism_sim.report import measured, progress, summary  # noqa: PLC0415
+    from mechanism_sim.results.means import ImpactTally  # noqa: PLC0415
+    from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.results.simulate import stream  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 

@@ -158,7 +158,7 @@ def _problem(job: Job, link: Connection) -> str:
 
 
 def _work(job: Job, link: Connection) -> None:
-    from mechanism_sim.cycles.measures import check_measures  # noqa: PLC0415
+    from mechanism_sim.results.measures import check_measures  # noqa: PLC0415
     from mechanism_sim.results.simulate import simulate  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
     from mechanism_sim.scene.build import build  # noqa: PLC0415

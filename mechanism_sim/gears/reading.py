@@ -32,10 +32,12 @@ class GearReading(NamedTuple):
     how far the first is ahead.
     """
 
-    first_position: Annotated[Array, Told('rad or m', 'angle of {first}', 'first')]
-    first_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of {first}', 'first')]
-    second_position: Annotated[Array, Told('rad or m', 'angle of {second}')]
-    second_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of {second}')]
+    first_position: Annotated[Array, Told('rad or m', 'angle of {first}', 'first', repeats=True)]
+    first_velocity: Annotated[
+        Array, Told('rad/s or m/s', 'speed of {first}', 'first', repeats=True)
+    ]
+    second_position: Annotated[Array, Told('rad or m', 'angle of {second}', repeats=True)]
+    second_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of {second}', repeats=True)]
     transmission_error: Annotated[Array, Told('m', 'transmission error', difference=True)]
     tooth_force: Annotated[Array, Told('N', 'force normal to the teeth')]
     tangential_force: Annotated[Array, Told('N', 'force on {second} along the pitch line')]

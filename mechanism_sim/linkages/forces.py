@@ -304,14 +304,15 @@ class AppliedForce(_Element):
         frames.formulas.add(self.name)
         known = {'x': x.value, 'y': y.value, 'vx': x.rate, 'vy': y.rate}
         angles = {}
-        for name in formula.names(given) - known.keys() - {'t'}:
+        names = formula.read(given, self.tables).names
+        for name in [n for n in names if n not in known and n != 't']:
             if all(name != body.name for body in self.mechanism.bodies):
                 known[name] = self._motion(frames, name.removesuffix('_rate')).rate
             elif name in self.guided:
                 known[name] = self._motion(frames, name).value
             else:
                 angles[name] = self._turned(frames, name)
-        if 't' in formula.names(given):
+        if 't' in names:
             known['t'] = frames.time
         count = itertools.count()
 

@@ -45,12 +45,14 @@ class GenevaReading(NamedTuple):
     """An intermittent drive at N instants; forces are NaN where masses are not known."""
 
     engaged: Annotated[NDArray[np.bool_], Told('', 'pin in a slot: 1, else 0')]
-    driver_angle: Annotated[Array, Told('rad', 'angle of {first}')]
-    driver_speed: Annotated[Array, Told('rad/s', 'speed of {first}')]
-    driver_acceleration: Annotated[Array, Told('rad/s^2', 'acceleration of {first}')]
-    driven_position: Annotated[Array, Told('rad or m', 'position of {second}')]
-    driven_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of {second}')]
-    driven_acceleration: Annotated[Array, Told('rad/s^2 or m/s^2', 'acceleration of {second}')]
+    driver_angle: Annotated[Array, Told('rad', 'angle of {first}', repeats=True)]
+    driver_speed: Annotated[Array, Told('rad/s', 'speed of {first}', repeats=True)]
+    driver_acceleration: Annotated[Array, Told('rad/s^2', 'acceleration of {first}', repeats=True)]
+    driven_position: Annotated[Array, Told('rad or m', 'position of {second}', repeats=True)]
+    driven_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of {second}', repeats=True)]
+    driven_acceleration: Annotated[
+        Array, Told('rad/s^2 or m/s^2', 'acceleration of {second}', repeats=True)
+    ]
     force_x: Annotated[Array, Told('N', 'force of {first} on {second}, x')]
     force_y: Annotated[Array, Told('N', 'force of {first} on {second}, y')]
     driven_effort: Annotated[Array, Told('N m or N', 'effort on {second}')]

@@ -13,7 +13,6 @@ functions that are known in all parts hide nothing.
 
 from __future__ import annotations
 
-import ast
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -25,6 +24,7 @@ import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.numerics import compiled
+from mechanism_sim.numerics.expressions import Node, numbers, tree_of
 
 Array = NDArray[np.float64]
 
@@ -197,9 +197,9 @@ class _Program:
         self._known |= {f'u_{k}': self._known[str(x)] for k, x in enumerate(variables)}
         parts = hy.cfunc(list(expressions), vars=list(variables), opt_level=0).dc
         for k, part in enumerate(parts[named : len(parts) - len(expressions)], named):
-            self._known[f'u_{k}'] = self._read(ast.parse(str(part), mode='eval').body)
+            self._known[f'u_{k}'] = self._read(tree_of(str(part)))
         ends = parts[len(parts) - len(expressions) :]
-        self.roots = [self._read(ast.parse(str(x), mode='eval').body) for x in ends]
+        self.roots = [self._read(tree_of(str(x))) for x in ends]
 
     def _leaf(self, x: hy.expression) -> int:
         self.leaves[len(self.operations)] = x
@@ -209,42 +209,34 @@ class _Program:
         self.operations.append(_Operation(kind, args, exponent))
         return len(self.operations) - 1
 
-    def _read(self, node: ast.expr) -> int:
-        match node:
-            case ast.Constant(value=int() | float() as value):
-                return self._leaf(hy.expression(float(value)))
-            case ast.Name(id='pi'):
+    def _read(self, node: Node) -> int:
+        name, args = node.name, [] if node.kind == '**' else [*map(self._read, node.args)]
+        match name.removeprefix('combined_') if node.kind == 'call' else node.kind:
+            case 'number':
+                return self._leaf(hy.expression(node.value))
+            case 'pi':
                 return self._leaf(hy.pi)
-            case ast.Name(id=name):
+            case 'name':
                 if name not in self._known and name[0] == 'p' and name[1:].isdigit():
                     self._known[name] = self._leaf(hy.par[int(name[1:])])
                 return self._known[name]
-            case ast.UnaryOp(op=ast.USub(), operand=x):
-                return self._add('negative', self._read(x))
-            case ast.BinOp(left=a, op=ast.Pow(), right=b):
-                return self._add('power', self._read(a), exponent=float(ast.literal_eval(b)))
-            case ast.BinOp(left=a, op=ast.Add(), right=b):
-                return self._add('sum', self._read(a), self._read(b))
-            case ast.BinOp(left=a, op=ast.Mult(), right=b):
-                return self._product(self._read(a), self._read(b))
-            case (
-                ast.BinOp(left=a, op=ast.Sub(), right=b)
-                | ast.Call(func=ast.Name(id='sub'), args=[a, b])
-            ):
-                return self._add('sum', self._read(a), self._add('negative', self._read(b)))
-            case (
-                ast.BinOp(left=a, op=ast.Div(), right=b)
-                | ast.Call(func=ast.Name(id='div'), args=[a, b])
-            ):
-                over = self._add('power', self._read(b), exponent=-1.0)
-                return self._product(self._read(a), over)
-            case ast.Call(func=ast.Name(id='atan2'), args=[y, x]):
-                return self._add('atan2', self._read(y), self._read(x))
-            case ast.Call(func=ast.Name(id=name), args=[x]):
-                name = name.removeprefix('combined_')  # of sine and cosine of the same
-                if name in _UNARY:
-                    return self._add(name, self._read(x))
-        raise NotImplementedError(f'no enclosure of {ast.unparse(node)}')
+            case '**':
+                return self._add(
+                    'power', self._read(node.args[0]), exponent=numbers(node.args[1], {})
+                )
+            case '+':
+                return self._add('sum', *args)
+            case '-' | 'sub':
+                return self._add('sum', args[0], self._add('negative', args[1]))
+            case '*':
+                return self._product(*args)
+            case '/' | 'div':
+                return self._product(args[0], self._add('power', args[1], exponent=-1.0))
+            case 'negative' | 'atan2' as kind:
+                return self._add(kind, *args)
+            case kind if kind in _UNARY and len(args) == 1:  # combined: sin and cos of the same
+                return self._add(kind, *args)
+        raise NotImplementedError(f'no enclosure of {node.text}')
 
     def _product(self, a: int, b: int) -> int:
         return self._add('power', a, exponent=2.0) if a == b else self._add('product', a, b)

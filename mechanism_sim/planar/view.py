@@ -46,13 +46,21 @@ class Told:
     words : the quantity
     slides : of two units, the link that turns or slides: ``first`` or ``second``
     difference : whether it is one of lengths as large as the machine, with their rounding
+    repeats : whether coordinates say the same
     """
 
     def __init__(
-        self, units: str, words: str, slides: str = 'second', difference: bool = False
+        self,
+        units: str,
+        words: str,
+        slides: str = 'second',
+        *,
+        difference: bool = False,
+        repeats: bool = False,
     ) -> None:
         self.units = tuple(units.split(' or '))
-        self.words, self.slides, self.difference = words, slides, difference
+        self.words, self.slides = words, slides
+        self.difference, self.repeats = difference, repeats
 
     @property
     def is_force(self) -> bool:

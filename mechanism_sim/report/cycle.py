@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterator
 
 from mechanism_sim import strict_json, text_table
-from mechanism_sim.cycles.cycle import Cycle
-from mechanism_sim.cycles.extremes import Extreme
-from mechanism_sim.cycles.strokes import Swing
 from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
 from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.cycle import Cycle
+from mechanism_sim.results.extremes import Extreme
+from mechanism_sim.results.strokes import Swing
 from mechanism_sim.units import for_people
 
 _SHORT = 0.05  # of the cycle

@@ -9,12 +9,12 @@ from typing import Any, Literal
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.export.palette import INK, colour
 from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
 from mechanism_sim.report.brush import Brush
 from mechanism_sim.report.labels import Labels
 from mechanism_sim.report.picture import Picture
+from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.quantities.motion import choose_points
 
 _SIDES = 7.5, 6.0

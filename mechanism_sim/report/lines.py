@@ -9,13 +9,13 @@ import numpy as np
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.series import Series, instants, sampled
-from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.report.charts.lines import OVER_TIME, Abscissa, chart, over_angle
 from mechanism_sim.report.figures import paint
 from mechanism_sim.report.picture import Picture
+from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.solution import Piece
 
 TIME = OVER_TIME

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 from mechanism_sim import strict_json, text_table
-from mechanism_sim.cycles.measures import Measured
-from mechanism_sim.cycles.time_integrals import EXACT
+from mechanism_sim.results.measures import Measured
+from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.units import for_people
 
 

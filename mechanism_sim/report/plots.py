@@ -8,7 +8,6 @@ from itertools import chain
 from typing import Any
 
 from mechanism_sim.analysis.series import Series
-from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.report.charts.chart import Axis, Chart, Curve, Over, Panel, joined
 from mechanism_sim.report.charts.lines import (
@@ -22,6 +21,7 @@ from mechanism_sim.report.charts.lines import (
 from mechanism_sim.report.charts.motion import hodograph
 from mechanism_sim.report.figures import paint
 from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.units import for_people
 
 _KINDS = ('position', 'velocity', 'acceleration')

@@ -8,11 +8,11 @@ from html import escape
 from io import BytesIO
 from typing import Any
 
-from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.packages import refusal
 from mechanism_sim.report.cycle import where
 from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.solution import Piece, Solution
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.check import check

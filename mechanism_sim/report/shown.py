@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.cycles.cycle import instant
 from mechanism_sim.report import animation, drawing, figures
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.report.screen import Shown
 from mechanism_sim.report.video import Target
+from mechanism_sim.results.cycle import instant
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
@@ -29,7 +29,7 @@ def draw(
     Raises
     ------
     InputError, RunError
-        As `mechanism_sim.cycles.cycle.instant` does.
+        As `mechanism_sim.results.cycle.instant` does.
     """
     points, duration = how.pop('points', ()), how.pop('duration', None)
     still = how.get('positions', 1) == 1 and not points

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from mechanism_sim import text_table
-from mechanism_sim.cycles.means import ImpactTally
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.means import ImpactTally
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.results.simulate import Stream
 from mechanism_sim.scene.machine import Machine

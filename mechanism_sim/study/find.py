@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,18 +11,18 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.cycle import cycle
-from mechanism_sim.cycles.measure_text import read
-from mechanism_sim.cycles.measures import Measurement
-from mechanism_sim.cycles.time_integrals import EXACT
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.numerics.expressions import sides
+from mechanism_sim.results.cycle import cycle
+from mechanism_sim.results.measure_text import read
+from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.study.parameters import Parameter, parameters
 from mechanism_sim.units import to_si_like
 
-_GOAL = re.compile(r'(.+?)\s*(?<![<>=!])=(?!=)\s*([^=()]+)')
 _ROUNDING = 1e-12
 _JUMP = 1e-6  # of the range of the figure: what is left there beside a solution is a step
 
@@ -79,13 +78,13 @@ def read_goal(so_that: str | None, minimise: str | None) -> Goal:
         raise InputError("give one of --so-that 'MEASURE = VALUE' and --minimise")
     if so_that is None:
         return Goal(str(minimise).strip())
-    match = _GOAL.fullmatch(so_that.strip())
-    if not match:
+    found = sides(so_that)
+    if not found or not all(found) or '(' in found[1]:
         raise InputError(
             f"'{so_that}' cannot be read: write MEASURE = VALUE, as in "
             "'largest(drive_torque) = 20 N m'"
         )
-    return Goal(match[1], match[2])
+    return Goal(*found)
 
 
 def find(

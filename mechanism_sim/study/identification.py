@@ -30,9 +30,9 @@ import numpy as np
 from scipy.stats import qmc
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.sensor_record import SensorRecord
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.kernel_regression import KernelRegression
+from mechanism_sim.results.sensor_record import SensorRecord
 from mechanism_sim.study.parameters import Parameter
 from mechanism_sim.study.workers import run_local
 

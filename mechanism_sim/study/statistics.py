@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.means import Mean, impact_means
-from mechanism_sim.cycles.measure_text import Measure
-from mechanism_sim.cycles.measures import Measurement, per_turn
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics.batch_means import BATCHES, ratio
+from mechanism_sim.results.means import Mean, impact_means
+from mechanism_sim.results.measure_text import Measure
+from mechanism_sim.results.measures import Measurement, per_turn
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine

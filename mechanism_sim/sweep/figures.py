@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from mechanism_sim.cycles.measure_text import Measure, read_all
-from mechanism_sim.cycles.measures import Measurement
+from mechanism_sim.results.measure_text import Measure, read_all
+from mechanism_sim.results.measures import Measurement
 from mechanism_sim.scene import Machine
 
 

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.catalogue import config_folder, sweep_names
-from mechanism_sim.cycles.measure_text import Measure as OwnMeasure
-from mechanism_sim.cycles.measure_text import read_all
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.numerics.batch_means import BATCHES
+from mechanism_sim.results.measure_text import Measure as OwnMeasure
+from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.scene import Machine, span
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import (

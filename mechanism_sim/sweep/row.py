@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.measures import Measurement
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.numerics.batch_means import ratio
+from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene

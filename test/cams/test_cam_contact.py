@@ -8,8 +8,8 @@ from running import run
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
-from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError
+from mechanism_sim.results.cycle import cycle
 from mechanism_sim.scene.check import check
 from mechanism_sim.study.lift_off import lift_offs
 

@@ -49,6 +49,7 @@ GOOD = {
     'new': ('{}/new',),
     'scenes': ('--schema',),
     'check': (LOOSE,),
+    'quantities': (LOOSE,),
     'check --equations': ('four_bar_nominal',),
     'solve': (LOOSE, *SHORT),
     'run': (LOOSE, *SHORT),

@@ -9,8 +9,8 @@ from running import ROOT
 from willis import Mesh, Train
 
 import mechanism_sim as ms
-from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.report.profile import profile
+from mechanism_sim.results.cycle import cycle
 
 PAGE = (ROOT / 'docs/exercises.md').read_text('utf-8')
 LAW = 'joints.contact.law'

@@ -11,8 +11,8 @@ from builders import made
 from running import ROOT
 
 import mechanism_sim as ms
-from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.linkages.mobility import kutzbach
+from mechanism_sim.results.cycle import cycle
 
 PAGE = (ROOT / 'docs/exercises.md').read_text('utf-8')
 

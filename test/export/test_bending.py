@@ -11,11 +11,11 @@ from builders import simulated
 
 import mechanism_sim as ms
 from mechanism_sim import output
-from mechanism_sim.cycles.cycle import instant
 from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.pages import report
 from mechanism_sim.pages.recorded import recorded
 from mechanism_sim.report import drawing, figures
+from mechanism_sim.results.cycle import instant
 
 
 def cross(a, b):

@@ -14,7 +14,6 @@ from running import ROOT
 
 import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
-from mechanism_sim.cycles.cycle import instant
 from mechanism_sim.export.palette import DARK, LINKS, PAPER, rgb
 from mechanism_sim.export.scale import scale_bar
 from mechanism_sim.export.shapes import OPEN, area, circle, simplified
@@ -26,6 +25,7 @@ from mechanism_sim.nodes.markers import painted
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report import drawing, figures
+from mechanism_sim.results.cycle import instant
 
 TRIANGLES = 11  # of visualization_msgs/msg/Marker
 

@@ -13,10 +13,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import mechanism_sim as ms
-from mechanism_sim.cycles.measure_text import FUNCTIONS, read_all
-from mechanism_sim.cycles.measures import Measurement, check_measures
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.output import beside, check_path
+from mechanism_sim.results.measure_text import FUNCTIONS, read_all
+from mechanism_sim.results.measures import Measurement, check_measures
 from mechanism_sim.scene.new_scene import new_scene
 
 EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '60'))

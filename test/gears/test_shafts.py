@@ -9,11 +9,11 @@ from tooth_forces import bevel, helical
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.loads import BearingCollector
-from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.forces import WormPair, pitch_angles
 from mechanism_sim.messages import BearingLoads, deserialize
 from mechanism_sim.nodes.publications import bearing_loads
+from mechanism_sim.results.cycle import cycle
 from mechanism_sim.scene.check import check
 from mechanism_sim.scene.files import check_scene
 

@@ -133,6 +133,37 @@ def test_another_number_in_a_formula_compiles_nothing_anew():
     assert compilations() > cube > misses[1]  # exponents shape the expression
 
 
+def test_a_formula_may_have_units_and_pi():
+    """The same load, written in three ways."""
+    texts = (
+        '3*sin(2*pi*20*t + 0.5235987755982988) - 0.02*wheel_rate',
+        '3*sin(2*pi*20*t + 30 deg) - 0.02*wheel_rate',
+        '3 N m*sin(30 deg + 2*pi*20 Hz*t) - 20 N mm s/rad*wheel_rate',
+    )
+    ends = []
+    for text in texts:
+        model = ms.load_scene('gear_rattle', {'loads.shaking.torque': text})
+        ends.append(ms.simulate(model, duration=0.05).sample([0.05])['velocity.wheel'][0])
+    assert ends == pytest.approx([ends[0]] * 3, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('torque', 'said'),
+    [
+        ('3 N*sin(wheel)', 'is in N, not in N m'),
+        ('3 N m*sin(t)', 'needs a plain number, not one in s'),
+        ('2 N m*wheel_rate', 'is in W, not in N m'),
+        ('300/min', "names 'min', a unit"),
+        ('2*pi t', "'t' cannot stand behind 'pi'"),
+        ('3 kg', 'is not a unit of'),
+        ('(t > 2)*3', 'the condition .* is no value'),
+    ],
+)
+def test_a_load_of_another_unit_is_refused(torque, said):
+    with pytest.raises(InputError, match=said):
+        ms.load_scene('gear_rattle', {'loads.shaking.torque': torque})
+
+
 @pytest.mark.parametrize('formula', ['sqrt(crank_rate-100)', 'log(t-0.1)', '1/0', 'sqrt(0.3-t)'])
 @pytest.mark.parametrize('command', ['solve', 'cycle'])
 def test_a_formula_out_of_its_range_ends_in_a_sentence_without_free_coordinates(

@@ -10,8 +10,8 @@ from builders import made
 from scipy.integrate import quad
 
 import mechanism_sim as ms
-from mechanism_sim.cycles.cycle import cycle
-from mechanism_sim.cycles.measures import EXACT, measure
+from mechanism_sim.results.cycle import cycle
+from mechanism_sim.results.measures import EXACT, measure
 
 TURN = 2.0 * math.pi
 

@@ -9,10 +9,10 @@ import scipy
 from builders import made
 
 import mechanism_sim as ms
-from mechanism_sim.cycles.measures import measure
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.numerics.enclosure import Course, Enclosure, reach_of
 from mechanism_sim.numerics.formula import FUNCTIONS
+from mechanism_sim.results.measures import measure
 
 ROOT = math.sqrt(math.pi)
 

@@ -463,16 +463,16 @@ def test_a_foreign_reader_finds_the_moments_on_joint_reactions(tmp_path):
     machine = four_bar(length='20 mm', misalignment__pin__angle='5 mrad')
     t = np.array([0.01, 0.02, 0.03])
     solution = ms.simulate(machine, duration=0.04)
-    columns, seen = solution.sample(t), solution.view(t).observed
+    columns, view = solution.sample(t), solution.view(t)
     path = tmp_path / 'moments.mcap'
     joint, physics = 'coupler_rocker', machine.physics
-    wrench = wrenches(physics, machine.mechanism, lambda name: name, [joint])[joint]
-    published = ('/joint_reactions', reactions(physics, 'world')), ('/wrench', wrench)
+    wrench = wrenches(machine, lambda name: name, [joint])[joint]
+    published = ('/joint_reactions', reactions(machine, 'world')), ('/wrench', wrench)
     with BagWriter(path) as bag:
         bag.add_topic('/joint_reactions', 'mechanism_sim/msg/JointReactions', Qos())
         bag.add_topic('/wrench', 'geometry_msgs/msg/WrenchStamped', Qos())
         for topic, write in published:
-            for data, time in zip(write(t, seen), t, strict=True):
+            for data, time in zip(write(view), t, strict=True):
                 bag.write(topic, data, int(1e9 * time))
     with path.open('rb') as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
@@ -497,8 +497,7 @@ def test_a_foreign_reader_finds_the_moments_on_joint_reactions(tmp_path):
 
 def test_bearings_in_line_add_nothing_to_messages():
     machine = four_bar()
-    seen = ms.simulate(machine, duration=0.01).view(0.005).observed
-    (data,) = reactions(machine.physics, 'world')(np.array([0.005]), seen)
+    (data,) = reactions(machine, 'world')(ms.simulate(machine, duration=0.01).view(0.005))
     message = deserialize(data, JointReactions)
     assert [len(x) for x in (message.moment_x, message.moment_y, message.force_z)] == [0, 0, 0]
 

@@ -9,11 +9,11 @@ from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
-from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.messages import JointReactions, deserialize
 from mechanism_sim.nodes.publications import reactions
 from mechanism_sim.numerics import compiled
+from mechanism_sim.results.cycle import cycle
 from mechanism_sim.scene import scene_names
 from mechanism_sim.scene.nominal_model import Level
 from ros_interfaces.checks import objection
@@ -309,18 +309,18 @@ def test_the_frame_gets_what_a_load_between_it_and_a_link_does():
 
 def test_nodes_publish_the_sizes():
     machine = slider_crank()
-    seen = ms.simulate(machine, duration=0.05).view(np.array([0.01, 0.02])).observed
-    write = reactions(machine.physics, 'world')
-    messages = [deserialize(x, JointReactions) for x in write(np.array([0.01, 0.02]), seen)]
+    view = ms.simulate(machine, duration=0.05).view(np.array([0.01, 0.02]))
+    seen = view.observed
+    messages = [deserialize(x, JointReactions) for x in reactions(machine, 'world')(view)]
     assert [list(m.loads) for m in messages] == [['resistance']] * 2
     assert [m.load_sizes[0] for m in messages] == seen.load[0].tolist()
-    at_dead_centre = ms.simulate(machine, duration=0.05).view(0.0).observed
-    (message,) = [deserialize(x, JointReactions) for x in write(np.zeros(1), at_dead_centre)]
+    at_dead_centre = ms.simulate(machine, duration=0.05).view(0.0)
+    (data,) = reactions(machine, 'world')(at_dead_centre)
+    message = deserialize(data, JointReactions)
     assert np.isnan(message.load_sizes).all()
     assert objection(message) is None
     plain = ms.load_scene('slider_crank')
-    seen = ms.simulate(plain, duration=0.05).view(0.01).observed
-    (message,) = reactions(plain.physics, 'world')(np.array([0.01]), seen)
+    (message,) = reactions(plain, 'world')(ms.simulate(plain, duration=0.05).view(0.01))
     assert list(deserialize(message, JointReactions).loads) == []
 
 

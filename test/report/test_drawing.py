@@ -11,7 +11,6 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.cli import main
-from mechanism_sim.cycles.cycle import instant
 from mechanism_sim.export.shapes import encloses
 from mechanism_sim.export.skeleton import Skeleton, skeleton_of
 from mechanism_sim.linkages.indexing import Geneva, SlottedRack
@@ -19,6 +18,7 @@ from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report import drawing, figures
+from mechanism_sim.results.cycle import instant
 
 ORIGIN = (0.0, 0.0)
 

@@ -9,11 +9,11 @@ from builders import simulated
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.record import read_record
-from mechanism_sim.cycles.measures import Measurement
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.report.lines import plot
 from mechanism_sim.results.catalogue import SOURCES, catalogue
+from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.units import read_common
 

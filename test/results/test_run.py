@@ -10,7 +10,6 @@ from four_bars import loose
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
-from mechanism_sim.cycles.measures import run_measures
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.physics import DynamicPhysics
@@ -119,7 +118,9 @@ WAYS = {
     'run': lambda machine: list(run(machine, machine.period)),
     'statistics': lambda machine: statistics(machine, 21, 1),
     'cycle': ms.cycle,
-    'measures': lambda machine: run_measures(machine, ['mean(velocity.rocker)'], revolutions=1),
+    'measures': lambda machine: ms.measure(
+        machine, ms.stream(machine, revolutions=1), 'mean(velocity.rocker)'
+    ),
 }
 
 

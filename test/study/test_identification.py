@@ -8,11 +8,11 @@ from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.measurements import measurements
-from mechanism_sim.cycles.sensor_record import SensorRecord
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import SensorBlock, float64_array, serialize
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.report.identification import render, unlike
+from mechanism_sim.results.sensor_record import SensorRecord
 from mechanism_sim.scene.files import read_scene
 from mechanism_sim.study.identification import Identification
 from mechanism_sim.study.parameters import NAMES, parameters, ranges

@@ -12,6 +12,7 @@ from mechanism_sim.analysis.deviation import ideal_record
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.report.charts.lines import OVER_TIME, TURNS, Abscissa, over_turns
 from mechanism_sim.report.charts.thinning import MOST, Envelope, Line, thinned
 from mechanism_sim.results.catalogue import catalogue
@@ -107,14 +108,19 @@ class Window:
 
     @cached_property
     def _quantities(self) -> list[str]:
+        machine = self.record.machine
+        pairs = [j for j in machine.mechanism.joints if isinstance(j, HigherPair)]
+        charted = {
+            f'{field}.{pair.name}'
+            for pair in pairs
+            for chart in pair.charts(slides=False)
+            for field in chart.labels
+        } | {f'reaction.{joint.name}.size' for joint in machine.mechanism.joints}
         return [
             name
-            for name, quantity in catalogue(self.record.machine).items()
-            if not (quantity.counted or quantity.cumulative)
-            and (
-                quantity.shown >= Shown.PARTS
-                or (quantity.kind == 'reaction' and quantity.part == 'size')
-            )
+            for name, quantity in catalogue(machine).items()
+            if (quantity.shown >= Shown.PARTS or name in charted)
+            and not (quantity.counted or quantity.cumulative)
         ]
 
     def _columns(self, k: NDArray[np.intp], dt: Array, t: Array) -> dict[str, Array]:

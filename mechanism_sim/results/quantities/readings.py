@@ -32,6 +32,7 @@ def _of_field(machine: Machine, joint: HigherPair, field: str, told: Told) -> Qu
     return Quantity(
         f'{kind}.{joint.name}.{part}' if part else f'{field}.{joint.name}', unit,
         told.words.format(first=joint.first, second=joint.second), joint.name,
-        lambda view: view.reading(joint, field), Shown.PARTS, part, counted=unit == '',
+        lambda view: view.reading(joint, field),
+        Shown.ASKED if told.repeats else Shown.PARTS, part, counted=unit == '',
         difference=told.difference,
     )  # fmt: skip

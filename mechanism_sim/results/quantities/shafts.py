@@ -45,8 +45,8 @@ def of_shafts(machine: Machine) -> Iterator[Quantity]:
     for shaft, names in shafts_of(machine).items():
         for i, bearing in enumerate(names):
             yield from _of_bearing(shaft, i, bearing)
-        if (locating := _locating(machine, shaft)) in names:
-            yield _axial(shaft, names.index(locating), locating)
+            if bearing == _locating(machine, shaft):
+                yield _axial(shaft, i, bearing)
 
 
 def _on_shaft(joint: str, i: int, link: str) -> Iterator[Quantity]:

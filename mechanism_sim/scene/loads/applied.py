@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
@@ -18,17 +19,18 @@ from mechanism_sim.linkages.forces import (
     UnknownForce,
 )
 from mechanism_sim.numerics import formula
+from mechanism_sim.numerics.expressions import parse, unit_hint, unit_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.joint_keys import Names
 from mechanism_sim.scene.load_keys import Elements, LoadKind, register
 from mechanism_sim.scene.quantities import Part, Quantity, si_of
-from mechanism_sim.units import Measure, to_si, to_si_of
+from mechanism_sim.units import Measure, alike, to_si, to_si_of
 
 Place = Annotated[Measure, si_of('rad', 'm')]
 
 
 def _or_formula(*units: str) -> Quantity:
-    """A quantity, or a formula in SI units such as ``-5*vx + 3*sin(20*t)``.
+    """A quantity, or a formula such as ``-5*vx + 3*sin(20*t)``.
 
     Of one of several units it is a `Measure`.
     """
@@ -40,9 +42,12 @@ def _or_formula(*units: str) -> Quantity:
             if not isinstance(value, str):
                 raise
             try:
-                formula.names(value)
-            except ValueError as other:
-                raise (other if '(' in value or ' if ' in value else error) from error
+                tree = parse(value, None)
+            except InputError as other:
+                number = re.match(r'\s*[-+]?[\d.]+[^(*+,=^]*$', value) and ' if ' not in value
+                raise (error if number else ValueError(f'cannot be read: {other}')) from other
+            if all(n.kind in ('number', 'negative') for n in tree.walk()):
+                raise
             return value
 
     return Quantity(read, units, 'a formula')
@@ -101,9 +106,9 @@ def _read(places: Names, name: str, load: LoadPart, tree: Mechanism) -> Elements
     if load.unknown:
         unknown = _unknown(places, name, load, point, other)
         return lambda mechanism: [unknown(mechanism)]
-    for part in (*load.force, load.torque):
+    for part, unit in zip((*load.force, load.torque), ('N', 'N', 'N m'), strict=True):
         if isinstance(part, str):
-            check_formula(places, where, part)
+            check_formula(places, where, part, unit, tree)
     during = _range(places, f'{where}.during', load.during, tree) if load.during else None
     guided = {c: tree.tree_joints[c].name for c in tree.sliding}
     tables = {n: table.curve for n, table in places.scene.tables.items()}
@@ -150,7 +155,7 @@ def read_effort(
 ) -> Callable[[Mechanism], DriveEffort]:
     """What a drive of a link supplies while its motion is prescribed."""
     if isinstance(effort, str):
-        check_formula(places, where, effort)
+        check_formula(places, where, effort, 'N' if link in tree.sliding else 'N m', tree)
         size: float | str = effort
     else:
         size = places.measure(where, effort, link in tree.displacements, ('N m', 'N'))
@@ -161,26 +166,38 @@ def read_effort(
     )
 
 
-def check_formula(places: Names, where: str, text: str) -> None:
-    """Refuse a formula that names or calls what is not known."""
-    known = {'t', 'x', 'y', 'vx', 'vy', *places.links, *(f'{x}_rate' for x in places.links)}
-    used = formula.names(text)
-    for other in used - known:
-        raise InputError(
-            f"{places.name}: {where}: the formula {quoted(text)} names '{other}'"
-            f'{nearest(other, known)}; it may name t, x, y, vx, vy, a link, or LINK_rate'
-        )
+def check_formula(places: Names, where: str, text: str, unit: str, tree: Mechanism) -> None:
+    """Refuse a formula that names or calls what is not known, or that is not in `unit`.
+
+    Without any unit in its text but of angles all is taken to be in SI units.
+    """
+    units: dict[str, str | None] = {'t': 's', 'x': 'm', 'y': 'm', 'vx': 'm/s', 'vy': 'm/s'}
     for link in places.links:
-        if (rate := f'{link}_rate') in places.links and rate in used:
-            raise InputError(
-                f"{places.name}: {where}: '{rate}' in the formula {quoted(text)} may be "
-                f'the link {rate} or the rate of {link}; call one of the links otherwise'
-            )
-    symbols = {x: hy.expression(x) for x in known}
-    tables = dict.fromkeys(places.scene.tables, lambda x: x)
+        units[link] = of = 'm' if link in tree.sliding else 'rad'
+        units[f'{link}_rate'] = f'{of}/s'
+    tables = places.scene.tables
     try:
-        formula.expression(text, formula.Words(symbols, tables=tables))
-    except ValueError as error:
+        root = formula.read(text, tables)
+        for other in root.names:
+            if other not in units:
+                raise InputError(
+                    f"the formula {quoted(text)} names '{other}'"
+                    f'{unit_hint(other) or nearest(other, units)}; it may name t, x, y, vx, vy, '
+                    'a link, or LINK_rate'
+                )
+            if other.endswith('_rate') and {other, other.removesuffix('_rate')} <= {*places.links}:
+                raise InputError(
+                    f"'{other}' in the formula {quoted(text)} may be the link {other} or the rate "
+                    f'of {other.removesuffix("_rate")}; call one of the links otherwise'
+                )
+        symbols = {x: hy.expression(x) for x in units}
+        formula.expression(text, formula.Words(symbols, tables=dict.fromkeys(tables, lambda x: x)))
+        if not all(alike(n.unit or '', '') for n in root.walk()):  # degrees are plain numbers
+            units |= {f'{n}()': table.points[0][1].unit or None for n, table in tables.items()}
+            found = unit_of(root, units, text)
+            if found is not None and not alike(found, unit):
+                raise InputError(f'{quoted(text)} is in {found or "no unit"}, not in {unit}')
+    except InputError as error:
         raise InputError(f'{places.name}: {where}: {error}') from error
 
 

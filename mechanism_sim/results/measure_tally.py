@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import TypeVar
@@ -11,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.measure_text import EXTREMES, Figure, Value, as_row, evaluate
-from mechanism_sim.cycles.time_integrals import EXACT, Estimate, TimeIntegrals
 from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.expressions import Node, numbers
 from mechanism_sim.numerics.extremes import GLANCES, ExtremeSearch
 from mechanism_sim.numerics.monotone import Monotone, joined, monotone
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.quadrature import Parts, Values, parts_of, where_steep
 from mechanism_sim.results.catalogue import Selection
+from mechanism_sim.results.measure_text import EXTREMES, Figure, as_row
 from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.time_integrals import EXACT, Estimate, TimeIntegrals
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 
@@ -41,12 +41,6 @@ def speed_of(machine: Machine, f: Figure) -> str:
     return f'velocity.{coordinate or driven[0]}'
 
 
-def unit_of_figure(quantities: Selection, f: Figure) -> str:
-    """The unit of what a figure is of."""
-    with np.errstate(all='ignore'):
-        return f.evaluate(lambda name: Value(np.ones(1), quantities.units[name])).unit
-
-
 def _apart(rows: Sequence[R], steep: Collection[str]) -> list[list[R]]:
     """Arguments, or pairs of a form and an argument: those of each steep one by themselves."""
     groups: dict[str, list[R]] = {}
@@ -63,18 +57,10 @@ class Tally:
         self._machine, self._quantities = machine, quantities
         self._arguments = list(dict.fromkeys(f.argument for f in figures))
         self._by_argument = {f.argument: f for f in figures}
-        self._units = {a: unit_of_figure(quantities, f) for a, f in self._by_argument.items()}
+        self._units = {a: f.unit(quantities.units) for a, f in self._by_argument.items()}
         wanted = {f.function for f in figures}
-        self._extreme = [
-            a
-            for a in self._arguments
-            if any(f.argument == a and f.function in EXTREMES for f in figures)
-        ]
-        self._conditions = [
-            a
-            for a in self._arguments
-            if any(f.argument == a and f.function == 'share' for f in figures)
-        ]
+        self._extreme = list(dict.fromkeys(f.argument for f in figures if f.function in EXTREMES))
+        self._conditions = [f.argument for f in figures if f.function == 'share']
         self._ends = bool(wanted & {'change', 'initial', 'final'})
         self._works = {f.argument: speed_of(machine, f) for f in figures if f.function == 'work'}
         # what may be steep is looked at in parts of its own, all else together
@@ -107,12 +93,7 @@ class Tally:
         """Expressions (C, N) at instants, and the quantities in them by name."""
         seen = self._quantities.at(piece.motion, piece.balance, k, dt)
         count = len(next(iter(seen.values())))
-        units = self._quantities.units
-        with np.errstate(invalid='ignore', divide='ignore', over='ignore'):
-            rows = [
-                as_row(self._by_argument[a].evaluate(lambda n: Value(seen[n], units[n])).x, count)
-                for a in arguments
-            ]
+        rows = [as_row(numbers(self._by_argument[a].tree, seen), count) for a in arguments]
         return np.array(rows).reshape(len(arguments), count), seen
 
     def add(self, piece: Piece, since: float, until: float) -> None:
@@ -188,17 +169,15 @@ class Tally:
     def _steep_parts(self, piece: Piece, figure: Figure, parts: Parts) -> Parts:
         """Parts in which what the text of a figure makes steep is found."""
         for name, argument in figure.steep:
-            parts = where_steep(self._of_text(piece, figure, argument), name, parts)
+            parts = where_steep(self._of_text(piece, argument), name, parts)
         return parts
 
-    def _of_text(self, piece: Piece, figure: Figure, node: ast.expr) -> Values:
+    def _of_text(self, piece: Piece, node: Node) -> Values:
         """A part of the text of a figure as a function of time."""
 
         def values(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
             seen = self._quantities.at(piece.motion, piece.balance, k, dt)
-            count, units = len(next(iter(seen.values()))), self._quantities.units
-            known = evaluate(node, lambda n: Value(seen[n], units[n]), figure.argument)
-            return as_row(known.x, count)[None]
+            return as_row(numbers(node, seen), len(next(iter(seen.values()))))[None]
 
         return values
 
@@ -225,14 +204,11 @@ class Tally:
         self._span += float((all_parts.end - all_parts.begin).sum())
         for name in self._true:
             every = steep.get(name, all_parts)
-            figure, places = self._by_argument[name], [every.begin, every.end]
-            owners = [every.segment, every.segment]
-            for i in range(figure.comparisons):
+            places, owners = [every.begin, every.end], [every.segment, every.segment]
+            for i, difference in enumerate(self._by_argument[name].compared):
                 key = f'{name} {i}'
                 part, self._largest[key] = monotone(
-                    self._of_text(piece, figure, figure.difference(i)),
-                    every,
-                    self._largest.get(key, 0.0),
+                    self._of_text(piece, difference), every, self._largest.get(key, 0.0)
                 )
                 of = np.flatnonzero(np.sign(part.first) * np.sign(part.last) < 0.0)
                 share = 0.5 * (part.crossings(0.0, of) + 1.0)
@@ -249,10 +225,9 @@ class Tally:
             holds = self._values(piece, [name], segment[same], middle[:, None])[0][0] != 0.0
             self._true[name] += float(width[holds].sum())
 
-    def result(self, f: Figure) -> tuple[Value, str]:
+    def result(self, f: Figure) -> tuple[float, str]:
         """The value of a figure of this window, and its resolution."""
-        name, unit, kind = f.argument, self._units[f.argument], f.function
-        note = EXACT
+        name, kind, note = f.argument, f.function, EXACT
         if kind in EXTREMES:
             own, search = next(x for x in self._searches if name in x[0])
             i = own.index(name)
@@ -263,22 +238,20 @@ class Tally:
             if self._unbounded.get(name):
                 x = math.inf if kind in ('largest', 'range') else math.nan
                 note = 'it grows beyond all bounds at a singular position'
-            return Value(x, unit), note
+            return x, note
         if kind in ('change', 'initial', 'final'):
             if self._first is None or self._last is None:
-                return Value(math.nan, unit), note
+                return math.nan, note
             i = self._arguments.index(name)
             first, last = float(self._first[i]), float(self._last[i])
-            return Value(
-                {'change': last - first, 'initial': first, 'final': last}[kind], unit
-            ), note
+            return {'change': last - first, 'initial': first, 'final': last}[kind], note
         if kind == 'share':
-            return Value(self._true[name] / self._span if self._span else math.nan), note
+            return self._true[name] / self._span if self._span else math.nan, note
         if kind == 'percentile':
             return self._percentile(f)
         return self._integrated(f)
 
-    def _integrated(self, f: Figure) -> tuple[Value, str]:
+    def _integrated(self, f: Figure) -> tuple[float, str]:
         """A figure that is an integral over time, or follows from one."""
         name, unit, kind = f.argument, self._units[f.argument], f.function
         row = _FORMS[kind], name
@@ -292,17 +265,17 @@ class Tally:
         else:
             e = found.root(i) if kind == 'rms' else found.mean(i)
         if not found.time:
-            return Value(0.0 if kind == 'work' else math.nan, unit), EXACT
-        return Value(e.value, unit), e.note(unit)
+            return 0.0 if kind == 'work' else math.nan, EXACT
+        return e.value, e.note(unit)
 
-    def _percentile(self, f: Figure) -> tuple[Value, str]:
+    def _percentile(self, f: Figure) -> tuple[float, str]:
         """The level that is not exceeded for a share of the time."""
         unit, kept = self._units[f.argument], self._parts[f.argument]
         part = joined(kept) if kept else None
         if part is None or not len(part.low):
-            return Value(math.nan, unit), EXACT
+            return math.nan, EXACT
         x = part.quantile((f.percent or 0.0) / 100.0)
         size = float(np.abs(part.first).max())
         if part.lost:
-            return Value(x, unit), f'of the time but {part.lost:.3g} s, when it is not finite'
-        return Value(x, unit), Estimate(x, part.error, size).note(unit)
+            return x, f'of the time but {part.lost:.3g} s, when it is not finite'
+        return x, Estimate(x, part.error, size).note(unit)

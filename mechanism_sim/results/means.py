@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.measure_series import Turns
 from mechanism_sim.numerics.batch_means import batches, ratio
+from mechanism_sim.results.measure_series import Turns
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 

@@ -11,12 +11,12 @@ from four_bars import loose
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
-from mechanism_sim.cycles.cycle import cycle
-from mechanism_sim.cycles.measure_text import read
-from mechanism_sim.cycles.measures import EXACT, Measurement, check_measures, measure
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.energy_terms import EnergyTerms
+from mechanism_sim.results.cycle import cycle
+from mechanism_sim.results.measure_text import read
+from mechanism_sim.results.measures import EXACT, Measurement, check_measures, measure
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.units import alike, product, read_common
 
@@ -207,6 +207,10 @@ def test_sensors_are_measured_by_their_samples():
         ('largest(drive_torque[0])', 'is not made of'),
         ('__import__("os").system("true")', 'is no'),
         ('3', 'has no figure'),
+        ('max(abs(drive_torque), 3 N m)', "write for example 'largest"),
+        ('rms(max(drive_torque))', "of a whole run and cannot stand in 'rms'"),
+        ('largest(drive_torque) / (300/min)', 'a unit: it stands behind its number'),
+        ('count(impacts.approach_speed > 3 N)', 'no like units'),
         ('largest(3)', 'names no quantity'),
     ],
 )  # fmt: skip
@@ -254,6 +258,27 @@ def test_a_measure_sees_what_its_text_makes_narrow(width):
     for m, (text, value) in zip(found, known.items(), strict=True):
         assert m.value == pytest.approx(value, rel=1e-9 + 1e-15 / width), text
         assert m.resolution == EXACT, text
+
+
+def test_a_tangent_near_its_pole_is_seen_beside_what_is_larger():
+    """W tan(pi/2 - W - u^2) is a pulse of height 1 and of the width sqrt(W)."""
+    machine = ms.load_scene('four_bar_nominal')
+    run = ms.simulate(machine, revolutions=1)
+    W, T = 1e-12, run.duration
+    u = f'((t - {0.3712345 * T!r} s)/({T!r} s))'
+    found = one((machine, run), f'mean(1 + {W}*tan({math.pi / 2!r} - {W} - {u}**2))')
+    assert found.value - 1.0 == pytest.approx(math.pi * math.sqrt(W), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ('name', 'same'),
+    [('max', 'highest'), ('greatest', 'highest'), ('min', 'lowest'), ('least', 'lowest'),
+     ('average', 'mean')],
+)  # fmt: skip
+def test_other_names_of_figures_are_understood(nominal, name, same):
+    other = one(nominal, f'{name}(drive_torque, from 0.1 s)')
+    assert other[1:3] == one(nominal, f'{same}(drive_torque, from 0.1 s)')[1:3]
+    assert one(nominal, f'max({name}(drive_torque), 1 kN m)').value == 1000.0
 
 
 def test_windows_and_names_are_read():

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.measure_text import Bound, Figure, Value, as_row
-from mechanism_sim.cycles.time_integrals import EXACT
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.events import Impact, Mode
+from mechanism_sim.numerics.expressions import numbers
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.results.measure_text import Bound, Figure, as_row
 from mechanism_sim.results.solution import IMPACT_UNITS, Piece
+from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.channel import Channel
 
@@ -132,7 +133,7 @@ class Series:
 
     def unit(self, f: Figure) -> str:
         """The unit of what a figure is of."""
-        return f.evaluate(lambda name: Value(np.ones(1), self._unit_of(name))).unit
+        return f.unit({name: self._unit_of(name) for name in f.names})
 
     def _unit_of(self, name: str) -> str:
         kind, joint, key = self._parts[name]
@@ -167,31 +168,25 @@ class Series:
     def values(self, f: Figure, since: float, until: float, last: bool) -> tuple[Array, Array]:
         """Instants (n,) and what the figure's expression is at each, within a window [s]."""
         kind, joint, _ = self._parts[f.names[0]]
+        keys = {name: self._parts[name][2] for name in f.names}
         if kind == 'sensors':
             parts = self._samples[str(joint)]
-            t = np.concatenate([a for a, _ in parts]) if parts else np.zeros(0)
-            read = np.concatenate([b for _, b in parts]) if parts else np.zeros(0)
-            columns: Callable[[str], Array] = lambda _: read  # noqa: E731
+            t, read = (np.concatenate([np.zeros(0), *(x[i] for x in parts)]) for i in (0, 1))
+            known = dict.fromkeys(keys, read)
         elif kind == 'impacts':
             impacts = [i for i in self._impacts if joint in (None, i.joint)]
             t = np.array([i.t for i in impacts], float)
-
-            def columns(name: str) -> Array:
-                key = self._parts[name][2]
-                return (
-                    np.array([float(getattr(i, key)) for i in impacts], float)
-                    if key
-                    else np.ones(len(impacts))
-                )
+            known = {
+                name: np.array([getattr(i, key) if key else 1.0 for i in impacts], float)
+                for name, key in keys.items()
+            }
         else:
-            chosen = [
-                at
-                for at, at_joint, lost in self._changes
-                if joint in (None, at_joint) and (lost or kind == 'modes')
-            ]
-            t = np.array(chosen, float)
-            columns = lambda name: t if self._parts[name][2] else np.ones(len(t))  # noqa: E731
-        x = as_row(f.evaluate(lambda n: Value(columns(n), self._unit_of(n))).x, len(t))
+            t = np.array([
+                at for at, of, lost in self._changes
+                if joint in (None, of) and (lost or kind == 'modes')
+            ], float)  # fmt: skip
+            known = {name: t if key else np.ones(len(t)) for name, key in keys.items()}
+        x = as_row(numbers(f.tree, known), len(t))
         inside = (t >= since) & ((t <= until) if last else (t < until))
         return t[inside], x[inside]
 

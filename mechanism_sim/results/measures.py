@@ -12,20 +12,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.measure_series import Series, Turns
-from mechanism_sim.cycles.measure_tally import Tally, speed_of, unit_of_figure
-from mechanism_sim.cycles.measure_text import Bound, Figure, Measure, Value, as_float, read_all
-from mechanism_sim.cycles.time_integrals import EXACT
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.results.catalogue import Selection
-from mechanism_sim.results.simulate import stream
+from mechanism_sim.results.measure_series import Series, Turns
+from mechanism_sim.results.measure_tally import Tally, speed_of
+from mechanism_sim.results.measure_text import Bound, Figure, Measure, read_all
 from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 
@@ -97,16 +96,14 @@ class Measurement:
 
     def units(self) -> dict[str, str]:
         """The SI unit of every measure by its name."""
-        return {m.name: m.value(lambda f: Value(1.0, self._unit(f))).unit for m in self.measures}
+        return {m.name: m.unit(self._unit) for m in self.measures}
 
     def _unit(self, f: Figure) -> str:
         """The unit of a figure."""
-        if f.function in ('count', 'share'):
-            return ''
-        if f.function == 'work':
-            return 'J'
-        unit = self._series.unit(f) if f.of_events else unit_of_figure(self._quantities, f)
-        return product(unit, 's') if f.function == 'integral' else unit
+        unit = self._series.unit(f) if f.of_events else f.unit(self._quantities.units)
+        if f.function == 'integral':
+            return product(unit, 's')
+        return {'count': '', 'share': '', 'work': 'J'}.get(f.function, unit)
 
     def add(self, piece: Piece) -> None:
         """Enter the piece that follows."""
@@ -122,16 +119,14 @@ class Measurement:
         self._series.finish()
         for window in self._windows.values():
             window.finish(self._turns.end)
-        results: dict[Figure, tuple[Value, str]] = {
-            f: window.result(f) for f, window in self._figures.items()
-        }
-        out = []
+        results = {f: window.result(f) for f, window in self._figures.items()}
+        out, units = [], self.units()
         for measure in self.measures:
-            value = measure.value(lambda f: results[f][0])
             said = dict.fromkeys(results[f][1] for f in measure.figures)
             resolution = ', '.join([s for s in said if s != EXACT]) or EXACT
-            x, half = as_float(value.x), self._half_width(measure)
-            out.append(Measured(measure.name, x, value.unit, measure.text, resolution, half))
+            x, half = measure.value(lambda f: results[f][0]), self._half_width(measure)
+            unit = units[measure.name]
+            out.append(Measured(measure.name, x, unit, measure.text, resolution, half))
         return out
 
     def _half_width(self, measure: Measure) -> float:
@@ -156,10 +151,10 @@ class Measurement:
         return out
 
 
-def _of_turn(measure: Measure, turn: Sequence[tuple[Value, str]]) -> float:
+def _of_turn(measure: Measure, turn: Sequence[tuple[float, str]]) -> float:
     """A measure by its figures in one revolution."""
     known = dict(zip(measure.figures, [value for value, _ in turn], strict=True))
-    return as_float(measure.value(known.__getitem__).x)
+    return measure.value(known.__getitem__)
 
 
 def per_turn(measures: Sequence[Measure], skip: int) -> list[Measure]:
@@ -202,15 +197,6 @@ def check_measures(machine: Machine, measures: dict[str, str] | Sequence[str], w
     """Refuse measures that cannot be taken of a machine."""
     if measures:
         Measurement(machine, measures, where=where)
-
-
-def run_measures(
-    machine: Machine, measures: Sequence[str] | Sequence[Measure], **length: Any
-) -> list[Measured]:
-    """Measures of a fresh run; `length` as for `mechanism_sim.stream`."""
-    taken = Measurement(machine, measures)
-    stream(machine, observers=[taken.add], **length).finish()
-    return taken.found()
 
 
 def _names_of(machine: Machine, f: Figure) -> list[str]:
@@ -263,7 +249,7 @@ class Window:
         """Nothing more comes; the run ends at `end` [s]."""
         self._last = end
 
-    def result(self, f: Figure) -> tuple[Value, str]:
+    def result(self, f: Figure) -> tuple[float, str]:
         """The value of a figure, and its resolution."""
         if not self.per_revolution:
             since, until = self._turns.time(self._since), self._turns.time(self._until)
@@ -275,10 +261,8 @@ class Window:
             return value, lost if lost and note == EXACT else ', '.join(filter(None, (note, lost)))
         parts = self.each_turn(f)
         if not parts:
-            unit = self._tally.result(f)[0].unit if not f.of_events else self._series.unit(f)
-            return Value(math.nan, unit), 'no whole revolution'
-        mean = float(np.mean([as_float(v.x) for v, _ in parts]))
-        return Value(mean, parts[0][0].unit), parts[0][1]
+            return math.nan, 'no whole revolution'
+        return float(np.mean([x for x, _ in parts])), parts[0][1]
 
     def _outside(self, since: float, until: float) -> str:
         """How much of the window [s] the run does not reach, in words."""
@@ -289,27 +273,26 @@ class Window:
             return f'up to the end of the run at {self._last:.6g} s'
         return ''
 
-    def each_turn(self, f: Figure) -> list[tuple[Value, str]]:
+    def each_turn(self, f: Figure) -> list[tuple[float, str]]:
         """The values of a figure in every whole revolution, and their resolutions."""
         if f.of_events:
             spans = list(zip(self._ends[::2], self._ends[1::2], strict=True))
             return [self._of_events(f, a, b, last=b == spans[-1][1]) for a, b in spans]
         return [tally.result(f) for tally in self._tallies]
 
-    def _of_events(self, f: Figure, since: float, until: float, last: bool) -> tuple[Value, str]:
+    def _of_events(self, f: Figure, since: float, until: float, last: bool) -> tuple[float, str]:
         _, x = self._series.values(f, since, until, last)
-        unit, note = self._series.unit(f), self._series.note(f, len(x))
+        note = self._series.note(f, len(x))
         if f.function == 'count':
-            conditions = any(c in f.argument for c in '<>')
-            return Value(float(np.count_nonzero(x) if conditions else len(x))), note
+            return float(np.count_nonzero(x) if f.compared else len(x)), note
         if f.function == 'sum':
-            return Value(float(x.sum()), unit), note
+            return float(x.sum()), note
         if not len(x):
-            return Value(math.nan, unit), 'there are none'
+            return math.nan, 'there are none'
         if f.function == 'percentile':
-            return Value(float(np.percentile(x, f.percent or 0.0)), unit), note
+            return float(np.percentile(x, f.percent or 0.0)), note
         simple = {
             'highest': x.max(), 'lowest': x.min(), 'largest': np.abs(x).max(),
             'range': np.ptp(x), 'mean': x.mean(), 'rms': math.sqrt((x**2).mean()),
         }  # fmt: skip
-        return Value(float(simple[f.function]), unit), note
+        return float(simple[f.function]), note

@@ -5,7 +5,7 @@ A table of 360 rows misses the peaks of a loose bearing altogether.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +69,7 @@ def search(
         return np.array([columns[quantity.name] for quantity in wanted])
 
     groups = [(quantity.kind, quantity.unit) for quantity in wanted]
-    differences = {(q.kind, q.unit): size for q in wanted if q.difference}
+    differences: dict[Hashable, float] = {(q.kind, q.unit): size for q in wanted if q.difference}
     found = ExtremeSearch(groups, differences, [quantity.part == 'size' for quantity in wanted])
     if wanted:
         found.add(values, *spans)

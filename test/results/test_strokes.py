@@ -7,9 +7,9 @@ import pytest
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.cycles.strokes import find_swings
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.report import cycle as report
+from mechanism_sim.results.strokes import find_swings
 
 TURN = 2.0 * math.pi
 

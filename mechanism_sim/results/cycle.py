@@ -15,9 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cycles.extremes import Extremes, find_extremes
-from mechanism_sim.cycles.strokes import Swing, find_swings
-from mechanism_sim.cycles.time_integrals import Estimate, TimeIntegrals
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.peak_shapes import PeakShape, peak_shape
@@ -28,10 +25,13 @@ from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.extremes import Extremes, find_extremes
 from mechanism_sim.results.quantities.motion import RATES, choose_points
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Solution
+from mechanism_sim.results.strokes import Swing, find_swings
+from mechanism_sim.results.time_integrals import Estimate, TimeIntegrals
 from mechanism_sim.results.view import View
 from mechanism_sim.scene import Level, Machine, span
 from mechanism_sim.tables import Table

@@ -1,1 +1,0 @@
-"""One cycle of a machine: everything over a turn of its drive, extremes, means, strokes."""
