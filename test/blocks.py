@@ -232,7 +232,7 @@ def workplace(folder: Path) -> dict[str, str]:
     (folder / 'docs' / 'pictures').mkdir(parents=True)
     for file in (ROOT / 'docs').glob('*.py'):
         (folder / 'docs' / file.name).symlink_to(file)
-    for name in ('config', 'msg'):
+    for name in ('config', 'msg', 'docs/books'):
         (folder / name).symlink_to(ROOT / name)
     programs = folder / '.bin'
     programs.mkdir()

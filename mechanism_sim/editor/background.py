@@ -12,8 +12,9 @@ from threading import Thread
 from typing import Any, NamedTuple
 
 from mechanism_sim import ending, strict_json
-from mechanism_sim.editor.processes import LARGEST, resident, work_unseen
+from mechanism_sim.editor.processes import LARGEST, crowded, work_unseen
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.memory import give_back, resident
 from mechanism_sim.packages import reason
 
 PATIENCE = 2.0
@@ -126,7 +127,7 @@ class _NotWanted(Exception):  # noqa: N818 - no error: the job is dropped
 
 def _serve(link: Connection) -> None:
     """Do jobs until nobody gives any."""
-    work_unseen()
+    work_unseen('run')
     try:
         job = link.recv()
         while True:
@@ -138,6 +139,7 @@ def _serve(link: Connection) -> None:
                     link.send((job.number, 'problem', strict_json.dumps(problem)))
             except _NotWanted:
                 continue
+            give_back()
             link.send((job.number, 'idle', ''))
             job = link.recv()
     except (EOFError, BrokenPipeError):
@@ -158,6 +160,7 @@ def _problem(job: Job, link: Connection) -> str:
 
 
 def _work(job: Job, link: Connection) -> None:
+    from mechanism_sim.numerics.compiled import forget_for_others  # noqa: PLC0415
     from mechanism_sim.results.measures import check_measures  # noqa: PLC0415
     from mechanism_sim.results.simulate import simulate  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
@@ -165,6 +168,7 @@ def _work(job: Job, link: Connection) -> None:
     from mechanism_sim.scene.check import check  # noqa: PLC0415
     from mechanism_sim.scene.files import check_scene  # noqa: PLC0415
 
+    forget_for_others(crowded)
     machine = build(job.name, check_scene(job.name, job.content))
     if machine.scene.measures:
         check_measures(machine, machine.scene.measures, f'{machine.name}: measures')
@@ -181,6 +185,7 @@ def _work(job: Job, link: Connection) -> None:
 
     solution = simulate(machine, duration=end, progress=show)
     show(end, 0)
+    give_back()
     link.send((job.number, 'run', strict_json.dumps(_shown(machine, solution))))
 
 

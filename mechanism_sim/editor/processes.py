@@ -1,14 +1,16 @@
-"""CPU time and memory of processes, where the system tells them."""
+"""The processes of an editor: how they are named, and when they give way to others."""
 
 from __future__ import annotations
 
 import os
 import signal
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from mechanism_sim import ending
+from mechanism_sim.memory import resident
 
 LARGEST: Final = 400.0
 """[MiB] of a process that draws or runs; one that has grown beyond gives way to a new one.
@@ -17,15 +19,31 @@ What is compiled for a machine stays in memory, some 5 MiB for each: whoever ope
 beyond.
 """
 
+_CROWDED: Final = 250.0
+"""[MiB] of such a process, beyond which what was compiled for machines before is forgotten.
 
-def work_unseen() -> None:
+A new one holds 120 to 160 MiB, with kernels of contacts 230; to compile and run the largest
+machine of `config` takes 240 more, and 330 where its code is not on disk.
+"""
+
+
+def crowded() -> bool:
+    """Whether this process has no room for a large machine beside those before."""
+    return resident() > _CROWDED
+
+
+def work_unseen(name: str) -> None:
     """Prepare this process to draw or run what may be half a machine, for a page that shows it.
+
+    `name` : which lists of processes show
 
     An interrupt is for the one who edits, and so is standard error: numbers without a value, which
     half a machine has, are no matter for it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     warnings.simplefilter('ignore', RuntimeWarning)
+    with suppress(OSError):
+        Path('/proc/self/comm').write_text(f'editor: {name}', 'utf-8')
     ending.follow(os.getppid())
 
 
@@ -36,12 +54,3 @@ def cpu_time(pid: int | None) -> float | None:
         return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
     except (OSError, IndexError, ValueError):
         return None
-
-
-def resident(pid: int | None) -> float:
-    """Memory that a process holds [MiB]; 0 if that is not known."""
-    try:
-        pages = int(Path(f'/proc/{pid}/statm').read_text('utf-8').split()[1])
-        return pages * os.sysconf('SC_PAGESIZE') / 2**20
-    except (OSError, IndexError, ValueError):
-        return 0.0

@@ -14,7 +14,8 @@ from typing import Any
 
 from mechanism_sim import ending, strict_json
 from mechanism_sim.editor.document import Document
-from mechanism_sim.editor.processes import LARGEST, cpu_time, resident, work_unseen
+from mechanism_sim.editor.processes import LARGEST, cpu_time, crowded, work_unseen
+from mechanism_sim.memory import resident
 from mechanism_sim.packages import reason
 
 PATIENCE = 15.0
@@ -215,8 +216,9 @@ class Worker:
 def _work(link: Connection) -> None:
     """Do what is asked for until nobody asks."""
     from mechanism_sim.editor.session import Session  # noqa: PLC0415 - here it is loaded
+    from mechanism_sim.numerics.compiled import forget  # noqa: PLC0415
 
-    work_unseen()
+    work_unseen('draw')
 
     def send(message: dict[str, Any]) -> None:
         text = strict_json.dumps(message)
@@ -238,6 +240,8 @@ def _work(link: Connection) -> None:
                     session.found(number, what, strict_json.loads(text))
                 elif kind == 'pause':
                     session.pause()
+                    if crowded():
+                        forget()
                 else:
                     link.send(('job', session.job()))
             except (BrokenPipeError, EOFError):

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import pickle
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from functools import lru_cache
@@ -20,6 +20,7 @@ from hashlib import sha256
 
 import heyoka as hy
 
+from mechanism_sim.memory import give_back
 from mechanism_sim.numerics.code_cache import compiled
 
 # a root that its search gives up on is looked for again by the event loop
@@ -30,6 +31,7 @@ _LARGEST = 200_000
 
 
 _spent = [0.0, 0.0]
+_crowded: list[Callable[[], bool]] = []
 
 
 def spent() -> tuple[float, float]:
@@ -44,6 +46,21 @@ def _counted() -> Iterator[None]:
     yield
     _spent[0] += time.perf_counter() - wall
     _spent[1] += time.process_time() - cpu
+
+
+def forget() -> None:
+    """Let go of all that was compiled, but for what somebody holds."""
+    _function.cache_clear()
+    _integrator.cache_clear()
+    give_back()
+
+
+def forget_for_others(crowded: Callable[[], bool]) -> None:
+    """Let go of what was compiled for other machines before a new integrator is, if `crowded`.
+
+    A machine of which only values changed needs no new one, and finds all that it needs.
+    """
+    _crowded[:] = [crowded]
 
 
 class _Terms:
@@ -111,6 +128,9 @@ def _integrator(
         hy.t_event(g, direction=hy.event_direction.negative, cooldown=0.0, callback=marking(index))
         for index, g in enumerate(terms.expressions[count:])
     ]
+
+    if _integrator.cache_info().currsize and any(crowded() for crowded in _crowded):
+        forget()
 
     def make() -> hy.taylor_adaptive_dbl:
         return hy.taylor_adaptive(

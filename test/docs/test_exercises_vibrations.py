@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import scipy
-from blocks import blocks, new_scene
+from blocks import new_scene
 from rotors import Rotor, influence_coefficients, peak_radius
 from running import ROOT
 
@@ -20,11 +20,10 @@ M, K = 2.0, 500.0
 WN = math.sqrt(K / M)
 
 
-def written(name, folder, *changes):
-    """A scene that the page writes out."""
-    (block,) = [b for b in blocks(NAME) if b.mark == 'file' and b.reason == name]
-    (folder / name).write_text(block.text)
-    return ms.load_scene(str(folder / name), changes)
+def of_books(name, *changes):
+    """A scene that the page takes from docs/books."""
+    assert f'docs/books/{name}.yaml' in PAGE
+    return ms.load_scene(str(ROOT / 'docs' / 'books' / f'{name}.yaml'), changes)
 
 
 def damping(c):
@@ -80,11 +79,11 @@ def test_forced_vibrations():
         assert f'{alone:.6g}' in PAGE
 
 
-def test_two_masses_and_shafts(tmp_path):
+def test_two_masses_and_shafts():
     """Problems 6.13 to 6.17."""
     stiffness = np.array([[500.0, -200.0], [-200.0, 600.0]])
     squares, shapes = scipy.linalg.eigh(stiffness, np.diag([1.0, 2.0]))
-    found = modes(written('two_masses.yaml', tmp_path))
+    found = modes(of_books('two_masses'))
     for mode, square, shape in zip(found, squares, shapes.T, strict=True):
         assert mode.frequency == pytest.approx(math.sqrt(square) / (2.0 * math.pi), rel=1e-10)
         assert f'{mode.frequency:.6g}' in PAGE
@@ -95,7 +94,7 @@ def test_two_masses_and_shafts(tmp_path):
     state = np.block([[np.zeros((2, 2)), np.eye(2)],
                       [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, C)]])  # fmt: skip
     roots, vectors = np.linalg.eig(state)
-    damped = modes(written('two_masses.yaml', tmp_path, 'springs.first.damping=6 N s/m'))
+    damped = modes(of_books('two_masses', 'springs.first.damping=6 N s/m'))
     for mode in damped:
         k = int(np.argmin(np.abs(np.abs(roots) - 2.0 * math.pi * mode.frequency)))
         assert abs(roots[k]) == pytest.approx(2.0 * math.pi * mode.frequency, rel=1e-9)
@@ -127,9 +126,9 @@ def test_rotors():
         assert best == pytest.approx(speed[radius.argmax()], abs=1e-3)
 
 
-def test_a_vehicle_on_a_rough_road(tmp_path):
+def test_a_vehicle_on_a_rough_road():
     """Exercise 6.1: three equations in matrices."""
-    machine = written('vehicle.yaml', tmp_path)
+    machine = of_books('vehicle')
     mass = np.diag([40.0, 350.0, 75.0])
 
     def row(tyre, suspension, seat):

@@ -5,6 +5,19 @@ says which are shown here. Every test writes down the formula as it is printed, 
 fails, and shows that the corrected one holds: against derivatives of positions taken numerically
 with 40 digits, against the definitions, or against the motion and forces of the product. Crank,
 coupler, rocker and frame are links 2, 3, 4 and 1.
+
+Checked and right:
+
+[SB] 4.1-20, 4.2-1, 5.2-9, 5.2-12, 5.2-13, 5.3-2 with consistent subscripts, 5.4-2c with the D1
+above.
+[V] 2.29 to 2.31, 2.34 to 2.37, 2.39 to 2.44, 2.46, 2.47, 2.49 to 2.51, 2.77, 2.78, 2.80 to 2.85,
+2.90, 2.93 to 2.98, 2.101, 2.102, 2.105, 2.106, 2.109, 2.110, 2.115, 2.116, 2.135 to 2.143; 4.7,
+4.14 to 4.16, 4.18 to 4.20, 4.33, 4.34, 4.45, 4.48, 4.53, 4.58; 5.7 to 5.9, 5.11 to 5.13, 5.15 to
+5.20, 5.29 to 5.36, 5.38 to 5.42, 5.45 to 5.51, 5.55 to 5.57, 5.61 to 5.64, 5.68 to 5.71; 6.40,
+6.41, 6.67 to 6.75, 6.77 to 6.81, 6.86, 6.87, 6.140 to 6.142, 6.153, 6.157, 6.158, 6.181 to 6.183,
+6.187 to 6.189, 6.194, 6.199, 6.200, 6.205 to 6.213, 6.221, 6.246, 6.247, 6.278.
+[V] numbers of 4.4.3; figures 2.7, 2.11 to 2.17, 2.19, 2.25, 2.28, 2.31, 6.32; A.4.1 Out[16],
+Out[17], A.4.2 Out[33], Out[34]; A.5 Out[38], Out[39], Out[41], Out[49].
 """
 
 from __future__ import annotations

@@ -13,12 +13,14 @@ import hashlib
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
+from collections import Counter, deque
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -29,7 +31,12 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 HANG = 5.0  # [s] until a page has its answer, or knows that it will come
-MEMORY = 500.0  # [MiB] of the server, and of each of its processes
+MEMORY = 500.0  # [MiB] of the server and of who draws, at any time
+MARGIN = 1.1
+"""Who runs machines takes no more than this multiple of what `solve` of the same document takes in
+a new process, where that is more than `MEMORY`: to compile what is large takes what it takes."""
+ALONE = 60.0  # [s] for such a `solve`; the editor gives up most of what takes long, too
+RUNS = 'editor: run'
 KINDS = (
     'drag', 'drop', 'pull', 'draw', 'set', 'remove', 'rename', 'select', 'trace', 'text', 'undo',
     'redo', 'save', 'open',
@@ -181,7 +188,8 @@ class Client:
     Attributes
     ----------
     worst : [s] that it waited longest for an answer, or for the word that it will come
-    memory : [MiB] of the largest of its processes
+    memory : [MiB] by role, the most that one of its processes has held
+    large : of each process that ran and held more, the most it held and documents of late
     log : a file that gets a line for every message, in the order they went and came; beside it, in
         a folder, the documents that were there when something went wrong
     """
@@ -194,7 +202,10 @@ class Client:
         self.saves = Saves(folder)
         self.counts: Counter[str] = Counter()
         self.wrong: list[str] = []
-        self.worst = self.memory = 0.0
+        self.worst = 0.0
+        self.memory: dict[str, float] = {}
+        self.large: dict[int, tuple[float, list[str]]] = {}
+        self._late: deque[str] = deque(maxlen=4)
         self._log = log.open('w', buffering=1) if log else None
         self._kept = log.with_suffix('.documents') if log else None
         self._errors = folder.parent.with_name('errors')
@@ -260,6 +271,8 @@ class Client:
                 begun = time.monotonic()
             if kind == 'state':
                 self.state = heard
+                if heard['text'] not in self._late:
+                    self._late.append(heard['text'])
                 if path is None or heard['path'] == path:
                     return
 
@@ -297,10 +310,12 @@ class Client:
     def _look_at_processes(self) -> None:
         """Their memory, and what they say to nobody; a document that is too much is kept."""
         for pid in children(self.process.pid):
-            size = resident(pid)
-            if size > max(MEMORY, 1.1 * self.memory):
-                self._keep(f'{size:.0f} MiB in process {pid}, {_name(pid)}')
-            self.memory = max(self.memory, size)
+            size, role = most_held(pid), 'server' if pid == self.process.pid else name_of(pid)
+            if size > max(MEMORY, self.memory.get(role, 0.0)):
+                self._keep(f'{size:.0f} MiB in process {pid}, {role}')
+            if role == RUNS and size > max(MEMORY, self.large.get(pid, (0.0,))[0]):
+                self.large[pid] = size, [*self._late]
+            self.memory[role] = max(self.memory.get(role, 0.0), size)
         if said := self._said():
             self.wrong.append(said)
             self._keep(said)
@@ -347,19 +362,49 @@ def children(pid: int) -> list[int]:
     return found
 
 
-def resident(pid: int) -> float:
-    """Memory of a process [MiB]."""
-    with suppress(OSError, IndexError):
-        return int(Path(f'/proc/{pid}/statm').read_text().split()[1]) * os.sysconf(
-            'SC_PAGESIZE'
-        ) / 2**20  # fmt: skip
+def most_held(pid: int) -> float:
+    """Memory of a process at its largest [MiB]."""
+    with suppress(OSError):
+        found = re.search(r'VmHWM:\s*(\d+)', Path(f'/proc/{pid}/status').read_text())
+        return int(found[1]) / 1024.0 if found else 0.0
     return 0.0
 
 
-def _name(pid: int) -> str:
+def name_of(pid: int) -> str:
+    """What lists of processes show of it: a process of the editor says there what it does."""
     with suppress(OSError):
-        return Path(f'/proc/{pid}/cmdline').read_text().replace('\0', ' ').strip()
+        return Path(f'/proc/{pid}/comm').read_text().strip()
     return ''
+
+
+def alone(text: str) -> float:
+    """[MiB] that `solve` of a document takes at most, in a new process."""
+    with tempfile.TemporaryDirectory() as folder:
+        scene = Path(folder) / 'scene.yaml'
+        scene.write_text(text, encoding='utf-8', errors='replace')
+        process = subprocess.Popen(
+            command('solve', str(scene)), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        end, held = time.monotonic() + ALONE, 0.0
+        while process.poll() is None:
+            held = max(held, most_held(process.pid))
+            if time.monotonic() > end:
+                process.kill()
+            time.sleep(0.02)
+    return held
+
+
+def memory_beyond(client: Client) -> Iterator[str]:
+    """Sentences on processes that held more than they may."""
+    for role, size in client.memory.items():
+        if role != RUNS and size > MEMORY:
+            yield f'{size:.0f} MiB in {role}'
+    for size, texts in client.large.values():
+        needed = max(map(alone, texts))
+        said = f'{size:.0f} MiB in {RUNS}, where solve alone takes {needed:.0f}'
+        print(said, file=sys.stderr)
+        if size > MARGIN * needed:
+            yield said
 
 
 def edit(
@@ -403,8 +448,7 @@ def edit(
             client.wrong.append(f'parts are left: {left}')
     if client.worst > hang:
         client.wrong.append(f'{client.worst:.1f} s without a word')
-    if client.memory > MEMORY:
-        client.wrong.append(f'{client.memory:.0f} MiB')
+    client.wrong += memory_beyond(client)
     return client
 
 
@@ -438,7 +482,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         found = edit(Path(folder) / 'editor', options.messages, options.seed, log=options.log)
     print(dict(found.counts), f'{len(found.saves.texts)} files saved')
-    print(f'longest without a word {found.worst:.2f} s, memory {found.memory:.0f} MiB')
+    held = ', '.join(f'{role} {size:.0f}' for role, size in sorted(found.memory.items()))
+    print(f'longest without a word {found.worst:.2f} s; most held [MiB]: {held}')
     for wrong in found.wrong:
         print('WRONG:', wrong)
     return bool(found.wrong)

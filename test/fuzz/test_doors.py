@@ -9,9 +9,11 @@ from __future__ import annotations
 import os
 import random
 import time
+from types import SimpleNamespace
 
+import doors
 import pytest
-from doors import Saves, edit, message, table
+from doors import RUNS, Saves, edit, memory_beyond, message, table
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -103,6 +105,26 @@ def test_a_file_that_is_lost_is_noticed(there, late, tmp_path):
     saves.close()
     assert len(saves.wrong) == (1 if late else 2)
     assert "'a.yaml' is not what was saved" in saves.wrong[0]
+
+
+def test_who_holds_too_much_memory_is_told_by_role(monkeypatch):
+    """Who runs machines may take what `solve` takes of the same, and a tenth more."""
+    needs = {'small': 100.0, 'large': 600.0}
+    monkeypatch.setattr(doors, 'alone', needs.__getitem__)
+    large = {1: (640.0, ['small', 'large']), 2: (670.0, ['large']), 3: (501.0, ['small'])}
+    memory = {'server': 120.0, 'editor: draw': 510.0, RUNS: 670.0}
+    assert [*memory_beyond(SimpleNamespace(memory=memory, large=large))] == [
+        '510 MiB in editor: draw',
+        '670 MiB in editor: run, where solve alone takes 600',
+        '501 MiB in editor: run, where solve alone takes 100',
+    ]
+
+
+def test_roles_have_names_and_a_solve_takes_memory(tmp_path):
+    found = edit(tmp_path / 'editor', 30, 3, hang=60.0)
+    assert {'server', 'editor: draw'} <= set(found.memory)
+    assert all(10.0 < found.memory[x] < doors.MEMORY for x in ('server', 'editor: draw'))
+    assert 50.0 < doors.alone('title: nothing\n') < doors.MEMORY
 
 
 LOSES = """

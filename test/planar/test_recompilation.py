@@ -83,3 +83,25 @@ def test_other_numbers_of_loads_compile_nothing(name):
 @pytest.mark.parametrize('name', SCENES)
 def test_many_other_numbers_of_loads_compile_nothing(name):
     compare(name, 5)
+
+
+@pytest.mark.parametrize(('crowded', 'kept'), [(True, [1, 1, 1, 1]), (False, [1, 1, 2, 2])])
+def test_machines_before_are_forgotten_for_a_new_integrator(crowded, kept, monkeypatch):
+    """Where there is no room for both; for the same machine again nothing is."""
+    monkeypatch.setattr(compiled, '_crowded', [])
+    compiled.forget()
+    digests, integrators, functions = [], [], []
+    loose, other = 'four_bar_clearance', 'slider_with_play'
+    for name in loose, loose, other, loose:
+        content = read_yaml(ROOT / 'config' / f'{name}.yaml', 'scene')
+        compiled.forget_for_others(lambda: crowded)
+        digests.append(run_digest(name, content))
+        integrators.append(compiled._integrator.cache_info().currsize)
+        functions.append(compiled._function.cache_info().currsize)
+    assert digests[0] == digests[1] == digests[3]
+    assert integrators == kept
+    assert functions[1] == functions[0]
+
+
+def run_digest(name, content):
+    return ms.simulate(made(content, name), duration=0.02).digest()

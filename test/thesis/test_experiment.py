@@ -340,6 +340,24 @@ def test_the_page_is_renewed_between_its_marks(found):
         renewed(page.replace('bearings', 'bearing'), found)
 
 
+def test_a_page_may_ask_for_some_rows_of_a_table(found):
+    page = '<!-- experiment: bearings; restitution = 1 -->\n<!-- /experiment -->\n'
+    table = next(t for t in tables(found) if t.name == 'bearings')
+    (chosen,) = (row for row in table.rows if row[0] == '1')
+    lines = renewed(page, found).splitlines()[2:-2]
+    assert [[c.strip() for c in x.strip('|').split('|')] for x in (lines[0], lines[2])] == [
+        [*table.columns], [*chosen]
+    ]  # fmt: skip
+    assert len(lines) == 3
+    for asked, said in (
+        ('restitution = 2', "'bearings' has no row with restitution = 2, which the page asks for"),
+        ('e = 1', "rows of 'bearings' by 'e = 1': write 'COLUMN = VALUE'; the columns are restit"),
+        ('restitution', "by 'restitution': write 'COLUMN = VALUE'"),
+    ):
+        with pytest.raises(InputError, match=re.escape(said)):
+            renewed(page.replace('restitution = 1', asked), found)
+
+
 def test_the_page_has_the_tables_of_the_command(found):
     text = (ROOT / 'docs/experiment.md').read_text('utf-8')
     made = {t.name: t for t in tables(found)}
@@ -347,7 +365,7 @@ def test_the_page_has_the_tables_of_the_command(found):
     assert {'summary', 'bearings', 'steps', 'course', 'severity', 'claims', 'limits'} <= {
         name for name, _ in marked
     }
-    for name, lines in marked:
+    for name, lines in ((name.partition('; ')[0], lines) for name, lines in marked):
         if name in made:
             heads = tuple(cell.strip() for cell in lines.splitlines()[0].strip('|').split('|'))
             assert heads == made[name].columns
