@@ -48,6 +48,7 @@ class Runner:
 
     Attributes
     ----------
+    machine : that runs
     engine : that integrates
     audit : of all that has been handed on
     known : time [s] up to which the motion is known, with what the engine holds back
@@ -61,7 +62,7 @@ class Runner:
         resume: Snapshot | None = None,
         audited: bool = True,
     ) -> None:
-        self._machine = machine
+        self.machine = machine
         self.engine = engine or (machine.resume(resume) if resume else machine.start())
         self.audit = Audit(machine.physics)
         self.known, self.more = self.engine.time, True
@@ -115,12 +116,12 @@ class Runner:
         motion, impacts, changes = self.engine.drain()
         if not self._audited:
             unknown = Work(*np.full((len(Work._fields), len(motion)), np.nan))
-            return Piece(self._machine, motion, EnergyTerms(unknown, impacts), impacts, changes)
+            return Piece(self.machine, motion, EnergyTerms(unknown, impacts), impacts, changes)
         before = self.audit.drive_work, self.audit.dissipated
         work = self.audit.add(motion, impacts)
-        self.audit.judge(self._machine.allowed_penetration)
+        self.audit.judge(self.machine.allowed_penetration)
         balance = EnergyTerms(work, impacts, *before)
-        return Piece(self._machine, motion, balance, impacts, changes)
+        return Piece(self.machine, motion, balance, impacts, changes)
 
 
 def run(

@@ -31,18 +31,17 @@ Progress = Callable[[float, int], None]
 """Called now and then with the simulated time [s] and the number of impacts so far."""
 
 
-class Stream:
+class Stream(Runner):
     """A run in pieces, each forgotten when the next one is asked for; iterate over it once.
 
     What does not grow with the run is kept here, and is up to date after every piece.
 
     Parameters
     ----------
-    observers : called with every piece before it is handed on
+    observers : called with every piece before it is handed on; not part of what a run costs
 
     Attributes
     ----------
-    machine : that runs
     totals : counts and sums of its events
     no_limits : instants so far at which forces grow beyond all bounds
     """
@@ -56,19 +55,15 @@ class Stream:
         observers: Iterable[Observer] = (),
     ) -> None:
         self._wall_time = self._cpu_time = self._compile_time = 0.0
-        self.machine = machine
         self.totals = Totals()
         self.no_limits: list[NoLimit] = []
         with self._timed():
-            self._runner = Runner(machine, resume=resume)
-        self._run, self._audit = self._runner.engine, self._runner.audit
-        if self._run.time >= end:
+            super().__init__(machine, resume=resume)
+        if self.known >= end:
             raise InputError(
-                f'the snapshot is at {self._run.time:g} s already: ask for more than that'
+                f'the snapshot is at {self.known:g} s already: ask for more than that'
             )
-        self._end = end
-        self._progress = progress
-        self._observers = (self._count, *observers)
+        self._end, self._progress, self._observers = end, progress, tuple(observers)
         self._snapshot: Snapshot | None = None
         self._last: Piece | None = None
 
@@ -91,19 +86,20 @@ class Stream:
             If the integration breaks down, or the motion violates a gap.
         """
         for final in (False, True):
-            pieces = self._runner.to(self._end, self._observers, final)
-            while True:
-                with self._timed():
-                    piece = next(pieces, None)
-                if piece is None:
-                    break
+            pieces = self.to(self._end, [self._count], final)
+            while piece := self._next(pieces):
                 if self._progress:
-                    self._progress(min(self._run.time, self._end), self.totals.impacts)
+                    self._progress(min(self.engine.time, self._end), self.totals.impacts)
+                for observe in self._observers:
+                    observe(piece)
                 yield piece
-            if self._snapshot is None:
-                self._snapshot = self.machine.snapshot(self._run)
-            if self._run.time >= self._end:
+            self._snapshot = self._snapshot or self.machine.snapshot(self.engine)
+            if self.engine.time >= self._end:
                 break
+
+    def _next(self, pieces: Iterator[Piece]) -> Piece | None:
+        with self._timed():
+            return next(pieces, None)
 
     def finish(self) -> Self:
         """Run on to the end, for its observers; returns itself."""
@@ -123,7 +119,7 @@ class Stream:
     @property
     def duration(self) -> float:
         """Simulated time so far [s]."""
-        return self._last.motion.curve.end if self._last else self._run.time
+        return self._last.motion.curve.end if self._last else self.engine.time
 
     @property
     def final(self) -> View:
@@ -141,33 +137,28 @@ class Stream:
     @property
     def energy(self) -> Energy | None:
         """The energy balance so far; ``None`` where masses are not part of the scene."""
-        return self._audit.energy
+        return self.audit.energy
 
     @property
     def max_penetration(self) -> float:
         """Deepest violation of an open gap so far [m]."""
-        return self._audit.max_penetration
+        return self.audit.max_penetration
 
     @property
     def max_closure_error(self) -> float:
         """Farthest a closed gap or a loop was from zero so far [m]."""
-        return self._audit.max_closure_error
+        return self.audit.max_closure_error
 
     @property
     def stats(self) -> Stats:
         """What the run cost so far, without what was done with its pieces."""
-        return Stats(
-            self._wall_time,
-            self._cpu_time,
-            self._compile_time,
-            self._run.steps,
-            self._run.events,
-        )
+        spent = self._wall_time, self._cpu_time, self._compile_time
+        return Stats(*spent, self.engine.steps, self.engine.events)
 
     @property
     def snapshot(self) -> Snapshot:
         """From where a longer run goes on, not later than the end."""
-        return self._snapshot or self.machine.snapshot(self._run)
+        return self._snapshot or self.machine.snapshot(self.engine)
 
 
 def stream(
