@@ -93,7 +93,9 @@ class Stream(Runner):
                 for observe in self._observers:
                     observe(piece)
                 yield piece
-            self._snapshot = self._snapshot or self.machine.snapshot(self.engine)
+            if self._snapshot is None:
+                with self._timed():
+                    self._snapshot = self.machine.snapshot(self.engine)
             if self.engine.time >= self._end:
                 break
 
@@ -152,8 +154,8 @@ class Stream(Runner):
     @property
     def stats(self) -> Stats:
         """What the run cost so far, without what was done with its pieces."""
-        spent = self._wall_time, self._cpu_time, self._compile_time
-        return Stats(*spent, self.engine.steps, self.engine.events)
+        cost = self._wall_time, self._cpu_time, self._compile_time
+        return Stats(*cost, self.engine.steps, self.engine.events)
 
     @property
     def snapshot(self) -> Snapshot:
