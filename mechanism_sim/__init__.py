@@ -22,6 +22,7 @@ __all__ = [
     'explore',
     'load_scene',
     'measure',
+    'open_run',
     'play',
     'scene_names',
     'simulate',
@@ -64,6 +65,10 @@ def __getattr__(name: str) -> _Any:
         from mechanism_sim.results.measures import measure  # noqa: PLC0415
 
         return measure
+    if name == 'open_run':
+        from mechanism_sim.analysis.open_run import open_run  # noqa: PLC0415
+
+        return open_run
     if name in ('explore', 'play'):
         from mechanism_sim.pages import notebook  # noqa: PLC0415
 

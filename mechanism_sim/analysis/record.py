@@ -34,6 +34,7 @@ from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.recording import Bag, read_bag, scene_text
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
+from mechanism_sim.tables import Table
 
 _NEWTON = 50
 
@@ -96,6 +97,16 @@ class Record:
                 f'{self.start:g} s to {self.end:g} s'
             )
         return max(begin, self.start), min(finish, self.end)
+
+    def columns(
+        self, names: Sequence[str], t: Array | None = None, *, turns: Array | None = None
+    ) -> Table:
+        """Quantities by name (see `Piece.sample`) at times (N,) [s], or by turns of the drive."""
+        if (t is None) == (turns is None):
+            raise InputError('columns are asked for at times or at turns of the drive')
+        times = t if turns is None else self.times_at(turns)
+        assert times is not None  # noqa: S101 - one of both is given
+        return self.piece.sample(times, 't', *names)
 
     @property
     def slides(self) -> bool:

@@ -1,0 +1,72 @@
+"""One way to ask a bag, another program's bag, a solution and a cycle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bags import write_bag
+from builders import simulated
+
+import mechanism_sim as ms
+from mechanism_sim.errors import InputError
+from mechanism_sim.messages import JointState, serialize
+from mechanism_sim.recording import BagWriter, Qos
+from ros_interfaces.stamps import stamp
+
+NAMES = 'reaction.coupler_rocker.size', 'position.coupler.cog.x'
+
+
+def foreign(path, velocities):
+    """A bag of a pendulum's angle as any program may write it."""
+    with BagWriter(path) as bag:
+        bag.add_topic('/joint_states', 'sensor_msgs/msg/JointState', Qos())
+        for t in np.linspace(0.0, 2.0, 81):
+            message = JointState(name=['rod', 'slide'], position=[np.sin(3.0 * t), t])
+            if velocities:
+                message.velocity = [3.0 * np.cos(3.0 * t), 1.0]
+            message.header.stamp = stamp(t)
+            bag.write('/joint_states', serialize(message), int(t * 1e9))
+    return path
+
+
+def test_all_sources_give_the_same_numbers(tmp_path):
+    record = simulated('four_bar_clearance', duration=0.05)
+    bag = write_bag(tmp_path / 'run.mcap', record)
+    t = np.linspace(0.0, 0.05, 20)
+    given = record.piece.sample(t, *NAMES)
+    for source in (bag, str(bag), record.piece):
+        found = ms.open_run(source).columns(NAMES, t)
+        assert found.units['reaction.coupler_rocker.size'] == 'N'
+        for name in NAMES:
+            assert np.array_equal(found[name], given[name])
+    cycle = ms.cycle(ms.load_scene('four_bar_nominal'), samples=8)
+    found = ms.open_run(cycle).columns(['drive_torque'], cycle.t)
+    assert np.array_equal(found['drive_torque'], cycle['drive_torque'])
+
+
+def test_an_angle_of_the_drive_may_be_asked_for():
+    run = ms.open_run(ms.simulate(ms.load_scene('four_bar_nominal'), revolutions=2))
+    turns = np.array([0.5, 1.25])
+    found = run.columns(['position.crank'], turns=turns)
+    assert found['position.crank'] == pytest.approx(2.0 * np.pi * turns, rel=1e-12)
+    with pytest.raises(InputError, match='at times or at turns'):
+        run.columns(['position.crank'])
+
+
+@pytest.mark.parametrize(('velocities', 'error'), [(True, 8.3e-8), (False, 7.1e-4)])
+def test_joint_states_of_another_program_are_a_run(tmp_path, velocities, error):
+    """Between instants by Hermite's polynomials where there are velocities, else straight.
+
+    Their errors are at most h^4 max|x''''| / 384 and h^2 max|x''| / 8.
+    """
+    run = ms.open_run(foreign(tmp_path / 'other.mcap', velocities))
+    t = np.linspace(0.1, 1.9, 301)
+    found = run.columns(['position.rod', 'position.slide'], t)
+    off = np.abs(found['position.rod'] - np.sin(3.0 * t)).max()
+    assert error / 10.0 < off < error
+    assert found['position.slide'] == pytest.approx(t, abs=1e-12)
+    assert ('velocity.rod' in run.series) == velocities
+    with pytest.raises(InputError, match="did you mean 'position\\.rod'"):
+        run.columns(['position.rods'], t)
+    with pytest.raises(InputError, match='is recorded from 0 s to 2 s'):
+        run.columns(['position.rod'], np.array([3.0]))
