@@ -12,8 +12,8 @@ import numpy as np
 from mechanism_sim import text_table
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.planar.play import joint_of_gap
+from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.sensing.indicators import indicators
 from mechanism_sim.sensing.spectra import power
 
@@ -101,7 +101,7 @@ def _impacts(record: Record) -> dict[Key, float]:
 
 def _peaks(record: Record) -> dict[Key, float]:
     """The largest force in each joint and effort of each drive, between impacts, and how long."""
-    peaks = LoadPeaks(record.piece.physics, record.start, shapes=True)
+    peaks = LoadPeaks(record.machine, record.start, shapes=True)
     peaks.add(record.piece.motion)
     straight = record.piece.physics.displacements
     found = {

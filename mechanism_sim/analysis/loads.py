@@ -9,20 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.peak_shapes import PeakOutlines, PeakShape
-from mechanism_sim.hybrid.peaks import LoadPeaks
-from mechanism_sim.numerics.extremes import ExtremeSearch
-from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.hybrid.peak_shapes import PeakShape
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.view import View
+from mechanism_sim.results.ranges import LoadPeaks, Ranges
 from mechanism_sim.scene import Machine
 
 
@@ -121,7 +114,7 @@ class LoadCollector:
 
 
 def of_motion(
-    peaks: LoadPeaks, bearings: BearingCollector, crank_angle: Callable[[float], float | None]
+    peaks: LoadPeaks, bearings: BearingPeaks, crank_angle: Callable[[float], float | None]
 ) -> LoadSummary | None:
     """The peaks of a motion; None if it has no forces.
 
@@ -157,14 +150,10 @@ def _shaped(peak: Peak, shape: PeakShape | None) -> Peak:
 _OF_BEARINGS = ('bearing_force', 'size'), ('bearing_force', 'axial'), ('bearing_moment', 'size')
 
 
-class BearingCollector:
-    """Collects what bearings of shafts, and bearings that tilt, carry beside the joint's force.
-
-    That is, their largest forces and moments, of a motion that comes in batches.
-    """
+class BearingPeaks:
+    """The largest loads of bearings of shafts, and of bearings that tilt."""
 
     def __init__(self, machine: Machine) -> None:
-        self._machine = machine
         chosen = [
             quantity
             for quantity in catalogue(machine).values()
@@ -173,49 +162,21 @@ class BearingCollector:
         ]
         of = [*dict.fromkeys(quantity.of for quantity in chosen)]
         chosen.sort(key=lambda q: (of.index(q.of), q.part == 'axial'))
-        self._columns = [quantity.name for quantity in chosen]
-        groups = ['moment' if self._is_moment(x) else 'force' for x in self._columns]
-        self._search = ExtremeSearch(groups)
-        self._outlines = PeakOutlines(self._values, len(groups))
-
-    def add(self, motion: Motion) -> None:
-        """Enter the segments that follow."""
-        if self._columns and len(motion):
-            self._search.add_motion(partial(self._values, motion), motion.curve)
-            self._outlines.add(motion, self._tops())
-
-    def _tops(self) -> list[tuple[float, float]]:
-        """Values with the largest magnitudes, and when [s]."""
-        s = self._search
-        ends = zip(s.least, s.least_time, s.greatest, s.greatest_time, strict=True)
-        return [
-            (float(low), float(at_low)) if -low > high else (float(high), float(at_high))
-            for low, at_low, high, at_high in ends
-        ]
-
-    def _values(self, motion: Motion, k: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """The columns, instants as in `Physics.observe`."""
-        view = View(self._machine, motion, k, dt)
-        return np.array([*catalogue(self._machine).columns(self._columns, view).values()])
-
-    @staticmethod
-    def _is_moment(column: str) -> bool:
-        return column.startswith('bearing_moment.')
+        self._ranges = Ranges(machine, [quantity.name for quantity in chosen], shapes=True)
+        self.add = self._ranges.add
 
     def peaks(
         self, crank_angle: Callable[[float], float | None]
     ) -> tuple[tuple[Peak, ...], tuple[Peak, ...]]:
         """Forces by ``SHAFT.BEARING``, and ``.axial`` with their sign; moments by joint."""
-        tops = self._tops()
         forces: list[Peak] = []
         moments: list[Peak] = []
-        shapes = self._outlines.shapes(tops)
-        for name, (value, time), shape in zip(self._columns, tops, shapes, strict=True):
-            if not math.isnan(time):
-                kind, _, of = name.removesuffix('.size').partition('.')
-                of += '.axial' if kind == 'axial_force' else ''
-                peak = _shaped(Peak(of, value, time, crank_angle(time)), shape)
-                (moments if self._is_moment(name) else forces).append(peak)
+        shapes = self._ranges.shapes()
+        for name, (value, time) in self._ranges.peaks().items():
+            kind, _, of = name.removesuffix('.size').partition('.')
+            of += '.axial' if kind == 'axial_force' else ''
+            peak = _shaped(Peak(of, value, time, crank_angle(time)), shapes.get(name))
+            (moments if kind == 'bearing_moment' else forces).append(peak)
         return tuple(forces), tuple(moments)
 
 

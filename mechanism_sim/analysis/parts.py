@@ -10,18 +10,11 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages.part_states import kinds_of
-from mechanism_sim.numerics.extremes import ExtremeSearch
-from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.results.view import View
+from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.ranges import Ranges
 from mechanism_sim.scene import Machine
 
 
@@ -74,9 +67,6 @@ PARTS = {
         'oscillator',
     ),
 }
-
-
-_DIFFERENCES = 'gap', 'transmission_error'  # of lengths as large as the machine
 
 
 @dataclass(frozen=True)
@@ -147,40 +137,25 @@ class PartCollector:
 
 
 class PartRanges:
-    """Collects the ranges of a motion that comes in batches: of cams, gears and Geneva wheels."""
+    """The ranges of a motion that comes in batches: of cams, gears and Geneva wheels."""
 
     def __init__(self, machine: Machine) -> None:
-        self._machine = machine
-        parts = [
-            (kind, joint) for kind in kinds_of(machine).values() for joint in kind.joints(machine)
-        ]
-        self._fields = [(j, field) for kind, j in parts for field in PARTS[kind.topic].fields]
-        self._columns = [
-            (kind.topic, j.name, field) for kind, j in parts for field in PARTS[kind.topic].fields
-        ]
-        size = machine.mechanism.size
-        self._search = ExtremeSearch(
-            self._columns, {c: size for c in self._columns if c[2] in _DIFFERENCES}
-        )
-
-    def add(self, motion: Motion) -> None:
-        """Enter the segments that follow."""
-        if self._columns and len(motion):
-            self._search.add_motion(partial(self._values, motion), motion.curve)
-
-    def _values(self, motion: Motion, k: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """The columns, instants as in `Physics.observe`."""
-        view = View(self._machine, motion, k, dt)
-        rows = [view.reading(joint, field) for joint, field in self._fields]
-        return np.array(rows, np.float64)
+        known = catalogue(machine)
+        self._fields = {
+            name: (kind.topic, joint.name, field)
+            for kind in kinds_of(machine).values()
+            for joint in kind.joints(machine)
+            for field in PARTS[kind.topic].fields
+            if (name := f'{field}.{joint.name}') in known
+        }
+        self._ranges = Ranges(machine, [*self._fields])
+        self.add = self._ranges.add
 
     def by_joint(self, topic: str) -> dict[str, tuple[Range, ...]]:
         """The ranges by joint of the parts with this topic, where there was motion."""
-        s = self._search
-        ends = zip(s.least, s.least_time, s.greatest, s.greatest_time, strict=True)
-        ranges: dict[str, tuple[Range, ...]] = {}
-        for (of, joint, field), numbers in zip(self._columns, ends, strict=True):
-            if of == topic and not math.isnan(numbers[1]):
-                known = ranges.get(joint, ())
-                ranges[joint] = (*known, Range(field, *map(float, numbers)))
-        return ranges
+        found: dict[str, tuple[Range, ...]] = {}
+        for name, (low, high) in self._ranges.ends().items():
+            of, joint, field = self._fields[name]
+            if of == topic:
+                found[joint] = (*found.get(joint, ()), Range(field, *low, *high))
+        return found

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.export.stage import Stage, Swaying, stage_of
-from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.results.cycle import Cycle, cycle, is_steady
+from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.scene import Machine
 
 
@@ -69,7 +69,7 @@ def preview(machine: Machine, duration: float | None = None) -> Preview:
     wanted = [d for d in (machine.scene.duration, duration) if d]
     found = cycle(machine, 180, duration=None if is_steady(machine) or not wanted else min(wanted))
     observed = found.solution.view(found.t).observed
-    peaks = LoadPeaks(machine.physics, float(found.t[0]))
+    peaks = LoadPeaks(machine, float(found.t[0]))
     peaks.add(found.solution.motion)
     bounded = [x.value for x in peaks.forces.values() if math.isfinite(x.value)]
     sway = Swaying(machine).take(found.solution.motion)(found.t)

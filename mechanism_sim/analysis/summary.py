@@ -11,7 +11,7 @@ from mechanism_sim.analysis.crank import Crank, MotionSummary
 from mechanism_sim.analysis.delivery_audit import Ledger, LedgerCollector
 from mechanism_sim.analysis.impacts import ImpactCollector, ImpactSummary
 from mechanism_sim.analysis.loads import (
-    BearingCollector,
+    BearingPeaks,
     EnergyCollector,
     EnergySummary,
     LoadCollector,
@@ -25,10 +25,10 @@ from mechanism_sim.analysis.topics import KINDS, find_topics
 from mechanism_sim.analysis.vibration import SensorSummary, VibrationCollector
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import motion_of, unpack
 from mechanism_sim.recording import Bag, displacements, read_bag, scene_name, scene_text
+from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
 
@@ -139,9 +139,9 @@ class _Run:
     """What is gathered during the pass."""
 
     def __init__(self, driven: str | None, machine: Machine | None) -> None:
-        self.peaks = LoadPeaks(machine.physics, shapes=True) if machine else None
+        self.peaks = LoadPeaks(machine, shapes=True) if machine else None
         self.ranges = PartRanges(machine) if machine else None
-        self.bearings = BearingCollector(machine) if machine else None
+        self.bearings = BearingPeaks(machine) if machine else None
         self._driven = driven
         self.coordinates: tuple[str, ...] = ()
         self.track: MotionCollector | None = None

@@ -192,12 +192,12 @@ def _work(job: Job, link: Connection) -> None:
 def _shown(machine: Any, solution: Any) -> dict[str, Any]:
     """What a page plays of a run, and its figures."""
     from mechanism_sim.analysis.record import Record  # noqa: PLC0415
-    from mechanism_sim.hybrid.peaks import LoadPeaks  # noqa: PLC0415
     from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
+    from mechanism_sim.results.ranges import LoadPeaks  # noqa: PLC0415
 
     record = Record(machine, solution, {})
     shown = recorded(record)
-    peaks = LoadPeaks(machine.physics)
+    peaks = LoadPeaks(machine)
     peaks.add(solution.motion)
     straight = machine.mechanism.displacements
     figures: list[tuple[str, str, float | None, str, float | None]] = []

@@ -67,9 +67,6 @@ class Physics(Protocol):
         `segments` (N,) with `dt` (N,) [s] are N instants; with `dt` (N, K) or `Nodes` K in each.
         """
 
-    def loads(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """Sizes of the forces in all joints, then torques of all drives: (j + d, N), likewise."""
-
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The gaps (m, N) [m] then, infinite where closed; nothing is assumed of forces."""
 
@@ -129,10 +126,6 @@ class DynamicPhysics:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
         seen = self._observe(motion, segments, dt)
         return seen.with_turns(motion.curve.turns_at(segments, dt).T)
-
-    def loads(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """Sizes of the forces in all joints, then torques of all drives."""
-        return loads_of(self._observe(motion, segments, dt))
 
     def _observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
@@ -271,12 +264,6 @@ class DynamicPhysics:
                 drive = float(seen.position[self.system.driven_index[0], k])
                 found.append(NoLimit(float(motion.curve.start[segment] + since), drive, joints))
         return found
-
-
-def loads_of(seen: Observation) -> Array:
-    """What `Physics.loads` returns."""
-    forces = np.hypot(seen.reaction[:, 0], seen.reaction[:, 1])
-    return np.concatenate([forces, seen.drive_torque])
 
 
 def _limited(seen: Observation) -> tuple[Array, ...]:

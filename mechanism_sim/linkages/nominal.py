@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, ModeChange
-from mechanism_sim.hybrid.physics import each_instant, loads_of, outside, rows
+from mechanism_sim.hybrid.physics import each_instant, outside, rows
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.linkages.four_bar import Array
 from mechanism_sim.linkages.ideal import IdealMotion
@@ -445,10 +445,6 @@ class NominalPhysics:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
         seen = self._observe(motion, segments, dt)
         return seen.with_turns(motion.curve.turns_at(segments, dt).T)
-
-    def loads(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """Sizes of the forces in all joints, then torques of all drives."""
-        return loads_of(self._observe(motion, segments, dt))
 
     def _observe(
         self,

@@ -5,7 +5,7 @@ A table of 360 rows misses the peaks of a loose bearing altogether.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.results.quantity import Quantity
+from mechanism_sim.results.ranges import search_of
 
 Array = NDArray[np.float64]
 Sampler = Callable[[Array], Mapping[str, Array]]
@@ -68,9 +69,7 @@ def search(
         columns = at(t.ravel())
         return np.array([columns[quantity.name] for quantity in wanted])
 
-    groups = [(quantity.kind, quantity.unit) for quantity in wanted]
-    differences: dict[Hashable, float] = {(q.kind, q.unit): size for q in wanted if q.difference}
-    found = ExtremeSearch(groups, differences, [quantity.part == 'size' for quantity in wanted])
+    found = search_of(wanted, size)
     if wanted:
         found.add(values, *spans)
     return found

@@ -15,9 +15,9 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
@@ -79,7 +79,7 @@ def compute(task: Task) -> RunResult:
 def _measure(machine: Machine, task: Task) -> dict[str, Value]:
     extent = task.extent
     edges, skip = extent.edges(machine)
-    physics, peaks = machine.physics, LoadPeaks(machine.physics, edges[skip])
+    physics, peaks = machine.physics, LoadPeaks(machine, edges[skip])
     tally, digest = Tally(edges), MotionDigest()
     crank = np.full(len(edges), math.nan)
     largest = 0.0

@@ -8,7 +8,7 @@ from running import run
 from tooth_forces import bevel, helical
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.loads import BearingCollector
+from mechanism_sim.analysis.loads import BearingPeaks
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.forces import WormPair, pitch_angles
 from mechanism_sim.messages import BearingLoads, deserialize
@@ -233,7 +233,7 @@ def test_the_largest_loads_of_bearings_are_those_of_the_motion(tmp_path):
     path = tmp_path / 'counter.yaml'
     path.write_text(COUNTERSHAFT)
     found = cycle(ms.load_scene(str(path)))
-    collector = BearingCollector(found.machine)
+    collector = BearingPeaks(found.machine)
     collector.add(found.solution.motion)
     forces, moments = collector.peaks(lambda _: None)
     peaks = {p.name: p for p in forces}

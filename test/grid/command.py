@@ -54,8 +54,9 @@ def _run(options: argparse.Namespace) -> int:
             found[outcome.name] = outcome
             failed = sum(o.ok is False for o in found.values())
             show(len(found), failed)
-            if outcome.ok is False and not options.json:
-                print(report.render(outcome), flush=True)
+            if outcome.ok is False:
+                where = sys.stderr if options.json else sys.stdout
+                print(report.render(outcome), file=where, flush=True)
             if shards.ended > ended and not sys.stderr.isatty():  # a line in a log
                 ended = shards.ended
                 print(f'grid: {len(found)} of {len(cases)} cases, {failed} failed, '

@@ -10,8 +10,8 @@ from running import run, run_json
 from scipy.special import erf
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.loads import BearingCollector, of_motion
-from mechanism_sim.hybrid.peaks import LoadPeaks
+from mechanism_sim.analysis.loads import BearingPeaks, of_motion
+from mechanism_sim.results.ranges import LoadPeaks
 
 SPEED = 40.0
 
@@ -63,7 +63,7 @@ def test_a_peak_between_batches_is_one():
     """The run in pieces that end within the pulse, as the messages of a bag do."""
     machine = wheel('-500*exp(-((wheel-2.0)/0.05)**2)')
     motion = ms.simulate(machine, duration=0.1).motion
-    peaks = LoadPeaks(machine.physics, shapes=True)
+    peaks = LoadPeaks(machine, shapes=True)
     times = [0.0, 0.03, 0.0495, 0.0498, 0.0502, 0.051, 0.07, 0.1]
     for a, b in itertools.pairwise(times):
         peaks.add(motion.between(a, b))
@@ -76,7 +76,7 @@ def test_a_peak_between_batches_is_one():
 def test_peaks_of_a_motion_have_their_duration():
     """As `cycle` has them; the summary of a bag is made of the same."""
     machine = ms.load_scene('punch')
-    peaks, bearings = LoadPeaks(machine.physics, shapes=True), BearingCollector(machine)
+    peaks, bearings = LoadPeaks(machine, shapes=True), BearingPeaks(machine)
     for piece in ms.stream(machine, duration=0.5):
         peaks.add(piece.motion)
     loads = of_motion(peaks, bearings, lambda _: None)
