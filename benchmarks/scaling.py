@@ -20,6 +20,7 @@ import numpy as np
 from benchmarks.chains import SPEED, chain
 from mechanism_sim import ending
 from mechanism_sim.errors import RunError
+from mechanism_sim.results.run import prepare
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine, load_scene
 
@@ -78,7 +79,7 @@ def _cpu(work: Callable[[], Any]) -> float:
 
 def _loose() -> Machine:
     machine = load_scene('four_bar_clearance')
-    machine.prepare()
+    prepare(machine)
     return machine
 
 
@@ -107,7 +108,7 @@ def _links() -> Iterator[Cost]:
                 content = machine.scene.to_document(exclude_unset=True)
                 joint = {**content['joints'][last], 'clearance': CLEARANCE}
                 machine = chain(dyads, joints=content['joints'] | {last: joint})
-            machine.prepare()
+            prepare(machine)
             ready.append(Cost(f'links, {name}: getting ready', 2 * dyads + 2,
                               time.process_time() - began, 'machine'))  # fmt: skip
             duration = TURNS * machine.period
@@ -134,7 +135,7 @@ def _bent(modes: int, loose: Mapping[str, Any]) -> float:
     machine = load_scene(
         'four_bar_elastic', changes | {f'joints.{x}.clearance': play for x, play in loose.items()}
     )
-    machine.prepare()
+    prepare(machine)
     return _cpu(lambda: simulate(machine, revolutions=TURNS)) / TURNS
 
 

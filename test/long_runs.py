@@ -36,6 +36,7 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.run import prepare
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.gate import admit
@@ -211,7 +212,7 @@ def run(name: str, revolutions: float, budget: float) -> dict[str, object]:
     said: dict[str, object] = {'scene': name, 'level': machine.level.value, 'ended': 'complete'}
     began = time.process_time()
     try:
-        machine.prepare()
+        prepare(machine)
         began = time.process_time()
         wanted = [*lengths(machine, revolutions)]
         for words, end in wanted:

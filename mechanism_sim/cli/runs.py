@@ -95,12 +95,9 @@ def _solve(options: argparse.Namespace) -> int:
     impacts: list[Impact] = []
     modes: list[ModeChange] = []
     with _samples(options) as table, progress.bar('solve', end, quiet=options.json) as show:
-        run = stream(machine, duration=end, progress=show, resume=snapshot)
+        observers = [taken.add, turns.add, *([table.add] if table else [])]
+        run = stream(machine, None, end, show, snapshot, observers)
         for piece in run:
-            taken.add(piece)
-            turns.add(piece)
-            if table:
-                table.add(piece)
             if options.json:
                 digest.add(piece.motion, piece.impacts)
                 if not options.no_events:

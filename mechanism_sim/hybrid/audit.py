@@ -135,8 +135,7 @@ class Audit:
             return None
         motion, made = self._end
         if self._final is None:
-            end = float(motion.curve.duration[-1])
-            self._final = self._total(motion, len(motion) - 1, end) + made
+            self._final = self._totals(motion, [-1])[0] + made
         # every segment rounds the state that the next one begins with
         size = sum(self._size) + self._physics.lifting_energy
         rounding = _EPSILON * size * (_EVALUATED + self._segments) + _CONDITIONED * self._size[0]
@@ -224,20 +223,25 @@ class Audit:
             self._size[k] = max(self._size[k], -ends[0], ends[1])
 
     def _balance(self, motion: Motion, impacts: Sequence[Impact]) -> None:
-        if self._initial is None:
-            # an impact at the very start comes before the first segment
-            first = [i for i in impacts if i.t <= motion.curve.start[0]]
-            made = sum(i.sudden_loss - i.drive_work for i in first)
-            self._initial = self._total(motion, 0, 0.0) + made
-        # and one at the very end after the last
+        # an impact at the very end comes after the last segment
         last = [i for i in impacts if i.t > motion.curve.start[-1]]
-        self._end = motion, sum(i.drive_work - i.sudden_loss for i in last)
-        self._final = None
+        made = sum(i.drive_work - i.sudden_loss for i in last)
+        self._end, self._final = (motion, made), None
+        if self._initial is None:
+            # and one at the very start before the first; both ends are seen at once
+            first = [i for i in impacts if i.t <= motion.curve.start[0]]
+            begun, ended = self._totals(motion, [0, -1])
+            self._initial = begun + sum(i.sudden_loss - i.drive_work for i in first)
+            self._final = ended + made
 
-    def _total(self, motion: Motion, segment: int, dt: float) -> float:
-        """Kinetic and potential energy [J]."""
-        seen = self._physics.observe(motion, np.array([segment]), np.array([dt]))
-        return float(seen.kinetic_energy[0] + seen.potential_energy[0])
+    def _totals(self, motion: Motion, ends: list[int]) -> list[float]:
+        """Kinetic and potential energy [J] where a motion begins (0), and where it ends (-1)."""
+        k = np.array(ends)
+        seen = self._physics.observe(
+            motion, k % len(motion), np.where(k < 0, motion.curve.duration[-1], 0.0)
+        )
+        found: list[float] = (seen.kinetic_energy + seen.potential_energy).tolist()
+        return found
 
     def _check_open(self, motion: Motion) -> None:
         """Sample every open gap, and again more densely where a parabola foresees a violation."""
@@ -274,8 +278,8 @@ def work_in(
 ) -> tuple[Work, Array]:
     """Works (m,) in parts of a motion, and the largest powers (3,) so far [W].
 
-    What loads take is integrated with nodes of its own: the balance would hide a load that is seen
-    or missed by the same nodes as the drive that balances it.
+    What steep loads take is integrated with nodes of its own: the balance would hide a load that
+    is seen or missed by the same nodes as the drive that balances it.
 
     Parameters
     ----------
@@ -287,21 +291,28 @@ def work_in(
         found = physics.account(motion, k, dt)
         if look and isinstance(dt, Nodes):
             look(found, k, dt)
-        return np.stack([found.drive_power, found.friction_power])
+        rows = found.drive_power, found.friction_power, found.load_power
+        return np.stack([x for x in rows if x is not None])
 
     flags, known = recovers(motion, parts.segment), np.zeros(3) if largest is None else largest
-    own = integrate(powers, parts, flags, known[:2], in_order, alike=True)
-    (drive, friction), error, largest = own.value, own.error.sum(axis=0), own.largest
-    gross = np.abs(drive) + np.abs(friction)
-    if physics.takes_power:
+    takes, steep = physics.takes_power, physics.steep
+    count = 3 if takes and not steep else 2
+    own = integrate(
+        powers, parts, flags, known[:count], in_order,
+        alike=True, foretold=not steep,
+    )  # fmt: skip
+    value, error, largest = own.value, own.error, own.largest
+    if takes and steep:
         load = integrate(
             lambda k, dt: physics.load_power(motion, k, dt)[None],
-            parts, flags, known[2:], in_order, smooth=SECOND,
+            parts, flags, known[2:], in_order,
+            smooth=SECOND, beside=own.running.max(axis=0, initial=0.0),
         )  # fmt: skip
-        gross = gross + np.abs(load.value[0])
-        friction, error = friction + load.value[0], error + load.error[0]
+        value, error = np.append(value, load.value, axis=0), np.append(error, load.error, axis=0)
         largest = np.append(largest, load.largest)
-    return Work(drive, friction, error, gross), np.append(largest, known[len(largest) :])
+    gross = np.abs(value).sum(axis=0)
+    work = Work(value[0], value[1:].sum(axis=0), error.sum(axis=0), gross)
+    return work, largest if takes else np.append(largest, known[2:])
 
 
 def _vertices(samples: Array) -> Array:

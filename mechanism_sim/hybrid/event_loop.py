@@ -108,7 +108,7 @@ class EventLoop:
         steep = system.steep
         # polynomials of what moves are known as it is
         self._check: StepCheck | None = None
-        if steep and steep.enclosure.count:
+        if steep:
             self._check = StepCheck(system, steep, self._ta, limit)
         quick = (system.lone or not system.guards) and not system.timed
         self._quick = quick and self._check is None

@@ -242,9 +242,9 @@ class Observer:
 
     @cached_property
     def _account(self) -> SwitchedFunction:
-        return self._compiled(
-            ['gap', 'closure', 'normal_force', 'joint_loss', 'drive_torque', 'energy']
-        )
+        names = ['gap', 'closure', 'normal_force', 'joint_loss', 'drive_torque', 'energy']
+        together = self.takes_power and not self.steep
+        return self._compiled([*names, *(['load_power'] if together else [])])
 
     def observe(self, at: Instants) -> Observation:
         """Accelerations, forces and energies."""
@@ -276,7 +276,7 @@ class Observer:
     def account(self, at: Instants) -> Account:
         """Terms of the energy balance at the instants of `observe`; far cheaper."""
         inputs = self._inputs(at)
-        gap, closure, N, friction, drive_torque, energy = self._account(
+        gap, closure, N, friction, drive_torque, energy, *taken = self._account(
             inputs, self._with_parts(inputs, at.rows)
         )
         closed = np.where(at.modes > Mode.FREE_FLIGHT, gap, 0.0)
@@ -284,13 +284,19 @@ class Observer:
         farthest = self.distances(np.array(ends).T)  # in any measure the ends are the ends
         left = max(np.abs(x).max(initial=0.0) for x in (farthest, closure))
         power = (drive_torque * at.v[self.system.driven_index]).sum(axis=0)
-        return Account(N, friction[0], power, energy[0], energy[1], float(left))
+        load = taken[0][0] if taken else None
+        return Account(N, friction[0], power, energy[0], energy[1], float(left), load)
 
     @cached_property
     def takes_power(self) -> bool:
         """Whether springs, dampers, films or loads take any power."""
         frames = self.system.equations.frames
         return any(x.power_lost(frames) is not None for x in self.system.elements)
+
+    @property
+    def steep(self) -> bool:
+        """Whether loads or contacts may vary within a step in a way that no series foretells."""
+        return self.system.compliant or self.system.steep is not None
 
     @cached_property
     def _load_power(self) -> SwitchedFunction:

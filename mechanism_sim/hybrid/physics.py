@@ -84,8 +84,13 @@ class Physics(Protocol):
     def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Power (N,) [W] that springs, dampers, films and loads take, if they do.
 
-        It follows from positions and rates alone, and is no part of `account`.
+        It follows from positions and rates alone; where it may be steep, it is no part of
+        `account`.
         """
+
+    @property
+    def steep(self) -> bool:
+        """Whether powers may vary within a segment in a way that no series foretells."""
 
     def switch_parts(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
@@ -162,6 +167,11 @@ class DynamicPhysics:
     def takes_power(self) -> bool:
         """Whether springs, dampers, films or loads take any power."""
         return self.observer.takes_power
+
+    @property
+    def steep(self) -> bool:
+        """Whether loads or contacts may be steep within a step."""
+        return self.observer.steep
 
     def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Power (N,) [W] that springs, dampers, films and loads take."""

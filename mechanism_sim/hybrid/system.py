@@ -231,7 +231,8 @@ class System:
         formulas, torques = self.equations.frames.formulas, self.dynamics.characteristics
         if not (formulas or torques):
             return None
-        return SteepLoads(self.mechanism, self.equations.frames, self.elements, torques)
+        found = SteepLoads(self.mechanism, self.equations.frames, self.elements, torques)
+        return found if found.enclosure.count else None
 
     def fired(self, parameters: Array | memoryview[float]) -> int | None:
         """The guard that ended the last step, by these runtime parameters; told once."""

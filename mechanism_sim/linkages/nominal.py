@@ -32,7 +32,6 @@ from mechanism_sim.numerics.polynomials import (
     chebyshev_coefficients,
     chebyshev_nodes,
     fit_powers,
-    shift_powers,
 )
 from mechanism_sim.planar.branch import SAMPLES
 from mechanism_sim.planar.drive import DriveLaw, Law
@@ -103,6 +102,8 @@ class NominalRun:
         self._hidden = HiddenEdges(guards, names, edges.parameters) if edges and guards else None
         self._loads = LoadsOnPieces(steep, names, parameters, _NODES) if steep else None
         self._laws = list(laws)
+        #: the laws about a time, which is another object where they change
+        self._about: tuple[Fraction | None, list[tuple[int, tuple[float, ...]]]] = None, []
         self._scale = np.array(
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
         )
@@ -150,6 +151,7 @@ class NominalRun:
                     law = self._coming.popleft()
                     names = [known.coordinate for known in self._laws]
                     self._laws[names.index(law.coordinate)] = law
+                    self._about = None, []
                 continue
             if end > until:
                 if final and self._time < until:
@@ -157,6 +159,11 @@ class NominalRun:
                     continue
                 return
             self._add(end)
+
+    def motion(self, until: float) -> Motion:
+        """All of it up to a time [s]: where nothing but positions is wanted."""
+        self.advance(until, final=True)
+        return self.drain()[0]
 
     def preview(self, until: float) -> Motion | None:
         """How the motion goes on up to `until` [s], of what `advance` to there held back.
@@ -176,6 +183,13 @@ class NominalRun:
         motion.curve.duration[-1] = float(until - start)
         return motion
 
+    @property
+    def _local(self) -> list[tuple[int, tuple[float, ...]]]:
+        """Whole turns now, and the law in powers of the time from now on, of every drive."""
+        if self._about[0] is not self._time:
+            self._about = self._time, [law.about(self._time) for law in self._laws]
+        return self._about[1]
+
     def _usual_end(self) -> Fraction:
         """Where the next piece ends unless something shortens it [s]."""
         return self._time + Fraction(self._share * self._width())
@@ -183,8 +197,7 @@ class NominalRun:
     def _width(self) -> float:
         """Time [s] in which the fastest drive goes through one usual piece, or a short while."""
         widths = [_LONGEST]
-        for law, i in zip(self._laws, self._ideal.driven, strict=True):
-            _, local = law.about(self._time)
+        for (_, local), i in zip(self._local, self._ideal.driven, strict=True):
             way = 2.0 * np.pi * self._scale[i] / _PIECES_PER_TURN
             widths += [(way / abs(c)) ** (1.0 / k) for k, c in enumerate(local) if k and c]
         return float(min(widths))
@@ -263,8 +276,7 @@ class NominalRun:
     def _fitted(self, values: Array, h: float) -> Array:
         """Coefficients (n, m) of powers of the time through values at nodes; laws as they are."""
         coefficients = fit_powers(values, h)
-        for law, i in zip(self._laws, self._ideal.driven, strict=True):
-            _, local = law.about(self._time)
+        for (_, local), i in zip(self._local, self._ideal.driven, strict=True):
             coefficients[i] = 0.0
             coefficients[i, : len(local)] = local
         return coefficients
@@ -272,7 +284,7 @@ class NominalRun:
     def _resolved(self, piece: Piece) -> float:
         """Share of a piece on which its nodes tell all of its loads."""
         assert self._loads is not None  # noqa: S101 - nobody asks otherwise
-        rates = [abs(law.about(self._time)[1][1]) for law in self._laws if law.degree]
+        rates = [abs(local[1]) for _, local in self._local if len(local) > 1]
         return self._loads.share(piece, max(rates, default=0.0))
 
     def _before_switch(self, h: float, looked: Sequence[float] = ()) -> float:
@@ -292,8 +304,9 @@ class NominalRun:
         times, rounding = np.sort([*(h * _ENDED), *beside]), _EPS * h
         every = states(times)
         edges.check(every[: len(self._last)])
-        for ahead in (0.0, _AHEAD * h):  # what begins at an edge has the rows behind it
-            present = edges.present(states(np.array([ahead]))[:, 0])
+        begun = np.array([0.0, _AHEAD * h])  # what begins at an edge has the rows behind it
+        for ahead, state in zip(begun.tolist(), states(begun).T, strict=True):
+            present = edges.present(state)
             seen = edges.left(every, present)
             self._present = present[:, 0]
             over = np.flatnonzero((seen < 0.0).any(axis=0))
@@ -319,7 +332,7 @@ class NominalRun:
         q = self._followed(times)[0] if follow else self._driven(times)
         v = np.zeros_like(q)
         if edges.rated:
-            driven = [law.about(self._time)[1] for law in self._laws]
+            driven = [local for _, local in self._local]
             v_p, a_p = (
                 np.array([polynomial.polyval(times, polynomial.polyder(c, m)) for c in driven])
                 for m in (1, 2)
@@ -343,8 +356,7 @@ class NominalRun:
         """
         q = self._driven(times)
         now = np.zeros((3, len(self._laws)))
-        for row, law in enumerate(self._laws):
-            _, local = law.about(self._time)
+        for row, (_, local) in enumerate(self._local):
             now[: len(local), row] = local[:3]
         now[2] *= 2.0
         driven = q[self._ideal.driven]
@@ -353,11 +365,9 @@ class NominalRun:
     def _driven(self, times: Array) -> Array:
         """The same, zero for those that follow."""
         q = np.zeros((len(self._last), len(times)))
-        for law, i in zip(self._laws, self._ideal.driven, strict=True):
-            self._turns[i], local = law.about(self._time)
-            self._last[i] = local[0]
-            rows = np.repeat(np.array([local]), len(times), axis=0)
-            q[i] = shift_powers(rows, times)[:, 0]
+        for (turns, local), i in zip(self._local, self._ideal.driven, strict=True):
+            self._turns[i], self._last[i] = turns, local[0]
+            q[i] = polynomial.polyval(times, local)
         return q
 
     @property
@@ -672,22 +682,42 @@ class NominalPhysics:
         limited = len(self.driven) > 1 or bool(self.unknowns)  # one drive's torque follows without
         seen = self._observe(motion, segments, dt, limited)
         left = self._ideal.left_open(motion.curve.local(segments, dt).T)
-        lost = seen.friction_power
+        lost, load = seen.friction_power, None
         if self._forces is not None and self.takes_power:
-            more = self._forces.loses_more
-            lost = lost - self.load_power(motion, segments, dt) if more else np.zeros_like(lost)
+            load = None if self.steep else lost
+            if self._forces.loses_more:
+                q, v = seen.position, seen.velocity
+                lost = lost - self._load_power(q, v, motion.curve, segments, dt)
+            else:
+                lost = np.zeros_like(lost)
         energies = seen.kinetic_energy, seen.potential_energy
-        return Account(seen.normal_force, lost, seen.drive_power, *energies, left)
+        return Account(seen.normal_force, lost, seen.drive_power, *energies, left, load)
 
     @property
     def takes_power(self) -> bool:
         """Whether springs, dampers or loads take any power."""
         return self._forces is not None and self._forces.takes_power
 
+    @property
+    def steep(self) -> bool:
+        """Whether loads may be steep within a segment, or friction may jump."""
+        forces = self._forces
+        return forces is not None and (forces.loses_more or forces.steep is not None)
+
     def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Power (N,) [W] that springs, dampers and loads take."""
+        q, v, _, _ = self._motion(motion.curve, segments, dt)
+        return self._load_power(q, v, motion.curve, segments, dt)
+
+    def _load_power(
+        self,
+        q: Array,
+        v: Array,
+        curve: PiecewisePolynomial,
+        segments: NDArray[np.intp],
+        dt: Array | Nodes,
+    ) -> Array:
+        """The same, where coordinates and rates are known."""
         assert self._forces is not None  # noqa: S101 - nobody asks otherwise
-        curve = motion.curve
-        q, v, _, _ = self._motion(curve, segments, dt)
         acting = rows(self._forces.edges, self.coordinates, curve, segments, dt)
         return self._forces.load_power(q, v, self._outside(curve, segments, dt), acting)

@@ -6,7 +6,6 @@ have an error of coupling.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -16,11 +15,9 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.export.urdf import to_urdf
-from mechanism_sim.hybrid.audit import Audit, Work
+from mechanism_sim.hybrid.audit import Work
 from mechanism_sim.hybrid.dense_output import Motion as MotionBatch
 from mechanism_sim.hybrid.energy_terms import EnergyTerms, work_since_start
-from mechanism_sim.hybrid.events import Impact as ImpactEvent
-from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
 from mechanism_sim.messages import (
     BearingLoads,
     DriveLaw,
@@ -46,13 +43,13 @@ from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.results.run import Batch, Runner, prepare
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.results.view import View
 from mechanism_sim.scene.machine import Run
 
-STEPS, STEPS_PER_BATCH = 256, 1024
-"""At a time, and of a message."""
-
-LONGEST = 0.05  # [s] of wall time for a batch, after which it is as large as it is
+BATCH = Batch(steps=1024, stride=256, longest=0.05)
+"""What a message holds: after so long it is as large as it is."""
 
 
 class Integration:
@@ -116,15 +113,15 @@ class Integration:
 
     def diagnose(self) -> dict[str, object]:
         """Statistics of the solver."""
-        audit, energy = self._audit, self._audit.energy
+        run = self._runner
         balance: dict[str, object] = {
-            'steps': self._run.steps if self._run else 0,
-            'events': self._run.events if self._run else 0,
+            'steps': run.engine.steps if run else 0,
+            'events': run.engine.events if run else 0,
             'impacts': self._impact_count,
-            'largest penetration [m]': audit.max_penetration,
-            'largest closure error [m]': audit.max_closure_error,
+            'largest penetration [m]': run.audit.max_penetration if run else 0.0,
+            'largest closure error [m]': run.audit.max_closure_error if run else 0.0,
         }
-        if energy:
+        if run and (energy := run.audit.energy):
             balance['missing in the energy balance [J]'] = energy.residual
             balance['energy exchanged [J]'] = energy.exchanged
             balance['works may be off by [J]'] = energy.error
@@ -145,7 +142,7 @@ class Integration:
     def _take_machine(self) -> None:
         self._machine = self._node.machine
         self._physics = self._machine.physics
-        self._machine.prepare()
+        prepare(self._machine)
 
     def _start_over(self) -> None:
         outputs = self._machine.scene.outputs
@@ -166,13 +163,12 @@ class Integration:
         self._write_loads = publications.bearing_loads(self._machine, frame(WORLD))
         self._write_transforms = publications.transforms(mechanism, frame, [*self._wrenches])
         self._write_wrench = publications.wrenches(self._machine, frame, [*self._wrenches])
-        self._run: Run | None = None
+        self._runner: Runner | None = None
         self._law_id = 0
         self._known = 0.0
         self._published_until = 0.0  # [s] up to which followers have been told
         self._impact_count = 0
         self._events = events.EventWriter(frame(WORLD))
-        self._audit = Audit(self._physics)
         self._latest: MotionBatch | None = None
 
     def _follow(self, message: Any) -> None:
@@ -191,8 +187,8 @@ class Integration:
             self._advance(message)
         else:
             names = (self._physics.coordinates, self._physics.clearances)
-            none = self._machine.start().drain()[0]
-            self._node.send(self._motion, pack(none, *names, 0.0, message.run))
+            none = next(Runner(self._machine, audited=False).to(0.0, batch=Batch(0, 0)))
+            self._node.send(self._motion, pack(none.motion, *names, 0.0, message.run))
         self._node.report(self._known, finished=message.final, again=message.again)
         self._node.done = message.final and not message.again
 
@@ -201,66 +197,48 @@ class Integration:
         if law.coordinate != self._machine.main or type(law) is not type(self._machine.law):
             self._node.ignore(self._drive, 'it is no law of the drive of this machine')
             return
-        if self._run is None:
-            self._run = self._machine.start(law)
+        if self._runner is None:
+            self._runner = Runner(self._machine, self._machine.start(law))
             for path, value in self._restitutions.changed.items():
                 self._change(path, value)
         elif message.law_id != self._law_id:
             try:
-                self._run.change_law(law)
+                self._runner.engine.change_law(law)
             except ValueError as error:
                 self._node.ignore(self._drive, str(error))
                 return
         self._law_id = message.law_id
-        while True:
-            more = self._advance_by_a_batch(message.valid_until, message.final)
-            self._known = self._run.time if more or message.final else message.valid_until
-            self._publish(*self._run.drain())
-            if not more:
-                return
-            self._node.report(self._run.time)
-
-    def _advance_by_a_batch(self, until: float, final: bool) -> bool:
-        """Integrate towards `until` [s]; whether there is more to do."""
-        assert self._run is not None  # noqa: S101 - who advances has begun
-        first, began = self._run.steps, time.monotonic()
-        while True:
-            before = self._run.steps
-            self._run.advance(until, final, STEPS)
-            if self._run.steps - before < STEPS:
-                return False
-            if self._run.steps - first >= STEPS_PER_BATCH or time.monotonic() - began > LONGEST:
-                return True
+        for piece in self._runner.to(message.valid_until, final=message.final, batch=BATCH):
+            self._known = self._runner.known
+            self._publish(piece, self._runner.engine)
+            if self._runner.more:
+                self._node.report(self._known)
 
     def _change(self, path: str, value: float) -> None:
         """Change a restitution for all impacts that are not known yet."""
-        if self._run is not None:
-            self._run.change_restitution(path.split('.')[1], value)
+        if self._runner is not None:
+            self._runner.engine.change_restitution(path.split('.')[1], value)
             self._node.send(self._changes, events.scene_change(path, value, self._known))
             self._node.announce(path, value, self._known)
 
-    def _publish(
-        self, motion: MotionBatch, impacts: list[ImpactEvent], changes: list[ModeChangeEvent]
-    ) -> None:
-        assert self._run is not None  # noqa: S101 - who publishes has begun
-        before = self._audit.drive_work, self._audit.dissipated
-        work = self._audit.add(motion, impacts)
-        self._audit.judge(self._machine.allowed_penetration)
-        self._node.send_all(self._modes, self._events.mode_changes(changes))
+    def _publish(self, piece: Piece, engine: Run) -> None:
+        motion, impacts, balance = piece.motion, piece.impacts, piece.balance
+        self._node.send_all(self._modes, self._events.mode_changes(piece.modes))
         if len(motion) or self._known > self._published_until:
             names = (self._physics.coordinates, self._physics.clearances)
-            message = pack(motion, *names, self._known, self._node.run, self._run.time)
+            message = pack(motion, *names, self._known, self._node.run, engine.time)
             self._node.send(self._motion, message)
             self._published_until = self._known
-        ahead = self._run.preview(self._known)
+        ahead = engine.preview(self._known)
         seen = [m for m in (motion, ahead) if m is not None and len(m)]
         if seen:
             self._latest = seen[-1]
             if ahead is not None and len(ahead) and self._physics.has_forces:
                 each = np.arange(len(ahead))
                 coming = work_since_start(self._physics, ahead, each, ahead.curve.duration)
-                work = Work(*np.concatenate([work, coming], axis=1))
-            self._publish_samples(MotionBatch.joined(seen), EnergyTerms(work, impacts, *before))
+                work = Work(*np.concatenate([balance.work, coming], axis=1))
+                balance = balance._replace(work=work)
+            self._publish_samples(MotionBatch.joined(seen), balance)
         if len(motion):
             self._also(motion)
         self._node.send_all(self._impacts, self._events.impacts(impacts, self._impact_count))

@@ -11,6 +11,7 @@ from mechanism_sim.messages import message_class, service_class
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.results.run import prepare
 
 PACKAGE = 'lifecycle_msgs'
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 1, 2, 3, 4
@@ -72,7 +73,7 @@ class IntegratingNode(SimulationNode):
         """Make the machine of the scene; why it cannot be made, if so."""
         try:
             self.forget_machine()
-            self.machine.prepare()
+            prepare(self.machine)
         except InputError as error:
             return str(error)
         return ''

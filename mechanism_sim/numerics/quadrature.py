@@ -4,15 +4,15 @@ An interval is integrated by the Gauss-Legendre rule of 8 nodes, exact to the de
 8 values give the interpolant of degree 7 in Legendre polynomials, whose last coefficients show
 without any further evaluation how well the function is resolved: those of degree k fall as
 ``rho^-k``, the error of the rule of n nodes as ``rho^-2n`` (Trefethen, Approximation Theory and
-Approximation Practice, ch. 8 and 19). Where they are too large the interval is halved, and again;
-the halves also show how far off the whole was. On an interval at whose ends a function behaves as
+Approximation Practice, ch. 8 and 19). Where they are too large the interval is split, and again;
+the parts also show how far off the whole was. On an interval at whose ends a function behaves as
 a power the double exponential rule takes the place of Gauss's, compared with itself at half of its
 nodes.
 
 What lies between the 8 nodes of an interval and does not reach any of them remains unseen: the
 intervals must be short where the functions vary, as the steps of an integrator are.
 
-Whether an interval is halved depends on that interval, on the one function, and on what came
+Whether an interval is split depends on that interval, on the one function, and on what came
 *before* in time, never on which other intervals or functions are handed over together: results do
 not depend on how a motion is cut into batches, nor on what else is asked for.
 """
@@ -39,11 +39,19 @@ Values = Callable[[NDArray[np.intp], Array | Nodes], Array]
 RELATIVE = 1e-10
 """Error that is aimed at, of the integral of the magnitude over the same interval."""
 
+FORETOLD = 1e-9
+"""The same where functions are foretold: their estimates exceed their errors by orders."""
+
 NEGLIGIBLE = 1e-12
 """Error that does not matter, of the largest mean magnitude so far times the length of an
 interval: what is smaller all the while is rounding of larger terms, which no halving removes."""
 
-_HALVINGS = 48  # an interval of 2^-48 of a segment is a point, where a function jumps
+_SPLIT = [2, 4, *[8] * 15]
+"""Into how many parts intervals are split that are not resolved, round by round.
+
+What one round has not resolved is mostly a jump or a corner: fewer rounds take fewer calls of the
+functions. In the end an interval of 2^-48 of a segment is a point, where a function jumps.
+"""
 _AT_ONCE = 32
 """Parts of one depth of one interval: a feature leaves few that are not resolved, noise all."""
 _SHARE = 1.0 / 64.0  # of what an interval may be off may be at one jump or corner in it
@@ -61,6 +69,7 @@ class Integrals(NamedTuple):
     error: Array  #: (C, m) what they may be off: estimated, infinite where nothing is known
     largest: Array  #: (C,) mean magnitudes of the functions in an interval so far
     size: Array  #: (C, m) integrals of the magnitudes
+    running: Array  #: (C, m) what was the largest in each interval
 
 
 class Parts(NamedTuple):
@@ -95,6 +104,7 @@ _NOTHING, _CONSTANT = 60.0, 20.0
 """How far below zero exp is nothing, and how far from it tanh constant, but for rounding."""
 _INFINITE = 710.0  # exp of it
 _SEEN = np.linspace(0.0, 1.0, 9)
+_DEEPEST = 48  # halvings
 _STEADY = 4.0  # change of an argument, or ratio of a divisor, over which few nodes find a function
 
 
@@ -109,7 +119,7 @@ def where_steep(argument: Values, name: str, parts: Parts) -> Parts:
     name : exp, tanh, or 'over' for its reciprocal
     """
     done: list[Parts] = []
-    for _ in range(_HALVINGS):
+    for _ in range(_DEEPEST):
         width = parts.end - parts.begin
         places = parts.begin[:, None] + width[:, None] * _SEEN
         with np.errstate(invalid='ignore', over='ignore', divide='ignore'):
@@ -180,7 +190,9 @@ def integrate(
     in_order: bool = True,
     alike: bool = False,
     smooth: Rule = SMOOTH,
-    relative: float = RELATIVE,
+    relative: float | None = None,
+    foretold: bool = False,
+    beside: Array | None = None,
 ) -> Integrals:
     """Integrals of functions over intervals.
 
@@ -193,7 +205,11 @@ def integrate(
         rounding
     alike : whether the functions are of one kind, so that the largest of them tells it for all
     smooth : `SMOOTH` or `SECOND`
-    relative : error that is aimed at, of the integral of the magnitude
+    relative : error that is aimed at, of the integral of the magnitude; `RELATIVE` or `FORETOLD`
+        if not given
+    foretold : whether functions vary as fast as the steps of the motion say, and nothing else:
+        then coefficients go on to fall as they do
+    beside : (m,) mean magnitudes so far of functions that these are compared with
 
     Examples
     --------
@@ -205,13 +221,20 @@ def integrate(
     if not len(powers):
         largest = np.zeros(0) if largest is None else largest
         none = np.zeros((len(largest), 0))
-        return Integrals(none, none, largest, none)
+        return Integrals(none, none, largest, none, none)
+    relative = relative or (FORETOLD if foretold else RELATIVE)
     width = parts.end - parts.begin
     whole = _apply(values, parts, powers, smooth)
+    if foretold:
+        whole = whole.sharper(foretold)
     before = np.zeros(len(whole.value)) if largest is None else largest
     running = np.column_stack([before, whole.mean])
     running = (np.maximum.accumulate(running, axis=1) if in_order else running)[:, 1:]
+    if (whole.error <= relative * whole.size).all():
+        value, error, size = whole.value, whole.error + _ROUNDING * whole.size, whole.size
+        return Integrals(value, error, running[:, -1], size, running)
     scale = np.broadcast_to(running.max(axis=0), running.shape) if alike else running
+    scale = scale if beside is None else np.maximum(scale, beside)
 
     def allowed(x: _Applied, interval: NDArray[np.intp], share: Array, width: Array) -> Array:
         own = relative * x.size + NEGLIGIBLE * scale[:, interval] * width
@@ -219,33 +242,32 @@ def integrate(
 
     every, size = np.arange(len(width)), whole.size
     limit = allowed(whole, every, size, width)
-    if not (whole.error <= limit).all():
+    if not foretold:
         sharper = np.where(whole.error <= limit, whole.error, whole.sharper().error)
         whole = whole._replace(error=sharper)
     wanted = ~(whole.error <= limit)
     value, error, refined = *(np.where(wanted, 0.0, x) for x in (whole.value, whole.error)), wanted
     begin, interval, parent = parts.begin, every, whole
-    for depth in range(_HALVINGS):
+    for k, n in enumerate(_SPLIT):
         chosen = np.flatnonzero(wanted.any(axis=0))
         if not len(chosen):
             break
-        parent = parent.of(chosen)
-        wanted, width = np.tile(wanted[:, chosen], 2), np.tile(0.5 * width[chosen], 2)
-        begin = np.append(begin[chosen], begin[chosen] + width[: len(chosen)])
-        interval = np.tile(interval[chosen], 2)
-        halves = Parts(parts.segment[interval], begin, begin + width, np.zeros(len(begin), bool))
-        now = _apply(values, halves, powers[interval], smooth).sharper()
+        parent, first = parent.of(chosen), interval[chosen]
+        wanted, width = np.tile(wanted[:, chosen], n), np.tile(width[chosen] / n, n)
+        begin, interval = np.tile(begin[chosen], n), np.tile(first, n)
+        begin += np.repeat(np.arange(n), len(chosen)) * width
+        shorter = Parts(parts.segment[interval], begin, begin + width, np.zeros(len(begin), bool))
+        now = _apply(values, shorter, powers[interval], smooth).sharper(foretold)
         size = np.fmax(size, _gathered(interval, np.where(wanted, now.size, 0.0), size.shape))
-        # what the halves say the whole was off by is more than what they are off by themselves
-        first = interval[: len(chosen)]
-        joint = parent._replace(size=_sum_of_halves(now.size))
-        limit = allowed(joint, first, size, 2.0 * width[: len(chosen)])
+        # what the parts say the whole was off by is more than what they are off by themselves
+        joint = parent._replace(size=_joined(now.size, n))
+        limit = allowed(joint, first, size, n * width[: len(chosen)])
         with np.errstate(invalid='ignore'):
-            differ = np.abs(_sum_of_halves(now.value) - parent.value)
-        agrees = np.tile(differ <= limit, 2)
-        off = np.where(agrees, np.fmin(now.error, np.tile(0.5 * limit, 2)), now.error)
+            differ = np.abs(_joined(now.value, n) - parent.value)
+        agrees = np.tile(differ <= limit, n)
+        off = np.where(agrees, np.fmin(now.error, np.tile(limit / n, n)), now.error)
         settled = agrees | (now.error <= allowed(now, interval, size, width))
-        settled |= np.isnan(now.error) | (depth == _HALVINGS - 1)
+        settled |= np.isnan(now.error) | (k == len(_SPLIT) - 1)
         pending = _gathered(interval, wanted & ~settled, size.shape)
         settled |= pending[:, interval] > _AT_ONCE
         rows, columns = np.nonzero(wanted & settled)
@@ -254,7 +276,7 @@ def integrate(
         wanted, parent = wanted & ~settled, now
     error += (_ROUNDING + _BELIEVED * relative * refined) * size
     error = np.where(np.isfinite(value), error, np.inf)
-    return Integrals(value, error, running[:, -1], size)
+    return Integrals(value, error, running[:, -1], size, running)
 
 
 class _Applied(NamedTuple):
@@ -272,17 +294,22 @@ class _Applied(NamedTuple):
         """Some of the intervals."""
         return _Applied(*(x[:, chosen] for x in self))
 
-    def sharper(self) -> _Applied:
+    def sharper(self, foretold: bool = False) -> _Applied:
         """The same with errors that are smaller where coefficients fall geometrically.
 
         Then their logarithms fall as straight or steeper lines, and those that are left out are
         less than those of a power of the degree by at least ``(E_6 / E_2)^1.4``; half of that is
-        believed, see `_applied`.
+        believed, see `_applied`. Where it is `foretold` that they fall so, those from 16 on are
+        ten degrees beyond E_6, at the rate of the last two degrees, or of the last four.
         """
         with np.errstate(divide='ignore', invalid='ignore'):
-            later, earlier = np.log(self.tail / self.middle), np.log(self.middle / self.first)
-            steep = np.clip((later - 0.65 * earlier) / (0.2 * earlier), 0.0, 1.0)
-            fall = (self.tail / self.first) ** (0.7 * steep)
+            if foretold:
+                four, two = self.tail / self.first, self.tail / self.middle
+                fall = np.fmin(four * np.sqrt(four), two * np.square(np.square(two)) / four)
+            else:
+                later, earlier = np.log(self.tail / self.middle), np.log(self.middle / self.first)
+                steep = np.clip((later - 0.65 * earlier) / (0.2 * earlier), 0.0, 1.0)
+                fall = (self.tail / self.first) ** (0.7 * steep)
         return self._replace(error=self.error * np.where(fall < 1.0, fall, 1.0))
 
 
@@ -354,7 +381,6 @@ def _gathered(interval: NDArray[np.intp], x: NDArray[Any], shape: tuple[int, ...
     return found.T
 
 
-def _sum_of_halves(x: Array) -> Array:
-    """Of all first halves, then all second ones (C, 2 K), the sums (C, K)."""
-    first, second = np.split(x, 2, axis=1)
-    return np.asarray(first + second)
+def _joined(x: Array, n: int) -> Array:
+    """Of all first parts of n, then all second ones and so on (C, n K), the sums (C, K)."""
+    return np.asarray(x.reshape(len(x), n, -1).sum(axis=1))

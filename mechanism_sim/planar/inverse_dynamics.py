@@ -86,11 +86,14 @@ class Account(NamedTuple):
     """Terms of the energy balance, at N instants: m joints with clearance."""
 
     normal_force: Array  #: (m, N) [N]
-    friction_power: Array  #: (N,) [W] lost in joints and contacts, see `Physics.load_power`
+    friction_power: Array  #: (N,) [W] lost in joints and contacts
     drive_power: Array  #: (N,) [W]
     kinetic_energy: Array  #: (N,) [J]
     potential_energy: Array  #: (N,) [J]
     closure_error: float  #: [m] largest distance that should be zero
+    load_power: Array | None = None
+    """(N,) [W] that springs, dampers, films and loads take; None if none do, or where they are
+    steep: see `Physics.load_power`"""
 
 
 class InverseDynamics:
@@ -153,7 +156,8 @@ class InverseDynamics:
         """Loads that may be steep somewhere, and given efforts, if there are any."""
         if not self.formulas:
             return None
-        return SteepLoads(self.mechanism, self.equations.frames, self._given)
+        found = SteepLoads(self.mechanism, self.equations.frames, self._given)
+        return found if found.enclosure.count else None
 
     @cached_property
     def edges(self) -> Edges | None:

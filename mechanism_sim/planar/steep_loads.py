@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import heyoka as hy
 import numpy as np
@@ -155,10 +155,9 @@ class ResolvedLoads:
     def _is_resolved(self, course: Course, places: Array, values: Array, floor: Array) -> bool:
         end = places[-1]
         known = self._values(course, end * self._nodes)
-        series = chebyshev_coefficients(known)
-        at = np.polynomial.chebyshev.chebvander(2.0 * places / end - 1.0, series.shape[1] - 1)
+        between = _interpolant(len(self._nodes), (places / end).tobytes())
         size = np.maximum(np.abs(values).max(axis=1), np.abs(known).max(axis=1))
-        off = np.abs(series @ at.T - values).max(axis=1)
+        off = np.abs(known @ between - values).max(axis=1)
         return bool((off <= _RESOLVED * size + floor).all())
 
     def _values(self, course: Course, places: Array) -> Array:
@@ -171,6 +170,13 @@ class ResolvedLoads:
         ])  # fmt: skip
         known = np.repeat(parameters[: self._loads.nparams, None], count, axis=1)
         return np.asarray(self._loads(given, pars=known))
+
+
+@lru_cache(maxsize=64)  # of whole pieces the places are always the same
+def _interpolant(count: int, places: bytes) -> Array:
+    """From values at Chebyshev's nodes to those of their interpolant at N places: (count, N)."""
+    at = np.polynomial.chebyshev.chebvander(2.0 * np.frombuffer(places) - 1.0, count - 1)
+    return np.asarray(chebyshev_coefficients(np.eye(count)) @ at.T)
 
 
 def _is_of_formula(name: str, loads: set[str]) -> bool:

@@ -155,6 +155,7 @@ class Edges:
         variables = [*frames.q.values(), *frames.v.values(), *frames.outside.values()]
         self._every = every = [*frames.switches.values()]
         self._switches = _Switches(frames, variables)
+        self._bounded = [s for s in every if isinstance(s, Table) and s.bounded]
         self._widths = [len(s.symbols) for s in every]
         named = {x for s in every for x in hy.get_variables(s.place)}
         rated = [str(v) in named for v in frames.v.values()]
@@ -210,11 +211,12 @@ class Edges:
         ------
         RunError
         """
+        if not self._bounded:
+            return
         rest = np.zeros((len(q) + len(self.outside), q.shape[1]))
-        states = np.concatenate([q, rest])
-        placed, _ = self._switches(states)
-        for switch in self._every:
-            switch.check(placed[id(switch)])
+        placed, _ = self._switches(np.concatenate([q, rest]))
+        for table in self._bounded:
+            table.check(placed[id(table)])
 
     def present(self, state: Array) -> Array:
         """The values (r, 1) of the switches in a state (2n + k,)."""

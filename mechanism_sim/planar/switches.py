@@ -68,9 +68,6 @@ class Switch(NamedTuple):
         """What the present row follows from."""
         return self.inside
 
-    def check(self, places: Array) -> None:
-        """It holds everywhere."""
-
     def row_at(self, place: float) -> int:
         """1 inside, else 0."""
         return int(place > 0.0)
@@ -209,6 +206,11 @@ class Table:
             raise self._outside(place)
         return after
 
+    @property
+    def bounded(self) -> bool:
+        """Whether there are places where no row holds."""
+        return not (self._periodic or self._endless)
+
     def check(self, places: Array) -> None:
         """Refuse places (N,) [rad, m] where no row holds, but for rounding.
 
@@ -218,9 +220,7 @@ class Table:
         """
         first, last = self._breaks[[0, -1]]
         beyond = np.maximum(first - places, places - last)
-        if not (self._periodic or self._endless) and beyond.max(initial=0.0) > 2.0 * _BEYOND * (
-            last - first
-        ):
+        if self.bounded and beyond.max(initial=0.0) > 2.0 * _BEYOND * (last - first):
             raise self._outside(float(places[beyond.argmax()]))
 
     def _outside(self, place: float) -> RunError:

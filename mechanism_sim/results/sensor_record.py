@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.results.simulate import stream
+from mechanism_sim.results.run import run
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
@@ -68,7 +68,7 @@ class SensorRecord:
         wanted = len(self.samples)
         end = self.start + (wanted + 1) / self.rate
         channel, blocks = machine.channel(self.sensor), []
-        for piece in stream(machine, duration=end):
+        for piece in run(machine, end):
             channel.take(piece.motion)
             blocks += channel.blocks(final=False)
         blocks += channel.blocks(final=True)

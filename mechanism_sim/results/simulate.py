@@ -7,13 +7,14 @@ a piece.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import Self
 
 import numpy as np
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import Audit, Energy, Work
+from mechanism_sim.hybrid.audit import Energy, Work
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.events import StopReason
@@ -21,6 +22,7 @@ from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.numerics.compiled import spent
 from mechanism_sim.planar.inverse_dynamics import NoLimit
+from mechanism_sim.results.run import Observer, Runner
 from mechanism_sim.results.solution import Piece, Solution, Stats
 from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine, span
@@ -28,38 +30,40 @@ from mechanism_sim.scene import Machine, span
 Progress = Callable[[float, int], None]
 """Called now and then with the simulated time [s] and the number of impacts so far."""
 
-_BATCH = 8192
 
-
-class Stream:
+class Stream(Runner):
     """A run in pieces, each forgotten when the next one is asked for; iterate over it once.
 
     What does not grow with the run is kept here, and is up to date after every piece.
 
+    Parameters
+    ----------
+    observers : called with every piece before it is handed on; not part of what a run costs
+
     Attributes
     ----------
-    machine : that runs
     totals : counts and sums of its events
     no_limits : instants so far at which forces grow beyond all bounds
     """
 
     def __init__(
-        self, machine: Machine, end: float, progress: Progress | None, resume: Snapshot | None
+        self,
+        machine: Machine,
+        end: float,
+        progress: Progress | None,
+        resume: Snapshot | None,
+        observers: Iterable[Observer] = (),
     ) -> None:
         self._wall_time = self._cpu_time = self._compile_time = 0.0
-        self.machine = machine
         self.totals = Totals()
         self.no_limits: list[NoLimit] = []
         with self._timed():
-            self._run = machine.resume(resume) if resume else machine.start()
-        if self._run.time >= end:
+            super().__init__(machine, resume=resume)
+        if self.known >= end:
             raise InputError(
-                f'the snapshot is at {self._run.time:g} s already: ask for more than that'
+                f'the snapshot is at {self.known:g} s already: ask for more than that'
             )
-        self._end = end
-        self._progress = progress
-        with self._timed():
-            self._audit = Audit(machine.physics)
+        self._end, self._progress, self._observers = end, progress, tuple(observers)
         self._snapshot: Snapshot | None = None
         self._last: Piece | None = None
 
@@ -74,47 +78,50 @@ class Stream:
         self._compile_time += compiling[0]
 
     def __iter__(self) -> Iterator[Piece]:
-        """Run on to the end.
+        """Run on to the end, up to the last step before it first, for the snapshot.
 
         Raises
         ------
         RunError
             If the integration breaks down, or the motion violates a gap.
         """
-        while self._run.time < self._end:
-            with self._timed():
-                piece = self._advance()
-            if self._progress:
-                self._progress(min(self._run.time, self._end), self.totals.impacts)
-            yield piece
+        for final in (False, True):
+            pieces = self.to(self._end, [self._count], final)
+            while piece := self._next(pieces):
+                if self._progress:
+                    self._progress(min(self.engine.time, self._end), self.totals.impacts)
+                for observe in self._observers:
+                    observe(piece)
+                yield piece
+            if self._snapshot is None:
+                with self._timed():
+                    self._snapshot = self.machine.snapshot(self.engine)
+            if self.engine.time >= self._end:
+                break
 
-    def _advance(self) -> Piece:
-        """The next piece; steps up to the last one before the end first, for the snapshot."""
-        run, physics = self._run, self.machine.physics
-        if self._snapshot is None:
-            steps = run.steps
-            run.advance(self._end, most=_BATCH)
-            if run.steps - steps < _BATCH:
-                self._snapshot = self.machine.snapshot(run)
-        else:
-            run.advance(self._end, final=True)
-        motion, impacts, changes = run.drain()
-        before = self._audit.drive_work, self._audit.dissipated
-        work = self._audit.add(motion, impacts)
-        self._audit.judge(self.machine.allowed_penetration)
-        self.totals.add(impacts, changes)
-        for found in physics.no_limits(motion):
+    def _next(self, pieces: Iterator[Piece]) -> Piece | None:
+        with self._timed():
+            return next(pieces, None)
+
+    def finish(self) -> Self:
+        """Run on to the end, for its observers; returns itself."""
+        for _ in self:
+            pass
+        return self
+
+    def _count(self, piece: Piece) -> None:
+        """Enter a piece in what is kept here."""
+        self.totals.add(piece.impacts, piece.modes)
+        for found in self.machine.physics.no_limits(piece.motion):
             if not (self.no_limits and found.is_at(self.no_limits[-1].t)):
                 self.no_limits.append(found)
-        piece = Piece(self.machine, motion, EnergyTerms(work, impacts, *before), impacts, changes)
-        if len(motion):
+        if len(piece.motion):
             self._last = piece
-        return piece
 
     @property
     def duration(self) -> float:
         """Simulated time so far [s]."""
-        return self._last.motion.curve.end if self._last else self._run.time
+        return self._last.motion.curve.end if self._last else self.engine.time
 
     @property
     def final(self) -> View:
@@ -132,33 +139,28 @@ class Stream:
     @property
     def energy(self) -> Energy | None:
         """The energy balance so far; ``None`` where masses are not part of the scene."""
-        return self._audit.energy
+        return self.audit.energy
 
     @property
     def max_penetration(self) -> float:
         """Deepest violation of an open gap so far [m]."""
-        return self._audit.max_penetration
+        return self.audit.max_penetration
 
     @property
     def max_closure_error(self) -> float:
         """Farthest a closed gap or a loop was from zero so far [m]."""
-        return self._audit.max_closure_error
+        return self.audit.max_closure_error
 
     @property
     def stats(self) -> Stats:
         """What the run cost so far, without what was done with its pieces."""
-        return Stats(
-            self._wall_time,
-            self._cpu_time,
-            self._compile_time,
-            self._run.steps,
-            self._run.events,
-        )
+        cost = self._wall_time, self._cpu_time, self._compile_time
+        return Stats(*cost, self.engine.steps, self.engine.events)
 
     @property
     def snapshot(self) -> Snapshot:
         """From where a longer run goes on, not later than the end."""
-        return self._snapshot or self.machine.snapshot(self._run)
+        return self._snapshot or self.machine.snapshot(self.engine)
 
 
 def stream(
@@ -167,14 +169,15 @@ def stream(
     duration: float | None = None,
     progress: Progress | None = None,
     resume: Snapshot | None = None,
+    observers: Iterable[Observer] = (),
 ) -> Stream:
     """Run a machine piece by piece, in memory that does not grow with the length of the run.
 
     ``for piece in stream(machine, revolutions=100_000): ...`` gives a `Piece` of some thousand
     steps at a time, which can be sampled as a whole solution can. The arguments are those of
-    `simulate`.
+    `simulate`; `observers` are called with every piece, as ``digest.add``.
     """
-    return Stream(machine, span(machine, revolutions, duration), progress, resume)
+    return Stream(machine, span(machine, revolutions, duration), progress, resume, observers)
 
 
 def simulate(

@@ -128,8 +128,7 @@ def _check_unknowns(machine: Machine) -> None:
     run = machine.nominal([plan.laws[c][0] for c in plan.prescribed])
     for later in (law for c in plan.prescribed for law in plan.laws[c][1:]):
         run.change_law(later)
-    run.advance(duration, final=True)
-    motion, _, _ = run.drain()
+    motion = run.motion(duration)
     physics = machine.physics
     assert isinstance(physics, NominalPhysics)  # noqa: S101 - its level says so
     segments = np.arange(len(motion))

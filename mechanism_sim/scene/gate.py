@@ -192,7 +192,7 @@ def _try_loops(machine: Machine, duration: float) -> None:
 
 def _advance(run: NominalRun, duration: float) -> None:
     try:
-        run.advance(duration, final=True)
+        run.motion(duration)
     except RunError as error:
         raise InputError(
             f"{error}; change the lengths, or keep the drive within limits by a 'profile' and "

@@ -26,7 +26,6 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.observer import Instants, Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
@@ -584,13 +583,6 @@ class Machine(Rich):
         run = self.start()
         run.restore(snapshot)
         return run
-
-    def prepare(self) -> None:
-        """Compile all that a run will need, so that it does not wait later."""
-        run = self.start()
-        run.advance(1e-6 * min(self.period, 1.0), final=True, most=1)
-        motion, *_ = run.drain()
-        Audit(self.physics).add(motion, [])
 
     @cached_property
     def ways(self) -> set[object]:

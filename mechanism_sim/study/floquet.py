@@ -17,6 +17,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.snapshot import State
+from mechanism_sim.results.run import Runner
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.study.modes import Mode, Roots, Station, about, derivatives
@@ -37,7 +38,7 @@ class Turns:
     def __init__(self, machine: Machine, state: State, speed: float) -> None:
         run = machine.start()
         assert isinstance(run, EventLoop)  # noqa: S101 - it has equations of motion
-        self._run, self._state = run, state
+        self._machine, self._run, self._state = machine, run, state
         system, mechanism = machine.system, machine.mechanism
         known = derivatives(machine)
         at = known.point(self._whole(machine, state), np.zeros(len(system.coordinates)))
@@ -85,15 +86,15 @@ class Turns:
         v = self._kinematics.rates(q, np.concatenate([still, rates])[:, None])
         return np.asarray(q[:, 0]), np.asarray(v[:, 0])
 
-    def change(self, x: Array, period: float) -> Array:
-        """What a time [s] changes of a state (2 k,), whole turns left out."""
+    def change(self, x: Array, period: float, audited: bool = False) -> Array:
+        """What a time [s] changes of a state (2 k,), whole turns left out; may be `audited`."""
         q, v = self._motion(x)
         begun = replace(
             self._state, q=tuple(q[self._free].tolist()), v=tuple(v[self._free].tolist())
         )
         self._run.restart(begun)
-        self._run.advance(period, final=True)
-        self._run.drain()
+        for _ in Runner(self._machine, self._run, audited=audited).to(period):
+            pass
         end = self._run.state
         moved = np.array(end.q)[self._own] + 2.0 * np.pi * np.array(end.turns)[self._own]
         moved -= np.array(begun.q)[self._own]
@@ -222,6 +223,7 @@ def _repeated(machine: Machine, turns: Turns, period: float) -> tuple[Array, flo
     for _ in range(20):
         J, off = turns.jacobian(x, period), turns.change(x, period)
         if np.abs(off).max() <= _SETTLED:
+            turns.change(x, period, audited=True)
             return x, period, J
         before, after = (turns.change(x, period * (1.0 + h)) for h in (-_STEP, _STEP))
         flow = (after - before) / (2.0 * _STEP * period)

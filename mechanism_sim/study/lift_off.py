@@ -92,9 +92,8 @@ class _Cycle:
             raise InputError(
                 f'{machine.name}: loads that depend on the time have no lift-off speed'
             )
-        run = machine.nominal([laws[0] for laws in machine.plan.laws.values()], loads=True)
-        run.advance(self.period, final=True)
-        self._motion = run.drain()[0]
+        laws = [laws[0] for laws in machine.plan.laws.values()]
+        self._motion = machine.nominal(laws, loads=True).motion(self.period)
         self._physics = NominalPhysics(machine.ideal, self.mechanism, None)
 
     def angle(self, t: float) -> float:

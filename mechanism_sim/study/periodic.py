@@ -14,10 +14,11 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.snapshot import State
+from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
+from mechanism_sim.results.run import Runner
 from mechanism_sim.scene import Machine
 
 
@@ -81,35 +82,24 @@ class Section:
         return self._run.state
 
     def map(
-        self, state: State, revolutions: int, audit: Audit | None = None
+        self, state: State, revolutions: int, audited: bool = False
     ) -> tuple[State, int, float]:
-        """The state later, the impacts on the way, and the sum of their impulses [N s]."""
-        run = self._run
-        run.restart(replace(state, turns=(0,) * len(state.turns)))
-        impacts, impulse = 0, 0.0
-        for n in range(1, revolutions + 1):
-            run.advance(n * self._period, final=n == revolutions)
-            motion, struck, _ = run.drain()
-            if audit:
-                audit.add(motion, struck)
-            impacts += len(struck)
-            impulse += sum(i.normal_impulse for i in struck)
-        end = run.state
-        return replace(end, time=state.time), impacts, impulse
+        """The state later, the impacts on the way, and the sum of their impulses [N s].
 
-    def judge(self, state: State, revolutions: int) -> None:
-        """Audit the motion from a state on, as that of any run.
-
-        Newton's method goes by way of states that nearly penetrate: those are not judged.
+        Newton's method goes by way of states that nearly penetrate: those are not audited.
 
         Raises
         ------
         RunError
-            As `mechanism_sim.hybrid.audit.Audit.judge`.
+            If the run fails.
         """
-        audit = Audit(self._machine.physics)
-        self.map(state, revolutions, audit)
-        audit.judge(self._machine.allowed_penetration)
+        run = self._run
+        run.restart(replace(state, turns=(0,) * len(state.turns)))
+        struck = Totals()
+        for piece in Runner(self._machine, run, audited=audited).to(revolutions * self._period):
+            struck.add(piece.impacts, piece.modes)
+        end = run.state
+        return replace(end, time=state.time), struck.impacts, struck.normal_impulse
 
     def difference(self, a: State, b: State) -> Array:
         """B - a, rates over the speed of the crank."""
@@ -187,7 +177,7 @@ def _refine(section: Section, state: State, period: int, tolerance: float) -> Re
         state = section.displace(state, basis @ step)
     if residual > tolerance:
         return None
-    section.judge(state, period)
+    section.map(state, period, audited=True)
     multipliers, finer = (
         np.linalg.eigvals(jacobian(section, state, period, h)[1]) for h in (1e-6, 1e-7)
     )

@@ -112,10 +112,8 @@ def statistics(
     T = machine.period
     taken = Measurement(machine, per_turn(measures, skip)) if measures else None
     tally = Tally(np.arange(revolutions + 1.0) * T)
-    for piece in stream(machine, duration=revolutions * T, progress=progress):
-        tally.add(piece)
-        if taken:
-            taken.add(piece)
+    observers = [tally.add, *([taken.add] if taken else [])]
+    stream(machine, duration=revolutions * T, progress=progress, observers=observers).finish()
     kept = tally.table[skip:]
     kept[:, 3] /= T
     one = np.ones(len(kept))

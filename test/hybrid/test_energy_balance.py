@@ -196,3 +196,27 @@ def test_the_work_of_a_load_on_the_crank_of_a_loose_machine():
     assert speed > 0.0
     with_load, without = (ms.simulate(m, revolutions=1).energy for m in (machine, plain))
     assert with_load.drive_work - without.drive_work == pytest.approx(right, rel=1e-8)
+
+
+KINDS_OF_LOADS = {
+    'a spring and its damper': ('mass_on_spring', False),
+    'constant force': ('locking_pliers', False),
+    'a polynomial of the motion, switched by place': ('punch', False),
+    'tanh of a speed': ('hand_pump', True),
+    'a film': ('bearing_run_up', False),
+    'compliant contacts': ('gear_rattle', True),
+    'friction that jumps, of an ideal motion': ('rubbing_compressor', True),
+}
+
+
+@pytest.mark.parametrize('name', KINDS_OF_LOADS)
+def test_loads_that_are_not_steep_are_accounted_with_the_drive(name):
+    """In one evaluation; steep ones are integrated with nodes of their own."""
+    scene, steep = KINDS_OF_LOADS[name]
+    asked, machine = [], ms.load_scene(scene)
+    assert machine.physics.steep is steep
+    load_power = machine.physics.load_power
+    machine.physics.load_power = lambda *at: asked.append(at) or load_power(*at)
+    duration = min(machine.scene.duration or np.inf, 0.1 * machine.period, 0.05)
+    assert ms.simulate(machine, duration=duration).energy.exchanged >= 0.0
+    assert bool(asked) is (steep and machine.physics.takes_power)

@@ -6,7 +6,6 @@ import gc
 import subprocess
 import sys
 import weakref
-from importlib import import_module
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -23,6 +22,7 @@ from mechanism_sim.hybrid.events import Impact, Mode, ModeChange, gains
 from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.numerics.polynomials import Nodes, gauss_nodes
 from mechanism_sim.report import tables
+from mechanism_sim.results import run as runs
 
 REVOLUTIONS = 25.3
 
@@ -31,7 +31,7 @@ REVOLUTIONS = 25.3
 def short_pieces():
     """Many pieces of a short run."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(import_module('mechanism_sim.results.simulate'), '_BATCH', 1024)
+        patch.setattr(runs, 'BATCH', runs.Batch(1024, 1024))
         yield
 
 

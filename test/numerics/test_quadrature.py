@@ -142,3 +142,37 @@ def test_a_window_has_the_parts_of_its_segments():
     nothing = integrate(Functions([0.0, 1.0], np.exp), parts_of(curve, 2e6))
     assert isinstance(nothing, Integrals)
     assert nothing.value.size == 0
+
+
+FORETOLD = {
+    'a pole as far as that of a Taylor step': (
+        lambda t: 1.0 / (t + 0.74),
+        lambda t: np.log(t + 0.74),
+    ),
+    'waves, three radians a step': (lambda t: np.cos(30.0 * t), lambda t: np.sin(30.0 * t) / 30.0),
+    'a square that vanishes between': (
+        lambda t: np.sin(15.0 * t) ** 2,
+        lambda t: 0.5 * t - np.sin(30.0 * t) / 60.0,
+    ),
+}
+
+
+@pytest.mark.parametrize('name', FORETOLD)
+def test_what_steps_foretell_costs_one_evaluation_and_states_its_error(name):
+    """Where coefficients are known to go on falling, none is doubted so far that steps are cut."""
+    f, primitive = FORETOLD[name]
+    edges = np.linspace(0.0, 1.0, 11)
+    functions = Functions(edges, f)
+    found = functions.integrals(foretold=True)
+    assert functions.count == 8 * 10
+    off = np.abs(found.value[0] - np.diff(primitive(edges)))
+    assert (off <= found.error[0]).all()
+    assert found.error.sum() < 1e-8 * found.size.sum()
+
+
+def test_what_is_not_foretold_after_all_is_parted():
+    """A corner is no series: its coefficients do not fall."""
+    functions = Functions([0.0, 1.0], lambda t: np.abs(t - 0.3))
+    found = functions.integrals(foretold=True)
+    assert functions.count > 100
+    assert abs(found.value[0, 0] - 0.29) <= found.error[0, 0] < 1e-8

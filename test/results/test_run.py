@@ -1,0 +1,166 @@
+"""The one loop: the same motion however it is asked for, and no piece that was not audited."""
+
+import ast
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from four_bars import loose
+
+import mechanism_sim as ms
+from mechanism_sim.cli import main
+from mechanism_sim.errors import RunError
+from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.hybrid.physics import DynamicPhysics
+from mechanism_sim.results.run import Batch, Runner, run
+from mechanism_sim.study.floquet import station
+from mechanism_sim.study.periodic import find_periodic
+from mechanism_sim.study.statistics import statistics
+from mechanism_sim.sweep.plan import Extent
+from mechanism_sim.sweep.row import Task, compute
+
+PACKAGE = Path(ms.__file__).parent
+ENGINES = 'hybrid', 'linkages'
+TURNED = {'drive': {
+    'coordinate': 'crank', 'torque': {'constant': 0.2, 'per_speed': -0.01}, 'speed': 20.0,
+}}  # fmt: skip
+
+
+def calls(method, without_arguments=False):
+    """Modules beside the engines that call a method of this name."""
+    found = set()
+    for path in PACKAGE.rglob('*.py'):
+        name = path.relative_to(PACKAGE)
+        if name.parts[0] in ENGINES:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            called = isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+            if called and node.func.attr == method and not (without_arguments and node.args):
+                found.add(name.as_posix())
+    return found
+
+
+def test_one_module_takes_motion_from_engines_and_judges_it():
+    assert calls('drain', without_arguments=True) == {'results/run.py'}
+    assert calls('judge') == {'results/run.py'}
+
+
+def digest_of(pieces):
+    digest = MotionDigest()
+    for piece in pieces:
+        digest.add(piece.motion, piece.impacts)
+    return digest.hexdigest()
+
+
+SCENES = ('four_bar_clearance', 'four_bar_nominal', 'gear_rattle', 'pendulum')
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_the_motion_does_not_depend_on_how_it_is_asked_for(name):
+    """Whole, in batches of steps, in batches of no time at all, up to times on the way."""
+    machine = ms.load_scene(name)
+    end = 0.9 * machine.period if math.isfinite(machine.period) else 2.0
+    whole = ms.simulate(machine, duration=end)
+    assert digest_of(run(machine, end)) == whole.digest()
+    small = list(Runner(machine).to(end, batch=Batch(6, 3)))
+    hasty = list(Runner(machine).to(end, batch=Batch(10**6, 5, longest=-1.0)))
+    assert max(len(piece.motion) for piece in small) == 6
+    assert max(len(piece.motion) for piece in hasty) == 5
+    runner, parts = Runner(machine), []
+    for until in np.linspace(0.1, 0.9, 7) * end:
+        parts += runner.to(until, final=False)
+        assert runner.known == until >= runner.engine.time
+    parts += runner.to(end)
+    assert runner.known == pytest.approx(end)
+    for pieces in (small, hasty, parts):
+        assert digest_of(pieces) == whole.digest()
+        work = np.concatenate([piece.balance.work for piece in pieces], axis=1)
+        np.testing.assert_allclose(work, whole.balance.work, rtol=1e-9, atol=1e-12)
+    assert runner.audit.drive_work == pytest.approx(whole.energy.drive_work)
+
+
+def test_a_run_goes_on_from_a_snapshot():
+    machine = loose()
+    first = ms.simulate(machine, revolutions=1)
+    end = 2.0 * machine.period
+    rest = list(run(machine, end, resume=first.snapshot))
+    whole = ms.simulate(machine, revolutions=2)
+    assert rest[-1].motion.curve.end == whole.duration
+    assert rest[-1].view(end).observed.position.tolist() == (
+        whole.view(end).observed.position.tolist()
+    )
+
+
+def test_observers_see_every_piece_before_it_is_handed_on():
+    seen = []
+    for piece in Runner(loose()).to(0.1, [seen.append], batch=Batch(50, 50)):
+        assert seen[-1] is piece
+    assert len(seen) > 2
+
+
+def test_motions_that_are_tried_have_no_balance():
+    (piece,) = Runner(loose(), audited=False).to(0.05)
+    assert np.isnan(piece.balance.work).all()
+    assert piece.balance.work.drive.shape == (len(piece.motion),)
+
+
+@pytest.fixture
+def sunk(monkeypatch):
+    """Gaps of all machines are said to be 1 mm less than they are."""
+    gaps = DynamicPhysics.open_gaps
+    monkeypatch.setattr(DynamicPhysics, 'open_gaps', lambda *at: gaps(*at) - 1e-3)
+
+
+WAYS = {
+    'simulate': lambda machine: ms.simulate(machine, revolutions=1),
+    'stream': lambda machine: ms.stream(machine, revolutions=1).finish(),
+    'run': lambda machine: list(run(machine, machine.period)),
+    'statistics': lambda machine: statistics(machine, 21, 1),
+    'cycle': ms.cycle,
+    'measures': lambda machine: ms.measure(
+        machine, ms.stream(machine, revolutions=1), 'mean(velocity.rocker)'
+    ),
+}
+
+
+@pytest.mark.usefixtures('sunk')
+@pytest.mark.parametrize('way', WAYS)
+def test_a_run_that_fails_its_audit_fails_everywhere(way):
+    with pytest.raises(RunError, match='violated'):
+        WAYS[way](loose())
+
+
+@pytest.mark.usefixtures('sunk')
+def test_nobody_observes_what_fails():
+    seen = []
+    with pytest.raises(RunError, match='violated'):
+        list(run(loose(), 0.5, [seen.append]))
+    assert not seen
+
+
+@pytest.mark.usefixtures('sunk')
+def test_a_row_of_a_sweep_says_that_its_run_fails():
+    machine = loose()
+    row = compute(Task('key', machine.name, machine.scene, Extent(20, None, 0))).row
+    assert 'violated' in row['status']
+    assert len(row) == 1
+
+
+@pytest.mark.usefixtures('sunk')
+def test_the_command_says_so_in_one_sentence(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(['solve', 'four_bar_clearance', '--set', 'start=centred', '--json'])
+    assert ended.value.code == 1
+    assert 'violated' in capsys.readouterr().err
+
+
+def test_a_shooting_method_fails_where_it_ends(monkeypatch):
+    """A turn of a machine that settles, whose balance is said to be off by as much again."""
+    assert station(ms.load_scene('four_bar_nominal', TURNED), turning=True).modes
+    damped = ms.load_scene('elastic_slider_crank', {'links.rod.elastic.damping': 0.05})
+    monkeypatch.setattr('mechanism_sim.hybrid.audit._MISSING', -math.inf)
+    with pytest.raises(RunError, match='J missing'):
+        station(ms.load_scene('four_bar_nominal', TURNED), turning=True)
+    with pytest.raises(RunError, match='J missing'):
+        find_periodic(damped, transient=1)
