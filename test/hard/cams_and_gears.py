@@ -266,7 +266,7 @@ def hundred_thousand_revolutions() -> list[Figure]:
     phase = sum(n * x for n, x in zip(teeth, angles, strict=True)) - Fraction(mesh.phase)
     # whole turns of both are whole teeth, and count for nothing
     off = math.remainder(float(phase), TURN)
-    end = run.final
+    end = run.final.observed
     return [
         Figure('revolutions of the wheel', abs(int(c.turns[-1, 1]))),
         Figure('phase of the teeth off', off, 1e-11, 'rad'),

@@ -167,7 +167,7 @@ def ten_thousand_swings() -> list[Figure]:
     run = stream(machine, duration=(swings + 0.25) * period)
     for _ in run:
         pass
-    end = run.final
+    end = run.final.observed
     low, rate = float(end.position[0, 0]) + QUARTER, float(end.velocity[0, 0])
     late = low / rate
     height = 0.3 * 9.81 * (1.0 - math.cos(amplitude))
