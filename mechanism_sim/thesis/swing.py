@@ -215,7 +215,6 @@ def _signals(
         }
     bare = replace(next(iter(chains.values())), noise=Noise(), converter=Converter())
     chosen = _samples(record, turns, bare)
-    sensors = machine.scene.sensors
     read = [
         all_samples(sensors[name].source(machine), c, name, motion) for name, c in chains.items()
     ]

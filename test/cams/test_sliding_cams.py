@@ -187,7 +187,7 @@ def test_a_follower_keeps_to_its_law_there_and_back(kind, lift_off):
     away = np.abs(a - u1 * alpha - u2 * w**2)
     # at a break the acceleration is that of one of both sides
     assert np.sort(away)[: -len(x) // 50].max() < 1e-9
-    assert abs(solution.energy.residual) < 1e-12
+    assert abs(solution.energy.residual) < 1e-14 * solution.energy.exchanged
 
 
 # bounces
@@ -281,7 +281,7 @@ def test_energy_closes_where_a_slider_crank_moves_the_cam():
     hard = [i for i in solution.impacts if i.approach_speed > 0.01]
     assert len(hard) > 8
     assert solution.energy.dissipated > 0.01
-    assert abs(solution.energy.residual) < 1e-12
+    assert abs(solution.energy.residual) < 1e-14 * solution.energy.exchanged
     assert solution.max_penetration < 1e-13
 
 
@@ -293,7 +293,7 @@ def test_a_roller_rattles_between_the_drawn_walls_of_a_groove(kind):
     machine = pressed(kind, 2, 0.3 if kind == 'roller' else 0.02, groove=groove)
     pair, solution = cam_pair(machine), ms.simulate(machine)
     assert {i.joint for i in solution.impacts} == {'contact_left', 'contact_right'}
-    assert abs(solution.energy.residual) < 1e-12
+    assert abs(solution.energy.residual) < 1e-14 * solution.energy.exchanged
     t = np.random.default_rng(1).uniform(0.0, solution.duration, 30)
     o = solution.view(t).observed
     places = np.linspace(*pair.cam.law.breaks[[0, -1]], 200_001)
@@ -403,4 +403,4 @@ def test_a_stroke_may_end_exactly_where_its_law_does(restitution):
     )
     solution = ms.simulate(machine, revolutions=5)
     assert solution.duration == pytest.approx(0.5)
-    assert abs(solution.energy.residual) < 1e-12
+    assert abs(solution.energy.residual) < 1e-14 * solution.energy.exchanged
