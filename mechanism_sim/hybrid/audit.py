@@ -299,7 +299,7 @@ def work_in(
     count = 3 if takes and not steep else 2
     own = integrate(
         powers, parts, flags, known[:count], in_order,
-        alike=True, foretold=not steep,
+        alike=True, foretold=not steep, corners=physics.corners,
     )  # fmt: skip
     value, error, largest = own.value, own.error, own.largest
     if takes and steep:

@@ -92,6 +92,10 @@ class Physics(Protocol):
     def steep(self) -> bool:
         """Whether powers may vary within a segment in a way that no series foretells."""
 
+    @property
+    def corners(self) -> bool:
+        """Whether powers have corners within segments, where friction's normal force is zero."""
+
     def switch_parts(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> dict[str, Array]:
@@ -167,6 +171,11 @@ class DynamicPhysics:
     def takes_power(self) -> bool:
         """Whether springs, dampers, films or loads take any power."""
         return self.observer.takes_power
+
+    @property
+    def corners(self) -> bool:
+        """No: steps end where what presses changes its side."""
+        return False
 
     @property
     def steep(self) -> bool:

@@ -699,6 +699,11 @@ class NominalPhysics:
         return self._forces is not None and self._forces.takes_power
 
     @property
+    def corners(self) -> bool:
+        """Whether joints rub: what presses may change its side within a segment."""
+        return self._forces is not None and self._forces.loses_more
+
+    @property
     def steep(self) -> bool:
         """Whether loads may be steep within a segment, or friction may jump."""
         forces = self._forces

@@ -193,6 +193,7 @@ def integrate(
     relative: float | None = None,
     foretold: bool = False,
     beside: Array | None = None,
+    corners: bool = False,
 ) -> Integrals:
     """Integrals of functions over intervals.
 
@@ -210,6 +211,8 @@ def integrate(
     foretold : whether functions vary as fast as the steps of the motion say, and nothing else:
         then coefficients go on to fall as they do
     beside : (m,) mean magnitudes so far of functions that these are compared with
+    corners : whether functions may have small corners within intervals, as the size of a force
+        that presses either way has: then other nodes must agree
 
     Examples
     --------
@@ -230,7 +233,7 @@ def integrate(
     before = np.zeros(len(whole.value)) if largest is None else largest
     running = np.column_stack([before, whole.mean])
     running = (np.maximum.accumulate(running, axis=1) if in_order else running)[:, 1:]
-    if (whole.error <= relative * whole.size).all():
+    if not corners and (whole.error <= relative * whole.size).all():
         value, error, size = whole.value, whole.error + _ROUNDING * whole.size, whole.size
         return Integrals(value, error, running[:, -1], size, running)
     scale = np.broadcast_to(running.max(axis=0), running.shape) if alike else running
@@ -242,7 +245,9 @@ def integrate(
 
     every, size = np.arange(len(width)), whole.size
     limit = allowed(whole, every, size, width)
-    if not foretold:
+    if corners:
+        whole = _confirmed(whole, values, parts, powers, smooth, limit)
+    elif not foretold:
         sharper = np.where(whole.error <= limit, whole.error, whole.sharper().error)
         whole = whole._replace(error=sharper)
     wanted = ~(whole.error <= limit)
@@ -257,7 +262,8 @@ def integrate(
         begin, interval = np.tile(begin[chosen], n), np.tile(first, n)
         begin += np.repeat(np.arange(n), len(chosen)) * width
         shorter = Parts(parts.segment[interval], begin, begin + width, np.zeros(len(begin), bool))
-        now = _apply(values, shorter, powers[interval], smooth).sharper(foretold)
+        now = _apply(values, shorter, powers[interval], smooth)
+        now = now._replace(error=now.tail) if corners else now.sharper(foretold)
         size = np.fmax(size, _gathered(interval, np.where(wanted, now.size, 0.0), size.shape))
         # what the parts say the whole was off by is more than what they are off by themselves
         joint = parent._replace(size=_joined(now.size, n))
@@ -277,6 +283,33 @@ def integrate(
     error += (_ROUNDING + _BELIEVED * relative * refined) * size
     error = np.where(np.isfinite(value), error, np.inf)
     return Integrals(value, error, running[:, -1], size, running)
+
+
+def _confirmed(
+    whole: _Applied,
+    values: Values,
+    parts: Parts,
+    powers: NDArray[np.bool_],
+    smooth: Rule,
+    limit: Array,
+) -> _Applied:
+    """The rule's results where other nodes agree; infinite errors where they do not.
+
+    That the coefficients that are left out are small follows from how those that are known fall,
+    unless a small corner lies on a smooth function that is large: its coefficients do not fall
+    so. A rule of other nodes, which misses it otherwise, shows it.
+    """
+    sharper = np.where(whole.error <= limit, whole.error, whole.sharper().error)
+    hoped = (whole.tail > limit) & (sharper <= limit)
+    chosen = np.flatnonzero(hoped.any(axis=0))
+    if not len(chosen):
+        return whole
+    other = SMOOTH if smooth is SECOND else SECOND
+    again = _apply(values, parts.of(chosen), powers[chosen], other)
+    differ = np.full(limit.shape, np.inf)
+    differ[:, chosen] = np.abs(again.value - whole.value[:, chosen])
+    agree = np.where(differ <= limit, np.maximum(sharper, differ), np.inf)
+    return whole._replace(error=np.where(hoped, agree, whole.error))
 
 
 class _Applied(NamedTuple):

@@ -255,7 +255,10 @@ class Cycle(plotting.Rich):
         if (form, name) not in self._averages:
             kind = name.partition('.')[0]
             names = [n for n in self.names if n.partition('.')[0] == kind] or [name]
-            curve, taken = self.solution.motion.curve, TimeIntegrals(len(names))
+            curve, taken = (
+                self.solution.motion.curve,
+                TimeIntegrals(len(names), self.machine.physics.corners),
+            )
 
             def values(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
                 each, since = each_instant(curve, k, dt)

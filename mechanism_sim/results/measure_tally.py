@@ -76,7 +76,8 @@ class Tally:
             )
         )
         self._integrals = [
-            (own, TimeIntegrals(len(own))) for own in _apart(self._rows, self._steep)
+            (own, TimeIntegrals(len(own), machine.physics.corners))
+            for own in _apart(self._rows, self._steep)
         ]
         self._true, self._span = dict.fromkeys(self._conditions, 0.0), 0.0
         self._struck = dict.fromkeys(self._works, 0.0)  # [J] work in impacts

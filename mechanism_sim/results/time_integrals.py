@@ -37,8 +37,8 @@ class TimeIntegrals:
     the same figure is the same number wherever it is asked for.
     """
 
-    def __init__(self, count: int) -> None:
-        self.time = 0.0
+    def __init__(self, count: int, corners: bool = False) -> None:
+        self.time, self._corners = 0.0, corners
         self._sums = np.zeros((3, count))  # value, error, size
         self._largest = np.zeros(count)
 
@@ -51,7 +51,9 @@ class TimeIntegrals:
         """
         if not len(parts.segment) or not len(self._largest):
             return
-        found = integrate(values, parts, recovers(motion, parts.segment), self._largest)
+        found = integrate(
+            values, parts, recovers(motion, parts.segment), self._largest, corners=self._corners
+        )
         self._largest = found.largest
         self._sums += [x.sum(axis=1) for x in (found.value, found.error, found.size)]
         self.time += float((parts.end - parts.begin).sum())
