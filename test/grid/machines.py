@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.catalogue import scene_names
+from mechanism_sim.units import to_si
 from test.grid.case import Draft, Family, Random, Scene, variant
 from test.grid.four_bars import (
     LAWS,
@@ -282,8 +283,9 @@ def _package(random: Random, k: int) -> Draft:
     number, _, unit = scene['drive']['speed'].partition(' ')
     factor = decades(random, -1.0, 0.5)
     scene['drive'] = {**scene['drive'], 'speed': f'{float(number) * factor!r} {unit}'}
-    if 'duration' in scene:
-        return Draft({k: x for k, x in scene.items() if k != 'duration'})
+    duration = scene.pop('duration', None)
+    if duration and unit.endswith('m/s'):  # without revolutions; it goes as far
+        scene['duration'] = f'{to_si(duration, "s") / factor!r} s'
     return Draft(scene)
 
 
