@@ -136,6 +136,11 @@ class Cycle(plotting.Rich):
         names : of quantities of the machine; without any those of its table
         """
         names = self.names if names is None else names
+        if self.static and (of_motion := [name for name in names if name in _OF_MOTION]):
+            raise InputError(
+                f"{self.machine.name}: '{of_motion[0]}' is of the motion, which static forces "
+                'leave out: ask a cycle that is not static'
+            )
         columns = self._columns(t, names)
         on_frame = [name for name in names if name.startswith('shaking_')]
         lost = np.flatnonzero(np.isnan(columns[on_frame[0]])) if on_frame else np.zeros(0, int)

@@ -112,7 +112,7 @@ class View:
     def joint(self, joint: Joint) -> JointView:
         """One of its joints."""
         return self.once(
-            joint.name,
+            ('joint', joint.name),
             lambda: JointView(
                 self.machine.mechanism, joint, self.machine.physics, self.observed, self.modes
             ),

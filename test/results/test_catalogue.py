@@ -6,8 +6,9 @@ from typing import get_type_hints
 
 import numpy as np
 import pytest
+import yaml
 from bags import write_bag
-from builders import simulated
+from builders import made, simulated
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.record import read_record
@@ -21,6 +22,7 @@ from mechanism_sim.report.lines import plot
 from mechanism_sim.results.catalogue import SOURCES, catalogue
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.quantity import Shown
+from mechanism_sim.scene.files import find_scene
 from mechanism_sim.units import read_common
 
 SHORT = 0.01  # [s]
@@ -111,6 +113,29 @@ def test_vectors_and_groups_are_asked_for_by_their_names():
     assert 'position.coupler.cog.x' in known
     assert 'position.coupler.cog.x' not in solution.sample(t, 'position')
     assert set(known.shown(Shown.RUN)) == set(solution.sample(t))
+
+
+@pytest.mark.parametrize('name', ['teeth', 'shaking', 'poses', 'bearing loads'])
+def test_a_joint_may_be_called_as_what_views_share(name):
+    content = yaml.safe_load(find_scene('helical_shafts').read_text(encoding='utf-8'))
+    content['joints'] = {
+        (name.replace(' ', '_') if joint == 'mesh' else joint): keys
+        for joint, keys in content['joints'].items()
+    }
+    plain, named = ms.load_scene('helical_shafts'), made(content)
+    one, two = (ms.simulate(m, duration=0.005) for m in (plain, named))
+    for a, b in zip(one.sample(0.003, *one.catalogue).values(),
+                    two.sample(0.003, *two.catalogue).values(), strict=True):  # fmt: skip
+        assert np.array_equal(a, b, equal_nan=True)
+
+
+def test_static_forces_have_no_energy_of_the_motion():
+    cycle = ms.cycle(ms.load_scene('four_bar_nominal'), samples=4, static=True)
+    assert 'energy.drive_work' not in cycle.table()
+    for name in ('energy.kinetic', 'energy.drive_work', 'energy.dissipated'):
+        with pytest.raises(InputError, match='which static forces leave out'):
+            cycle[name]
+    assert cycle['reaction.coupler_rocker.size'].shape == (5,)
 
 
 def test_an_unknown_name_is_refused_with_the_nearest():

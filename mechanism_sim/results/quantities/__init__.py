@@ -1,4 +1,5 @@
 """Quantities that a machine can tell, a module for each of their sources.
 
-Each has a function ``quantities(machine)``; `SOURCES` lists them in the order of tables.
+Each has functions ``of_SOMETHING(machine)``, which `mechanism_sim.results.catalogue.SOURCES` lists
+in the order of tables.
 """
