@@ -26,9 +26,11 @@ from mechanism_sim.contact.problem import ContactProblem
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import base_at, horner, take_off_turns
 from mechanism_sim.hybrid.compliant_contacts import Touch, Touches
+from mechanism_sim.hybrid.contact_state import ContactState
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.dense_output import DenseOutput, Motion, floats
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.hybrid.present_state import PresentState
 from mechanism_sim.hybrid.singular import AHEAD, BESIDE, HERE, SingularPositions
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.step_check import StepCheck
@@ -128,14 +130,10 @@ class EventLoop:
         turns = dict(zip(system.free, state.turns, strict=True))
         self._base = base_at(state.time, self._laws, turns)
         self._output = DenseOutput(system, self._ta.order)
-        self._contacts = Contacts(
-            system,
-            self._ta,
-            ChatterRule(rtol, atol, system.mechanism.size, system.mechanism.reach),
-            self._base,
-            rtol,
-            fastest * system.mechanism.size,
-        )
+        rule = ChatterRule(rtol, atol, system.mechanism.size, system.mechanism.reach)
+        self._present = PresentState(system, self._ta, self._base)
+        self._gaps = ContactState(self._present, rule, rtol, fastest * system.mechanism.size)
+        self._contacts = Contacts(self._gaps)
         self._singular = SingularPositions(system, self._ta, self._contacts, near)
         self._start_base()
         self._touches = Touches(system) if system.compliant else None
@@ -154,7 +152,7 @@ class EventLoop:
     def _leave_singular(self, distance: float, first: bool = False) -> bool:
         """Take the first step from a singular position; False if there is none so near."""
         if first and self._system.relations and self._system.switches:
-            self._contacts.set_switches()  # closures may depend on them
+            self._contacts.switching.find_rows()  # closures may depend on them
         if not self._singular.is_within(distance):
             return False
         if self._system.gaps:
@@ -183,7 +181,7 @@ class EventLoop:
     @property
     def contact_terms(self) -> ContactProblem:
         """The gaps at the present state."""
-        return self._contacts.terms()
+        return self._gaps.terms()
 
     def change_law(self, law: Law) -> None:
         """Let a law replace the present one of its coordinate from ``law.valid_from`` on.
@@ -254,14 +252,14 @@ class EventLoop:
         Returns where it came to, and the length of a further step that something happened in, if
         any.
         """
-        contacts, output, ta, step = self._contacts, self._output, self._ta, self._step
+        gaps, output, ta, step = self._gaps, self._output, self._ta, self._step
         if self._since >= _ROW:
             self._turn(tau)
         longest = self._max_step
-        if not self._quick or self._coming or contacts.horizon < longest:
+        if not self._quick or self._coming or gaps.horizon < longest:
             if self._system.timed:
                 ta.time = tau
-            h = step(min(longest, contacts.horizon), True)[1]
+            h = step(min(longest, gaps.horizon), True)[1]
             return tau, h if self._check is None else self._checked(tau, h, self._check)
         coefficients, pars, fired = self._coefficients, self._pars, self._system.fired_index
         slots, lengths, lone = output.slots, output.lengths, self._system.lone
@@ -294,14 +292,14 @@ class EventLoop:
 
     def _locate(self, tau: float, h: float) -> _Pending:
         """What a step from `tau` of length `h` [s], just taken, is to end with."""
-        contacts, singular, pars = self._contacts, self._singular, self._pars
+        gaps, singular, pars = self._gaps, self._singular, self._pars
         watch, near, longest = self._guard_values, self._nearness, self._max_step
-        reach = min(longest, contacts.horizon)
+        reach = min(longest, gaps.horizon)
         taken = (pars[self._stabilisation], reach, singular.stride)
         guard = self._system.fired(pars) if pars[self._system.fired_index] else None
         if self._system.lone:
             if watch[0] < _BARELY:
-                if watch[0] < 0.0 and not contacts.flying:
+                if watch[0] < 0.0 and not gaps.flying:
                     # it let go within the error of the last step's end
                     self._back_to(tau)
                     h, guard = 0.0, 0
@@ -319,7 +317,7 @@ class EventLoop:
         if guard is None and (h < reach or reach == longest):
             pars[self._stabilisation] = min(1.0 / h, self._quickest)
         if reach < longest:
-            contacts.horizon = math.inf
+            gaps.horizon = math.inf
         return _Pending(tau, h, guard, taken, crossing.origin if crossing else None)
 
     def _change_law(self, end: float) -> bool:
@@ -335,7 +333,7 @@ class EventLoop:
 
     def _enter(self, step: _Pending) -> float:
         """Make a step part of the solution, and handle the event that ends it; return its end."""
-        output, contacts, end = self._output, self._contacts, step.tau + step.h
+        output, gaps, end = self._output, self._gaps, step.tau + step.h
         if step.h > 0.0:
             output.taus.append(step.tau)
             output.lengths.append(step.h)
@@ -345,11 +343,11 @@ class EventLoop:
         if step.guard is not None:
             self._ta.time = end
             self._count_event(end)
-            status = contacts.status
-            contacts.handle(step.guard)
+            status = gaps.status
+            self._contacts.handle(step.guard)
             self._ta.reset_cooldowns()
-            if contacts.status is not status:
-                output.mark(self._base, contacts.status)
+            if gaps.status is not status:
+                output.mark(self._base, gaps.status)
         return end
 
     def preview(self, until: float) -> Motion | None:
@@ -417,7 +415,7 @@ class EventLoop:
     def _breakdown(self, tau: float) -> RunError:
         if self._system.relations:
             self._back_to(tau)
-            if self._contacts.singular_joints():
+            if self._present.singular_joints():
                 return self._singular.undecided()
         self._back_to(tau)
         free = dict(zip(self._system.free, self._state, strict=False))
@@ -452,7 +450,7 @@ class EventLoop:
         if self._system.guards:
             self._ta.reset_cooldowns()
         self._turn(self._ta.time)
-        self._output.mark(self._base, self._contacts.status)
+        self._output.mark(self._base, self._gaps.status)
 
     def _turn(self, tau: float) -> None:
         """Set cosine and sine of the steady drives, which drift by a rounding in each step."""
@@ -483,7 +481,7 @@ class EventLoop:
             )
         self._laws[index] = law
         self._rebase()
-        self._contacts.pass_edges()
+        self._contacts.switching.pass_edges()
         self._contacts.settle()
         self._go_on()
 
@@ -513,7 +511,7 @@ class EventLoop:
         for name, i in zip(self._system.outside, self._system.outside_index, strict=True):
             known = name == 'time'
             self._pars[i] = self._base.high if known else self._base.turns[name.rpartition('.')[0]]
-        self._contacts.base = self._base
+        self._present.base = self._base
         rates = self._state[len(self._state) // 2 :][list(self._system.angular)]
         self._next_base = self._base.next_after(float(np.abs(rates).max(initial=0.0)))
 
@@ -528,7 +526,7 @@ class EventLoop:
             tuple(self._base.turns[c] for c in self._system.free),
             tuple(self._state[:f].tolist()),
             tuple(self._state[f:].tolist()),
-            tuple(self._contacts.closed(i) for i in range(len(self._system.gaps))),
+            tuple(self._gaps.closed(i) for i in range(len(self._system.gaps))),
         )
 
     def restart(self, state: State) -> None:
@@ -542,7 +540,7 @@ class EventLoop:
         self._pending = None
         self._start_base()
         self._last_event, self._simultaneous, self.events = float('-inf'), 0, 0
-        self._contacts.impacts.count, self._contacts.horizon = 0, math.inf
+        self._gaps.impacts.count, self._gaps.horizon = 0, math.inf
         if self._touches:
             self._touches.restart()
         self._begin(state)
@@ -552,8 +550,8 @@ class EventLoop:
 
         A step that is known but not yet part of the solution is taken anew then.
         """
-        contacts, state, tau = self._contacts, self._ta.state, float(self._ta.time)
-        alpha, horizon = self._pars[self._stabilisation], contacts.horizon
+        gaps, state, tau = self._gaps, self._ta.state, float(self._ta.time)
+        alpha, horizon = self._pars[self._stabilisation], gaps.horizon
         stride = self._singular.stride
         if self._pending:
             tau, (alpha, horizon, stride) = self._pending.tau, self._pending.taken
@@ -568,9 +566,9 @@ class EventLoop:
             tuple(state[: len(self._state)].tolist()),
             tuple(state[len(state) - len(self._directions) :].tolist()),
             self._since,
-            contacts.modes,
-            contacts.approach,
-            contacts.switches,
+            gaps.modes,
+            gaps.approach,
+            self._present.rows,
             touches,
             alpha,
             horizon,
@@ -581,7 +579,7 @@ class EventLoop:
             self._simultaneous,
             self.events,
             stride,
-            contacts.rubbing,
+            self._contacts.switching.rubbing,
         )
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -594,13 +592,13 @@ class EventLoop:
         self._state[:] = s.state
         self._ta.time = s.tau
         self._pars[self._stabilisation] = s.stabilisation
-        self._contacts.set_modes(s.modes, s.approach)
-        self._contacts.set_switches(s.switches)
-        self._contacts.rubbing = s.rubbing
+        self._gaps.set_modes(s.modes, s.approach)
+        self._contacts.switching.set_rows(s.switches)
+        self._contacts.switching.rubbing = s.rubbing
         if self._touches:
             self._touches.present = tuple(Touch(*touch) for touch in s.touches)
-        self._contacts.horizon = s.horizon
-        self._contacts.impacts.count, self._contacts.mode_changes = 0, []
+        self._gaps.horizon = s.horizon
+        self._gaps.impacts.count, self._gaps.mode_changes = 0, []
         self._pending = None
         self._next_base = s.next_base
         self._last_event, self._simultaneous = s.last_event, s.simultaneous
@@ -615,9 +613,8 @@ class EventLoop:
 
     def drain(self) -> tuple[Motion, list[Impact], list[ModeChange]]:
         """Motion and events since the last call."""
-        contacts = self._contacts
-        impacts = contacts.impacts.drain()
-        changes, contacts.mode_changes = contacts.mode_changes, []
+        impacts = self._gaps.impacts.drain()
+        changes, self._gaps.mode_changes = self._gaps.mode_changes, []
         motion = self._output.drain()
         if self._touches:
             impacts += self._touches.add(motion)

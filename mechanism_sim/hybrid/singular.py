@@ -137,7 +137,7 @@ class SingularPositions:
     ) -> None:
         self._system = system
         self._ta = integrator
-        self._contacts = contacts
+        self._contacts, self._present = contacts, contacts.present
         self._index = index
         self._widest = 0.0
         self.stride = 0.0
@@ -192,7 +192,7 @@ class SingularPositions:
 
     def is_within(self, distance: float) -> bool:
         """Whether the present position is so near to a singular one."""
-        return bool(self._system.relations) and bool(self._contacts.singular_joints(distance))
+        return bool(self._system.relations) and bool(self._present.singular_joints(distance))
 
     def begin(self) -> tuple[float, int | None, Crossing]:
         """Take the first step from a singular position.
@@ -242,7 +242,7 @@ class SingularPositions:
             ta.state[: 2 * f] = guess.ravel()
             ta.time = now - before
             for _ in range(2):
-                self._contacts.project()
+                self._present.project()
             guess = ta.state[: 2 * f].reshape(2, f).copy()
             ta.step(before, True)
             series = ta.tc[: 2 * f].copy()
@@ -276,7 +276,7 @@ class SingularPositions:
         state, index = ta.state[: 2 * f], system.stabilisation_index
         self.return_to(tau)
         for _ in range(2):  # the rates are projected where the coordinates were before
-            self._contacts.project()
+            self._present.project()
         alpha, ta.pars[index] = ta.pars[index], 0.0
         ta.step(h, True)
         ta.pars[index], ta.pars[system.fired_index] = alpha, 0.0
@@ -295,7 +295,7 @@ class SingularPositions:
         end, guard = self._first_event(go_to, h, touch, since) if system.guards else (h, None)
         go_to(end)
         if guard is None:
-            self._contacts.project()
+            self._present.project()
         if system.guards:
             ta.reset_cooldowns()
         return end, guard, floats(series)
@@ -329,12 +329,12 @@ class SingularPositions:
 
     def undecided(self) -> RunError:
         """At the present state two ways go on."""
-        joints = self._contacts.singular_joints()
+        joints = self._present.singular_joints()
         named = [j for j in self._system.mechanism.joints if j.name in joints]
         links = sorted({link for j in named for link in (j.first, j.second)})
         said = ', '.join(links) or 'its links'
         return RunError(
-            f'at t = {self._contacts.time:.9g} s the mechanism is at a singular position, where '
+            f'at t = {self._present.time:.9g} s the mechanism is at a singular position, where '
             f'{said} can go on in more than one way, and nothing decides which: change a length, '
             'the start or the drive a little'
         )

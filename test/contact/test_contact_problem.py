@@ -10,8 +10,8 @@ from mechanism_sim.contact import problem as instant
 from mechanism_sim.contact.chatter import ChatterRule, remaining_time
 from mechanism_sim.contact.impact import Hypothesis
 from mechanism_sim.contact.problem import ContactProblem, Limits
-from mechanism_sim.hybrid import contacts
-from mechanism_sim.hybrid.contacts import write_flags
+from mechanism_sim.hybrid import resting_contacts
+from mechanism_sim.hybrid.contact_state import write_flags
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics import kernels
 from mechanism_sim.numerics.complementarity import BACKWARD, FORWARD, OPEN, STICK
@@ -380,13 +380,13 @@ def test_the_equations_are_told_the_modes_that_hold(monkeypatch):
         'four_bar_clearance', {f'joints.{joint}.clearance': clearance for joint in joints}
     )
     run, system = machine.start(), machine.system
-    now = contacts.rest_now
+    now = resting_contacts.rest_now
     seen = []
-    monkeypatch.setattr(contacts, 'rest_now', lambda *x: seen.append(now(*x)) or seen[-1])
+    monkeypatch.setattr(resting_contacts, 'rest_now', lambda *x: seen.append(now(*x)) or seen[-1])
     places = np.array([system.flag_index, system.stick_index, system.slip_index, [-1, -1]])
     for _ in range(400):
         run.advance(1.0, most=1)
         wanted = np.array(run._pars)
-        write_flags(np.array(run._contacts.modes), np.zeros(0, dtype=bool), places, wanted)
+        write_flags(np.array(run._gaps.modes), np.zeros(0, dtype=bool), places, wanted)
         assert (wanted == np.array(run._pars)).all()
     assert sum(rest.begins for rest in seen) > 3

@@ -53,7 +53,7 @@ class JointForces:
         outputs += [dense(rub.slip.rate) for rub in d.rubs]
         outputs += [dense(p.coefficient) for b in bounds for p in b]
         none = dict.fromkeys(x, hy.expression(0.0))
-        seen = run._contacts._at_present(system._on_now(hy.subs(outputs, none)))
+        seen = run._present.evaluate(system._on_now(hy.subs(outputs, none)))
         size = len(parts)
         self._start, slopes, rest = np.split(seen, [size, size * (1 + len(x))])
         self._slopes = slopes.reshape(size, len(x))

@@ -1,0 +1,239 @@
+"""The contacts at the present state: modes, the contact problem, events so far."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.contact.chatter import ChatterRule
+from mechanism_sim.contact.impact import Hypothesis
+from mechanism_sim.contact.problem import (
+    FLIES,
+    RECOVERS,
+    SLIDES_BACKWARD,
+    SLIDES_FORWARD,
+    STICKS,
+    ContactProblem,
+    Layout,
+    Limits,
+    Mask,
+    problem_of,
+    slip_of,
+)
+from mechanism_sim.hybrid.dense_output import Status
+from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeChange
+from mechanism_sim.hybrid.present_state import PresentState
+from mechanism_sim.hybrid.system import FORCE_SCALE, SLIP_SCALE, Array, System
+from mechanism_sim.numerics.complementarity import Indices
+from mechanism_sim.numerics.kernels import kernel
+
+_ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
+
+SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
+"""Modes of a closed contact with friction by the sign of its slip."""
+
+
+class Arrays(NamedTuple):
+    """Of what `problem_of` makes the contact problem."""
+
+    terms: Array  #: as ``System.contact_function`` writes them
+    layout: Layout
+    laws: Array  #: (2, m) coefficients of restitution and of friction
+    closed: Mask  #: (m,)
+    hypothesis: Indices  #: (m,)
+
+
+class Marks(NamedTuple):
+    """Gaps (m,) that the kernels mark: what they return beside their scalars."""
+
+    touching: Mask
+    resting: Mask
+    begins: Mask
+    drawn: Mask
+
+
+class ContactState:
+    """Modes of the m gaps, and the contact problem of the present instant.
+
+    Parameters
+    ----------
+    present : the integrator's state
+    rule : when bounces are left out
+    rtol : relative error of a step
+    speed : [m/s] that this error refers to
+
+    Attributes
+    ----------
+    modes, approach : of every gap, and the speeds of first touches of compliant contacts [m/s]
+    flying : whether any gap is open
+    flies_free : whether all are, and no friction or compliance takes part in an impact
+    problem, arrays : as of the last `refresh`, except for what is closed
+    impacts, mode_changes : the events so far
+    floors : of every guard, what it may be below zero by rounding
+    horizon : [s] longest next step: a root much nearer to its start than to its end gets lost
+    """
+
+    def __init__(
+        self, present: PresentState, rule: ChatterRule, rtol: float, speed: float
+    ) -> None:
+        system, gaps = present.system, present.system.gaps
+        self.present, self.rule = present, rule
+        m = len(gaps)
+        self.names = [gap.name for gap in gaps]
+        self.impacts = ImpactLog(self.names)
+        self.mode_changes: list[ModeChange] = []
+        self.horizon = float('inf')
+        self.arrays = Arrays(
+            np.zeros(system.contact_layout.size),
+            system.contact_layout,
+            np.array([[g.restitution for g in gaps], [g.friction for g in gaps]], dtype=float),
+            np.zeros(m, dtype=np.bool_),
+            np.array([Hypothesis(gap.hypothesis).code for gap in gaps], dtype=np.int64),
+        )
+        self.problem = problem_of(*self.arrays)
+        self.mode_array = np.zeros(m, dtype=np.int64)
+        self.marks = Marks(*np.zeros((4, m), dtype=np.bool_))
+        self._flag_index = _flag_index(system)
+        self.limits = _limits(present, rule, rtol, speed)
+        self.floors = [
+            -max(SLIP_SCALE * self.limits.still, FORCE_SCALE * _ROUNDING_FORCE)
+            if guard.friction else 0.0
+            for guard in system.guards
+        ]  # fmt: skip
+        self.slowest = 1e-6 * speed  # [m/s] to which the damping of a touch may refer
+        if system.margin_index is not None:
+            present.pars[system.margin_index] = self.limits.bare
+        self.approach = (1.0,) * len(system.approach_index)
+        self._status = Status((), ())
+        self.set_modes((int(Mode.FREE_FLIGHT),) * m)
+
+    @property
+    def status(self) -> Status:
+        """What a step is taken with; the same object until it changes."""
+        present = self.present
+        acting = tuple(present.rows[k] for k in present.system.holding)
+        acting += tuple(int(present.pars[i] > 0.0) for i in present.system.side_index)
+        now = Status(self.modes, self.approach, acting)
+        if now != self._status:
+            self._status = now
+        return self._status
+
+    def set_modes(self, modes: tuple[int, ...], approach: tuple[float, ...] | None = None) -> None:
+        """Set the modes that hold from now on, and the speeds of first touches [m/s]."""
+        if approach is not None:
+            self.approach = approach
+            self.present.set(self.present.system.approach_index, approach)
+        self.mode_array[:] = modes
+        np.greater(self.mode_array, Mode.FREE_FLIGHT, out=self.problem.closed)
+        self.write_flags(self.mode_array)
+        self.adopt_modes()
+
+    def change(self, gap: int, mode: Mode) -> None:
+        """Set the mode of one gap."""
+        self.set_modes((*self.modes[:gap], int(mode), *self.modes[gap + 1 :]))
+
+    def adopt_modes(self) -> None:
+        """Make the modes in the array, of which the equations know, those that hold."""
+        self.modes = tuple(self.mode_array.tolist())
+        self.flying = int(Mode.FREE_FLIGHT) in self.modes
+        known = self.present.system
+        smooth = not (known.frictional or known.compliant or known.dynamics.rubs)
+        self.flies_free = smooth and not self.problem.closed.any()
+
+    def write_flags(self, modes: Indices, sticking: Mask | None = None) -> None:
+        """Tell the equations some modes; of gaps in `sticking`, that they stick."""
+        none = self.problem.closed[:0]
+        write_flags(
+            modes, none if sticking is None else sticking, self._flag_index,
+            self.present.parameters,
+        )  # fmt: skip
+
+    def scale_slip(self, gap: int, factor: float) -> None:
+        """Change the flag of a slip: friction acts with a part of its bound."""
+        self.present.pars[self._flag_index[2, gap]] *= factor
+
+    def record_modes(self, before: tuple[int, ...]) -> None:
+        """Enter the changes from other modes to those that hold."""
+        for name, old, new in zip(self.names, before, self.modes, strict=True):
+            if old != new:
+                change = ModeChange(self.present.time, name, Mode(new), Mode(old))
+                self.mode_changes.append(change)
+
+    def refresh(self) -> None:
+        """Evaluate the terms of the contact problem at the present state."""
+        self.present.evaluate(self.present.system.contact_function, out=self.arrays.terms)
+
+    def terms(self) -> ContactProblem:
+        """The contact problem at the present state, until asked again."""
+        self.refresh()
+        return self.problem
+
+    def closed(self, gap: int) -> bool:
+        """Whether a gap carries force."""
+        return self.modes[gap] > Mode.FREE_FLIGHT
+
+    def slip(self, gap: int) -> int:
+        """Which way a contact with friction slides, 0 if not at all."""
+        return int(slip_of(self.problem, gap, self.limits.still))
+
+    def mode_of_closed(self, gap: int) -> Mode:
+        """The mode of a gap that is closed from now on."""
+        return SLIDING[self.slip(gap)] if self.problem.friction[gap] else Mode.FOLLOWING
+
+    def mask(self, gaps: Sequence[int]) -> Mask:
+        """Flags (m,) of some gaps."""
+        mask = np.zeros(len(self.modes), dtype=np.bool_)
+        mask[gaps] = True
+        return mask
+
+
+def chosen(mask: Mask) -> list[int]:
+    """Indices of what is set."""
+    found: list[int] = mask.nonzero()[0].tolist()
+    return found
+
+
+def _limits(present: PresentState, rule: ChatterRule, rtol: float, speed: float) -> Limits:
+    touching = 4.0 * present.rounding
+    return Limits(
+        touching,
+        max(touching, min(rtol, 1e-9) * present.system.mechanism.size),
+        1e3 * float(np.spacing(speed)),
+        max(1e-12, 0.01 * rtol) * speed,
+        rule.allowed,
+        rule.resolved,
+    )
+
+
+def _flag_index(system: System) -> NDArray[np.int64]:
+    """Parameters (4, m) of every gap: closed, sticks, slips, presses; -1 where it has none."""
+    found = np.full((4, len(system.gaps)), -1)
+    found[0] = system.flag_index
+    found[1, system.dynamics.frictional] = system.stick_index
+    found[2, system.dynamics.frictional] = system.slip_index
+    found[3, : len(system.presses_index)] = system.presses_index
+    return found
+
+
+@kernel
+def write_flags(
+    modes: Indices, sticking: Mask, places: NDArray[np.int64], parameters: Array
+) -> None:
+    """The flags closed, sticks, slips and presses of modes, in their places (4, m) if not -1.
+
+    Those set in `sticking` (m,), or of none (0,), count as if they stuck.
+    """
+    for i in range(len(modes)):
+        mode = STICKS if len(sticking) and sticking[i] else modes[i]
+        slip = 1.0 if mode == SLIDES_FORWARD else -1.0 if mode == SLIDES_BACKWARD else 0.0
+        for k in range(4):
+            if places[k, i] >= 0:
+                parameters[places[k, i]] = (
+                    (1.0 if mode > FLIES else 0.0) if k == 0
+                    else (1.0 if mode == STICKS else 0.0) if k == 1
+                    else slip if k == 2
+                    else (1.0 if FLIES < mode < RECOVERS else 0.0)
+                )  # fmt: skip

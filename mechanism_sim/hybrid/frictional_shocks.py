@@ -1,0 +1,110 @@
+"""Impacts without collision: friction stops or turns a slide that no finite force can keep."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from mechanism_sim.contact.impact import ContactImpulse, jam_margin, shock, stop_slide
+from mechanism_sim.contact.problem import ROUGH, enter, push
+from mechanism_sim.hybrid.contact_state import SLIDING, ContactState
+from mechanism_sim.hybrid.system import JAMMED, Array
+
+_SIGNS = {int(mode): sign for sign, mode in SLIDING.items()}
+
+
+def slips_of(state: ContactState, gaps: Sequence[int]) -> list[int]:
+    """Signs of the slips of gaps by their modes, 0 of what does not slide."""
+    return [_SIGNS.get(state.modes[i], 0) for i in gaps]
+
+
+def is_jammed(state: ContactState, closed: Sequence[int]) -> bool:
+    """Whether closed contacts could not slide as their modes say."""
+    state.refresh()
+    _, A, friction = _coupling(state, closed)
+    return jam_margin(A, friction, slips_of(state, closed)) <= JAMMED
+
+
+def shock_contacts(
+    state: ContactState,
+    gaps: Sequence[int],
+    resting: Sequence[int],
+    jammed: int | None = None,
+) -> list[int]:
+    """Apply an impact without collision to gaps, some of which are at rest.
+
+    Parameters
+    ----------
+    jammed : the contact that jams, whose friction has no bound here
+
+    Returns
+    -------
+    The gaps that rest after it.
+
+    Raises
+    ------
+    ArithmeticError
+        If nothing slides, or no finite impulses keep the contacts.
+    """
+    terms, still = state.problem, state.limits.still
+    rows, A, friction = _coupling(state, gaps)
+    rates = terms.rate[rows]
+    before = [
+        0.0 if r in resting or abs(x) <= still else x
+        for r, x in zip(rows, rates.tolist(), strict=True)
+    ]
+    friction = [math.inf if i == jammed else mu for i, mu in zip(gaps, friction, strict=True)]
+    impulses = shock(A, before, terms.free_acceleration[rows], friction)
+    after = _apply(state, gaps, impulses)
+    return [
+        i
+        for k, i in enumerate(gaps)
+        if after[k] <= max(still, rates[k] * (1.0 + 1e-6) if i in resting else 0.0)
+    ]
+
+
+def stop_jammed_slide(state: ContactState, closed: list[int], gap: int) -> list[int]:
+    """Apply the impact without collision of closed contacts when the sliding of one jams.
+
+    Returns
+    -------
+    The gaps that rest after it.
+    """
+    state.refresh()
+    rows, A, friction = _coupling(state, closed)
+    try:
+        impulses = stop_slide(A, state.problem.rate[rows], friction, slips_of(state, closed))
+    except ArithmeticError:
+        with suppress(ArithmeticError):  # or else sliding goes on, or ends where contacts rest
+            return shock_contacts(state, closed, closed, gap)
+    else:
+        _apply(state, closed, impulses)
+    return closed
+
+
+def _coupling(state: ContactState, gaps: Sequence[int]) -> tuple[list[int], Array, list[float]]:
+    """Rows of gaps, rates of these per unit impulse, and coefficients of friction."""
+    terms = state.problem
+    rows = [*gaps, *(len(state.modes) + i for i in gaps)]
+    friction = np.minimum(terms.friction[gaps], ROUGH).tolist()
+    return rows, terms.compliance[np.ix_(rows, rows)], friction
+
+
+def _apply(state: ContactState, gaps: Sequence[int], impulses: Sequence[ContactImpulse]) -> Array:
+    """Apply and log impulses of gaps; the rates of all rows after them."""
+    terms, log, present = state.problem, state.impacts, state.present
+    rows, A, _ = _coupling(state, gaps)
+    rates, n = terms.rate[rows], len(gaps)
+    after = rates + A @ [*(b.normal for b in impulses), *(b.tangential for b in impulses)]
+    log.reserve(n)
+    for k, (i, (p, q, _slip)) in enumerate(zip(gaps, impulses, strict=True)):
+        if p or q:
+            push(terms, i, p, q, present.v)
+            pair, row = [k, n + k], log.rows[log.count]
+            drives, time = present.drive_rates, present.time
+            enter(terms, i, p, q, rates[pair], after[pair], True, time, drives, row)
+            log.count += 1
+    return after
