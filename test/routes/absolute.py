@@ -341,7 +341,8 @@ def differences(machine, solution, t):
     absolute = Absolute(plan, mechanism, plan.prescribed, kept)
     seen = solution.view(t).observed
     driven = [mechanism.coordinates.index(c) for c in plan.prescribed]
-    largest = max(np.abs(seen.reaction).max(), 1e-3)
+    drives = np.abs(seen.drive_torque).max(initial=0.0) / max(mechanism.size, 1.0)
+    largest = max(np.abs(seen.reaction).max(), drives, 1e-3)
     text = loads_of(machine.scene)
     off, conditions = np.zeros(len(t)), np.zeros(len(t))
     for k, time in enumerate(t):
