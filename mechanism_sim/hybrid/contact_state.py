@@ -25,8 +25,9 @@ from mechanism_sim.contact.problem import (
 )
 from mechanism_sim.hybrid.dense_output import Status
 from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeChange
+from mechanism_sim.hybrid.guards import FORCE_SCALE, SLIP_SCALE
 from mechanism_sim.hybrid.present_state import PresentState
-from mechanism_sim.hybrid.system import FORCE_SCALE, SLIP_SCALE, Array, System
+from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import kernel
 
@@ -104,18 +105,18 @@ class ContactState:
             for guard in system.guards
         ]  # fmt: skip
         self.slowest = 1e-6 * speed  # [m/s] to which the damping of a touch may refer
-        if system.margin_index is not None:
-            present.pars[system.margin_index] = self.limits.bare
-        self.approach = (1.0,) * len(system.approach_index)
+        if system.parameters.margin is not None:
+            present.pars[system.parameters.margin] = self.limits.bare
+        self.approach = (1.0,) * len(system.parameters.approach)
         self._status = Status((), ())
+        self._holding, self._sides = [*system.set_valued.holding], system.parameters.sides
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
 
     @property
     def status(self) -> Status:
         """What a step is taken with; the same object until it changes."""
-        present = self.present
-        acting = tuple(present.rows[k] for k in present.system.holding)
-        acting += tuple(int(present.pars[i] > 0.0) for i in present.system.side_index)
+        rows, pars = self.present.rows, self.present.pars
+        acting = tuple([rows[k] for k in self._holding] + [int(pars[i] > 0.0) for i in self._sides])
         now = Status(self.modes, self.approach, acting)
         if now != self._status:
             self._status = now
@@ -125,7 +126,7 @@ class ContactState:
         """Set the modes that hold from now on, and the speeds of first touches [m/s]."""
         if approach is not None:
             self.approach = approach
-            self.present.set(self.present.system.approach_index, approach)
+            self.present.set(self.present.system.parameters.approach, approach)
         self.mode_array[:] = modes
         np.greater(self.mode_array, Mode.FREE_FLIGHT, out=self.problem.closed)
         self.write_flags(self.mode_array)
@@ -164,7 +165,9 @@ class ContactState:
 
     def refresh(self) -> None:
         """Evaluate the terms of the contact problem at the present state."""
-        self.present.evaluate(self.present.system.contact_function, out=self.arrays.terms)
+        self.present.evaluate(
+            self.present.system.functions.contact_function, out=self.arrays.terms
+        )
 
     def terms(self) -> ContactProblem:
         """The contact problem at the present state, until asked again."""
@@ -211,10 +214,10 @@ def _limits(present: PresentState, rule: ChatterRule, rtol: float, speed: float)
 def _flag_index(system: System) -> NDArray[np.int64]:
     """Parameters (4, m) of every gap: closed, sticks, slips, presses; -1 where it has none."""
     found = np.full((4, len(system.gaps)), -1)
-    found[0] = system.flag_index
-    found[1, system.dynamics.frictional] = system.stick_index
-    found[2, system.dynamics.frictional] = system.slip_index
-    found[3, : len(system.presses_index)] = system.presses_index
+    found[0] = system.parameters.closed
+    found[1, system.dynamics.frictional] = system.parameters.sticks
+    found[2, system.dynamics.frictional] = system.parameters.slips
+    found[3, : len(system.parameters.presses)] = system.parameters.presses
     return found
 
 

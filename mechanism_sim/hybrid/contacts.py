@@ -21,11 +21,11 @@ from mechanism_sim.hybrid.compliant_events import initialise_rates, is_leaving, 
 from mechanism_sim.hybrid.contact_state import SLIDING, ContactState, chosen
 from mechanism_sim.hybrid.events import Mode, ModeChange
 from mechanism_sim.hybrid.frictional_shocks import is_jammed, stop_jammed_slide
+from mechanism_sim.hybrid.guards import Guard
 from mechanism_sim.hybrid.present_state import rate_of
 from mechanism_sim.hybrid.resting_contacts import rest, separate
 from mechanism_sim.hybrid.rubbing_contacts import TINY_SHARE, add_joint_friction
 from mechanism_sim.hybrid.switching import Switching
-from mechanism_sim.hybrid.system import Guard
 from mechanism_sim.numerics.kernels import charge
 from mechanism_sim.planar.switches import HOLDS
 
@@ -64,12 +64,12 @@ class Contacts:
 
     def start(self, closed: Sequence[bool]) -> None:
         """Begin a run: some gaps are closed by decree, those that touch are resolved."""
-        state, slipping = self.state, self._system.slipping
+        state, slipping = self.state, self._system.set_valued.slipping
         if self._system.switches:
             self.switching.find_rows()
             self.switching.pass_edges()
         if slipping:
-            self.switching.sides = (1.0,) * len(self._system.side_index)
+            self.switching.sides = (1.0,) * len(self._system.parameters.sides)
             if not state.modes:
                 self._begin_to_rub()
         state.set_modes((int(Mode.FREE_FLIGHT),) * len(closed))
@@ -97,9 +97,9 @@ class Contacts:
     def _begin_to_rub(self) -> None:
         """Note what presses on ideal joints that rub, and what holds there."""
         self.switching.update_sides()
-        for k in range(len(self._system.towards_index) // 2):
+        for k in range(len(self._system.parameters.towards) // 2):
             self.switching.update_pin_direction(k)
-        self.switching.hold_or_slide(self._system.slipping)
+        self.switching.hold_or_slide(self._system.set_valued.slipping)
         self._respond_to_missed()
 
     def settle(self) -> None:
@@ -124,7 +124,7 @@ class Contacts:
         """A guard fell through zero."""
         found, count = self._system.guards[guard], len(self._system.guards)
         if self.state.flies_free and found.gap >= 0 and self._bounce(found.gap):
-            if self._system.holding:
+            if self._system.set_valued.holding:
                 self.switching.release()
             if count == len(self.state.modes):
                 return
@@ -145,7 +145,7 @@ class Contacts:
     def _respond(self, guard: Guard) -> None:
         """Resolve an event while switches that hold act with the parts they have now."""
         rows = self.switching.rows
-        held = [k for k in self._system.holding if rows[k] == HOLDS]
+        held = [k for k in self._system.set_valued.holding if rows[k] == HOLDS]
         if held:
             self.switching.freeze(held)
         self._resolve(guard)
@@ -160,7 +160,7 @@ class Contacts:
         if guard.pin is not None:
             self.switching.update_pin_direction(guard.pin)
         elif guard.side is not None:
-            index = self._system.side_index[guard.side]
+            index = self._system.parameters.sides[guard.side]
             self.present.pars[index] = -self.present.pars[index]
         elif guard.switch is not None:
             self._turn_over(guard.switch)
@@ -196,7 +196,7 @@ class Contacts:
     def _jumps(self) -> bool:
         """Whether a closed gap moves, more than by a step's error."""
         count, state = len(self._system.guards), self.state
-        seen = self.present.evaluate(self._system.watch).tolist()
+        seen = self.present.evaluate(self._system.functions.watch).tolist()
         rates = zip(state.modes, seen[count:], strict=False)
         return any(abs(x) > state.limits.still for mode, x in rates if mode > Mode.FREE_FLIGHT)
 
@@ -257,7 +257,7 @@ class Contacts:
         `seen_now`, others count only beyond what falls at the same instant.
         """
         state, system = self.state, self._system
-        seen = self.present.evaluate(system.watch).tolist()
+        seen = self.present.evaluate(system.functions.watch).tolist()
         modes, floors, limits = state.modes, state.floors, state.limits
         if system.lone:  # one gap without friction, the common case
             fell = seen[0] <= 0.0 and (modes[0] > 1 or seen[1] < 0.0)  # 1: free flight
@@ -313,7 +313,7 @@ class Contacts:
         """
         state, present, limits = self.state, self.present, self.state.limits
         f, m, e = present.free, len(state.modes), float(state.problem.restitution[i])
-        terms = present.evaluate(self._system.contact_function).tolist()
+        terms = present.evaluate(self._system.functions.contact_function).tolist()
         if m > 1 and any(x <= limits.tie and k != i for k, x in enumerate(terms[:m])):
             return False
         # as `problem_of` tells them apart

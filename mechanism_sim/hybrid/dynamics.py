@@ -80,6 +80,8 @@ class Dynamics:
     closed, sticks, slips : flags of the gaps; the latter by index of those that have them
     approach, presses : of compliant contacts, the speed of their touch and whether it is they that
         carry force while closed
+    gaps, elements, relations : as given
+    free, prescribed, powered : names of coordinates; degree : of the laws of the prescribed
     margin : [m/s] by which compliant contacts are late to let go, and to press again
     friction, mu : coefficients of all gaps; as parameters, by index of those that have friction
     active : flag of every row: closed for a normal, sticking for a tangent
@@ -112,9 +114,12 @@ class Dynamics:
         self.equations = eq = Equations(mechanism, gaps, relations)
         p = eq.parameters
         self._lent = p('closures.lent', lent)
-        self._free = [i for i, c in enumerate(eq.coordinates) if c not in prescribed]
+        self.gaps, self.elements = tuple(gaps), tuple(elements)
+        self.prescribed, self.powered = tuple(prescribed), tuple(powered)
+        self.degree = degree
+        self.free = tuple(c for c in eq.coordinates if c not in prescribed)
+        self._free = [eq.coordinates.index(c) for c in self.free]
         self._driven = [eq.coordinates.index(c) for c in prescribed]
-        self._degree = degree
         self.friction = [min(gap.friction, ROUGH) for gap in gaps]
         self.frictional = [i for i, mu in enumerate(self.friction) if mu > 0.0]
         self.mu = {i: p(f'{gaps[i].name}.friction', self.friction[i]) for i in self.frictional}
@@ -156,7 +161,6 @@ class Dynamics:
             self.active += [self.sticks.get(i, hy.expression(0.0)) for i in range(len(gaps))]
         if self.compliant:  # no gap is kept closed
             self.active[: len(gaps)] = [hy.expression(0.0)] * len(gaps)
-        self._gaps = tuple(gaps)
         #: of every row, the share by which it yields while others of its joint hold the same
         self.softness: Vector = [None] * len(gaps) + [self._softness(i) for i in range(len(gaps))]
         self.loads = [load for element in elements for load in element.loads(eq.frames)]
@@ -172,8 +176,8 @@ class Dynamics:
 
     def _softness(self, i: int) -> Term:
         """Of the tangent of a gap, while others of its joint stick."""
-        own, gaps = getattr(self._gaps[i], 'softness', 0.0), enumerate(self._gaps)
-        others = [k for k, gap in gaps if k != i and gap.joint == self._gaps[i].joint]
+        own, gaps = getattr(self.gaps[i], 'softness', 0.0), enumerate(self.gaps)
+        others = [k for k, gap in gaps if k != i and gap.joint == self.gaps[i].joint]
         stuck = add(*(self.sticks.get(k) for k in others))
         return mul(hy.expression(own), stuck) if own else None
 
@@ -191,7 +195,7 @@ class Dynamics:
         frames = eq.frames
         free, driven = self._free, self._driven
         self._a_p: Vector = [
-            frames.a[eq.coordinates[i]] if self._degree > 1 else None for i in driven
+            frames.a[eq.coordinates[i]] if self.degree > 1 else None for i in driven
         ]
         index = [eq.coordinates.index(c) for c in powered]
         torque: dict[int, Term] = dict(zip(index, self.drive_torques, strict=True))
@@ -460,6 +464,12 @@ class Dynamics:
                 rest[k] = (rest[k] | near) - {k, order[-1]}
         return order
 
+    def accelerations(self, solved: Solved) -> dict[str, Term]:
+        """Accelerations of all coordinates, by name."""
+        a: dict[str, Term] = dict(zip(self.free, solved.a, strict=True))
+        of_laws = self.equations.frames.a
+        return a | {c: of_laws[c] if self.degree > 1 else None for c in self.prescribed}
+
     def struck(self, impulses: Sequence[Term]) -> Solved:
         """What impulses of all rows add to a free motion, of whose loads friction is one."""
         count, m = len(self.rows), len(self.normal)
@@ -479,8 +489,8 @@ class Dynamics:
         """
         s, jet = self.closed[i], self.normal[i]
         value = s * jet.value
-        stretch = self._gaps[i].stretch(value)
-        depth = self._gaps[i].depth(value) + (1.0 - s)
+        stretch = self.gaps[i].stretch(value)
+        depth = self.gaps[i].depth(value) + (1.0 - s)
         if self.rubs:  # in long expressions only symbols are found again
             symbol = hy.make_vars(f'depth{i}')
             self.depths[symbol] = depth

@@ -30,11 +30,12 @@ from mechanism_sim.hybrid.contact_state import ContactState
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.dense_output import DenseOutput, Motion, floats
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.hybrid.guards import WATCH_SCALE
 from mechanism_sim.hybrid.present_state import PresentState
 from mechanism_sim.hybrid.singular import AHEAD, BESIDE, HERE, SingularPositions
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.step_check import StepCheck
-from mechanism_sim.hybrid.system import WATCH_SCALE, Array, System
+from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.protocols import Directed
 
@@ -125,7 +126,7 @@ class EventLoop:
         self._turning = [system.prescribed.index(c) for c in system.turning]
         self._directions = floats(self._ta.state)[near + bool(system.relations) :]
         self._step = self._ta.step
-        self._stabilisation = system.stabilisation_index
+        self._stabilisation = system.parameters.stabilisation
         self._state[:] = [*state.q, *state.v]
         turns = dict(zip(system.free, state.turns, strict=True))
         self._base = base_at(state.time, self._laws, turns)
@@ -261,7 +262,7 @@ class EventLoop:
                 ta.time = tau
             h = step(min(longest, gaps.horizon), True)[1]
             return tau, h if self._check is None else self._checked(tau, h, self._check)
-        coefficients, pars, fired = self._coefficients, self._pars, self._system.fired_index
+        coefficients, pars, fired = self._coefficients, self._pars, self._system.parameters.fired
         slots, lengths, lone = output.slots, output.lengths, self._system.lone
         enter_tau, enter_length = output.taus.append, lengths.append
         watch, near, stride = self._guard_values, self._nearness, self._singular.stride
@@ -296,7 +297,7 @@ class EventLoop:
         watch, near, longest = self._guard_values, self._nearness, self._max_step
         reach = min(longest, gaps.horizon)
         taken = (pars[self._stabilisation], reach, singular.stride)
-        guard = self._system.fired(pars) if pars[self._system.fired_index] else None
+        guard = self._system.fired(pars) if pars[self._system.parameters.fired] else None
         if self._system.lone:
             if watch[0] < _BARELY:
                 if watch[0] < 0.0 and not gaps.flying:
@@ -333,7 +334,7 @@ class EventLoop:
 
     def _enter(self, step: _Pending) -> float:
         """Make a step part of the solution, and handle the event that ends it; return its end."""
-        output, gaps, end = self._output, self._gaps, step.tau + step.h
+        output, end = self._output, step.tau + step.h
         if step.h > 0.0:
             output.taus.append(step.tau)
             output.lengths.append(step.h)
@@ -343,11 +344,10 @@ class EventLoop:
         if step.guard is not None:
             self._ta.time = end
             self._count_event(end)
-            status = gaps.status
             self._contacts.handle(step.guard)
             self._ta.reset_cooldowns()
-            if gaps.status is not status:
-                output.mark(self._base, gaps.status)
+            if self._gaps.status is not self._marked:
+                self._mark()
         return end
 
     def preview(self, until: float) -> Motion | None:
@@ -450,7 +450,12 @@ class EventLoop:
         if self._system.guards:
             self._ta.reset_cooldowns()
         self._turn(self._ta.time)
-        self._output.mark(self._base, self._gaps.status)
+        self._mark()
+
+    def _mark(self) -> None:
+        """Enter what steps are taken with from now on."""
+        self._marked = self._gaps.status
+        self._output.mark(self._base, self._marked)
 
     def _turn(self, tau: float) -> None:
         """Set cosine and sine of the steady drives, which drift by a rounding in each step."""
@@ -502,13 +507,13 @@ class EventLoop:
         self._go_on()
 
     def _start_base(self) -> None:
-        for index, law in zip(self._system.law_index, self._base.laws, strict=True):
+        for index, law in zip(self._system.parameters.laws, self._base.laws, strict=True):
             for i, coefficient in zip(index, (*law, *[0.0] * len(index)), strict=False):
                 self._pars[i] = coefficient
-        for index, torque in zip(self._system.torque_index, self._base.torques, strict=True):
+        for index, torque in zip(self._system.parameters.torques, self._base.torques, strict=True):
             for i, coefficient in zip(index, torque, strict=True):
                 self._pars[i] = coefficient
-        for name, i in zip(self._system.outside, self._system.outside_index, strict=True):
+        for name, i in zip(self._system.outside, self._system.parameters.outside, strict=True):
             known = name == 'time'
             self._pars[i] = self._base.high if known else self._base.turns[name.rpartition('.')[0]]
         self._present.base = self._base

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.hybrid.runtime_parameters import symbols as signs_of
 from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
@@ -105,11 +106,8 @@ class Observer:
         """What `observe` and `account` say, as expressions."""
         eq, d = self.system.equations, self.system.dynamics
         solved = d.exact
-        a: dict[str, Term] = dict(zip(self.system.free, solved.a, strict=True))
-        a |= {
-            c: eq.frames.a[c] if self.system.degree > 1 else None for c in self.system.prescribed
-        }
-        reactions = with_friction(d.rubs, self.system.reactions(solved), eq.frames)
+        a, forces = d.accelerations(solved), self.system.set_valued
+        reactions = with_friction(d.rubs, forces.reactions(solved), eq.frames)
         supplied = generalized_forces(eq, a)
         torques = [
             add(supplied[self.system.coordinates.index(c)], neg(d.on_prescribed(k, solved)))
@@ -147,18 +145,18 @@ class Observer:
             'reaction': [x for w in reactions.values() for x in (w.x, w.y)],
             'moment': [w.moment for w in reactions.values()],
             'energy': [kinetic, potential],
-            'holding_rate': self.system.rates_of_holding(solved.a),
+            'holding_rate': forces.rates(solved.a),
             'contact_loss': losses,
             'gap_rate': [
                 dense(jet.rate) / gap.stretch(jet.value)
                 for gap, jet in zip(self.system.gaps, d.normal, strict=True)
             ],
-            'normal_angle': self.system.normal_angles,
+            'normal_angle': self.system.run.normal_angles,
         }
         if not d.rubs:
             return terms
-        acts, parts = self.system.acting(solved), self.system.parts(solved)
-        terms['part'] = [s.flag for s in self.system.holding.values()]
+        acts, parts = forces.acting(solved), forces.parts(solved)
+        terms['part'] = [s.flag for s in forces.holding.values()]
         found = {
             name: list(hy.subs([dense(x) for x in group], parts)) for name, group in terms.items()
         }
@@ -172,15 +170,16 @@ class Observer:
         for k, flag in enumerate(flags):
             replace[flag] = hy.make_vars(f'flag{k}')
         variables = list(replace.values())
+        sides = signs_of(self.system.parameters.sides)
         for k in range(len(self.system.powered)):
             constant, *others = d.torques[3 * k : 3 * k + 3]
             replace[constant] = hy.make_vars(f'torque{k}')
             variables.append(replace[constant])
             replace |= dict.fromkeys(others, hy.expression(0.0))
-        for k, side in enumerate(self.system.sides):
+        for k, side in enumerate(sides):
             replace[side] = hy.make_vars(f'side{k}')
             variables.append(replace[side])
-        groups = [self.system.unpulled(self._terms[name]) for name in names]
+        groups = [self.system.run.unpulled(self._terms[name]) for name in names]
         if replace:
             groups = [list(hy.subs(group, replace)) for group in groups]
         frames = eq.frames
@@ -205,7 +204,7 @@ class Observer:
         not lie between 0 and 1, those of 0 to 1 that leave least, by projected Gauss-Seidel
         iteration.
         """
-        flags, holds = self.system.holding_rows
+        flags, holds = self.system.set_valued.holding_rows
         if rows is None or self._rubs or not flags or not (held := rows[holds] > 0.0).any():
             return rows
         columns = np.flatnonzero(held.any(axis=0))
@@ -314,7 +313,7 @@ class Observer:
         if self._rubs:
             return self._compiled(['part'])(inputs, at.rows)[0]
         known = self._with_parts(inputs, at.rows)
-        flags, _ = self.system.holding_rows
+        flags, _ = self.system.set_valued.holding_rows
         return np.zeros((len(flags), at.q.shape[1])) if known is None else known[flags]
 
     @cached_property
@@ -341,7 +340,7 @@ class Observer:
             flags.append(np.ones_like(modes, float) if approach is None else approach)
             flags.append((modes > Mode.FREE_FLIGHT) & (modes < Mode.RECOVERING))
         given = np.zeros((len(self.system.outside), count)) if outside is None else outside
-        known = np.ones((len(self.system.side_index), count)) if sides is None else sides
+        known = np.ones((len(self.system.parameters.sides), count)) if sides is None else sides
         rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque, known, given)
         return np.concatenate(rows)
 
@@ -378,7 +377,7 @@ class Observer:
             [jet.rate for jet in normal],
             [g.stretch(jet.value) for g, jet in zip(self.system.gaps, normal, strict=True)],
             [jet.value for jet in normal],
-            *([pair[k].rate for pair in self.system.normals] for k in (0, 1)),
+            *([pair[k].rate for pair in self.system.run.normals] for k in (0, 1)),
         ]
         return SwitchedFunction(frames, groups, [*frames.q.values(), *frames.v.values()])
 

@@ -221,14 +221,14 @@ class DynamicPhysics:
         """Values of the switches: those of rates as they were, others by their places."""
         found = rows(self.system.edges, self.coordinates, motion.curve, segments, dt)
         if found is not None and motion.acting.size:
-            flags, holds = self.system.holding_rows
+            flags, holds = self.system.set_valued.holding_rows
             acting = np.repeat(motion.acting[segments, : len(flags)], instants(dt), axis=0).T
             found[flags], found[holds] = acting % HOLDS, acting == HOLDS
         return found
 
     def _sides(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Signs (k, N) of what presses on the lines that rub."""
-        count = len(self.system.side_index)
+        count = len(self.system.parameters.sides)
         if not count:
             return np.zeros((0, len(segments) * instants(dt)))
         own = motion.acting[segments, -count:].astype(float)
@@ -253,10 +253,10 @@ class DynamicPhysics:
     ) -> dict[str, Array]:
         """What acts (N,) of each load that depends on rates, by the name of its switch."""
         names = [*self.system.equations.frames.switches]
-        if not self.system.holding:
+        if not self.system.set_valued.holding:
             return {}
         parts = self.observer.parts(self._state(motion, segments, dt))
-        return dict(zip([names[k] for k in self.system.holding], parts, strict=True))
+        return dict(zip([names[k] for k in self.system.set_valued.holding], parts, strict=True))
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:
         """Where forces grow beyond all bounds: at singular positions, if anywhere."""

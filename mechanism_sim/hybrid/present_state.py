@@ -85,17 +85,17 @@ class PresentState:
     def project(self) -> None:
         """Bring loops and closed contacts to zero in value and rate."""
         f, system = self.free, self.system
-        self.state[:] = floats(self.evaluate(system.projection))[: 2 * f]
-        if system.frictional and any(self.pars[i] for i in system.flag_index):
+        self.state[:] = floats(self.evaluate(system.functions.projection))[: 2 * f]
+        if system.frictional and any(self.pars[i] for i in system.parameters.closed):
             # what moved positions by a rounding turned the normals of fine clearances
-            again = floats(self.evaluate(system.projection))
+            again = floats(self.evaluate(system.functions.projection))
             self.state[f:] = again[f : 2 * f]
 
     def singular_joints(self, distance: float = 1e-6) -> list[str]:
         """The joints whose closures depend on those before them, to the root of a distance."""
         frames = self.system.equations.frames
         joints = [r.name for r in self.system.relations for _ in r.values(frames)]
-        seen = self.evaluate(self.system.projection)[2 * self.free :]
+        seen = self.evaluate(self.system.functions.projection)[2 * self.free :]
         near = [joint for joint, x in zip(joints, seen, strict=True) if not x > distance]
         return [*dict.fromkeys(near)]
 

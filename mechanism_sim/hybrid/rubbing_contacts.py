@@ -26,8 +26,8 @@ from mechanism_sim.contact.problem import (
 )
 from mechanism_sim.contact.rubbing import loss, rubs_of, with_friction
 from mechanism_sim.hybrid.contact_state import ContactState, chosen
+from mechanism_sim.hybrid.guards import Guard
 from mechanism_sim.hybrid.switching import Switching
-from mechanism_sim.hybrid.system import Guard
 from mechanism_sim.numerics.complementarity import Indices
 
 TINY_SHARE = 1e-9
@@ -46,7 +46,7 @@ def add_joint_friction(state: ContactState, switching: Switching, gap: int) -> f
     What that dissipates [J].
     """
     present, plain, m = state.present, state.arrays.terms.copy(), len(state.modes)
-    function, sizes = present.system.rub_function
+    function, sizes = present.system.functions.rub_function
     layout = state.arrays.layout
     rubs = rubs_of(present.evaluate(function), sizes, *layout[1:4])
     rows, T, lost = np.empty((m, len(state.impacts.rows[0]))), np.zeros(len(sizes)), 0.0
@@ -127,7 +127,7 @@ def _possible_modes(state: ContactState, resting: Mask, slips: Indices) -> Itera
 def _is_consistent(state: ContactState, modes: Indices, resting: Mask) -> bool:
     """Whether gaps at rest go on in the trial modes under the friction of these modes."""
     m, c, system = len(modes), state.problem, state.present.system
-    seen = state.present.evaluate(system.watch)
+    seen = state.present.evaluate(system.functions.watch)
     if any(seen[k] <= 0.0 for k, guard in enumerate(system.guards) if guard == Guard(-1, 0)):
         return False
     least = -TINY_SHARE * np.abs(c.free_acceleration).max(initial=0.0)

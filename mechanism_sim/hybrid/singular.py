@@ -18,7 +18,8 @@ from numpy.polynomial import polynomial
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.dense_output import floats
-from mechanism_sim.hybrid.system import WATCH_SCALE, Array, System
+from mechanism_sim.hybrid.guards import WATCH_SCALE
+from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.numerics.polynomials import shift_powers
 
 AHEAD = 3.0
@@ -273,13 +274,13 @@ class SingularPositions:
         """
         h = BEYOND * touch
         ta, system, f = self._ta, self._system, len(self._system.free)
-        state, index = ta.state[: 2 * f], system.stabilisation_index
+        state, index = ta.state[: 2 * f], system.parameters.stabilisation
         self.return_to(tau)
         for _ in range(2):  # the rates are projected where the coordinates were before
             self._present.project()
         alpha, ta.pars[index] = ta.pars[index], 0.0
         ta.step(h, True)
-        ta.pars[index], ta.pars[system.fired_index] = alpha, 0.0
+        ta.pars[index], ta.pars[system.parameters.fired] = alpha, 0.0
         series = ta.tc[: 2 * f].copy()
         speed = float((np.abs(series[f:, 0]) / self._scale).max())
         error = truncate(series[f:], h, self._scale)

@@ -13,7 +13,8 @@ import heyoka as hy
 import numpy as np
 from numpy.polynomial import polynomial
 
-from mechanism_sim.hybrid.system import WATCH_SCALE, Array, System
+from mechanism_sim.hybrid.guards import WATCH_SCALE
+from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.numerics.enclosure import FEW, Course, Reach, reach_of
 from mechanism_sim.numerics.polynomials import chebyshev_nodes, shift_powers
 from mechanism_sim.planar.steep_loads import ResolvedLoads, SteepLoads
@@ -54,9 +55,9 @@ class StepCheck:
         f, m = len(system.free), len(system.guards)
         self._rates, self._watch = slice(f, 2 * f), slice(2 * f + 1, 2 * f + 1 + m)
         self._guards = m
-        turns = [system.outside_index[system.outside.index(name)] for name in steep.outside]
+        turns = [system.parameters.outside[system.outside.index(name)] for name in steep.outside]
         self._turns = np.array(turns, int)
-        self._symbols = np.array([i for index in system.switch_index for i in index], int)
+        self._symbols = np.array([i for index in system.parameters.switches for i in index], int)
         # rows of the series that loads depend on, and of those which laws give their coefficients
         names = [system.coordinates[i] for _, i in steep.moving]
         free = {c: k for k, c in enumerate(system.free)}
@@ -65,7 +66,7 @@ class StepCheck:
         self._own = [k for k, (_, c) in enumerate(known) if c in free]
         self._states = np.array([free[c] + f * d for d, c in known if c in free], int)
         self._laws = [
-            (k, d, system.law_index[system.prescribed.index(c)])
+            (k, d, system.parameters.laws[system.prescribed.index(c)])
             for k, (d, c) in enumerate(known)
             if c not in free
         ]
@@ -117,12 +118,12 @@ class StepCheck:
         given[: 2 * f] = series[: 2 * f] @ powers
         given[2 * f : -1] = self._pars[:, None]
         given[-1] = tau + h * places
-        wanted = h * system.accelerations(given)
+        wanted = h * system.functions.accelerations(given)
         allowed = self._limit + _ROUNDING * np.abs(wanted)
         slopes = series[self._rates] @ sloping
         found: Array = (np.abs(slopes - wanted) / allowed).max(axis=0)
         if self._guards:
-            guards = system.watch(given)[: self._guards]
+            guards = system.functions.watch(given)[: self._guards]
             low = guards < -_FALLEN
             if low.any():
                 foretold = series[self._watch] @ sloping / (h * WATCH_SCALE)

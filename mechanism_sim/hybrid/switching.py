@@ -30,12 +30,17 @@ class Switching:
 
     def __init__(self, present: PresentState, problem: ContactProblem) -> None:
         self._now, self._system = present, present.system
+        self._functions, self._holding = (
+            present.system.functions,
+            present.system.set_valued.holding,
+        )
+        self._index = present.system.parameters
         self._pars, self._friction = present.pars, problem.friction
         system, gaps = present.system, present.system.gaps
         flags = {s.flag: k for k, s in enumerate(system.switches) if isinstance(s, Switch)}
         #: parameter that says whether a gap rubs, and the coefficient with which it does
         self._engaged = {
-            i: (system.switch_index[flags[flag]][0], gaps[i].friction)
+            i: (system.parameters.switches[flags[flag]][0], gaps[i].friction)
             for i, flag in system.dynamics.engaged.items()
         }
         self._turns: dict[int, tuple[float, int]] = {}  # when they last did, how often in a row
@@ -49,17 +54,17 @@ class Switching:
     @property
     def sides(self) -> tuple[float, ...]:
         """Signs of what presses on lines that rub."""
-        return tuple(self._pars[i] for i in self._system.side_index)
+        return tuple(self._pars[i] for i in self._index.sides)
 
     @sides.setter
     def sides(self, signs: Sequence[float]) -> None:
-        self._now.set(self._system.side_index, signs)
+        self._now.set(self._index.sides, signs)
 
     def set_rows(self, rows: tuple[int, ...]) -> None:
         """Set the rows of the switches, and which contacts rub by them."""
         self._now.rows = rows
         switches = self._system.switches
-        for s, index, row in zip(switches, self._system.switch_index, rows, strict=True):
+        for s, index, row in zip(switches, self._index.switches, rows, strict=True):
             self._now.set(index, s.values(row))
         for i, (flag, friction) in self._engaged.items():
             self._friction[i] = friction if self._pars[flag] > 0.0 else _IDLE
@@ -93,13 +98,15 @@ class Switching:
         places = self.places(0.5 * SWITCH_MARGIN / fastest)
         rows = [s.row_at(x) for s, x in zip(self._system.switches, places, strict=True)]
         self.set_rows(tuple(rows))
-        guards = self._now.evaluate(self._system.watch)[: len(self._system.guards)][-len(rows) :]
+        guards = self._now.evaluate(self._functions.watch)[: len(self._system.guards)][
+            -len(rows) :
+        ]
         known = zip(before, rows, guards.tolist(), strict=True)
         self.set_rows(tuple(new if guard > 0.0 else old for old, new, guard in known))
 
     def places(self, ahead: float = 0.0) -> list[float]:
         """Where the switches are."""
-        seen = self._now.evaluate(self._system.watch, ahead)
+        seen = self._now.evaluate(self._functions.watch, ahead)
         places: list[float] = seen[len(seen) - len(self.rows) :].tolist()
         return places
 
@@ -116,8 +123,8 @@ class Switching:
             self.rows[switch],
             self.places()[switch],
         )
-        if switch in self._system.holding:
-            held = self._system.holding[switch].holding(row, self._rates_of(switch), place)
+        if switch in self._holding:
+            held = self._holding[switch].holding(row, self._rates_of(switch), place)
             if held is not None:
                 return held
         try:
@@ -134,7 +141,7 @@ class Switching:
         if switch is None or switch not in self._turned:
             return False
         place, row = self._turned[switch]
-        held = switch in self._system.holding and HOLDS in (row, self.rows[switch])
+        held = switch in self._holding and HOLDS in (row, self.rows[switch])
         if held or self.places()[switch] != place:
             return False
         return self._row_after(switch) == row
@@ -142,16 +149,16 @@ class Switching:
     def _rates_of(self, switch: int) -> list[float]:
         """What `Switch.holding` asks for of a switch of rates."""
         system = self._system
-        own = [*system.holding].index(switch)
-        function, kept = system.holding_rates, self._now.parameters.copy()
-        part = float(self._now.evaluate(function)[len(system.holding) + own])
+        own = [*self._holding].index(switch)
+        function, kept = self._functions.holding_rates, self._now.parameters.copy()
+        part = float(self._now.evaluate(function)[len(self._holding) + own])
         seen = []
         for others in (True, False):
-            for k, index in enumerate(system.switch_index):
-                if k in system.holding and (k == switch or not others):
+            for k, index in enumerate(system.parameters.switches):
+                if k in self._holding and (k == switch or not others):
                     self._pars[index[1]] = 0.0
             for flag in (0.0, 1.0):
-                self._pars[system.switch_index[switch][0]] = flag
+                self._pars[system.parameters.switches[switch][0]] = flag
                 seen.append(float(self._now.evaluate(function)[own]))
         self._now.parameters[:] = kept
         return [*seen, part]
@@ -177,14 +184,14 @@ class Switching:
     @property
     def _rubbing_index(self) -> tuple[int, ...]:
         known = self._system
-        return (*known.side_index, *known.towards_index, *known.slip_index)
+        return (*known.parameters.sides, *known.parameters.towards, *known.parameters.slips)
 
     def hold_or_slide(self, slipping: Sequence[int]) -> None:
         """Let friction that is at rest hold, or act against where it goes: before it moves."""
         places = self.places()
         for k in slipping:
             row, rates = self.rows[k], self._rates_of(k)
-            after = self._system.holding[k].holding(row, rates, places[k])
+            after = self._holding[k].holding(row, rates, places[k])
             if after is None and abs(places[k]) <= REST:
                 after = int(rates[0] + rates[1] > 0.0)
             if after not in (None, row):
@@ -193,8 +200,8 @@ class Switching:
 
     def update_sides(self) -> None:
         """Let the signs of what presses on lines that rub be those of its present forces."""
-        for _ in self._system.side_index:
-            pressed = self._now.evaluate(self._system.pressing).tolist()
+        for _ in self._index.sides:
+            pressed = self._now.evaluate(self._functions.pressing).tolist()
             signs = tuple(math.copysign(1.0, x) for x in pressed)
             if signs == self.sides:
                 break
@@ -202,18 +209,16 @@ class Switching:
 
     def update_pin_direction(self, pin: int) -> None:
         """Note where the force of a pin that rubs points now."""
-        x, y = self._now.evaluate(self._system.pin_forces)[2 * pin : 2 * pin + 2].tolist()
+        x, y = self._now.evaluate(self._functions.pin_forces)[2 * pin : 2 * pin + 2].tolist()
         if size := math.hypot(x, y):
-            self._now.set(self._system.towards_index[2 * pin : 2 * pin + 2], (x / size, y / size))
+            self._now.set(self._index.towards[2 * pin : 2 * pin + 2], (x / size, y / size))
 
     def freeze(self, held: Sequence[int]) -> None:
         """Let contacts be resolved under the parts of switches that hold now."""
-        parts = self._now.evaluate(self._system.holding_rates)[
-            len(self._system.holding) :
-        ].tolist()
-        for k, part in zip(self._system.holding, parts, strict=True):
+        parts = self._now.evaluate(self._functions.holding_rates)[len(self._holding) :].tolist()
+        for k, part in zip(self._holding, parts, strict=True):
             if k in held:
-                self._pars[self._system.switch_index[k][0]] = part
+                self._pars[self._index.switches[k][0]] = part
 
     def release(self) -> None:
         """Let switches hold no more what an impact has moved.
@@ -222,7 +227,7 @@ class Switching:
         part by roundings fall back as fast, and would move it for ever.
         """
         places, rows = self.places(), list(self.rows)
-        moved = [k for k in self._system.holding if rows[k] == HOLDS and abs(places[k]) > REST]
+        moved = [k for k in self._holding if rows[k] == HOLDS and abs(places[k]) > REST]
         if not moved:
             return
         slow = [
@@ -243,13 +248,13 @@ class Switching:
     def _stop(self, held: Sequence[int]) -> None:
         """Bring the functions of switches that hold to zero by an impulse of what holds them."""
         kept, system = self._now.parameters.copy(), self._system
-        functions = [[*system.holding].index(k) for k in held]
+        functions = [[*self._holding].index(k) for k in held]
 
         def seen(acting: int | None) -> tuple[Array, Array]:
             for k in held:
-                self._now.set(system.switch_index[k], (float(k == acting), 0.0))
-            rates = self._now.evaluate(system.holding_rates)[functions]
-            return rates, self._now.evaluate(system.accelerations).copy()
+                self._now.set(system.parameters.switches[k], (float(k == acting), 0.0))
+            rates = self._now.evaluate(self._functions.holding_rates)[functions]
+            return rates, self._now.evaluate(self._functions.accelerations).copy()
 
         still, a = seen(None)
         ways = [seen(k) for k in held]

@@ -383,7 +383,9 @@ def test_the_equations_are_told_the_modes_that_hold(monkeypatch):
     now = resting_contacts.rest_now
     seen = []
     monkeypatch.setattr(resting_contacts, 'rest_now', lambda *x: seen.append(now(*x)) or seen[-1])
-    places = np.array([system.flag_index, system.stick_index, system.slip_index, [-1, -1]])
+    places = np.array(
+        [system.parameters.closed, system.parameters.sticks, system.parameters.slips, [-1, -1]]
+    )
     for _ in range(400):
         run.advance(1.0, most=1)
         wanted = np.array(run._pars)

@@ -85,7 +85,7 @@ def _definite(machine: Machine, at: float) -> float:
     free = [system.coordinates.index(c) for c in system.free]
     M = system.equations.M
     terms = [dense(M[i][k]) for i in free for k in free]
-    seen = run._present.evaluate(system._on_now(terms)).reshape(len(free), -1)
+    seen = run._present.evaluate(system.run.compile_now(terms)).reshape(len(free), -1)
     scale = 1.0 / np.sqrt(np.abs(np.diag(seen)))
     return float(np.linalg.eigvalsh(seen * scale * scale[:, None])[0])
 

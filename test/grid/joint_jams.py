@@ -40,20 +40,20 @@ class JointForces:
         struck = [hy.make_vars(f'struck{k}') for k in range(len(d.rows))]
         x = [*struck, *(rub.T for rub in d.rubs)]
         solved = d.struck(struck)
-        carried = system.reactions(solved)
+        carried = system.set_valued.reactions(solved)
         bounds = [rub.friction.pressed(frames, carried[rub.friction.name]) for rub in d.rubs]
         self._terms = [[(len(p.components), p.wall) for p in b] for b in bounds]
         parts = [
             dense(add(a, dot(line, struck)))
             for a, line in zip(d.free_acceleration, d.compliance, strict=True)
         ]
-        parts += [system._rate(dense(rub.slip.rate), solved.a) for rub in d.rubs]
+        parts += [system.set_valued._rate(dense(rub.slip.rate), solved.a) for rub in d.rubs]
         parts += [dense(c) for b in bounds for p in b for c in p.components]
         outputs = [*parts, *(hy.diff(y, z) for y in parts for z in x)]
         outputs += [dense(rub.slip.rate) for rub in d.rubs]
         outputs += [dense(p.coefficient) for b in bounds for p in b]
         none = dict.fromkeys(x, hy.expression(0.0))
-        seen = run._present.evaluate(system._on_now(hy.subs(outputs, none)))
+        seen = run._present.evaluate(system.run.compile_now(hy.subs(outputs, none)))
         size = len(parts)
         self._start, slopes, rest = np.split(seen, [size, size * (1 + len(x))])
         self._slopes = slopes.reshape(size, len(x))

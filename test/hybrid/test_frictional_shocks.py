@@ -196,19 +196,19 @@ def test_forces_of_many_contacts_are_those_of_a_dense_solution(name):
     dynamics, m = system.dynamics, len(system.gaps)
     mu, rubs = np.array(dynamics.friction), dynamics.frictional
     assert 0 < len(rubs) < m
-    margin = system._on_now([dynamics.jam_margin])
+    margin = system.run.compile_now([dynamics.jam_margin])
     rng = np.random.default_rng(3)
     for _ in range(20):
         state = rng.uniform(-1.0, 1.0, 2 * len(system.free))
-        parameters = np.array(system.parameters)
+        parameters = np.array(system.parameters.values)
         modes = rng.integers(0, 4, m)  # open, sticking, sliding either way
         modes[(mu == 0.0) & (modes == 1)] = 2
         slips = np.choose(modes, [0.0, 0.0, 1.0, -1.0])
-        parameters[system.flag_index] = modes > 0
-        parameters[system.stick_index] = modes[rubs] == 1
-        parameters[system.slip_index] = slips[rubs]
+        parameters[system.parameters.closed] = modes > 0
+        parameters[system.parameters.sticks] = modes[rubs] == 1
+        parameters[system.parameters.slips] = slips[rubs]
         inputs = np.array([*state, *parameters, 0.3])
-        seen = system.contact_function(inputs)
+        seen = system.functions.contact_function(inputs)
         terms = problem_of(seen, system.contact_layout, np.zeros((2, m)), *[None] * 2)
         C, free = terms.compliance, terms.free_acceleration
         normal, stuck = np.flatnonzero(modes > 0), m + np.flatnonzero(modes == 1)

@@ -322,9 +322,9 @@ def test_gap_and_mode_free_terms_of_the_engine_at_a_contact(skew):
     """Compliance, response and free acceleration of the gap, from impulses on separate links."""
     m, system = skew
     for q, v in states(2.54e-4):
-        index, pars = system.law_index[0], system.parameters.copy()
+        index, pars = system.parameters.laws[0], system.parameters.values.copy()
         pars[index] = [q[0], v[0], 45.0]
-        out = system.contact_function(np.array([*q[1:], *v[1:], *pars, 0.0]))
+        out = system.functions.contact_function(np.array([*q[1:], *v[1:], *pars, 0.0]))
         terms = problem_of(out, system.contact_layout, np.zeros((2, 1)), *[None] * 2)
         newton = Newton(m, q, v, given={'crank': 90.0})
         Q = newton.point('coupler', (0.309, 0.0)) - newton.point('rocker', (0.312, 0.0))
@@ -358,9 +358,9 @@ def test_drive_impulse_at_an_impact_is_the_change_of_angular_momentum(skew):
     """About the crank's pivot: pin A takes the momentum that the coupler's centre gains."""
     m, system = skew
     for q, v in states(2.54e-4):
-        pars = system.parameters.copy()
-        pars[system.law_index[0]] = [q[0], v[0], 0.0]
-        out = system.contact_function(np.array([*q[1:], *v[1:], *pars, 0.0]))
+        pars = system.parameters.values.copy()
+        pars[system.parameters.laws[0]] = [q[0], v[0], 0.0]
+        out = system.functions.contact_function(np.array([*q[1:], *v[1:], *pars, 0.0]))
         terms = problem_of(out, system.contact_layout, np.zeros((2, 1)), *[None] * 2)
         p = 0.03
         dv3 = terms.response[0][0] * p
@@ -502,10 +502,10 @@ def test_power_of_the_drive_is_the_rate_of_energy_in_both_modes(skew):
 def test_projection_brings_a_closed_gap_to_zero_by_an_impulse_along_the_normal(skew):
     m, system = skew
     for q, v in states(2.5399e-4):
-        pars = system.parameters.copy()
-        pars[system.law_index[0]] = [q[0], v[0], 45.0]
-        pars[system.flag_index] = 1.0
-        x = system.projection(np.array([*q[1:], *v[1:], *pars, 0.0]))
+        pars = system.parameters.values.copy()
+        pars[system.parameters.laws[0]] = [q[0], v[0], 45.0]
+        pars[system.parameters.closed] = 1.0
+        x = system.functions.projection(np.array([*q[1:], *v[1:], *pars, 0.0]))
         p, w = np.array([q[0], *x[:2]]), np.array([v[0], *x[2:]])
         newton = Newton(m, p, w)
         Q = newton.point('coupler', (0.309, 0.0)) - newton.point('rocker', (0.312, 0.0))

@@ -1,0 +1,151 @@
+"""Compiled functions of the present state.
+
+Their one argument is a vector: free coordinates, rates, runtime parameters, time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import heyoka as hy
+
+from mechanism_sim.hybrid.run_expressions import RunExpressions
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
+
+
+class PresentFunctions:
+    """What the event loop asks of the present state, each compiled when it is first asked for.
+
+    Parameters
+    ----------
+    run : expressions as they are in a run
+    guards : gives those of the guards
+    """
+
+    def __init__(self, run: RunExpressions, guards: Callable[[], Sequence[hy.expression]]) -> None:
+        self._run, self._guards = run, guards
+        self._dynamics, self._forces = run.dynamics, run.set_valued
+
+    def _compiled(self, terms: Sequence[Term]) -> hy.cfunc_dbl:
+        """Of states that may be a rounding beyond the depth zero of a contact."""
+        return self._run.compile_now(self._run.unpulled(terms))
+
+    @cached_property
+    def holding_rates(self) -> hy.cfunc_dbl:
+        """Rates of the functions of switches that may hold, then their parts; as `watch`."""
+        rates = self._forces.rates(self._dynamics.stabilised.a)
+        flags = (s.flag for s in self._forces.holding.values())
+        return self._compiled(self._run.acted([*rates, *flags]))
+
+    @cached_property
+    def watch(self) -> hy.cfunc_dbl:
+        """What is to be watched, at free coordinates, rates, parameters, time.
+
+        The guards, the rates of the gaps, of compliant contacts their values, the places of the
+        switches.
+        """
+        d, places = self._dynamics, (s.place for s in self._run.switches)
+        values = (jet.value for jet in d.normal if d.compliant)
+        rates = (jet.rate for jet in d.normal)
+        return self._run.compile_now([*self._guards(), *rates, *values, *places])
+
+    @cached_property
+    def accelerations(self) -> hy.cfunc_dbl:
+        """Of the free coordinates, as the integrator has them; of the same vector as `watch`."""
+        return self._run.compile_now(self._run.acted(self._dynamics.stabilised.a))
+
+    @cached_property
+    def contact_function(self) -> hy.cfunc_dbl:
+        """Terms of the gaps, as `contact.problem.problem_of` reads them; of `watch`'s vector."""
+        d, rows = self._dynamics, self._dynamics.rows
+        terms = [
+            *(jet.value for jet in d.normal),
+            *(jet.rate for jet in rows),
+            *d.free_acceleration,
+            *d.acceleration,
+            *(x for W in d.response for x in W),
+            *(x for row in d.compliance for x in row),
+            *(x for row in d.drive_response for x in row),
+            *self._run.normal_angles,
+            *(d.relief(i) for i in range(len(d.gaps) if d.compliant else 0)),
+        ]
+        if d.rubs:
+            values = self._forces.acting(d.exact).values
+            rubbed = {rub.T: values[rub.T] for rub in d.rubs}
+            terms = list(hy.subs([dense(x) for x in terms], rubbed))
+        return self._compiled(terms)
+
+    @cached_property
+    def rub_function(self) -> tuple[hy.cfunc_dbl, list[list[tuple[int, int]]]]:
+        """What `contact.rubbing.rubs_of` reads, of `watch`'s vector, and sizes of all bounds.
+
+        The latter are how many components each term of each bound has, and its wall.
+        """
+        d, frames = self._dynamics, self._dynamics.equations.frames
+        unit = [hy.make_vars(f'struck{k}') for k in range(len(d.rows))]
+        impulses = [*unit, *(rub.T for rub in d.rubs)]
+        carried = self._forces.reactions(d.struck(unit))
+        bounds = [rub.friction.pressed(frames, carried[rub.friction.name]) for rub in d.rubs]
+        forces = [dense(c) for b in bounds for p in b for c in p.components]
+        terms = [
+            *(rub.slip.rate for rub in d.rubs),
+            *(x for w in d.rub_response for x in w),
+            *(x for row in d.rub_compliance for x in row),
+            *(x for row in d.rub_drive_response for x in row),
+            *(hy.diff(force, x) for force in forces for x in impulses),
+            *(p.coefficient for b in bounds for p in b),
+        ]
+        # flanks of teeth bear as they did before the impact
+        terms = hy.subs([dense(x) for x in terms], dict.fromkeys(impulses, hy.expression(0.0)))
+        sizes = [[(len(p.components), p.wall) for p in b] for b in bounds]
+        return self._run.compile_now(terms), sizes
+
+    @cached_property
+    def pressing(self) -> hy.cfunc_dbl:
+        """What presses on lines that rub [N], as `sides` has it; of `watch`'s vector."""
+        return self._compiled(self._forces.acting(self._dynamics.exact).pressed)
+
+    @cached_property
+    def projection(self) -> hy.cfunc_dbl:
+        """The state with loops and closed gaps brought to zero, in value and rate.
+
+        Along M^-1 J^T; what sticks loses its tangential velocity too. Behind it come the distances
+        of the closures from depending on each other. Of the same vector as `watch`.
+        """
+        d, frames = self._dynamics, self._dynamics.equations.frames
+        outputs: list[Term] = []
+        for symbol, rows, quantity in (
+            (frames.q, d.normal, 'value'),
+            (frames.v, d.rows, 'rate'),
+        ):
+            shift = d.closing([getattr(jet, quantity) for jet in d.relation])
+            count = len(rows)
+            K = [
+                [
+                    add(mul(mul(d.active[i], d.active[k]),
+                            mul(d.compliance[i][k], 1.0 + dense(d.softness[i]))
+                            if i == k and d.softness[i] is not None else d.compliance[i][k]),
+                        1.0 - d.active[i] if i == k else None)
+                    for k in range(count)
+                ]
+                for i in range(count)
+            ]  # fmt: skip
+            off = [
+                add(getattr(jet, quantity), d.along(row, shift))
+                for jet, row in zip(rows, d.J, strict=False)
+            ]
+            impulses = solve_symmetric(
+                K, [[neg(mul(a, x)) for a, x in zip(d.active, off, strict=False)]]
+            )[0] if count else []  # fmt: skip
+            outputs += [
+                add(symbol[c], shift[i], *(mul(W[i], x) for W, x in zip(d.response, impulses)))  # noqa: B905 - of positions only the normal rows
+                for i, c in enumerate(self._dynamics.free)
+            ]
+        return self._run.compile_now([*outputs, *(d.distances if d.relation else [])])
+
+    @cached_property
+    def pin_forces(self) -> hy.cfunc_dbl:
+        """Components of the forces in pins that rub, one after the other; as `watch`."""
+        carried = self._forces.acting(self._dynamics.stabilised).carried
+        return self._compiled([c for pair in carried for c in pair])
