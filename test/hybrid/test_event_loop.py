@@ -809,3 +809,17 @@ def test_a_crank_at_rest_lets_the_pin_come_to_rest_on_the_bushing():
     assert lost == pytest.approx(s.energy.dissipated, rel=1e-9)
     names = [f'position.{k}' for k in LINKS]
     assert s.sample(0.0)[names[0]] == s.sample(2.0)[names[0]]
+
+
+def test_each_change_of_mode_goes_on_from_the_one_before():
+    """Also where a load that steps lets contacts give way: these were entered twice."""
+    solution = ms.simulate(
+        ms.load_scene('four_bar_clearance', {
+            'joints.coupler_rocker.clearance.friction': 0.2,
+            'loads.brake': {'at': 'rocker.end', 'force': ['-20*sign(vx)', '0']},
+        }),
+        revolutions=1.0,
+    )  # fmt: skip
+    modes = solution.modes
+    assert len(modes) > 10
+    assert [change.previous for change in modes[1:]] == [change.mode for change in modes[:-1]]
