@@ -34,7 +34,7 @@ class ChatterRule:
     def ends(
         self, rebound: float, free_acceleration: float, restitution: float, depth: float = 0.0
     ) -> bool:
-        """Whether a rebound of this speed [m/s] under this gap acceleration [m/s^2] is the end.
+        """True if a rebound of this speed [m/s] under this gap acceleration [m/s^2] is the end.
 
         `depth` [m] is how far the gap is violated already.
         """
@@ -50,7 +50,7 @@ def ends(
     restitution: float,
     depth: float,
 ) -> bool:
-    """What `ChatterRule` says of a rebound."""
+    """`ChatterRule.ends` as a kernel."""
     height = max(allowed * (1.0 - restitution), resolved, 2.0 * depth)
     return acceleration < 0.0 and rebound * rebound <= -2.0 * acceleration * height
 

@@ -22,7 +22,7 @@ Quantity: TypeAlias = Any
 
 
 class CompliantLaw(ABC):
-    """What the laws share: ``N = K delta^n (1 + a delta'/v0)``, a their damping.
+    """Common form of the laws: ``N = K delta^n (1 + a delta'/v0)``, a their damping.
 
     Flaws of the form itself: the contact ends without a dent, at depth zero; and the damping
     remembers the speed v0 of the first touch as long as the contact lasts. A contact that begins

@@ -35,7 +35,7 @@ _SHORT = 1e-6  # of the time in which the accelerations would make the slip: a s
 
 
 class Hypothesis(Enum):
-    """What the coefficient of restitution e is a ratio of.
+    """Hypothesis of restitution: of which quantities the coefficient e is a ratio.
 
     NEWTON: normal rates, ``vn+ = -e vn-``. POISSON: normal impulses of restitution and
     compression. STRONGE: works of the normal force in the two phases, ``-e^2``. They agree where
@@ -48,13 +48,13 @@ class Hypothesis(Enum):
 
     @property
     def code(self) -> int:
-        """What stands for it in arrays."""
+        """Its number in arrays."""
         return list(Hypothesis).index(self)
 
 
 @dataclass(frozen=True)
 class ImpactLaw:
-    """What happens when a contact strikes.
+    """Law of an impact of one contact.
 
     Attributes
     ----------
@@ -285,7 +285,7 @@ def shock(
 def _slides(
     friction: Sequence[float], slip: Sequence[int]
 ) -> tuple[NDArray[np.float64], list[int]]:
-    """What m closed contacts may push with, and the rows that they keep at zero.
+    """Impulses that m closed contacts may push with, and the rows that they keep at zero.
 
     Parameters
     ----------
@@ -459,7 +459,7 @@ def simultaneous_impact(
 def simultaneous_impulses(
     A: Array, rate: Array, e: Array, friction: Array, hypothesis: Indices
 ) -> tuple[Array, bool]:
-    """What `simultaneous_impact` says, of arrays: impulses (2m,), and whether there are any."""
+    """`simultaneous_impact` of arrays: impulses (2m,), and whether there are any."""
     m = len(e)
     slip, least, b = np.zeros(m, dtype=np.int64), np.zeros(2 * m), rate.copy()
     newton = True

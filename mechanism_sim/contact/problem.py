@@ -87,7 +87,7 @@ class Layout(NamedTuple):
 
 
 class ImpactOutcome(NamedTuple):
-    """What an impact did."""
+    """Outcome of an impact."""
 
     rests: bool  #: whether some are at rest after it, or were closed before
     horizon: float  #: [s] longest next step
@@ -96,7 +96,7 @@ class ImpactOutcome(NamedTuple):
 
 
 class Rest(NamedTuple):
-    """What became of contacts without normal speed."""
+    """Outcome for contacts without normal speed."""
 
     solved: bool  #: whether forces keep them that stay; if not, nothing else is told or done
     changed: bool  #: whether any mode did
@@ -249,7 +249,7 @@ def enter(
 
 @kernel
 def is_last(c: ContactProblem, limits: Limits, gap: int, rebound: float, e: float) -> bool:
-    """Whether a rebound [m/s] of a gap is the last of a chatter."""
+    """True if a rebound [m/s] of a gap is the last of a chatter."""
     depth, acceleration = -c.value[gap], c.acceleration[gap]
     return ends(limits.allowed, limits.resolved, rebound, acceleration, e, depth)
 
@@ -345,7 +345,7 @@ def slip_of(c: ContactProblem, gap: int, still: float) -> int:
 def press(
     c: ContactProblem, limits: Limits, resting: Mask, given: Indices
 ) -> tuple[Indices, Array, bool]:
-    """What contacts without normal speed do: the forces that keep them closed are found.
+    """Grips of contacts without normal speed, and the forces that keep them closed.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What impulses make of friction in ideal joints.
+"""Friction in ideal joints during impacts.
 
 The force in a joint is an impulse there, and so is its friction: Coulomb's law holds between the
 two, and the slip at the end of the impact, as J. J. Moreau has it of contacts (Unilateral contact

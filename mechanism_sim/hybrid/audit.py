@@ -93,7 +93,7 @@ class Energy:
 
 
 class Work(NamedTuple):
-    """What happened to energy in m segments, impacts left out [J]."""
+    """Work and energies in m segments, impacts left out [J]."""
 
     drive: Array  #: (m,) done by the drives
     friction: Array  #: (m,) lost in joints, contacts, dampers, or taken by loads

@@ -39,7 +39,7 @@ class Base:
 
     @cached_property
     def low(self) -> float:
-        """What `high` rounds away [s]."""
+        """Rest [s] that `high` rounds away."""
         return float(self.time - Fraction(self.high))
 
     def at(self, tau: float) -> float:

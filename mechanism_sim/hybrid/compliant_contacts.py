@@ -25,7 +25,7 @@ _WEIGHTS = np.array([0.0 if k % 2 else 1.0 / (1.0 - k * k) for k in range(_COUNT
 
 
 class Touch(NamedTuple):
-    """What is known of a touch that lasts still; without one, `begin` is infinite."""
+    """A touch that lasts still, as far as it is known; without one, `begin` is infinite."""
 
     begin: float = math.inf  #: [s]; negative infinite if it is that of the start
     approach: float = 0.0  #: [m/s]
@@ -59,7 +59,7 @@ class Touches:
         return found
 
     def follow(self, motion: Motion) -> tuple[tuple[Touch, ...], list[Impact]]:
-        """What lasts at the end of the segments that follow, and the touches that end there."""
+        """Touches that last at the end of the segments that follow, and those that end there."""
         present, found = [], []
         for gap, touch in enumerate(self.present):
             last, ended = self._follow(gap, touch, motion)

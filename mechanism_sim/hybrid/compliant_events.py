@@ -67,7 +67,7 @@ def touch_or_part(state: ContactState, gap: int) -> None:
 
 
 def is_leaving(state: ContactState, gap: int) -> bool:
-    """Whether a contact is about to open: its force and friction are nothing."""
+    """True if a contact is about to open: its force and friction are nothing."""
     terms = state.terms()
     depth = -float(state.present.system.gaps[gap].distance(np.array(terms.value[gap])))
     return depth <= INSIDE and bool(terms.rate[gap] > 0.0)

@@ -114,9 +114,11 @@ class ContactState:
 
     @property
     def status(self) -> Status:
-        """What a step is taken with; the same object until it changes."""
+        """Contacts and switches that a step is taken with; the same object until it changes."""
         rows, pars = self.present.rows, self.present.pars
-        acting = tuple([rows[k] for k in self._holding] + [int(pars[i] > 0.0) for i in self._sides])
+        acting = tuple(
+            [rows[k] for k in self._holding] + [int(pars[i] > 0.0) for i in self._sides]
+        )
         now = Status(self.modes, self.approach, acting)
         if now != self._status:
             self._status = now
@@ -175,7 +177,7 @@ class ContactState:
         return self.problem
 
     def closed(self, gap: int) -> bool:
-        """Whether a gap carries force."""
+        """True if a gap carries force."""
         return self.modes[gap] > Mode.FREE_FLIGHT
 
     def slip(self, gap: int) -> int:

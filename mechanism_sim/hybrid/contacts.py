@@ -194,7 +194,7 @@ class Contacts:
 
     @property
     def _jumps(self) -> bool:
-        """Whether a closed gap moves, more than by a step's error."""
+        """True if a closed gap moves, more than by a step's error."""
         count, state = len(self._system.guards), self.state
         seen = self.present.evaluate(self._system.functions.watch).tolist()
         rates = zip(state.modes, seen[count:], strict=False)

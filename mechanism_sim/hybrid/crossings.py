@@ -80,7 +80,7 @@ class Crossings:
     def limits(
         self, segments: Segments, dt: Array, values: Callable[[Segments, Array], Array]
     ) -> Array:
-        """What M functions come to at instants (N,) near a singular position: (M, N).
+        """Limits of M functions at instants (N,) near a singular position: (M, N).
 
         Parameters
         ----------

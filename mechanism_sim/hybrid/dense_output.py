@@ -69,7 +69,7 @@ class Motion:
         return Motion(piece, self.modes[kept], self.approach[kept], self.torques[kept], kept_rows)
 
     def parts(self, most: int) -> Iterator[Motion]:
-        """The same motion in consecutive parts of at most so many segments."""
+        """Consecutive parts of this motion, of at most so many segments."""
         c = self.curve
         for first in range(0, len(self), most):
             kept = slice(first, first + most)

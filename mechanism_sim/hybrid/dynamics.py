@@ -299,7 +299,7 @@ class Dynamics:
         return dot(row, shift)
 
     def _stabilising_term(self, jet: Jet, stabilised: bool) -> Term:
-        """What draws a closed gap back to zero within about a step: Baumgarte's method.
+        """Baumgarte's term, which draws a closed gap back to zero within about a step.
 
         Its rate alpha is set by the event loop to the reciprocal of the last step, up to a bound:
         alpha^2 times the rounding of a gap must not rule the accelerations, for then steps get
@@ -383,7 +383,7 @@ class Dynamics:
         return K
 
     def _dragged(self, rows: Sequence[int], c: int) -> Vector:
-        """What the friction of a sliding contact takes off the kept rows, by its normal force."""
+        """Rates (k,) that friction of a sliding contact takes off the kept rows, by its normal force."""
         share = [mul(self.mu[c], self.compliance[r][len(self.normal) + c]) for r in rows]
         return [
             mul(self.active[r], mul(self.slips[c], x)) for r, x in zip(rows, share, strict=True)
@@ -426,7 +426,7 @@ class Dynamics:
         return N, backward(L, D, rest)
 
     def _pressed_by_contact(self, right: Vector, tangential: Vector) -> tuple[Vector, Vector]:
-        """The same for many contacts: one after the other, few of which share a link."""
+        """Forces of many contacts: one after the other, few of which share a link."""
         m = len(self.normal)
         left = [
             *right,
@@ -471,7 +471,7 @@ class Dynamics:
         return a | {c: of_laws[c] if self.degree > 1 else None for c in self.prescribed}
 
     def struck(self, impulses: Sequence[Term]) -> Solved:
-        """What impulses of all rows add to a free motion, of whose loads friction is one."""
+        """Free motion with impulses of all rows, of whose loads friction in joints is one."""
         count, m = len(self.rows), len(self.normal)
         N, T = impulses[:m], impulses[m:count] if self.frictional else [None] * m
         a, closing = self.exact_free, self._exact_closing

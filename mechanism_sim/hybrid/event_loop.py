@@ -292,7 +292,7 @@ class EventLoop:
         return tau, h
 
     def _locate(self, tau: float, h: float) -> _Pending:
-        """What a step from `tau` of length `h` [s], just taken, is to end with."""
+        """The pending step for one from `tau` of length `h` [s] that was just taken."""
         gaps, singular, pars = self._gaps, self._singular, self._pars
         watch, near, longest = self._guard_values, self._nearness, self._max_step
         reach = min(longest, gaps.horizon)
@@ -551,7 +551,7 @@ class EventLoop:
         self._begin(state)
 
     def snapshot(self) -> Snapshot:
-        """What it takes to go on as if there had been no pause.
+        """Snapshot from which a run goes on as if there had been no pause.
 
         A step that is known but not yet part of the solution is taken anew then.
         """

@@ -1,4 +1,4 @@
-"""What happens at instants: impacts, changes of mode, and why a run stopped."""
+"""Events at instants: impacts, changes of mode, and why a run stopped."""
 
 from __future__ import annotations
 

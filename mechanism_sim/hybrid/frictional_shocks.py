@@ -23,7 +23,7 @@ def slips_of(state: ContactState, gaps: Sequence[int]) -> list[int]:
 
 
 def is_jammed(state: ContactState, closed: Sequence[int]) -> bool:
-    """Whether closed contacts could not slide as their modes say."""
+    """True if closed contacts could not slide as their modes say."""
     state.refresh()
     _, A, friction = _coupling(state, closed)
     return jam_margin(A, friction, slips_of(state, closed)) <= JAMMED

@@ -40,7 +40,7 @@ JAMMED = 1e-4
 """Margin to jamming, or below, at which contacts count as jammed."""
 
 JAMMED_ROUGH = 0.1
-"""The same for rough contacts, which jam a little earlier than those of a large coefficient."""
+"""Margin for rough contacts, which jam a little earlier than those of a large coefficient."""
 
 
 RUB_JAMMED = 1e-3
@@ -48,7 +48,7 @@ RUB_JAMMED = 1e-3
 
 
 class Guard(NamedTuple):
-    """What a guard watches: the normal direction of a gap, its friction, or a switch.
+    """Subject of a guard: the normal direction of a gap, its friction, or a switch.
 
     Or of friction in ideal joints the side on which a line presses, or whether the force of a pin
     has turned far: there it may have vanished, and its size has no Taylor series. And where it is

@@ -1,4 +1,4 @@
-"""What acts of forces that step against a motion while they hold it, friction in joints included.
+"""Solving for forces that step against a motion while they hold it, friction in joints included.
 
 Every such force has a switch on a rate. Off that rate's zero its part is known; at zero, where it
 holds, it is what keeps the rate there. A load acts by a part of 0 to 1 of its step. Friction in an
@@ -32,7 +32,7 @@ _UNFELT = 1e3  # times the resolution: an error of so small a bound is none
 
 
 class Acting(NamedTuple):
-    """What acts, as expressions of the motion and of the rows of switches."""
+    """Set-valued forces as expressions of the motion and of the rows of switches."""
 
     values: dict[
         hy.expression, hy.expression

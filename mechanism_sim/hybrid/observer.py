@@ -1,4 +1,4 @@
-"""What is seen of a system in a given state: accelerations, forces, energies, gaps.
+"""Observation of a system in a given state: accelerations, forces, energies, gaps.
 
 The event loop needs none of it; functions are compiled when they are first called for.
 """
@@ -103,7 +103,7 @@ class Observer:
 
     @cached_property
     def _terms(self) -> dict[str, list[Term]]:
-        """What `observe` and `account` say, as expressions."""
+        """The terms of `observe` and `account` as expressions."""
         eq, d = self.system.equations, self.system.dynamics
         solved = d.exact
         a, forces = d.accelerations(solved), self.system.set_valued
@@ -190,7 +190,7 @@ class Observer:
 
     @property
     def _rubs(self) -> bool:
-        """Whether ideal joints have friction, with which all that holds is found at once."""
+        """True if ideal joints have friction, with which all that holds is found at once."""
         return bool(self.system.dynamics.rubs)
 
     @cached_property
@@ -288,13 +288,13 @@ class Observer:
 
     @cached_property
     def takes_power(self) -> bool:
-        """Whether springs, dampers, films or loads take any power."""
+        """True if springs, dampers, films or loads take any power."""
         frames = self.system.equations.frames
         return any(x.power_lost(frames) is not None for x in self.system.elements)
 
     @property
     def steep(self) -> bool:
-        """Whether loads or contacts may vary within a step in a way that no series foretells."""
+        """True if loads or contacts may vary within a step in a way that no series foretells."""
         return self.system.compliant or self.system.steep is not None
 
     @cached_property
@@ -302,13 +302,13 @@ class Observer:
         return self._compiled(['load_power'])
 
     def load_power(self, at: Instants) -> Array:
-        """What they take (N,) [W]."""
+        """Power (N,) [W] that springs, dampers, films and loads take."""
         inputs = self._inputs(at)
         found: Array = self._load_power(inputs, self._with_parts(inputs, at.rows))[0][0]
         return found
 
     def parts(self, at: Instants) -> Array:
-        """What acts (h, N) of the h switches that may hold, at the instants of `observe`."""
+        """Parts (h, N) of the h switches that may hold, at the instants of `observe`."""
         inputs = self._inputs(at)
         if self._rubs:
             return self._compiled(['part'])(inputs, at.rows)[0]

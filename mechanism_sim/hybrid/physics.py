@@ -1,4 +1,4 @@
-"""What can be said of a machine once its motion is known."""
+"""A machine whose motion is known: forces, energies and gaps along it."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Physics(Protocol):
 
     @property
     def has_forces(self) -> bool:
-        """Whether forces and energies are known, or only motion."""
+        """True if forces and energies are known, not only motion."""
 
     @property
     def lifting_energy(self) -> float:
@@ -79,7 +79,7 @@ class Physics(Protocol):
 
     @property
     def takes_power(self) -> bool:
-        """Whether springs, dampers, films or loads take any power."""
+        """True if springs, dampers, films or loads take any power."""
 
     def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Power (N,) [W] that springs, dampers, films and loads take, if they do.
@@ -90,16 +90,16 @@ class Physics(Protocol):
 
     @property
     def steep(self) -> bool:
-        """Whether powers may vary within a segment in a way that no series foretells."""
+        """True if powers may vary within a segment in a way that no series foretells."""
 
     @property
     def corners(self) -> bool:
-        """Whether powers have corners within segments, where friction's normal force is zero."""
+        """True if powers have corners within segments, where friction's normal force is zero."""
 
     def switch_parts(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> dict[str, Array]:
-        """What acts (N,) of each load that depends on rates, by the name of its switch."""
+        """Part (N,) of each load that depends on rates, by the name of its switch."""
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:
         """Instants at which forces grow beyond all bounds; there they are NaN."""
@@ -134,7 +134,7 @@ class DynamicPhysics:
     def _observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
-        """The same without whole turns; near singular positions with the limits of forces."""
+        """Observation without whole turns; near singular positions with the limits of forces."""
         seen = self.observer.observe(self._state(motion, segments, dt))
         crossings = self._crossings(motion, segments)
         if not crossings or not crossings.segments.size:
@@ -169,7 +169,7 @@ class DynamicPhysics:
 
     @property
     def takes_power(self) -> bool:
-        """Whether springs, dampers, films or loads take any power."""
+        """True if springs, dampers, films or loads take any power."""
         return self.observer.takes_power
 
     @property
@@ -179,7 +179,7 @@ class DynamicPhysics:
 
     @property
     def steep(self) -> bool:
-        """Whether loads or contacts may be steep within a step."""
+        """True if loads or contacts may be steep within a step."""
         return self.observer.steep
 
     def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
@@ -191,7 +191,7 @@ class DynamicPhysics:
         return self.observer.touch(self._state(motion, segments, dt))
 
     def _state(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Instants:
-        """What `Observer.observe` asks for, angles without their whole turns."""
+        """Instants as `Observer.observe` takes them, angles without their whole turns."""
         curve, driven = motion.curve, self.system.prescribed_index
         if isinstance(dt, Nodes):
             q, v = curve.at_nodes(segments, dt)
@@ -251,7 +251,7 @@ class DynamicPhysics:
     def switch_parts(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> dict[str, Array]:
-        """What acts (N,) of each load that depends on rates, by the name of its switch."""
+        """Part (N,) of each load that depends on rates, by the name of its switch."""
         names = [*self.system.equations.frames.switches]
         if not self.system.set_valued.holding:
             return {}
@@ -276,7 +276,7 @@ class DynamicPhysics:
 
 
 def _limited(seen: Observation) -> tuple[Array, ...]:
-    """What is not determined at singular positions."""
+    """Fields that are not determined at singular positions."""
     return (
         seen.acceleration, seen.normal_force, seen.friction_force, seen.reaction,
         seen.reaction_moment, seen.drive_torque,
@@ -284,7 +284,7 @@ def _limited(seen: Observation) -> tuple[Array, ...]:
 
 
 def _stacked(seen: Observation) -> Array:
-    """The same in rows (M, N)."""
+    """These fields in rows (M, N)."""
     return np.concatenate([x.reshape(-1, x.shape[-1]) for x in _limited(seen)])
 
 

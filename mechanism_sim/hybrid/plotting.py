@@ -1,4 +1,4 @@
-"""Who draws runs: a room far above this one, which the package makes known here.
+"""Drawing of runs by a room far above this one, which the package makes known here.
 
 The engine knows nothing of pictures, and yet ``solution.plot()`` is where people look for them,
 and notebooks ask objects themselves how to show them.
@@ -27,7 +27,7 @@ def plot(run: Any, *names: str, **how: Any) -> Any:
 
 
 class Rich:
-    """What notebooks show of an object: a table and a picture (`mechanism_sim.report.rich`)."""
+    """A table and a picture of an object for notebooks (`mechanism_sim.report.rich`)."""
 
     def _repr_html_(self) -> str | None:
         """HTML, a few tens of kilobytes; none where no room is known that makes it."""

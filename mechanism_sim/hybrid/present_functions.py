@@ -15,7 +15,7 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_sy
 
 
 class PresentFunctions:
-    """What the event loop asks of the present state, each compiled when it is first asked for.
+    """Functions that the event loop asks of the present state, compiled when first asked for.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class PresentFunctions:
 
     @cached_property
     def watch(self) -> hy.cfunc_dbl:
-        """What is to be watched, at free coordinates, rates, parameters, time.
+        """Values to be watched, at free coordinates, rates, parameters, time.
 
         The guards, the rates of the gaps, of compliant contacts their values, the places of the
         switches.
@@ -78,7 +78,7 @@ class PresentFunctions:
 
     @cached_property
     def rub_function(self) -> tuple[hy.cfunc_dbl, list[list[tuple[int, int]]]]:
-        """What `contact.rubbing.rubs_of` reads, of `watch`'s vector, and sizes of all bounds.
+        """Terms that `contact.rubbing.rubs_of` reads, of `watch`'s vector; sizes of all bounds.
 
         The latter are how many components each term of each bound has, and its wall.
         """
@@ -103,7 +103,7 @@ class PresentFunctions:
 
     @cached_property
     def pressing(self) -> hy.cfunc_dbl:
-        """What presses on lines that rub [N], as `sides` has it; of `watch`'s vector."""
+        """Forces on lines that rub [N], as `sides` has them; of `watch`'s vector."""
         return self._compiled(self._forces.acting(self._dynamics.exact).pressed)
 
     @cached_property

@@ -125,7 +125,7 @@ def _possible_modes(state: ContactState, resting: Mask, slips: Indices) -> Itera
 
 
 def _is_consistent(state: ContactState, modes: Indices, resting: Mask) -> bool:
-    """Whether gaps at rest go on in the trial modes under the friction of these modes."""
+    """True if gaps at rest go on in the trial modes under the friction of these modes."""
     m, c, system = len(modes), state.problem, state.present.system
     seen = state.present.evaluate(system.functions.watch)
     if any(seen[k] <= 0.0 for k, guard in enumerate(system.guards) if guard == Guard(-1, 0)):

@@ -16,7 +16,7 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul
 
 
 class RunExpressions:
-    """What expressions of the equations of motion become in a run.
+    """Expressions of the equations of motion as they are in a run.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class RunExpressions:
 
     @cached_property
     def _parts(self) -> dict[hy.expression, hy.expression]:
-        """What acts in the integrator's equations, as `SetValuedForces.acting` has it."""
+        """Set-valued forces in the integrator's equations, see `SetValuedForces.parts`."""
         return self.set_valued.parts(self.dynamics.stabilised)
 
     def acted(self, expressions: Sequence[Term]) -> list[hy.expression]:

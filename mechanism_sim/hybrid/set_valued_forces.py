@@ -74,7 +74,7 @@ class SetValuedForces:
         return dict(zip(flags, found.parts, strict=True)) | found.values
 
     def acting(self, solved: Solved) -> Acting:
-        """What acts of all that steps against the motion, by one of the solutions."""
+        """Values of all that steps against the motion, by one of the solutions."""
         if id(solved) not in self._known:
             switches, known = [*self.holding.values()], self._bounds[id(solved)]
             forces = {rub.switch.flag: rub.T for rub in self._dynamics.rubs}
@@ -112,7 +112,7 @@ class SetValuedForces:
         return found
 
     def reactions(self, solved: Solved) -> dict[str, Wrench]:
-        """What the first-named does to the second-named link in every joint, without friction."""
+        """Loads of the first-named on the second-named link in every joint, without friction."""
         d, eq = self._dynamics, self._dynamics.equations
         a = d.accelerations(solved)
         cut: dict[str, Wrench] = {}

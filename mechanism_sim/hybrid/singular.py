@@ -54,7 +54,7 @@ HERE = 1e-10
 """Distance below which a motion that starts there starts at a singular position."""
 
 BESIDE = 1e-8
-"""The same where a motion goes on otherwise than it came: nearer, steps are spoilt by rounding."""
+"""Distance where a motion goes on otherwise than it came: nearer, steps suffer from rounding."""
 
 _FIRST = 0.05
 """[rad, or lengths of the mechanism] before a singular start where its first step begins."""
@@ -192,7 +192,7 @@ class SingularPositions:
         return h, guard, None
 
     def is_within(self, distance: float) -> bool:
-        """Whether the present position is so near to a singular one."""
+        """True if the present position is so near to a singular one."""
         return bool(self._system.relations) and bool(self._present.singular_joints(distance))
 
     def begin(self) -> tuple[float, int | None, Crossing]:

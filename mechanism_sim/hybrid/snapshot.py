@@ -109,7 +109,7 @@ class Snapshot:
 
 
 def _checksum(data: dict[str, Any]) -> str:
-    """What a change of any digit changes: the engine believes what a snapshot says."""
+    """Checksum that a change of any digit changes: the engine believes what a snapshot says."""
     return hashlib.sha256(strict_json.dumps(data).encode()).hexdigest()
 
 

@@ -103,7 +103,7 @@ class StepCheck:
         return Reach(share, share) if share < known else reach
 
     def _powers(self, places: Array) -> tuple[Array, Array]:
-        """What makes coefficients values at places (N,), and slopes there: (n, N) each."""
+        """Matrices from coefficients to values at places (N,), and to slopes: (n, N) each."""
         powers = places ** self._power[:, None]
         return powers, self._power[:, None] * powers / places
 

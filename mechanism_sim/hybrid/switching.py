@@ -133,7 +133,7 @@ class Switching:
             raise RunError(f'{error} (t = {self._now.time:.9g} s)') from error
 
     def leads_back(self, switch: int | None) -> bool:
-        """Whether a switch fell to the row it has just left, at the very place where it left it.
+        """True if a switch fell to the row it has just left, at the very place where it left it.
 
         Over a row that is narrow beside its distance from zero, places are known to their
         roundings only: it may have been left before its end in these digits.
@@ -147,7 +147,7 @@ class Switching:
         return self._row_after(switch) == row
 
     def _rates_of(self, switch: int) -> list[float]:
-        """What `Switch.holding` asks for of a switch of rates."""
+        """Rates that `Switch.holding` asks for of a switch of rates."""
         system = self._system
         own = [*self._holding].index(switch)
         function, kept = self._functions.holding_rates, self._now.parameters.copy()

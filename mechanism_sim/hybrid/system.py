@@ -127,17 +127,17 @@ class System:
 
     @property
     def lone(self) -> bool:
-        """Whether there is one gap, and no friction in it: the case that is made fastest."""
+        """True if there is one gap, and no friction in it: the case that is made fastest."""
         return len(self.guards) == len(self.gaps) == 1 and not self.compliant
 
     @property
     def compliant(self) -> bool:
-        """Whether contacts push back by a law of force instead of being kept closed."""
+        """True if contacts push back by a law of force instead of being kept closed."""
         return self.dynamics.compliant
 
     @property
     def frictional(self) -> bool:
-        """Whether any gap has friction."""
+        """True if any gap has friction."""
         return bool(self.dynamics.frictional)
 
     def integrator(
@@ -211,7 +211,7 @@ class System:
 
     @property
     def timed(self) -> bool:
-        """Whether the integrator's equations contain the time."""
+        """True if the integrator's equations contain the time."""
         return (bool(self.prescribed) and not self.turning) or 'time' in self.outside
 
     @property

@@ -1,4 +1,4 @@
-"""What happened in a run so far, in numbers that do not grow with it."""
+"""Events of a run so far, in numbers that do not grow with it."""
 
 from __future__ import annotations
 

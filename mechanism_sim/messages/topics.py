@@ -55,7 +55,7 @@ def wrench_joints(machine: Machine) -> tuple[str, ...]:
 
 
 def loaded_shafts(machine: Machine) -> bool:
-    """Whether a machine has shafts whose bearings carry known forces."""
+    """True if a machine has shafts whose bearings carry known forces."""
     forces = machine.scene.outputs.forces and machine.physics.has_forces
     return forces and bool(shafts_of(machine))
 

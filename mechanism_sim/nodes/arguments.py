@@ -76,7 +76,7 @@ class Parser(argparse.ArgumentParser):
         )
 
     def is_given(self, options: argparse.Namespace, name: str) -> bool:
-        """Whether an option has another value than it has without being given."""
+        """True if an option has another value than it has without being given."""
         action = self._option_string_actions[f'--{name}']
         return bool(getattr(options, action.dest) != action.default)
 

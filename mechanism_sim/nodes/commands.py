@@ -128,7 +128,7 @@ class Commands:
 
 
 def _commanded(law: Any) -> tuple[str, float]:
-    """What of a law is commanded, and its value [SI]."""
+    """The part of a law that is commanded, and its value [SI]."""
     if isinstance(law, DriveLaw):
         return 'velocity', law.coefficients[1] if law.degree else 0.0
     return 'effort', law.coefficients[0]

@@ -1,4 +1,4 @@
-"""What makes a node easy to operate.
+"""Descriptions, diagnostics and parameters that make a node easy to operate.
 
 Described parameters, qualities of service that can be overridden, timers that no simulated clock
 stops, diagnostics.

@@ -1,4 +1,4 @@
-"""What viewers such as RViz and Foxglove show of a machine."""
+"""Topics for viewers such as RViz and Foxglove."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Display(SimulationNode):
         self._following.look()
 
     def has_all_impacts(self) -> bool:
-        """Whether all impacts that were announced have come."""
+        """True if all impacts that were announced have come."""
         announced = (
             dict(zip(p.topics, p.counts, strict=True)).get(self._topic, 0)
             for p in self.progress_of.values()

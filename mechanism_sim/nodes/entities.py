@@ -19,7 +19,7 @@ class Observable(Protocol):
 
     @property
     def begun(self) -> bool:
-        """Whether any motion of the run is known."""
+        """True if any motion of the run is known."""
 
     def observe_latest(self) -> tuple[float, Observation]:
         """The last time [s] up to which the motion is known, and the machine then."""

@@ -16,7 +16,7 @@ ROUNDING = 1e-9
 
 
 class Following:
-    """What a node does that takes in all motion of a run and ends with it.
+    """Work of a node that takes in all motion of a run and ends with it.
 
     Parameters
     ----------

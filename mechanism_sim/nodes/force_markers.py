@@ -59,7 +59,7 @@ class _Lens:
 
 
 class Picture:
-    """What `force_markers` shows of a machine.
+    """Markers of a machine for `force_markers`.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ class Picture:
 
     @property
     def empty(self) -> bool:
-        """Whether there is nothing to show."""
+        """True if there is nothing to show."""
         known = self._stage.joints or self._bearings or self._plays or self._elastic
         return not (known or self._stage.skeleton.springs)
 
@@ -236,7 +236,7 @@ class Picture:
     def _leaning(
         self, body: Any, lens: _Lens, lean: Array, place: Array, touching: Any
     ) -> tuple[Any, Any]:
-        """What is between walls, whose ends are so far (N,) [m] off its middle."""
+        """The body between walls, whose ends are so far (N,) [m] off its middle."""
         put, half = self._moving(body, place, touching)[1], 0.5 * lens.radius
 
         def write(i: int) -> None:

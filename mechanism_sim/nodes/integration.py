@@ -49,11 +49,11 @@ from mechanism_sim.results.view import View
 from mechanism_sim.scene.machine import Run
 
 BATCH = Batch(steps=1024, stride=256, longest=0.05)
-"""What a message holds: after so long it is as large as it is."""
+"""Largest contents of a message."""
 
 
 class Integration:
-    """What a node does that integrates: it goes as far as the law of the drive holds.
+    """Work of a node that integrates: it goes as far as the law of the drive holds.
 
     Batches do not influence the motion, nor does where the law is known to hold: a step that goes
     beyond is kept back, and samples before that are taken from its beginning.
@@ -129,7 +129,7 @@ class Integration:
 
     @property
     def begun(self) -> bool:
-        """Whether any motion of the run is known."""
+        """True if any motion of the run is known."""
         return self._latest is not None
 
     def observe_latest(self) -> tuple[float, Observation]:

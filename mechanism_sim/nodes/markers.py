@@ -85,7 +85,7 @@ def shapes(skeleton: Skeleton, prefix: str) -> Any:
 
 
 def sways(skeleton: Skeleton, shape: Shape) -> bool:
-    """Whether a shape is a frame on springs that is known to sway."""
+    """True if a shape is a frame on springs that is known to sway."""
     return shape.kind == 'frame' and shape.label in skeleton.sways
 
 

@@ -51,5 +51,5 @@ class Monitor(SimulationNode):
             self._show(self.time, factor, self.impacts)
 
     def idle(self) -> bool:
-        """Whether nothing more is to be expected: all reports are in, or none came for 1 s."""
+        """True if nothing more is to be expected: all reports are in, or none came for 1 s."""
         return self.done or time.monotonic() - self._heard > 1.0

@@ -197,7 +197,7 @@ class Recorder(SimulationNode):
             raise RunError(f'recorder: {count} messages of {topic} were announced and never came')
 
     def diagnose(self) -> Diagnosis:
-        """What the bag holds."""
+        """Statistics of the bag."""
         found = super().diagnose()
         found.values |= {
             'bag': str(self.writer.path),

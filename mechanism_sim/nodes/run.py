@@ -139,7 +139,7 @@ class Plan:
         }
 
     def parameters(self, node: str) -> list[Parameter]:
-        """The same as parameters of the middleware."""
+        """These options as parameters of the middleware."""
         return [Parameter(key, value=value) for key, value in self.options(node).items()]
 
 
@@ -224,7 +224,7 @@ class _Children:
         self._deadline: float | None = None
 
     def running(self) -> bool:
-        """Whether any still runs; one that fails makes all others end."""
+        """True if any still runs; one that fails makes all others end."""
         codes = {name: process.poll() for name, process in self._processes.items()}
         failed = {name: code for name, code in codes.items() if code}
         if failed and not self.code:

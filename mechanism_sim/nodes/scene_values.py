@@ -27,11 +27,11 @@ class Content(NamedTuple):
 
     @staticmethod
     def of(node: DescribedNode) -> Content:
-        """What the parameters of a node say."""
+        """The content that the parameters of a node name."""
         return Content(node.value(SCENE), node.value(OVERRIDES))
 
     def changed(self, parameters: Sequence[Parameter]) -> Content:
-        """The same with other values of those that are texts; the middleware refuses others."""
+        """Content with other values of those that are texts; the middleware refuses others."""
         given = {p.name: p.value for p in parameters if isinstance(p.value, str)}
         return Content(given.get(SCENE, self.scene), given.get(OVERRIDES, self.overrides))
 
@@ -60,7 +60,7 @@ def next_machine(present: Machine, asked: Content) -> Machine:
 
 
 def _structure(machine: Machine) -> dict[str, list[str]]:
-    """What the nodes of a run are made for, and what their messages list; causes come first."""
+    """Names that nodes and messages of a run are made for; causes come first."""
     plan, mechanism, scene = machine.plan, machine.mechanism, machine.scene
     commands = machine.commands
     return {

@@ -1,4 +1,4 @@
-"""What all nodes of a simulation share: the scene, their partners, their record of deliveries."""
+"""Base of all nodes of a simulation: the scene, their partners, their record of deliveries."""
 
 from __future__ import annotations
 
@@ -259,7 +259,7 @@ class SimulationNode(DescribedNode):
             self.on_progress(message)
 
     def goes_on(self, number: int) -> bool:
-        """Whether a run is the present one, or the next."""
+        """True if a run is the present one, or the next."""
         return self.run <= number <= self.run + 1
 
     def begin_run(self, number: int) -> None:
@@ -283,16 +283,16 @@ class SimulationNode(DescribedNode):
         return min((r.time if r else 0.0 for r in reports), default=float('inf'))
 
     def partners_began(self) -> bool:
-        """Whether every partner is in the same run as this node."""
+        """True if every partner is in the same run as this node."""
         return all(self._report_of(partner) for partner in self.partners)
 
     def partners_finished(self) -> bool:
-        """Whether every partner has published its last."""
+        """True if every partner has published its last."""
         reports = [self._report_of(partner) for partner in self.partners]
         return all(r is not None and r.finished for r in reports)
 
     def another_follows(self) -> bool:
-        """Whether another run follows the one that partners have finished."""
+        """True if another run follows the one that partners have finished."""
         return any(report.again for report in self.progress_of.values())
 
     def _report_of(self, partner: str) -> Any:

@@ -48,7 +48,7 @@ _FILES = {
 
 
 def __getattr__(name: str) -> Any:
-    """What needs the library of bags, which is imported when it is first asked for."""
+    """Names that need the library of bags, which is imported when it is first asked for."""
     for file, names in _FILES.items():
         if name in names:
             return getattr(import_module(f'{__name__}.{file}'), name)

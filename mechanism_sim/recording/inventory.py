@@ -1,4 +1,4 @@
-"""What is in a bag, at a glance."""
+"""Contents of a bag, at a glance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mechanism_sim.recording.writer import lock
 
 @dataclass(frozen=True)
 class BagInfo:
-    """What is in a bag.
+    """Contents of a bag.
 
     size: [bytes]; start, end: smallest and largest log time [s], simulated; duration: between
     them [s]; scene: name of the scene that made it, None where topic `scene` is missing;
@@ -147,7 +147,7 @@ def _pace(bag: BagInfo) -> str:
 
 
 def _state(bag: BagInfo) -> str:
-    """Whether the file is whole, and what to do where it is not."""
+    """State of the file, and what to do if it is not whole."""
     if bag.complete:
         return 'yes, but its recorder was killed' if bag.recovered else 'yes'
     with Path(bag.path).open('rb') as stream:
@@ -160,7 +160,7 @@ def _state(bag: BagInfo) -> str:
 
 
 def _author(bag: BagInfo) -> str:
-    """What wrote it, and in which version."""
+    """Program that wrote it, and its version."""
     if bag.version == '0':
         return bag.library or 'unknown'
     return f'{bag.library} {bag.package}'.rstrip() + f', bag version {bag.version}'

@@ -20,7 +20,7 @@ from mechanism_sim.recording.writer import LIBRARY, RECORDING, lock
 
 @dataclass(frozen=True)
 class Recovery:
-    """What is in a bag now, and what is not.
+    """Outcome of a recovery: messages in the bag now, bytes that were lost.
 
     was_closed: nothing was to be done; end: largest log time [s]; cut: bytes at the end that were
     no whole record; rescued: messages in them that could be read all the same.

@@ -1,4 +1,4 @@
-"""What rosbag2 keeps beside the messages: quality of service and the bag's metadata.
+"""Metadata of rosbag2 beside the messages: quality of service and the bag's own.
 
 Source: rosbag2_storage, metadata version 9 (`yaml.hpp`, `qos.cpp`): policies by name, durations as
 `{sec, nsec}`, one YAML document in the MCAP Metadata record `rosbag2`. A reader that does not find

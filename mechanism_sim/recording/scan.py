@@ -38,7 +38,7 @@ _DAMAGE = (
     CRCValidationError, McapError, ZstdError, RuntimeError, struct.error, ValueError,
     OverflowError, MemoryError,
 )  # fmt: skip
-"""What reading a damaged file raises, in mcap, zstandard and Python."""
+"""Errors that reading a damaged file raises, in mcap, zstandard and Python."""
 
 
 class DamagedBagError(InputError):
@@ -47,7 +47,7 @@ class DamagedBagError(InputError):
 
 @contextmanager
 def sound(path: Path, what: str) -> Iterator[None]:
-    """What cannot be read of a file because it is damaged becomes one sentence.
+    """Turn errors of a damaged file into one sentence.
 
     Raises:
         DamagedBagError: Text that is no UTF-8, lengths and sizes that cannot be, checksums.
@@ -66,7 +66,7 @@ def sound(path: Path, what: str) -> Iterator[None]:
 
 @dataclass
 class Layout:
-    """What a file holds and where its readable part ends.
+    """Contents of a file and where its readable part ends.
 
     `chunk_channels` maps the offset of a chunk to the channels in it, where an index says so;
     `rest` is what can be read of a chunk that was cut: whole records, decompressed.
