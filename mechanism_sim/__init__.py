@@ -43,7 +43,7 @@ def _html() -> _Any:
 
 
 def __dir__() -> list[str]:
-    """What is public, and nothing else."""
+    """The public names, and nothing else."""
     return sorted([*__all__, '__version__'])
 
 

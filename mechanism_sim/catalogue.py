@@ -1,4 +1,4 @@
-"""What comes with the package: where its scenes are, their names, and its version.
+"""Contents of the package: where its scenes are, their names, and its version.
 
 Apart from the rooms, because a shell that completes a name cannot wait for the mechanics.
 """

@@ -58,7 +58,7 @@ def read(path: Path, kind: str) -> Any:
 
 
 def bytes_of(path: Path, largest: int) -> bytes:
-    """What a file holds, or one byte more than the `largest` number of bytes.
+    """Bytes of a file, or one more than the `largest` number of them.
 
     Raises
     ------

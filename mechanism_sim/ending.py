@@ -186,7 +186,7 @@ def _bound(reader: int) -> None:
 
 
 def _imports(frame: FrameType | None) -> bool:
-    """Whether a module is being imported: some make another error of a KeyboardInterrupt."""
+    """True while a module is being imported: some make another error of a KeyboardInterrupt."""
     while frame is not None:
         if frame.f_code.co_filename.startswith('<frozen importlib'):
             return True

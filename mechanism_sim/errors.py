@@ -1,4 +1,4 @@
-"""What can go wrong, as users meet it: one sentence, and the exit code it deserves."""
+"""Errors as users meet them: one sentence, and the exit code it deserves."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _SHORT.maxlevel = 2
 
 
 def quoted(value: object) -> str:
-    """What somebody gave, short enough for a sentence."""
+    """A given value, short enough for a sentence."""
     return _SHORT.repr(value)
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from mechanism_sim.errors import InputError, RunError
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE}
-"""What is no fault of the name that was given."""
+"""Errors that are no fault of the name that was given."""
 
 
 _LONGEST = 180  # bytes of a name's beginning, of 255 that file systems allow with all we add

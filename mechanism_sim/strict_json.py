@@ -45,7 +45,7 @@ def plain(value: Any) -> Any:
 
 
 def loads(text: str | bytes) -> Any:
-    """What a text means.
+    """Value of a text.
 
     Raises
     ------

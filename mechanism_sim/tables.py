@@ -122,7 +122,7 @@ def write(file: Path, columns: Sequence[Column], about: dict[str, str] | None = 
 
 
 def write_part(file: Path, columns: Sequence[Column], about: dict[str, str] | None = None) -> None:
-    """The same for who gives the file its name; errors are those of the system."""
+    """Write a table to a file that the caller names; errors are those of the system."""
     {
         '.parquet': _parquet,
         '.csv': _csv,

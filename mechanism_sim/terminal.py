@@ -17,7 +17,7 @@ STYLES = {
     r'(?m)(?<=^  )mechanism-sim .*$': 'green',  # commands to be copied
     r"(?<=')mechanism-sim [^']*": 'green',
 }
-"""What stands out in results."""
+"""Styles of results."""
 
 
 def echo(text: str) -> None:
@@ -53,7 +53,7 @@ def print_notice(text: str) -> None:
 
 
 def _colours(stream: TextIO) -> Console | None:
-    """What writes colours to a stream; none where nobody sees them, or wants them.
+    """Writer of colours to a stream; none where nobody sees them, or wants them.
 
     ``NO_COLOR`` and ``FORCE_COLOR`` decide otherwise, see https://no-color.org and
     https://force-color.org.

@@ -161,7 +161,7 @@ def to_si_text(value: object) -> Measure:
 
 
 def alike(a: str, b: str) -> bool:
-    """Whether quantities in two SI units can be added; angles count as plain numbers."""
+    """True if quantities in two SI units can be added; angles count as plain numbers."""
     first, second = _common_unit(a), _common_unit(b)
     return (first and first.powers) == (second and second.powers)
 
@@ -357,7 +357,7 @@ def _text_to_si(value: str, unit: str, hint: str) -> float:
 
 
 def _mixed(unit: str, angular: bool, hertz: bool) -> bool:
-    """Whether a unit of the right dimension counts something else than the wanted one.
+    """True if a unit of the right dimension counts something else than the wanted one.
 
     A frequency is not an angular velocity, although both are 1/s.
     """

@@ -173,7 +173,7 @@ def _fit(options: argparse.Namespace) -> int:
 
 
 def _details(options: argparse.Namespace, wanted: Any) -> Any:
-    """What is asked of a bag, or everything that can be drawn."""
+    """Quantities that are asked of a bag, or everything that can be drawn."""
     from mechanism_sim.analysis.details import everything, find_details  # noqa: PLC0415
     from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
     from mechanism_sim.recording import read_bag  # noqa: PLC0415

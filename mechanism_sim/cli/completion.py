@@ -25,7 +25,7 @@ FOUR_BAR: dict[str, dict[str, Any]] = {
     'links': {'ground': {}, 'crank': {}, 'coupler': {}, 'rocker': {}},
     'joints': {'ground_crank': {}, 'crank_coupler': {}, 'coupler_rocker': {}, 'rocker_ground': {}},
 }
-"""What a four-bar has without saying so."""
+"""Keys that a four-bar has without saying so."""
 
 
 def complete(parser: argparse.ArgumentParser, commands: Mapping[str, Any]) -> None:
@@ -39,7 +39,7 @@ def complete(parser: argparse.ArgumentParser, commands: Mapping[str, Any]) -> No
 
 
 def _completer(command: str, action: argparse.Action) -> Completer:
-    """What completes an argument, by what its help calls it."""
+    """Completers of arguments, by what their help calls them."""
     if (command, action.dest) == ('sweep', 'file'):
         return _either(lambda **_: sweep_names(), FilesCompleter(('yaml', 'yml')))
     if (command, action.dest) == ('node', 'name'):

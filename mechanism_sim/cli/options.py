@@ -1,4 +1,4 @@
-"""What commands share: how they are added, common options, quantities, output."""
+"""Parts that commands share: how they are added, common options, quantities, output."""
 
 from __future__ import annotations
 
@@ -205,7 +205,7 @@ def ros_args(options: argparse.Namespace) -> list[str]:
 
 
 PRINTED: list[bool] = []
-"""Whether a result is printed already."""
+"""Set once a result has been printed."""
 
 
 def print_json(data: object) -> None:

@@ -71,7 +71,7 @@ START = (
     ),
     ('More', ('scenes', '--help')),
 )
-"""What the first screen proposes: purposes, and the arguments of commands."""
+"""Proposals of the first screen: purposes, and the arguments of commands."""
 
 
 def render_start() -> str:
@@ -123,7 +123,7 @@ class Overview(Parser):
         self.error(f"there is no command '{value}'{nearest(value, known)}; --help lists them")
 
     def commands(self) -> Any:
-        """What argparse keeps of the commands; their parsers by name are its `choices`."""
+        """Commands as argparse keeps them; their parsers by name are its `choices`."""
         assert self._subparsers is not None  # noqa: S101 - `make_parser` has added them
         return self._subparsers._group_actions[0]
 

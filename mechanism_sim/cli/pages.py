@@ -188,7 +188,7 @@ def _edit(options: argparse.Namespace) -> int:
 
 
 def _run_arguments(options: argparse.Namespace) -> list[str]:
-    """What `mechanism-sim run` is given, checked before a browser opens."""
+    """Arguments of `mechanism-sim run`, checked before a browser opens."""
     from mechanism_sim.pages.controls import visible_pace  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 

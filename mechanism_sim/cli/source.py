@@ -1,4 +1,4 @@
-"""What is shown of a run: one that a bag holds, or that of a scene, which is made here."""
+"""Source of a run that is shown: a bag, or a scene, of which it is made here."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def namespace_option(sub: argparse.ArgumentParser) -> None:
 
 
 def is_bag(source: str) -> bool:
-    """Whether a name is that of a bag: a file of one of its endings, or a folder with one."""
+    """True if a name is that of a bag: a file of one of its endings, or a folder with one."""
     path = Path(source)
     return path.suffix in _ENDINGS or (
         path.is_dir() and any(file.suffix in _ENDINGS for file in path.iterdir())

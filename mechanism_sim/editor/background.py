@@ -190,7 +190,7 @@ def _work(job: Job, link: Connection) -> None:
 
 
 def _shown(machine: Any, solution: Any) -> dict[str, Any]:
-    """What a page plays of a run, and its figures."""
+    """Frames of a run that a page plays, and its figures."""
     from mechanism_sim.analysis.record import Record  # noqa: PLC0415
     from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
     from mechanism_sim.results.ranges import LoadPeaks  # noqa: PLC0415

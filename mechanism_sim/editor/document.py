@@ -59,7 +59,7 @@ class Document:
 
     @property
     def changed(self) -> bool:
-        """Whether there is something that is not in the file."""
+        """True if there is something that is not in the file."""
         return self.text != self._clean
 
     @property
@@ -183,7 +183,7 @@ class Document:
 
 
 def _stays(file: Path) -> bool:
-    """Whether a name leads to a place below the folder of the program, with all links followed."""
+    """True if a name leads to a place below the folder of the program, with all links followed."""
     try:
         return file.resolve().is_relative_to(Path().resolve())
     except (OSError, RuntimeError, ValueError):  # what it is no name for is said when it is opened
@@ -195,7 +195,7 @@ def _nobody(_change: str, _value: Any) -> None:
 
 
 def text_there(file: Path) -> str | None:
-    """What a file holds, as far as a document may; None if there is none that can be read so."""
+    """Text of a file, as far as a document may hold it; None if none can be read so."""
     try:
         return documents.bytes_of(file, documents.LARGEST).decode(errors='replace')
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""What a page draws of a document: the machine, or its links as far as they are joined."""
+"""Drawing of a document on a page: the machine, or its links as far as they are joined."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def handles(scene: Scene, poses: Mapping[str, Pose]) -> list[Handle]:
 
 
 def marks(scene: Scene) -> list[dict[str, Any]]:
-    """What loads and sensors look like: a sign at a point of a link, of a force an arrow [m]."""
+    """Signs of loads and sensors at points of links; of a force an arrow [m]."""
     force, torque = (tool.icon for tool in TOOLS['loads'])
     found = []
     for name, load in scene.loads.items():

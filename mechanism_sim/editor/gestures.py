@@ -1,4 +1,4 @@
-"""What gestures make of a scene: a point is moved, a part is drawn, a part is removed."""
+"""Gestures on a scene: a point is moved, a part is drawn, a part is removed."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _guesses(scene: Scene, before: Mapping[str, Pose], after: Mapping[str, Pose]
 
 
 def fitting(scene: Scene, poses: Poses, grid: Grid) -> list[Edit]:
-    """What joints whose parts must fit each other change when their links have been moved."""
+    """Changes of joints whose parts must fit each other when their links have been moved."""
     sketch, edits = None, []
     for name, joint in scene.joints.items():
         if refit := REFITS.get(joint.kind):
@@ -199,7 +199,7 @@ def _parts(scene: Scene, content: Mapping[str, Any]) -> list[tuple[str, str]]:
 def _needs(
     scene: Scene, content: Mapping[str, Any], part: tuple[str, str], lost: tuple[str, ...]
 ) -> bool:
-    """Whether a part names another that is lost: a link, a point of one, a joint, or a gear."""
+    """True if a part names another that is lost: a link, a point of one, a joint, or a gear."""
     section, name = part
     if section == 'joints':
         joint = scene.joints[name]

@@ -35,7 +35,7 @@ _LEAP = 0.6
 
 
 class Forces(NamedTuple):
-    """What J joints without play exert at K instants, K' of them at no fixed point."""
+    """Forces of J joints without play at K instants, K' of them at no fixed point."""
 
     joints: list[dict[str, Any]]  #: as of `Stage.to_json`
     forces: Array  #: (K, J, 2) [N] of the first-named on the second-named link
@@ -43,7 +43,7 @@ class Forces(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """What a `JointView` asks of the physics of an ideal machine."""
+    """Physics of an ideal machine, as a `JointView` asks for it."""
 
     coordinates: tuple[str, ...]
     joints: tuple[str, ...]
@@ -133,7 +133,7 @@ class Turn:
 
     @property
     def moves(self) -> bool:
-        """Whether it is known how the machine goes on."""
+        """True if it is known how the machine goes on."""
         return bool(self.q.shape[1] > 1)
 
     def forces(self, count: int = INSTANTS) -> Forces | None:
@@ -244,7 +244,7 @@ class Turn:
 
 
 def _values(laws: tuple[Law, ...], t: Array, order: int = 0) -> Array:
-    """What drives prescribe at times (N,) [s], but for whole turns; or a derivative of it."""
+    """Values that drives prescribe at times (N,) [s], but for whole turns; or a derivative."""
     known = [law for law in laws if isinstance(law, DriveLaw)]
     found = np.empty_like(t)
     for law in known:

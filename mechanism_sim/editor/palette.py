@@ -74,7 +74,7 @@ def _point(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
 
 
 def _drive(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
-    """What turns at a constant speed: the link on which it is put."""
+    """Tool for a rotor at constant speed: the link on which it is put."""
     scene, link = sketch.scene, start.link
     if not link and start.handle:
         link = next((x for x, _ in start.handle.members if x != GROUND), '')

@@ -130,7 +130,7 @@ def _keys(model: type[Part], value: Mapping[str, Any]) -> list[str]:
 
 
 def _default(field: Any, facts: Facts) -> str:
-    """What holds without a key, as far as it is a plain value."""
+    """Value that holds without a key, as far as it is a plain one."""
     value = field.default
     if field.is_required():
         return 'needed'

@@ -28,7 +28,7 @@ machine of `config` takes 240 more, and 330 where its code is not on disk.
 
 
 def crowded() -> bool:
-    """Whether this process has no room for a large machine beside those before."""
+    """True if this process has no room for a large machine beside those before."""
     return resident() > _CROWDED
 
 

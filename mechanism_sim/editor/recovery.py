@@ -1,4 +1,4 @@
-"""What was edited and not saved, in a file beside the document until it is."""
+"""Recovery of edits that were not saved, from a file beside the document."""
 
 from __future__ import annotations
 

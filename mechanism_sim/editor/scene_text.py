@@ -142,7 +142,7 @@ def _end(text: str, node: Any) -> int:
 
 
 def _in_lines(node: Any) -> bool:
-    """Whether it is a block: keys or entries on lines of their own, or a text in lines."""
+    """True of a block: keys or entries on lines of their own, or a text in lines."""
     if isinstance(node, yaml.ScalarNode):
         return node.style in ('>', '|')
     return not node.flow_style

@@ -86,7 +86,7 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
 
 
 class Desk:
-    """What lies between the pages of an editor and those who draw and run its document."""
+    """Queue between the pages of an editor and those who draw and run its document."""
 
     def __init__(self, document: Document) -> None:
         self._todo: deque[tuple[str, Any]] = deque()
@@ -115,7 +115,7 @@ class Desk:
 
     @property
     def greeting(self) -> list[str]:
-        """What a page is told that has just been opened."""
+        """Messages for a page that has just been opened."""
         busy = [_busy(True)] if self._busy else []
         texts = self._notice, self._worker.trouble if self._worker else ''
         said = [strict_json.dumps({'type': 'said', 'text': x}) for x in texts if x]
@@ -206,7 +206,7 @@ class Desk:
 
     @property
     def _drags(self) -> bool:
-        """Whether somebody goes on to drag: that would begin anew with another process."""
+        """True if somebody goes on to drag: that would begin anew with another process."""
         return (
             bool(self._todo)
             and self._todo[0][0] == 'page'

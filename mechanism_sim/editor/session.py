@@ -62,7 +62,7 @@ MOST_PARTS = 160
 
 
 class Picture(NamedTuple):
-    """What is shown of a document.
+    """Picture, panel and results of a document.
 
     Attributes
     ----------
@@ -186,16 +186,16 @@ class Session:
 
     @property
     def chosen(self) -> Chosen:
-        """What is shown beside the document, by the choice of those who edit."""
+        """Choices of those who edit: what is shown beside the document."""
         return self._path, self._traced
 
     @property
     def greeting(self) -> list[dict[str, Any]]:
-        """What a page is told that has just been opened."""
+        """Messages for a page that has just been opened."""
         return [self._shown, *self._found.values()]
 
     def job(self) -> Job | None:
-        """What is to be checked and run, as it is dragged; None if it is no document."""
+        """Document to be checked and run, as it is dragged; None if it is none."""
         try:
             return Job(self.number, self.document.name, self.document.whole(self._tried))
         except InputError:
@@ -308,7 +308,7 @@ class Session:
         }
 
     def _has_path(self, point: str) -> bool:
-        """Whether the path of a point is drawn: of named ones, if nobody says otherwise."""
+        """True if the path of a point is drawn: of named ones, if nobody says otherwise."""
         link, _, name = point.partition('.')
         return self._traced.get(point, name not in ('start', 'end') and link != GROUND)
 
@@ -336,7 +336,7 @@ class Session:
     # --- gestures ---------------------------------------------------------------------------
 
     def _moved(self, message: Mapping[str, Any]) -> tuple[list[Edit], Picture]:
-        """What moving a handle makes of the document, and the picture of that."""
+        """Document after a handle is moved, and its picture."""
         key, grid = str(message['handle']), self._grid(message)
         if self._grabbed is None or self._grabbed[0] != key:
             self._grabbed = key, self._picture
@@ -538,7 +538,7 @@ class Session:
         self._of = None
 
     def _written_out(self) -> list[Edit]:
-        """What makes a four-bar in short the linkage that it stands for."""
+        """Edits that make a four-bar in short the linkage that it stands for."""
         scene, content = self._picture.scene, self.document.content()
         if content.get('mechanism') != 'four_bar':
             return []

@@ -73,7 +73,7 @@ def point(scene: Scene, reference: str) -> tuple[str, str, Vector2] | None:
 
 @dataclass(frozen=True)
 class Handle:
-    """What can be grabbed: a joint, or a point without one.
+    """Handle that can be grabbed: a joint, or a point without one.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ Refit = Callable[[Sketch, str, Any], list[Edit]]
 
 @dataclass(frozen=True)
 class Tool:
-    """What draws a part.
+    """Tool that draws a part.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ TOOLS: dict[str, tuple[Tool, ...]] = {}
 """The tools that draw parts of a kind, by its name, or by the section of its loads."""
 
 REFITS: dict[str, Refit] = {}
-"""What fits joints of a kind to links that were moved, of those kinds that must fit."""
+"""Functions that fit joints to links that were moved, of those kinds that must fit."""
 
 
 def register(kind: str, *tools: Tool, refit: Refit | None = None) -> None:

@@ -74,7 +74,7 @@ class Worker:
 
     @property
     def links(self) -> list[Connection]:
-        """What becomes readable when there is something for `take`; none if it has no process."""
+        """Connections that become readable when there is something for `take`."""
         return [self._link] if self._link else []
 
     @property
@@ -84,7 +84,7 @@ class Worker:
 
     @property
     def grown(self) -> bool:
-        """Whether it waits, and holds much more memory than when it was new."""
+        """True if it waits, and holds much more memory than when it was new."""
         if self.busy or self._process is None:
             return False
         size = resident(self._process.pid)

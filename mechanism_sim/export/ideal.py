@@ -163,7 +163,7 @@ class Ideal:
         return (j for j in cut if isinstance(j, Revolute))
 
     def left_out(self) -> Iterator[str]:
-        """What the mechanism of any format lacks, in sentences."""
+        """Properties that the mechanism of any format lacks, in sentences."""
         plan = self.machine.plan
         for link in plan.ideal.flexible:
             yield f'{link}: it is rigid here, and stays in its plane'
@@ -239,7 +239,7 @@ def time_step(machine: Machine) -> float:
 
 
 def steady(machine: Machine, coordinate: str) -> bool:
-    """Whether a drive keeps one speed all the time."""
+    """True if a drive keeps one speed all the time."""
     law, *others = machine.plan.laws[coordinate]
     return isinstance(law, DriveLaw) and not others and law.degree <= 1
 

@@ -1,4 +1,4 @@
-"""What the writers of XML have in common: numbers, comments, the finished text."""
+"""Numbers, comments and text of XML, for all writers of it."""
 
 from __future__ import annotations
 

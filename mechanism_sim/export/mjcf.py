@@ -39,7 +39,7 @@ def to_mjcf(machine: Machine) -> str:
 
 
 def left_out(machine: Machine) -> list[str]:
-    """What MJCF cannot say of a machine, in sentences."""
+    """Properties of a machine that MJCF cannot say, in sentences."""
     found = [*Ideal(machine).left_out()]
     found += [
         f'{c}: its speed changes; the file has the one at the start'
@@ -113,7 +113,7 @@ class _Writer:
         return [e for e in found if isinstance(e, Spring | TorsionSpring | AppliedForce)]
 
     def _bodies(self, parent: Element, link: str) -> None:
-        """What a link carries; depth first, in which order MuJoCo counts joints too."""
+        """Elements of a link; depth first, in which order MuJoCo counts joints too."""
         for k, body in enumerate(self._m.bodies):
             floats = body.name in self._m.floating
             if link != (GROUND if floats else self._m.parent(body.name)):

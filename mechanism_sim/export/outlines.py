@@ -1,4 +1,4 @@
-"""What a workshop cuts, and the lines that go with it, of cams and gears."""
+"""Outlines of cams and gears for a workshop, and the lines that go with them."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ LINKS = (
 DARK = (
     '#b4b7ff', '#ffee96', '#8cffec', '#f08a9c', '#8861ff', '#98a600', '#447f53', '#936685',
 )  # fmt: skip
-"""The same on dark ground."""
+"""Colours of links on dark ground."""
 
 INK, PAPER, GROUND, ACCENT = '#1f2933', '#ffffff', '#66727f', '#c4342d'
 """Of edges, of what is seen through, of the frame, of drives and forces."""

@@ -52,7 +52,7 @@ def to_sdf(machine: Machine) -> str:
 
 
 def left_out(machine: Machine) -> list[str]:
-    """What SDF cannot say of a machine, in sentences."""
+    """Properties of a machine that SDF cannot say, in sentences."""
     ideal, plan = Ideal(machine), machine.plan
     found = [*ideal.left_out()]
     found += [

@@ -1,4 +1,4 @@
-"""What parts of a machine look like: curves in the frames of links, made once for every viewer.
+"""Shapes of parts of a machine: curves in the frames of links, made once for every viewer.
 
 A shape knows its kind, its link and the curves that define it; its paths are what is painted, as
 polygons and lines, from back to front. Viewers (figures, pages, markers) paint paths by their
@@ -81,7 +81,7 @@ class Shape:
 
     @cached_property
     def paths(self) -> tuple[Path, ...]:
-        """What is painted, from back to front."""
+        """Paths in the order of painting, from back to front."""
         return tuple(
             Path(style, self._fine(curves if style in OPEN else _turned(curves), style))
             for style, curves in _BUILDERS.get(self.kind, _body)(self)
@@ -129,7 +129,7 @@ def around(points: Array) -> Array:
 
 
 def inside(hull: Array, point: Array, spare: float) -> bool:
-    """Whether a point (2,) is within a convex polygon (k, 2), counterclockwise, or so near [m]."""
+    """True if a point (2,) is within a convex polygon (k, 2), counterclockwise, or so near [m]."""
     way, to = np.roll(hull, -1, axis=0) - hull, point - hull
     off = way[:, 0] * to[:, 1] - way[:, 1] * to[:, 0]
     return bool((off >= -spare * np.hypot(*way.T)).all())
@@ -148,7 +148,7 @@ def _turned(curves: tuple[Array, ...]) -> tuple[Array, ...]:
 
 
 def encloses(curve: Array, point: Array) -> bool:
-    """Whether a closed curve (k, 2) goes round a point (2,), by crossings of a ray along x."""
+    """True if a closed curve (k, 2) goes round a point (2,), by crossings of a ray along x."""
     (x, y), (u, v) = curve.T, np.roll(curve, -1, axis=0).T
     across = (y > point[1]) != (v > point[1])
     along = x[across] + (point[1] - y[across]) / (v - y)[across] * (u - x)[across]

@@ -36,7 +36,7 @@ class Mounted(NamedTuple):
 
 
 class Skeleton:
-    """What a mechanism looks like whose coordinates go through q.
+    """Drawing of a mechanism whose coordinates go through q.
 
     Rails and slots are as long as the motion needs.
 
@@ -265,7 +265,7 @@ class Skeleton:
         return float(np.arctan2(uy, ux))
 
     def first(self, name: str) -> bool:
-        """Whether nothing of that name has been drawn yet."""
+        """True if nothing of that name has been drawn yet."""
         known = name in self._drawn
         self._drawn.add(name)
         return not known
@@ -353,7 +353,7 @@ class Skeleton:
         self.add('link', link, at[first], *([rest] if len(rest) else []), label=link, size=hand)
 
     def _covered(self, link: str, points: Array) -> bool:
-        """Whether a wheel or a slider of a link shows all of some points (k, 2) of it."""
+        """True if a wheel or a slider of a link shows all of some points (k, 2) of it."""
         shown = [s.hull for s in self.shapes if s.link == link and s.kind in _BODIES]
         return all(any(inside(hull, at, 0.5 * self.symbol) for hull in shown) for at in points)
 

@@ -48,7 +48,7 @@ class Solid:
 
 
 def solids(machine: Machine) -> list[Solid]:
-    """What is there to see, of the ground and of all links.
+    """Solids of the ground and of all links.
 
     Links are bars between their joints, in layers; revolute joints pins, sliders blocks on their
     rails, which are as long as the machine is large around where the sliders start; gears, cams

@@ -1,4 +1,4 @@
-"""What moves on a film or a page: the parts of a machine, and where they are at each instant.
+"""Moving parts of a machine on a film or a page, and where they are at each instant.
 
 All in SI units and as plain data. Who shows it draws and moves it, and knows no mechanics.
 """
@@ -104,7 +104,7 @@ class Frames:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What of a machine is animated, and how large.
+    """Parts of a machine that are animated, and how large.
 
     Attributes
     ----------
@@ -318,7 +318,7 @@ class Stage:
         }
 
     def _play(self, pair: HigherPair | Prismatic) -> dict[str, Any]:
-        """What has the walls, and what is between them or on one: followers and blocks are."""
+        """The link with the walls, and that between them or on one: followers and blocks are."""
         ends = [pair.second, pair.first]
         within = isinstance(pair, Prismatic) or hasattr(pair, 'cam')
         face, body = reversed(ends) if within else ends

@@ -50,7 +50,7 @@ def _bridged(curve: Array, hole: Array) -> Array:
 
 
 def _crossed(a: Array, b: Array, curves: Sequence[Array]) -> bool:
-    """Whether a line crosses curves other than at its ends."""
+    """True if a line crosses curves other than at its ends."""
 
     def side(p: Array, q: Array, r: Array) -> Array:
         (px, py), (qx, qy), (rx, ry) = p.T, q.T, r.T
@@ -86,7 +86,7 @@ def _clipped(curve: Array) -> Array:
 
 
 def _free(ear: Array, points: Array) -> bool:
-    """Whether no point of a curve is within a triangle, other than its corners."""
+    """True if no point of a curve is within a triangle, other than its corners."""
     low, high = ear.min(axis=0), ear.max(axis=0)
     near = points[((points >= low) & (points <= high)).all(axis=1)]
     way = np.roll(ear, -1, axis=0) - ear

@@ -53,7 +53,7 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
 
 
 def left_out(machine: Machine) -> list[str]:
-    """What URDF cannot show of a machine, in sentences."""
+    """Properties of a machine that URDF cannot show, in sentences."""
     tilted = [
         f'{link}: it does not tilt here'
         for link, rotor in machine.mechanism.rotors.items()

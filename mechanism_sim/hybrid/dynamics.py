@@ -383,7 +383,7 @@ class Dynamics:
         return K
 
     def _dragged(self, rows: Sequence[int], c: int) -> Vector:
-        """Rates (k,) that friction of a sliding contact takes off the kept rows, by its normal force."""
+        """Rates that friction of a sliding contact takes off the kept rows, by its force."""
         share = [mul(self.mu[c], self.compliance[r][len(self.normal) + c]) for r in rows]
         return [
             mul(self.active[r], mul(self.slips[c], x)) for r, x in zip(rows, share, strict=True)

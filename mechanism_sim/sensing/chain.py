@@ -118,7 +118,7 @@ class Converter:
 
 @dataclass(frozen=True)
 class Hum:
-    """What the mains add; amplitude in units of what is measured, frequency in Hz."""
+    """Hum of the mains; amplitude in units of what is measured, frequency in Hz."""
 
     amplitude: float
     frequency: float = 50.0

@@ -20,7 +20,7 @@ BLOCK = 256
 
 
 class Source(Protocol):
-    """What an instrument is mounted on: inputs of a linear system, known piece by piece."""
+    """Mount of an instrument: inputs of a linear system, known piece by piece."""
 
     inputs: int
 
@@ -66,7 +66,7 @@ class Block(NamedTuple):
 
 
 class Analogue:
-    """What lies between a machine and the converter of an instrument.
+    """Linear system between a machine and the converter of an instrument.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class Analogue:
         self._last: tuple[Motion, Callable[[Array], Array]] | None = None
 
     def response(self, motion: Motion) -> Callable[[Array], Array]:
-        """What comes out at times (M,) [s] within a motion, which follows that of the last call.
+        """Output at times (M,) [s] within a motion, which follows that of the last call.
 
         The same motion may be given again, and costs nothing then.
         """
@@ -94,7 +94,7 @@ class Analogue:
         return self._last[1]
 
     def _response(self, motion: Motion) -> Callable[[Array], Array]:
-        """What comes out of the chain at times (M,) [s] within a motion."""
+        """Output of the chain at times (M,) [s] within a motion."""
         curve, filtered, pulses = motion.curve, self._filter, self._pulses
         impulses = np.zeros((len(curve), self._source.inputs))
         if len(filtered) or pulses:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 @dataclass(frozen=True)
 class Indicators:
-    """What N samples x are like; ``None`` where a signal that does not change leaves it open.
+    """Statistics of N samples x; ``None`` where a signal that does not change leaves it open.
 
     What is about zero counts a constant part of the signal, such as gravity; what is about the
     mean does not.
@@ -92,7 +92,7 @@ class Moments:
 
     @property
     def _changes(self) -> bool:
-        """Whether the variance is more than rounding."""
+        """True if the variance is more than rounding."""
         return self.m2 > self.count * (1e-14 * self.mean) ** 2
 
     @property
@@ -106,7 +106,7 @@ class Moments:
         return math.sqrt(self.count) * self.m3 / self.m2**1.5 if self._changes else None
 
     def indicators(self) -> Indicators:
-        """What the samples so far are like; at least one."""
+        """Indicators of the samples so far; at least one."""
         n, rms, peak = self.count, self.rms, self.peak
         per = None if peak == 0.0 else n / self._sum
         return Indicators(
@@ -124,7 +124,7 @@ class Moments:
 
 
 def indicators(signal: ArrayLike) -> Indicators:
-    """What a signal (N,) is like.
+    """Indicators of a signal (N,).
 
     Raises
     ------

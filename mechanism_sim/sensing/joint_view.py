@@ -57,7 +57,7 @@ class JointView:
         return turn._replace(position=turn.position + offset)
 
     def chord(self, link: str, a: Vector2, b: Vector2) -> Course:
-        """The same by the line from one point of it to another."""
+        """Turning of a link by the line from one point of it to another."""
         turn = self.turning(link)
         if link not in self.mechanism.beams:
             return turn
@@ -80,7 +80,7 @@ class JointView:
         return self.trace(self.mechanism.point(link, at))
 
     def trace(self, point: Point) -> Array:
-        """The same (3, 2, N) of a sum over arms."""
+        """Motion (3, 2, N) of a sum over arms."""
         return trace(point, self._coordinate, self.count)
 
     @cached_property

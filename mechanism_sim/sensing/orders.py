@@ -59,7 +59,7 @@ class Turns:
 
     @property
     def residual(self) -> Array:
-        """What is left (K, n) without the average: what does not repeat."""
+        """Residue (K, n) without the average: what does not repeat."""
         return np.asarray(self.values - self.mean)
 
     def series(self) -> list[Array]:

@@ -173,7 +173,7 @@ def _root(powers: Array, value: int, begin: float, end: float) -> float:
 
 
 class Conversion(NamedTuple):
-    """What a converter shows."""
+    """Output of a converter."""
 
     samples: Array
     overloads: NDArray[np.bool_]  #: which of them were cut at the end of the range

@@ -36,7 +36,7 @@ _STILL = 1e-9  # of a change of velocity: what is less is rounding
 
 @dataclass(frozen=True)
 class Air:
-    """What the sound travels in; by default air at 20 degrees Celsius and 101.325 kPa."""
+    """Medium that the sound travels in; by default air at 20 degrees Celsius and 101.325 kPa."""
 
     density: float = 1.204  #: [kg/m^3]
     speed: float = 343.2  #: [m/s] of sound
@@ -148,7 +148,7 @@ class Strike(NamedTuple):
 
 
 def strikes(mechanism: Mechanism, motion: Motion, impacts: Sequence[Impact]) -> list[Strike]:
-    """What moves in every impact, and how heavy it is.
+    """Bodies that move in every impact, and how heavy they are.
 
     The jumps are read from the motion, of the joint's point on each link along the normal. Where
     that is not the point of contact, as between gears, a link that does not turn still tells its
@@ -187,7 +187,7 @@ def _ends(joint: Joint) -> tuple[str, str]:
 
 
 def _part(mechanism: Mechanism, joint: Joint, curve: PiecewisePolynomial, impact: Impact) -> float:
-    """What of the change of relative velocity the first link does, 0 to 1."""
+    """Share of the first link in the change of relative velocity, 0 to 1."""
     if GROUND in (ends := _ends(joint)):
         return float(ends.index(GROUND))
     slack = 4.0 * np.spacing(impact.t)

@@ -1,4 +1,4 @@
-"""What a signal holds at which frequency: power, amplitudes, envelopes, spectral kurtosis.
+"""Frequency content of a signal: power, amplitudes, envelopes, spectral kurtosis.
 
 Sources: P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE
 Trans. Audio Electroacoust. 15 (1967) 70; R. B. Randall and J. Antoni, Rolling element bearing

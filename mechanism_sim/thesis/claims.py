@@ -1,4 +1,4 @@
-"""What [SB] concludes of clearance, speed and restitution, held against means over starts.
+"""Conclusions of [SB] on clearance, speed and restitution, held against means over starts.
 
 Two figures differ if their confidence intervals do not overlap; otherwise it is not decided
 which is the larger. So a conclusion that is drawn here holds for other starts and processors.

@@ -64,7 +64,7 @@ _EPS = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Prediction:
-    """What one criterion says of a turn of the crank."""
+    """Prediction of one criterion for a turn of the crank."""
 
     criterion: str
     angles: tuple[float, ...]  #: [rad] of the crank in [0, 2 pi) where contact would be lost

@@ -61,7 +61,7 @@ _SEGMENT = 4  # turns under the window of spectra, if there are as many
 
 
 class Bearing(NamedTuple):
-    """What lies between pin and bushing."""
+    """Contact between pin and bushing."""
 
     restitution: float
     friction: float
@@ -74,7 +74,7 @@ class Bearing(NamedTuple):
 
 
 class Condition(NamedTuple):
-    """What differs between the runs of the experiment, but for their start."""
+    """Condition of a run of the experiment: all in which they differ but for their start."""
 
     speed: float  #: of the crank [rad/s]
     radial: float  #: clearance [m]
@@ -121,7 +121,7 @@ class Interval(NamedTuple):
         return self.mean + self.half_width
 
     def above(self, other: Interval) -> bool:
-        """Whether the whole of it lies above another; False if either has no width."""
+        """True if the whole of it lies above another; False if either has no width."""
         return self.low > other.high
 
 
@@ -158,7 +158,7 @@ class Cycle:
         return np.vstack([self.acceleration, self.velocity, self.force, self.torque])
 
     def modified(self, alpha: float) -> Array:
-        """The same (7, n), deviations from the ideal divided by alpha ([SB] 8.1)."""
+        """Rows (7, n) with deviations from the ideal divided by alpha ([SB] 8.1)."""
         return np.asarray(self.nominal + (self.rows - self.nominal) / alpha)
 
 
@@ -489,7 +489,7 @@ class Experiment:
         return self.bearings[0]
 
     def alpha(self, of: Repeats | None = None) -> Interval:
-        """What [SB] 8.1 would find between the assumed and a measured machine on the coupler.
+        """Factor alpha of [SB] 8.1 between the assumed and a measured machine on the coupler.
 
         How many times as large the deviation of the assumed machine is in its first turns with
         impacts, as means over steps of `MESH`, as what the instrument shows of the other.

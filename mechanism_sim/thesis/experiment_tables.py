@@ -248,7 +248,7 @@ def _steps(found: Experiment) -> Table:
 
 
 def _course(found: Experiment) -> Table:
-    """What becomes of the assumed machine and the measured one in time."""
+    """Impacts of the assumed machine and of the measured one in the course of time."""
     groups = list(dict.fromkeys([found.assumed, found.reference]))
     rows = [
         (
@@ -343,7 +343,7 @@ def _relative(errors: Errors, against: str) -> float:
 
 
 def _limits(found: Experiment) -> Table:
-    """What the lower limit of the amplifiers does to what [SB] did."""
+    """Effect of the lower limit of the amplifiers on what [SB] did."""
     rows = []
     for (limit, condition), errors in sorted(
         (found.limits or {}).items(), key=lambda item: (item[0][1].speed, -item[0][0])

@@ -85,7 +85,7 @@ def render(found: Sequence[Losses]) -> str:
 
 
 def to_json(found: Sequence[Losses]) -> list[dict[str, object]]:
-    """The same as JSON."""
+    """Predictions as JSON."""
     return [
         {
             'joint': joint.joint,

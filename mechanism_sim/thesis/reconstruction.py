@@ -87,7 +87,7 @@ def by_trapezoids(rate: Array, sample_rate: float, start: float = 0.0) -> Array:
 
 
 def by_whole_cycles(rate: Array, sample_rate: float, mean: float = 0.0) -> Array:
-    """The same for a record of whole cycles of a motion that repeats: (N,).
+    """Integral of a record of whole cycles of a motion that repeats: (N,).
 
     An angular velocity that comes back to where it was has a derivative whose mean is zero, so
     the mean is taken off beforehand. The constant follows from the mean of the velocity: zero for
@@ -98,7 +98,7 @@ def by_whole_cycles(rate: Array, sample_rate: float, mean: float = 0.0) -> Array
 
 
 def by_spectrum(rate: Array, sample_rate: float, low: float = 0.0, mean: float = 0.0) -> Array:
-    """The same by FFT, amplitudes over ``i omega``: (N,), without any phase error.
+    """Integral by FFT, amplitudes over ``i omega``: (N,), without any phase error.
 
     Exact for a record of whole cycles that holds no frequency from half the sampling rate on.
 
@@ -118,7 +118,7 @@ def by_spectrum(rate: Array, sample_rate: float, low: float = 0.0, mean: float =
 def by_filter(
     rate: Array, sample_rate: float, low: float, order: int = 2, mean: float = 0.0
 ) -> Array:
-    """The same by trapezoids and a Butterworth high-pass run forward and backward: (N,).
+    """Integral by trapezoids and a Butterworth high-pass run forward and backward: (N,).
 
     For records that are no whole cycles. Running it both ways cancels its phase and squares its
     gain; within a few periods of `low` from both ends it is less exact.

@@ -78,6 +78,6 @@ def render(found: Sequence[Start]) -> str:
 
 
 def to_json(found: Sequence[Start]) -> list[dict[str, object]]:
-    """The same as JSON; ``followed`` and ``lost_at`` are null where contact was kept."""
+    """Table as JSON; ``followed`` and ``lost_at`` are null where contact was kept."""
     keys = 'angle', 'followed', 'lost_at', 'impacts'
     return [{key: plain(getattr(s, key)) for key in keys} for s in found]

@@ -155,7 +155,7 @@ def swings(
 
 
 def has_high_pass(machine: Machine) -> bool:
-    """Whether the amplifiers of all sensors across the links have a lower limit."""
+    """True if the amplifiers of all sensors across the links have a lower limit."""
     chains = [x.chain() for link in LINKS for x in sensors_across(machine, link).values()]
     return all(chain.amplifier.high_pass for chain in chains)
 
@@ -232,7 +232,7 @@ def _signals(
 def _rebuild(
     record: Record, link: str, signals: _Signals
 ) -> tuple[Array, Array, Mapping[str, Estimate], Mapping[str, Estimate]]:
-    """What is made of the signals: accelerations and velocities by method.
+    """Reconstructions from the signals: accelerations and velocities by method.
 
     Before them the angle of the crank [deg], from the first of the turns on, and the ideal
     mechanism's acceleration and velocity of the link (2, N).

@@ -69,7 +69,7 @@ class Frame:
 
     @cached_property
     def held(self) -> bool:
-        """Whether the mounts hold it in every direction."""
+        """True if the mounts hold it in every direction."""
         scale = np.sqrt(np.diag(self.K))
         if not scale.all():
             return False

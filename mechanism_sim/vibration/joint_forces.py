@@ -1,4 +1,4 @@
-"""What some joints of a machine do to its ground, impacts included."""
+"""Forces of some joints of a machine on its ground, impacts included."""
 
 from __future__ import annotations
 

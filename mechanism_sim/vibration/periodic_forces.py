@@ -94,7 +94,7 @@ class SteadyVibration:
         return float(np.hypot(np.sqrt((known**2).sum() / 2.0), self._beyond(row, order)))
 
     def _beyond(self, row: int, order: int) -> float:
-        """The same beyond the harmonics that are known of the forces."""
+        """Bound beyond the harmonics that are known of the forces."""
         rest = self._forces.rest
         if not rest.any() and self._impulses is None:
             return 0.0

@@ -1,4 +1,4 @@
-"""What shakes a frame: the forces of a machine, from its motion."""
+"""Shaking forces of a machine on its frame, from its motion."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class Shaking:
         self._start: Array | None = None
 
     def at_start(self, motion: Motion) -> Array:
-        """What acts when the first motion begins (n,): the mounts bear it then."""
+        """Force when the first motion begins (n,): the mounts bear it then."""
         if self._start is None:
             first = np.zeros(1, np.intp)
             self._start = self.read(motion, first, np.zeros(1))[:, 0]
@@ -147,7 +147,7 @@ class Shaking:
         return found
 
     def _check(self, motion: Motion) -> None:
-        """Whether polynomials follow the forces, where loads do not rule the length of pieces."""
+        """True if polynomials follow the forces, where loads do not rule the length of pieces."""
         if motion.modes.shape[1]:
             return
         every = np.arange(len(motion))

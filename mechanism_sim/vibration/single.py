@@ -22,7 +22,7 @@ ComplexArray = NDArray[np.complex128]
 
 
 class Response(NamedTuple):
-    """What moves, over time."""
+    """Motion over time."""
 
     displacement: Array  #: [m or rad]
     velocity: Array  #: [m/s or rad/s]

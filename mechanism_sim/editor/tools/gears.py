@@ -126,7 +126,7 @@ register(
 
 
 def _between(kind: str, stem: str, keys: Callable[[Sketch, Shaft, Shaft], dict[str, Any]]) -> Draw:
-    """What draws a joint of a kind between two links that turn: found, or made.
+    """Tool that draws a joint of a kind between two links that turn: found, or made.
 
     Parameters
     ----------

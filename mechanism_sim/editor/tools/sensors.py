@@ -17,7 +17,7 @@ def _on_link(
     values: Mapping[str, Any],
     seat: Literal['point', 'along', ''] = 'point',
 ) -> Tool:
-    """What puts a sensor on a link, with some of its keys.
+    """Tool that puts a sensor on a link, with some of its keys.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def _in_joint(
     values: Mapping[str, Any],
     play: Mapping[str, Any] | None = None,
 ) -> Tool:
-    """What puts a sensor into a joint, with some of its keys; `play` if that must be loose."""
+    """Tool that puts a sensor into a joint, with some of its keys; `play` if it must be loose."""
 
     def draw(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
         if start.handle is None or not start.handle.joint:
