@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.vibration.excitation import FourierSeries
-from mechanism_sim.vibration.single import Oscillator, Response
+from mechanism_sim.vibration.single import FreeResponse, Oscillator
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -28,7 +28,7 @@ def base_excited(
     frequency: ArrayLike,
     displacement: ArrayLike = 0.0,
     velocity: ArrayLike = 0.0,
-) -> Response:
+) -> FreeResponse:
     """Absolute motion of a mass whose base moves as Re(amplitude e^(i w t)) from t = 0 on.
 
     Spring and damper pass the force (k + i c w) times the base's displacement ([V] 6.10).
@@ -50,7 +50,7 @@ def periodic_response(
     force: FourierSeries,
     displacement: float = 0.0,
     velocity: float = 0.0,
-) -> Response:
+) -> FreeResponse:
     """Response to a periodic force [N] from t = 0 on: the sum over its harmonics ([V] 6.11).
 
     The steady part alone is ``force.passed(oscillator.receptance)``, where a cosine is answered by
@@ -61,7 +61,7 @@ def periodic_response(
     amplitudes = np.concatenate([[force.mean], force.amplitudes])
     parts = oscillator.forced(t[..., None], amplitudes, frequencies)
     free = oscillator.free(t, displacement, velocity)
-    return Response(
+    return FreeResponse(
         free.displacement + parts.displacement.sum(axis=-1),
         free.velocity + parts.velocity.sum(axis=-1),
     )

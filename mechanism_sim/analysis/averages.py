@@ -7,12 +7,14 @@ import numpy as np
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.sensing.orders import Turns
+from mechanism_sim.sensing.orders import TurnSegments
 
 _BLOCK = 8192  # instants at once
 
 
-def over_turns(record: Record, quantity: str, samples: int | None = None, skip: int = 0) -> Turns:
+def over_turns(
+    record: Record, quantity: str, samples: int | None = None, skip: int = 0
+) -> TurnSegments:
     """A quantity at equal angles of the main drive, in whole turns from angle zero on.
 
     What `Piece.sample` names is taken from the motion's polynomials at exactly these angles. The
@@ -29,11 +31,11 @@ def over_turns(record: Record, quantity: str, samples: int | None = None, skip: 
         found = record.signal(quantity).over_turns(record.turned, samples)
         if found is None or not (kept := found.first >= first).any():
             raise InputError(f'the signal of {quantity} covers no whole turn')
-        return Turns(found.values[kept], found.first[kept])
+        return TurnSegments(found.values[kept], found.first[kept])
     n = samples or 360
     turns = np.arange(first, end)
     t = record.times_at((turns[:, None] + np.arange(n) / n).ravel())
-    return Turns(sampled(record, quantity, t).reshape(-1, n), turns)
+    return TurnSegments(sampled(record, quantity, t).reshape(-1, n), turns)
 
 
 def sampled(record: Record, quantity: str, t: Array) -> Array:

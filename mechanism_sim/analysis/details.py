@@ -16,7 +16,7 @@ from mechanism_sim.analysis.signals import Signal
 from mechanism_sim.analysis.wear import WearMap, wear_maps
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.sensing.orders import Turns, order_spectrum
+from mechanism_sim.sensing.orders import TurnSegments, order_spectrum
 from mechanism_sim.sensing.spectra import Spectrum, envelope_spectrum, power, shock_band
 from mechanism_sim.strict_json import plain
 
@@ -85,7 +85,7 @@ class Line:
 class Average:
     """A quantity over the angle of the drive."""
 
-    turns: Turns
+    turns: TurnSegments
     unit: str
 
 
@@ -148,7 +148,7 @@ class Details:
         }
 
 
-def _average(turns: Turns, unit: str) -> dict[str, Any]:
+def _average(turns: TurnSegments, unit: str) -> dict[str, Any]:
     columns = {'angle': turns.angle, 'mean': turns.mean, 'spread': turns.spread}
     return {'unit': unit, 'turns': len(turns.values), **plain(columns)}
 

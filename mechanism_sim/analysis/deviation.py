@@ -21,7 +21,7 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.sensor_keys import Converter, Noise
-from mechanism_sim.sensing.orders import Turns
+from mechanism_sim.sensing.orders import TurnSegments
 from mechanism_sim.sensing.spectra import power
 
 _PLAYS = 'clearance', 'lift_off', 'backlash', 'elasticity'
@@ -39,8 +39,8 @@ class Deviation:
     """
 
     quantity: str
-    own: Turns
-    ideal: Turns
+    own: TurnSegments
+    ideal: TurnSegments
 
     @property
     def values(self) -> Array:
@@ -52,9 +52,9 @@ class Deviation:
         """Root of the mean square of the difference."""
         return float(np.sqrt(np.mean(self.values**2)))
 
-    def modified(self, alpha: float) -> Turns:
+    def modified(self, alpha: float) -> TurnSegments:
         """The ideal response and the deviation over alpha: the modified response of [SB] 8.1."""
-        return Turns(self.ideal.values + self.values / alpha, self.own.first)
+        return TurnSegments(self.ideal.values + self.values / alpha, self.own.first)
 
     def order_power(self, segment: int) -> Array:
         """Mean square (n / 4,) of the difference in bands of one order about 1, 2, ...
@@ -62,7 +62,7 @@ class Deviation:
         By Welch's method with Hann windows of `segment` turns.
         """
         n = self.own.values.shape[1]
-        series = Turns(self.values, self.own.first).series()
+        series = TurnSegments(self.values, self.own.first).series()
         found = power(series, float(n), segment * n)
         order = np.floor(found.frequency + 0.5).astype(np.int64)
         sums = np.zeros(order[-1] + 1)
@@ -151,7 +151,9 @@ def deviation(
     n = samples or (None if quantity in record.sensors else _SAMPLES)
     own = over_turns(record, quantity, n, skip)
     beside = over_turns(ideal_record(record), quantity, own.values.shape[1])
-    return Deviation(quantity, own, Turns(beside.values[own.first - beside.first[0]], own.first))
+    return Deviation(
+        quantity, own, TurnSegments(beside.values[own.first - beside.first[0]], own.first)
+    )
 
 
 def alpha(one: Deviation, other: Deviation, highest: int | None = None) -> Alpha:
@@ -166,7 +168,7 @@ def alpha(one: Deviation, other: Deviation, highest: int | None = None) -> Alpha
     """
     if not other.rms:
         raise InputError(f'{other.quantity} does not deviate from the ideal: there is no ratio')
-    longest = [max(map(len, Turns(d.values, d.own.first).series())) for d in (one, other)]
+    longest = [max(map(len, TurnSegments(d.values, d.own.first).series())) for d in (one, other)]
     sizes = [d.own.values.shape[1] for d in (one, other)]
     segment = min(_SEGMENT, *(k // n for k, n in zip(longest, sizes, strict=True)))
     powers = [d.order_power(segment) for d in (one, other)]

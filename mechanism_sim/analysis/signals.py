@@ -14,7 +14,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.sensor_keys import QUANTITIES
-from mechanism_sim.sensing.orders import Turns, at_equal_angles
+from mechanism_sim.sensing.orders import TurnSegments, at_equal_angles
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ class Signal:
 
     def over_turns(
         self, turned: Callable[[Array], Array], per_turn: int | None = None
-    ) -> Turns | None:
+    ) -> TurnSegments | None:
         """The signal over the angle of a shaft; None if it has no whole turn, or turns back.
 
         Parameters

@@ -58,9 +58,9 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _recover(options: argparse.Namespace) -> int:
-    from mechanism_sim.recording import Recovery, recover, render_recovery  # noqa: PLC0415
+    from mechanism_sim.recording import RecoveredBag, recover, render_recovery  # noqa: PLC0415
 
-    return print_result(options, recover(options.bag), Recovery.to_json, render_recovery, echo)
+    return print_result(options, recover(options.bag), RecoveredBag.to_json, render_recovery, echo)
 
 
 _FIT = 'scene', 'set', 'range', 'joint', 'sensor', 'seed', 'rounds', 'workers'

@@ -117,7 +117,7 @@ def _solve(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from mechanism_sim.nodes.run import Plan, run  # noqa: PLC0415
+    from mechanism_sim.nodes.run import NodePlan, run  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 
@@ -131,7 +131,7 @@ def _run(options: argparse.Namespace) -> int:
         raise InputError(
             f"the bag '{options.record}' exists already; choose another name or give --overwrite"
         )
-    plan = Plan(
+    plan = NodePlan(
         machine, options.scene, overrides, end, options.record, options.overwrite,
         options.realtime_factor, options.paused, options.hold, ros_args(options),
         options.display, tuple(name for name in options.listeners.split(',') if name),

@@ -34,7 +34,7 @@ _LEAP = 0.6
 """[rad], or sizes of the machine, by which no coordinate goes from one instant to the next."""
 
 
-class Forces(NamedTuple):
+class IdealForces(NamedTuple):
     """Forces of J joints without play at K instants, K' of them at no fixed point."""
 
     joints: list[dict[str, Any]]  #: as of `Stage.to_json`
@@ -136,7 +136,7 @@ class Turn:
         """True if it is known how the machine goes on."""
         return bool(self.q.shape[1] > 1)
 
-    def forces(self, count: int = INSTANTS) -> Forces | None:
+    def forces(self, count: int = INSTANTS) -> IdealForces | None:
         """Of the ideal joints at the first instants; None where they do not follow from motion.
 
         Inverse dynamics under the prescribed drives: rates and accelerations of all coordinates
@@ -173,7 +173,7 @@ class Turn:
             joints.append({**named, 'at': list(joint.on_second), **foot})
         found = np.nan_to_num([view.force for view in views], nan=0.0, posinf=0.0, neginf=0.0)
         at = np.nan_to_num(np.array(feet).reshape(len(feet), 2, len(t)))
-        return Forces(joints, found.transpose(2, 0, 1), at.transpose(2, 0, 1))
+        return IdealForces(joints, found.transpose(2, 0, 1), at.transpose(2, 0, 1))
 
     def _ways(self) -> dict[str, Array]:
         """Values (N,) of the driven coordinates over a turn."""

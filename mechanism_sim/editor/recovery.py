@@ -23,7 +23,7 @@ def place(document: Document) -> Path:
     return file.with_name(f'.{name}.unsaved')
 
 
-class Recovery:
+class UnsavedEdits:
     """Keeps the text of a document that is changed, and gives it back to who opens it again."""
 
     def __init__(self) -> None:

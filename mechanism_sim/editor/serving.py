@@ -25,7 +25,7 @@ from mechanism_sim.catalogue import scene_names
 from mechanism_sim.editor import palette
 from mechanism_sim.editor.background import Background
 from mechanism_sim.editor.document import Document
-from mechanism_sim.editor.recovery import Recovery
+from mechanism_sim.editor.recovery import UnsavedEdits
 from mechanism_sim.editor.worker import Worker
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.assets import contents_of, embedded
@@ -95,7 +95,7 @@ class Desk:
         self._awake, self._wake = os.pipe()
         for end in (self._awake, self._wake):
             os.set_blocking(end, False)
-        self._recovery = Recovery()
+        self._recovery = UnsavedEdits()
         self._keeper = ThreadPoolExecutor(1)  # a disk may take long, and nobody waits for it
         self._keeping: Future[str] | None = None
         self._kept: tuple[Any, ...] | None = None

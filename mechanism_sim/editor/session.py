@@ -16,7 +16,7 @@ from mechanism_sim.editor import drawing, gestures, palette, panel
 from mechanism_sim.editor.background import Job
 from mechanism_sim.editor.document import Document
 from mechanism_sim.editor.layout import coordinates, placed
-from mechanism_sim.editor.motion import Forces, Turn
+from mechanism_sim.editor.motion import IdealForces, Turn
 from mechanism_sim.editor.rounding import degrees, unit_of
 from mechanism_sim.editor.sketch import (
     GONE,
@@ -61,7 +61,7 @@ MOST_PARTS = 160
 """Links and joints of what is drawn: more takes minutes to compile."""
 
 
-class Picture(NamedTuple):
+class SessionPicture(NamedTuple):
     """Picture, panel and results of a document.
 
     Attributes
@@ -103,8 +103,8 @@ class Session:
         self.document, self._send = document, send
         self.number, self._heavy = number, dict(heavy or {})
         self._path, self._traced = chosen or ((), {})
-        self._picture = Picture(Document().scene(), None, {GROUND: ORIGIN}, '')
-        self._grabbed: tuple[str, Picture] | None = None
+        self._picture = SessionPicture(Document().scene(), None, {GROUND: ORIGIN}, '')
+        self._grabbed: tuple[str, SessionPicture] | None = None
         self._of: str | None = None  # the text whose picture this is
         self._tried: list[Edit] = []  # what is dragged makes of it
         self._forces: tuple[int, float] = (0, 0.0)  # the state whose forces these are; [m/N]
@@ -152,7 +152,7 @@ class Session:
         """Show no picture of a document whose picture cannot be made."""
         self._heavy[self.document.text] = f'it cannot be drawn ({reason(error)})'
         self._of = None
-        self._picture = Picture(Document().scene(), None, {GROUND: ORIGIN}, '')
+        self._picture = SessionPicture(Document().scene(), None, {GROUND: ORIGIN}, '')
         self._refresh()
         self._shown = self.state()
 
@@ -274,17 +274,17 @@ class Session:
         near: Poses | None,
         loops: Kinematics | None = None,
         machine: Machine | None = None,
-    ) -> Picture:
+    ) -> SessionPicture:
         old = self._picture
         try:
             machine = machine or Machine(self.document.name, scene)
             turn = Turn(machine, near, old.turn, loops)
         except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError) as error:
             poses = placed(scene, near or old.poses)
-            return Picture(scene, None, {**poses, **(near or {})}, str(error))
-        return Picture(scene, turn, turn.start, '')
+            return SessionPicture(scene, None, {**poses, **(near or {})}, str(error))
+        return SessionPicture(scene, turn, turn.start, '')
 
-    def _drawn(self, picture: Picture) -> dict[str, Any]:
+    def _drawn(self, picture: SessionPicture) -> dict[str, Any]:
         curves: dict[str, Any] = {}
         traced: dict[str, Any] = {}
         if picture.turn:
@@ -312,7 +312,7 @@ class Session:
         link, _, name = point.partition('.')
         return self._traced.get(point, name not in ('start', 'end') and link != GROUND)
 
-    def _tracks(self, picture: Picture) -> list[tuple[str, bool]]:
+    def _tracks(self, picture: SessionPicture) -> list[tuple[str, bool]]:
         """The points of the link that is chosen, and whether their paths are drawn."""
         link = self._path[1] if self._path[:1] == ('links',) and len(self._path) == 2 else ''
         if link in ('', GROUND) or link not in picture.scene.links:
@@ -320,7 +320,7 @@ class Session:
         points = (f'{link}.{name}' for name in points_of(picture.scene.links[link]))
         return [(point, self._has_path(point)) for point in points]
 
-    def _handle(self, key: Any, picture: Picture | None = None) -> Handle:
+    def _handle(self, key: Any, picture: SessionPicture | None = None) -> Handle:
         picture = picture or self._picture
         for handle in drawing.handles(picture.scene, picture.poses):
             if handle.key == key:
@@ -335,7 +335,7 @@ class Session:
 
     # --- gestures ---------------------------------------------------------------------------
 
-    def _moved(self, message: Mapping[str, Any]) -> tuple[list[Edit], Picture]:
+    def _moved(self, message: Mapping[str, Any]) -> tuple[list[Edit], SessionPicture]:
         """Document after a handle is moved, and its picture."""
         key, grid = str(message['handle']), self._grid(message)
         if self._grabbed is None or self._grabbed[0] != key:
@@ -392,7 +392,7 @@ class Session:
         edits, picture = self._moved(message)
         self.document.change([*edits, *self._chosen(edits, picture)])
 
-    def _chosen(self, edits: list[Edit], picture: Picture) -> list[Edit]:
+    def _chosen(self, edits: list[Edit], picture: SessionPicture) -> list[Edit]:
         """Guesses, or the other branch, where the scene alone would close its loops otherwise."""
         if picture.turn is None:
             return []
@@ -534,7 +534,7 @@ class Session:
         self.document = document
         watch('opened', document)
         self._path, self._traced = (), {}
-        self._picture = Picture(Document().scene(), None, {GROUND: ORIGIN}, '')
+        self._picture = SessionPicture(Document().scene(), None, {GROUND: ORIGIN}, '')
         self._of = None
 
     def _written_out(self) -> list[Edit]:
@@ -554,7 +554,7 @@ class Session:
         return edits
 
 
-def _of_forces(known: Forces, scale: float) -> dict[str, Any]:
+def _of_forces(known: IdealForces, scale: float) -> dict[str, Any]:
     """Forces for the page: of N, and of metres a thousandth of a symbol, nobody sees less."""
     return {
         'joints': known.joints,

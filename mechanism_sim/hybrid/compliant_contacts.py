@@ -24,7 +24,7 @@ _NODES = Nodes(tuple(chebyshev_nodes(_COUNT).tolist()))
 _WEIGHTS = np.array([0.0 if k % 2 else 1.0 / (1.0 - k * k) for k in range(_COUNT)])
 
 
-class Touch(NamedTuple):
+class OngoingTouch(NamedTuple):
     """A touch that lasts still, as far as it is known; without one, `begin` is infinite."""
 
     begin: float = math.inf  #: [s]; negative infinite if it is that of the start
@@ -51,14 +51,16 @@ class Touches:
 
     def restart(self) -> None:
         """Forget what lasts; a contact that is closed next has been so from the start."""
-        self.present: tuple[Touch, ...] = (Touch(-math.inf),) * len(self._system.gaps)
+        self.present: tuple[OngoingTouch, ...] = (OngoingTouch(-math.inf),) * len(
+            self._system.gaps
+        )
 
     def add(self, motion: Motion) -> list[Impact]:
         """Go on with the segments that follow; returns the touches that end there."""
         self.present, found = self.follow(motion)
         return found
 
-    def follow(self, motion: Motion) -> tuple[tuple[Touch, ...], list[Impact]]:
+    def follow(self, motion: Motion) -> tuple[tuple[OngoingTouch, ...], list[Impact]]:
         """Touches that last at the end of the segments that follow, and those that end there."""
         present, found = [], []
         for gap, touch in enumerate(self.present):
@@ -67,7 +69,9 @@ class Touches:
             found += ended
         return tuple(present), sorted(found, key=lambda i: i.t)
 
-    def _follow(self, gap: int, touch: Touch, motion: Motion) -> tuple[Touch, list[Impact]]:
+    def _follow(
+        self, gap: int, touch: OngoingTouch, motion: Motion
+    ) -> tuple[OngoingTouch, list[Impact]]:
         closed = motion.closed[:, gap]
         inside = np.flatnonzero(closed)
         shares = self._shares(gap, motion, inside) if len(inside) else np.zeros((4, 0))
@@ -79,11 +83,11 @@ class Touches:
             if not closed[first]:
                 if math.isfinite(touch.begin):
                     found.append(self._ended(gap, touch, motion, first))
-                touch = Touch()
+                touch = OngoingTouch()
                 continue
             if touch.begin == math.inf:
                 rate, angle = self._edge(gap, motion, first)
-                touch = Touch(float(motion.curve.start[first]), -rate, angle)
+                touch = OngoingTouch(float(motion.curve.start[first]), -rate, angle)
             count = end - first
             p, q, loss, peak = shares[:, k : k + count].tolist()
             k += count
@@ -102,7 +106,7 @@ class Touches:
         seen = self._physics.touch(motion, np.array([segment]), np.zeros(1))
         return float(seen.rate[gap, 0]), float(seen.normal_angle[gap, 0])
 
-    def _ended(self, gap: int, touch: Touch, motion: Motion, segment: int) -> Impact:
+    def _ended(self, gap: int, touch: OngoingTouch, motion: Motion, segment: int) -> Impact:
         """A touch that is over where `segment` begins."""
         t = float(motion.curve.start[segment])
         return Impact(

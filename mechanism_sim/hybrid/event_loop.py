@@ -25,7 +25,7 @@ from mechanism_sim.contact.chatter import ChatterRule
 from mechanism_sim.contact.problem import ContactProblem
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import base_at, horner, take_off_turns
-from mechanism_sim.hybrid.compliant_contacts import Touch, Touches
+from mechanism_sim.hybrid.compliant_contacts import OngoingTouch, Touches
 from mechanism_sim.hybrid.contact_state import ContactState
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.dense_output import DenseOutput, Motion, floats
@@ -55,7 +55,7 @@ STEP_SCALE = 0.1
 """Rate relative to that of the fastest drive whose relative error is `rtol`."""
 
 
-class _Pending(NamedTuple):
+class _PendingStep(NamedTuple):
     """A step that is known but not yet part of the solution."""
 
     tau: float  #: [s] where it begins
@@ -138,7 +138,7 @@ class EventLoop:
         self._singular = SingularPositions(system, self._ta, self._contacts, near)
         self._start_base()
         self._touches = Touches(system) if system.compliant else None
-        self._pending: _Pending | None = None
+        self._pending: _PendingStep | None = None
         self._since = 0  # steps since the directions were computed
         self._last_event = float('-inf')
         self._simultaneous = 0
@@ -163,7 +163,7 @@ class EventLoop:
         self._go_on()
         h, guard, step = self._singular.begin()
         self._output.next.reshape(-1)[:] = step.terms
-        self._pending = _Pending(
+        self._pending = _PendingStep(
             self._ta.time - h, h, guard, (0.0, self._max_step, 0.0), step.origin
         )
         return True
@@ -291,7 +291,7 @@ class EventLoop:
         self._since += len(lengths) - count
         return tau, h
 
-    def _locate(self, tau: float, h: float) -> _Pending:
+    def _locate(self, tau: float, h: float) -> _PendingStep:
         """The pending step for one from `tau` of length `h` [s] that was just taken."""
         gaps, singular, pars = self._gaps, self._singular, self._pars
         watch, near, longest = self._guard_values, self._nearness, self._max_step
@@ -319,7 +319,7 @@ class EventLoop:
             pars[self._stabilisation] = min(1.0 / h, self._quickest)
         if reach < longest:
             gaps.horizon = math.inf
-        return _Pending(tau, h, guard, taken, crossing.origin if crossing else None)
+        return _PendingStep(tau, h, guard, taken, crossing.origin if crossing else None)
 
     def _change_law(self, end: float) -> bool:
         """Cut the pending step where the next law begins, if it does before `end`."""
@@ -332,7 +332,7 @@ class EventLoop:
         self._leave_singular(BESIDE)
         return True
 
-    def _enter(self, step: _Pending) -> float:
+    def _enter(self, step: _PendingStep) -> float:
         """Make a step part of the solution, and handle the event that ends it; return its end."""
         output, end = self._output, step.tau + step.h
         if step.h > 0.0:
@@ -601,7 +601,7 @@ class EventLoop:
         self._contacts.switching.set_rows(s.switches)
         self._contacts.switching.rubbing = s.rubbing
         if self._touches:
-            self._touches.present = tuple(Touch(*touch) for touch in s.touches)
+            self._touches.present = tuple(OngoingTouch(*touch) for touch in s.touches)
         self._gaps.horizon = s.horizon
         self._gaps.impacts.count, self._gaps.mode_changes = 0, []
         self._pending = None

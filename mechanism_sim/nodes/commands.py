@@ -17,7 +17,7 @@ from mechanism_sim.nodes.simulation_node import SETTLE
 from mechanism_sim.planar.drive import DriveLaw
 
 
-class Commands:
+class DriveCommands:
     """Takes commands by topic and by parameter; a command holds from where the law is known to.
 
     A drive with torque, force or motor takes ``effort`` [N m] or [N]: the constant part of its

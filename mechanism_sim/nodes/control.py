@@ -20,7 +20,7 @@ ROUNDING = 1e-12
 """Of times, relative: steps that end with the run are not beyond it."""
 
 
-class Control:
+class SimulationControl:
     """Features, state, steps and reset of a run, for the node that drives it.
 
     Where ROS has no package `simulation_interfaces` these services are missing, and the log says

@@ -8,9 +8,9 @@ from typing import Any
 
 from mechanism_sim.messages import Clock, DiagnosticStatus, DriveLaw, stamp
 from mechanism_sim.messages.events import drive_law
-from mechanism_sim.nodes.commands import Commands
+from mechanism_sim.nodes.commands import DriveCommands
 from mechanism_sim.nodes.content_propagation import ContentPropagation
-from mechanism_sim.nodes.control import Control
+from mechanism_sim.nodes.control import SimulationControl
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import Future, Parameter
@@ -28,11 +28,11 @@ class CrankDrive(Drive):
     A law and not samples, which would bring a delay of a tick; credit and not a common clock, so
     that a slow node delays the run and loses nothing.
 
-    It is the simulator of the standard `simulation_interfaces`, see `Control`, and takes commands,
-    see `Commands`. Parameters of the node, besides those of every node: ``lead`` [s], how far the
-    law is announced ahead of the slowest partner; ``realtime_factor``, simulated seconds per
-    second, 0 for as fast as possible; ``paused``, to begin so; ``hold``, to pause at the end of
-    the run instead of ending; ``step_size`` [s]; ``publish_clock``.
+    It is the simulator of the standard `simulation_interfaces`, see `SimulationControl`, and takes
+    commands, see `DriveCommands`. Parameters of the node, besides those of every node: ``lead``
+    [s], how far the law is announced ahead of the slowest partner; ``realtime_factor``, simulated
+    seconds per second, 0 for as fast as possible; ``paused``, to begin so; ``hold``, to pause at
+    the end of the run instead of ending; ``step_size`` [s]; ``publish_clock``.
     """
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
@@ -62,8 +62,8 @@ class CrankDrive(Drive):
         self._drive = self.create_publisher(DriveLaw, 'drive', RESULTS)
         if self.value('publish_clock'):
             self._clock_publisher = self.create_publisher(Clock, '/clock', CLOCK)
-        self._commands = Commands(self)
-        self.control = Control(self)
+        self._commands = DriveCommands(self)
+        self.control = SimulationControl(self)
         if self.control.available:
             self._worlds = Worlds(self, self.control)
         self._content_of_partners = ContentPropagation(self)

@@ -10,8 +10,8 @@ from mechanism_sim.export.stage import Swaying
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import Impact, MarkerArray
 from mechanism_sim.nodes import markers
-from mechanism_sim.nodes.following import Following
-from mechanism_sim.nodes.force_markers import Picture
+from mechanism_sim.nodes.following import MotionFollower
+from mechanism_sim.nodes.force_markers import ForceMarkers
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.schedule import Schedule
@@ -49,7 +49,7 @@ class Display(SimulationNode):
 
     def _take_machine(self) -> None:
         self._preview = preview(self.machine, self.duration)
-        self._picture = Picture(self._preview, self._prefix, *self._sizes)
+        self._picture = ForceMarkers(self._preview, self._prefix, *self._sizes)
 
     def _start_over(self) -> None:
         if self._preview.machine is not self.machine:
@@ -102,7 +102,7 @@ class Display(SimulationNode):
             self.send(self._forces, message)
 
 
-class _Following(Following):
+class _Following(MotionFollower):
     """Ends when all impacts have come, too: they have a topic of their own."""
 
     _node: Display

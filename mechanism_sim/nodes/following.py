@@ -15,7 +15,7 @@ ROUNDING = 1e-9
 """Of times, relative: pieces of motion that follow each other meet."""
 
 
-class Following:
+class MotionFollower:
     """Work of a node that takes in all motion of a run and ends with it.
 
     Parameters

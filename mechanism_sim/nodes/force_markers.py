@@ -58,7 +58,7 @@ class _Lens:
         return self.radius - self.magnification * self.play
 
 
-class Picture:
+class ForceMarkers:
     """Markers of a machine for `force_markers`.
 
     Parameters

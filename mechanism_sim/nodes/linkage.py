@@ -10,7 +10,7 @@ from mechanism_sim.nodes.lifecycle import IntegratingNode
 from mechanism_sim.nodes.middleware import Parameter
 
 
-class Linkage(IntegratingNode):
+class LinkageNode(IntegratingNode):
     """Integrates the machine and publishes its motion, forces and events."""
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:

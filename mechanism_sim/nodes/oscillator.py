@@ -9,7 +9,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import OscillatorState, stamp
 from mechanism_sim.messages.topics import OSCILLATOR_STATE
-from mechanism_sim.nodes.following import Following
+from mechanism_sim.nodes.following import MotionFollower
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.schedule import Schedule
@@ -35,7 +35,7 @@ def fields(states: FrameStates, i: int) -> dict[str, float]:
     }
 
 
-class Oscillator(SimulationNode):
+class OscillatorNode(SimulationNode):
     """Publishes ``oscillator_state`` of every frame, from the motion that it follows."""
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
@@ -47,7 +47,7 @@ class Oscillator(SimulationNode):
             )
         self._states = self.create_publisher(OscillatorState, OSCILLATOR_STATE, RESULTS)
         self._start_over()
-        self._following = Following(self, self._take, reset=self._start_over)
+        self._following = MotionFollower(self, self._take, reset=self._start_over)
         self.join()
 
     def _start_over(self) -> None:

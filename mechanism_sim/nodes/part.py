@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from mechanism_sim.nodes.described_node import Diagnosis
-from mechanism_sim.nodes.following import Following
+from mechanism_sim.nodes.following import MotionFollower
 from mechanism_sim.nodes.integration import Integration
 from mechanism_sim.nodes.lifecycle import IntegratingNode
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.parts import States
 
 
-class Part(IntegratingNode):
+class PartNode(IntegratingNode):
     """Publishes the states of its parts, of a motion that it integrates itself or follows.
 
     It follows if ``linkage`` is among its partners. Without, it is the integrator of the run and
@@ -28,8 +28,10 @@ class Part(IntegratingNode):
     def make_endpoints(self) -> None:
         """Publish the states, and all that integration gives if this node does that."""
         states = States(self, self.kind)
-        role = Following if 'linkage' in self.partners else Integration
-        self._role: Following | Integration = role(self, states.publish, reset=states.start_over)
+        role = MotionFollower if 'linkage' in self.partners else Integration
+        self._role: MotionFollower | Integration = role(
+            self, states.publish, reset=states.start_over
+        )
 
     def on_ready(self) -> None:
         """All partners are there."""
@@ -47,19 +49,19 @@ class Part(IntegratingNode):
         return found
 
 
-class Cam(Part):
+class CamNode(PartNode):
     """Publishes ``cam_state`` of every cam and its follower."""
 
     kind = 'cam'
 
 
-class GearTrain(Part):
+class GearTrain(PartNode):
     """Publishes ``gear_state`` of every pair of gears."""
 
     kind = 'gear_train'
 
 
-class Geneva(Part):
+class GenevaNode(PartNode):
     """Publishes ``geneva_state`` of every Geneva wheel and slotted rack."""
 
     kind = 'geneva'

@@ -30,7 +30,7 @@ _BEAT = 0.1  # [s] between two looks for a signal
 
 
 @contextmanager
-def player(patience: float = 10.0) -> Iterator[Player]:
+def player(patience: float = 10.0) -> Iterator[BagPlayer]:
     """A player for the duration of a command.
 
     Parameters
@@ -49,7 +49,7 @@ def player(patience: float = 10.0) -> Iterator[Player]:
         init(args=[])
         nodes.append(Node(f'mechanism_sim_player_{os.getpid()}', enable_rosout=False,
                           start_parameter_services=False))  # fmt: skip
-        yield Player(nodes[0], patience)
+        yield BagPlayer(nodes[0], patience)
     except (MessageError, InvalidNameError) as error:
         raise InputError(str(error)) from error
     except MiddlewareError as error:
@@ -58,7 +58,7 @@ def player(patience: float = 10.0) -> Iterator[Player]:
         leave(nodes)
 
 
-class Player:
+class BagPlayer:
     """Publishes what bags hold."""
 
     def __init__(self, node: Node, patience: float) -> None:

@@ -13,11 +13,11 @@ from mechanism_sim.messages.part_states import integrator_of, kinds_of
 from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.nodes.display import Display
-from mechanism_sim.nodes.linkage import Linkage
+from mechanism_sim.nodes.linkage import LinkageNode
 from mechanism_sim.nodes.middleware import Parameter, backend
 from mechanism_sim.nodes.monitor import Monitor, Show
-from mechanism_sim.nodes.oscillator import Oscillator
-from mechanism_sim.nodes.part import Cam, GearTrain, Geneva
+from mechanism_sim.nodes.oscillator import OscillatorNode
+from mechanism_sim.nodes.part import CamNode, GearTrain, GenevaNode
 from mechanism_sim.nodes.process import report_end, run_nodes
 from mechanism_sim.nodes.qos import PROFILES, RESULTS
 from mechanism_sim.nodes.sensors import Sensors
@@ -37,11 +37,11 @@ def _recorder(parameters: list[Parameter]) -> SimulationNode:
 
 NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'crank_drive': CrankDrive,
-    'linkage': Linkage,
-    'cam': Cam,
+    'linkage': LinkageNode,
+    'cam': CamNode,
     'gear_train': GearTrain,
-    'geneva': Geneva,
-    'oscillator': Oscillator,
+    'geneva': GenevaNode,
+    'oscillator': OscillatorNode,
     'sensors': Sensors,
     'display': Display,
     'recorder': _recorder,
@@ -58,7 +58,7 @@ END_PATIENCE = 15.0
 
 
 @dataclass(frozen=True)
-class Plan:
+class NodePlan:
     """A run to be made.
 
     Attributes
@@ -174,7 +174,7 @@ class Outcome:
         return '\n'.join([*lines, f'  recorded in {self.bag}'] if self.bag else lines)
 
 
-def run(plan: Plan, processes: bool, show: Show | None = None) -> Outcome:
+def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
     """Make a run; `processes` gives each node a process of its own."""
     began = time.monotonic()
     monitors: list[Monitor] = []
@@ -218,7 +218,7 @@ def run(plan: Plan, processes: bool, show: Show | None = None) -> Outcome:
 class _Children:
     """The processes of the nodes."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: NodePlan) -> None:
         self.code = 0
         self._processes = {name: _spawn(plan, name) for name in plan.nodes}
         self._deadline: float | None = None
@@ -248,7 +248,7 @@ class _Children:
             time.sleep(0.02)
 
 
-def _spawn(plan: Plan, node: str) -> subprocess.Popen[bytes]:
+def _spawn(plan: NodePlan, node: str) -> subprocess.Popen[bytes]:
     command = [sys.executable, '-m', 'mechanism_sim', 'node', node]
     # The monitor is no partner, but has to hear how each node ends.
     listeners = ','.join([*plan.listeners, f'{MONITOR}:progress'])
@@ -263,7 +263,7 @@ def _spawn(plan: Plan, node: str) -> subprocess.Popen[bytes]:
     return ending.start([*command, *plan.ros_args])
 
 
-def _in_processes(plan: Plan, watch: Callable[[], Monitor]) -> int:
+def _in_processes(plan: NodePlan, watch: Callable[[], Monitor]) -> int:
     monitors: list[Monitor] = []
     children: list[_Children] = []
 

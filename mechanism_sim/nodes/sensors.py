@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import Imu, SensorBlock, float64_array
-from mechanism_sim.nodes.following import Following
+from mechanism_sim.nodes.following import MotionFollower
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
@@ -104,7 +104,7 @@ class Sensors(SimulationNode):
             imu = self.create_publisher(Imu, f'imu/{name}', RESULTS) if scene.imu else None
             self._outlets[name] = blocks, imu
         self._start_over()
-        self._following = Following(self, self._take, self._rest, self._start_over)
+        self._following = MotionFollower(self, self._take, self._rest, self._start_over)
         self.join()
 
     def _start_over(self) -> None:

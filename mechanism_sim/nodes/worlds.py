@@ -7,7 +7,7 @@ from typing import Any
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import message_class, service_class
-from mechanism_sim.nodes.control import Control
+from mechanism_sim.nodes.control import SimulationControl
 from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import Parameter, ReentrantCallbackGroup
 from mechanism_sim.nodes.scene_values import OVERRIDES, SCENE, Content, next_machine
@@ -23,7 +23,7 @@ class Worlds:
     It then holds from time 0 of a new run, which begins stopped.
     """
 
-    def __init__(self, drive: Drive, control: Control) -> None:
+    def __init__(self, drive: Drive, control: SimulationControl) -> None:
         self._drive, self._control = drive, control
         self._result = message_class(f'{PACKAGE}/msg/Result')
         self._world = message_class(f'{PACKAGE}/msg/WorldResource')

@@ -14,19 +14,19 @@ if TYPE_CHECKING:
         scene_name,
         scene_text,
     )
-    from mechanism_sim.recording.reader import Bag, Topic, read_bag
-    from mechanism_sim.recording.recovery import Recovery, recover, render_recovery
+    from mechanism_sim.recording.reader import Bag, BagTopic, read_bag
+    from mechanism_sim.recording.recovery import RecoveredBag, recover, render_recovery
     from mechanism_sim.recording.rosbag2 import Qos, QosLike
     from mechanism_sim.recording.writer import BagWriter
 
 __all__ = [
     'Bag',
     'BagInfo',
+    'BagTopic',
     'BagWriter',
     'Qos',
     'QosLike',
-    'Recovery',
-    'Topic',
+    'RecoveredBag',
     'displacements',
     'info',
     'read_bag',
@@ -40,8 +40,8 @@ __all__ = [
 
 _FILES = {
     'inventory': ('BagInfo', 'displacements', 'info', 'render_info', 'scene_name', 'scene_text'),
-    'reader': ('Bag', 'Topic', 'read_bag'),
-    'recovery': ('Recovery', 'recover', 'render_recovery'),
+    'reader': ('Bag', 'BagTopic', 'read_bag'),
+    'recovery': ('RecoveredBag', 'recover', 'render_recovery'),
     'rosbag2': ('Qos', 'QosLike'),
     'writer': ('BagWriter',),
 }

@@ -9,7 +9,7 @@ from typing import Any
 
 from mechanism_sim import documents, strict_json
 from mechanism_sim.recording.pace import realtime_factor
-from mechanism_sim.recording.reader import Bag, Topic, read_bag
+from mechanism_sim.recording.reader import Bag, BagTopic, read_bag
 from mechanism_sim.recording.writer import lock
 
 
@@ -32,7 +32,7 @@ class BagInfo:
     end: float
     duration: float
     messages: int
-    topics: tuple[Topic, ...]
+    topics: tuple[BagTopic, ...]
     schemas: tuple[str, ...]
     compression: str
     scene: str | None
@@ -166,7 +166,7 @@ def _author(bag: BagInfo) -> str:
     return f'{bag.library} {bag.package}'.rstrip() + f', bag version {bag.version}'
 
 
-def _row(topic: Topic) -> tuple[str, str, str, str]:
+def _row(topic: BagTopic) -> tuple[str, str, str, str]:
     qos = topic.qos
     if qos is None:
         return topic.name, str(topic.count), topic.type, ''

@@ -12,7 +12,14 @@ from mechanism_sim import documents
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import MessageError, deserialize, type_hash
 from mechanism_sim.recording.rosbag2 import Qos
-from mechanism_sim.recording.scan import DamagedBagError, Layout, blocks, messages, sound, survey
+from mechanism_sim.recording.scan import (
+    DamagedBagError,
+    FileLayout,
+    blocks,
+    messages,
+    sound,
+    survey,
+)
 from mechanism_sim.recording.writer import RECORDING, VERSION
 from ros_interfaces.checks import impossible_number
 
@@ -25,7 +32,7 @@ READABLE = frozenset(map(str, range(VERSION + 1)))
 
 
 @dataclass(frozen=True)
-class Topic:
+class BagTopic:
     """A topic of a bag: `qos` is that of its first publisher, None where the bag has none."""
 
     name: str
@@ -56,7 +63,7 @@ class Bag:
     """
 
     def __init__(
-        self, path: Path, layout: Layout, progress: Callable[[float], None] | None = None
+        self, path: Path, layout: FileLayout, progress: Callable[[float], None] | None = None
     ) -> None:
         self.path = path
         self._progress = progress
@@ -221,13 +228,13 @@ def file_of(path: Path | str) -> Path:
     return found[0]
 
 
-def _topics(layout: Layout) -> dict[str, Topic]:
+def _topics(layout: FileLayout) -> dict[str, BagTopic]:
     """Return the topics by name; several channels of one topic (publishers) count as one."""
-    topics: dict[str, Topic] = {}
+    topics: dict[str, BagTopic] = {}
     for channel in sorted(layout.channels.values(), key=lambda channel: channel.topic):
         schema = layout.schemas.get(channel.schema_id)
         known = topics.get(channel.topic)
-        topics[channel.topic] = Topic(
+        topics[channel.topic] = BagTopic(
             name=channel.topic,
             type=schema.name if schema else '',
             count=layout.counts[channel.id] + (known.count if known else 0),

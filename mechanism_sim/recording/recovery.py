@@ -14,12 +14,12 @@ from mechanism_sim.output import beside
 from mechanism_sim.recording.reader import Bag, file_of
 from mechanism_sim.recording.rosbag2 import METADATA_NAME, Qos, TopicRecord, bag_metadata
 from mechanism_sim.recording.rosbag2 import qos_profile as profile_of
-from mechanism_sim.recording.scan import MESSAGE, Layout, attachments, blocks, messages, survey
+from mechanism_sim.recording.scan import MESSAGE, FileLayout, attachments, blocks, messages, survey
 from mechanism_sim.recording.writer import LIBRARY, RECORDING, lock
 
 
 @dataclass(frozen=True)
-class Recovery:
+class RecoveredBag:
     """Outcome of a recovery: messages in the bag now, bytes that were lost.
 
     was_closed: nothing was to be done; end: largest log time [s]; cut: bytes at the end that were
@@ -38,7 +38,7 @@ class Recovery:
         return asdict(self)
 
 
-def recover(path: Path | str) -> Recovery:
+def recover(path: Path | str) -> RecoveredBag:
     """Close the bag at `path`: all that can be read of it stays, byte by byte, with an index.
 
     It is written beside the file and takes its name at last. A bag that is closed is left alone.
@@ -63,10 +63,10 @@ def recover(path: Path | str) -> Recovery:
                 os.fsync(out.fileno())
                 os.fchmod(out.fileno(), os.fstat(stream.fileno()).st_mode & 0o777)
     count = layout.counts.total()
-    return Recovery(str(file), layout.complete, count, layout.end / 1e9, cut, rescued)
+    return RecoveredBag(str(file), layout.complete, count, layout.end / 1e9, cut, rescued)
 
 
-def render_recovery(found: Recovery) -> str:
+def render_recovery(found: RecoveredBag) -> str:
     """Return the text that the command line shows."""
     if found.was_closed:
         return f'{found.path} was closed properly: it is left as it is'
@@ -80,7 +80,7 @@ def render_recovery(found: Recovery) -> str:
     return '\n'.join(lines)
 
 
-def _rewrite(path: Path, stream: BinaryIO, layout: Layout, out: IO[bytes]) -> None:
+def _rewrite(path: Path, stream: BinaryIO, layout: FileLayout, out: IO[bytes]) -> None:
     """Write what can be read of a file as a file that is complete."""
     writer: Any = Writer(out, enable_crcs=True, enable_data_crcs=True)
     writer.start(profile=layout.profile, library=layout.library)
@@ -110,7 +110,7 @@ def _rewrite(path: Path, stream: BinaryIO, layout: Layout, out: IO[bytes]) -> No
     writer.finish()
 
 
-def _own_metadata(path: Path, layout: Layout) -> dict[str, dict[str, str]]:
+def _own_metadata(path: Path, layout: FileLayout) -> dict[str, dict[str, str]]:
     """Return what the recorder would have written at its end; nothing for files of others."""
     if layout.library != LIBRARY:
         return {}

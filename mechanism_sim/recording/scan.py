@@ -65,7 +65,7 @@ def sound(path: Path, what: str) -> Iterator[None]:
 
 
 @dataclass
-class Layout:
+class FileLayout:
     """Contents of a file and where its readable part ends.
 
     `chunk_channels` maps the offset of a chunk to the channels in it, where an index says so;
@@ -87,7 +87,7 @@ class Layout:
     rest: bytes = b''
 
 
-def survey(path: Path) -> Layout:
+def survey(path: Path) -> FileLayout:
     """Return the layout of a file: from its index, or by reading all of it where that is missing.
 
     Raises:
@@ -106,7 +106,7 @@ def survey(path: Path) -> Layout:
 
 
 def blocks(
-    path: Path, stream: BinaryIO, layout: Layout, wanted: Container[int] | None = None
+    path: Path, stream: BinaryIO, layout: FileLayout, wanted: Container[int] | None = None
 ) -> Iterator[bytes]:
     """Yield the readable part of a file as runs of records, chunk by chunk, decompressed.
 
@@ -163,7 +163,7 @@ def _records(stream: BinaryIO, limit: int) -> Iterator[tuple[int, int, int]]:
         offset += RECORD.size + length
 
 
-def attachments(stream: BinaryIO, layout: Layout) -> Iterator[Attachment]:
+def attachments(stream: BinaryIO, layout: FileLayout) -> Iterator[Attachment]:
     """Yield the attachments in the readable part of a file."""
     for opcode, offset, length in _records(stream, layout.readable):
         if opcode == Opcode.ATTACHMENT:
@@ -205,7 +205,7 @@ def _decompress(path: Path, offset: int, body: bytes) -> tuple[Chunk, bytes]:
     return chunk, block
 
 
-def _from_index(path: Path, stream: BinaryIO) -> Layout | None:
+def _from_index(path: Path, stream: BinaryIO) -> FileLayout | None:
     """Return the layout by the summary of a file that was closed; None where there is none."""
     size = stream.seek(0, 2)
     stream.seek(max(0, size - len(MAGIC)))
@@ -218,7 +218,7 @@ def _from_index(path: Path, stream: BinaryIO) -> Layout | None:
         metadata = {found.name: found.metadata for found in reader.iter_metadata()}
     if summary is None or summary.statistics is None or not summary.chunk_indexes:
         return None
-    return Layout(
+    return FileLayout(
         complete=True,
         readable=size,
         library=header.library,
@@ -238,9 +238,9 @@ def _from_index(path: Path, stream: BinaryIO) -> Layout | None:
     )
 
 
-def _from_records(path: Path, stream: BinaryIO) -> Layout:
+def _from_records(path: Path, stream: BinaryIO) -> FileLayout:
     """Return the layout by reading records as far as they are sound."""
-    layout = Layout()
+    layout = FileLayout()
     times: list[int] = []
     size = stream.seek(0, 2)
     for opcode, offset, length in _records(stream, size):
@@ -264,7 +264,7 @@ def _from_records(path: Path, stream: BinaryIO) -> Layout:
 
 
 def _note(
-    path: Path, layout: Layout, opcode: int, offset: int, block: bytes, times: list[int]
+    path: Path, layout: FileLayout, opcode: int, offset: int, block: bytes, times: list[int]
 ) -> None:
     """Note what a record holds, and the first and the last of the `times` so far."""
     if opcode == Opcode.CHUNK:
@@ -280,7 +280,7 @@ def _note(
         layout.metadata[found.name] = found.metadata
 
 
-def _count(layout: Layout, block: bytes, times: list[int]) -> None:
+def _count(layout: FileLayout, block: bytes, times: list[int]) -> None:
     """Note what a run of records holds, and the first and the last of the `times` so far."""
     held = [(channel, log_time) for channel, log_time, _, _ in messages(block)]
     _register(layout, block)
@@ -290,7 +290,7 @@ def _count(layout: Layout, block: bytes, times: list[int]) -> None:
         times[:] = [min(times[:1] + ends), max(times[1:] + ends)]
 
 
-def _register(layout: Layout, block: bytes) -> None:
+def _register(layout: FileLayout, block: bytes) -> None:
     """Note the schemas and channels that a run of records introduces."""
     position = 0
     while position < len(block):

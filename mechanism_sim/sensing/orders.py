@@ -26,7 +26,7 @@ _MOST = 4096  # samples a turn, unless told
 
 
 @dataclass(frozen=True, eq=False)
-class Turns:
+class TurnSegments:
     """A signal at n angles equally spaced in each of K whole turns.
 
     Attributes
@@ -70,7 +70,7 @@ class Turns:
 
 def at_equal_angles(
     turned: Sequence[Array], values: Sequence[Array], per_turn: int | None = None
-) -> Turns:
+) -> TurnSegments:
     """A signal at equal angles of a shaft, by splines of degree 5 through its samples.
 
     The splines follow what lies well below half the sampling rate: at a quarter of the rate their
@@ -103,7 +103,7 @@ def at_equal_angles(
         first.append(np.arange(begin, end))
     if not rows:
         raise ValueError('the signal covers no whole turn')
-    return Turns(np.concatenate(rows), np.concatenate(first))
+    return TurnSegments(np.concatenate(rows), np.concatenate(first))
 
 
 def _per_turn(turned: Sequence[Array]) -> int:
@@ -111,7 +111,7 @@ def _per_turn(turned: Sequence[Array]) -> int:
     return int(min(max(math.ceil((1.0 - 1e-9) / step), 8), _MOST))
 
 
-def order_spectrum(turns: Turns, window: str = 'boxcar') -> Spectrum:
+def order_spectrum(turns: TurnSegments, window: str = 'boxcar') -> Spectrum:
     """Amplitudes over orders, the `frequency` being in cycles a turn; of the longest series.
 
     Over whole turns an order that is a whole number leaks nowhere, however the speed varies; that

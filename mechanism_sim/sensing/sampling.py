@@ -45,7 +45,7 @@ class Sampler:
 
     def __init__(self, instrument: Instrument, name: str, drive: int = 0) -> None:
         self._rate, self._trigger = instrument.sample_rate, instrument.trigger
-        self._passage = Passage(self._trigger, {drive: 1.0}) if self._trigger else None
+        self._passage = LevelPassage(self._trigger, {drive: 1.0}) if self._trigger else None
         self._start: float | None = None if self._trigger else 0.0
         self._count = 0
         self._jitter = instrument.converter.jitter
@@ -97,7 +97,7 @@ class Sampler:
         return self._offsets[:count]
 
 
-class Passage:
+class LevelPassage:
     """When a sum of coordinates passes an angle, in either direction; a run may begin on it.
 
     Parameters

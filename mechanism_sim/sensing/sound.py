@@ -43,7 +43,7 @@ class Air:
 
 
 @dataclass(frozen=True)
-class Material:
+class SoundMaterial:
     """Material of both spheres; steel by default."""
 
     density: float = 7850.0  #: [kg/m^3]
@@ -65,7 +65,7 @@ class Listener:
             )
 
 
-AIR, STEEL = Air(), Material()
+AIR, STEEL = Air(), SoundMaterial()
 
 
 def sphere_modes(radius: Array, distance: Array, air: Air = AIR) -> tuple[Array, Array]:
@@ -118,7 +118,9 @@ def half_sine_response(poles: Array, residues: Array, duration: float, t: Array)
     return np.where(t > 0.0, response.real, 0.0)
 
 
-def contact_time(mass: float, radius: float, speed: float, material: Material = STEEL) -> float:
+def contact_time(
+    mass: float, radius: float, speed: float, material: SoundMaterial = STEEL
+) -> float:
     """How long a Hertzian contact lasts [s].
 
     From ``mass x'' = -4/3 E sqrt(radius) x^(3/2)``, E being the modulus of two equal materials.
@@ -220,7 +222,7 @@ def pressure(
     listener: Listener,
     pulse: float | None = None,
     air: Air = AIR,
-    material: Material = STEEL,
+    material: SoundMaterial = STEEL,
 ) -> Array:
     """Sound pressure of a train of impacts [Pa], at the multiples of ``1 / rate``.
 

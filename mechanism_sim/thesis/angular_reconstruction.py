@@ -20,7 +20,7 @@ _TOP = 0.45  # of the sampling rate: above, nothing is worth keeping
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class Reconstruction:
     """A reconstruction of a quantity (N,), and the best that could have come of the instrument.
 
     Attributes
@@ -81,27 +81,29 @@ class Rebuilt:
 
     def accelerations(
         self, readings: list[Array], heard: Array, truth: Array
-    ) -> dict[str, Estimate]:
+    ) -> dict[str, Reconstruction]:
         """Angular accelerations [rad/s^2] by method."""
         first = readings[0]
         faded = self._turn_by_turn(first)
         undone, best = self._undone(first), self._undone(heard)
         found = {
-            'thesis': Estimate(self._one(faded, False), self._turn_by_turn(heard), truth),
-            'corrected': Estimate(
+            'thesis': Reconstruction(self._one(faded, False), self._turn_by_turn(heard), truth),
+            'corrected': Reconstruction(
                 _swinging(self._one(faded, True)), self._turn_by_turn(heard), truth
             ),
-            'undone': Estimate(_swinging(self._one(undone, True)), best, truth),
+            'undone': Reconstruction(_swinging(self._one(undone, True)), best, truth),
         }
         if len(readings) > 1:
             two = angular.by_two(first, readings[1], *self._at)
-            found['two'] = Estimate(self._turn_by_turn(two), self._turn_by_turn(heard), truth)
-            found['two, undone'] = Estimate(self._undone(two), best, truth)
+            found['two'] = Reconstruction(
+                self._turn_by_turn(two), self._turn_by_turn(heard), truth
+            )
+            found['two, undone'] = Reconstruction(self._undone(two), best, truth)
         return found
 
     def velocities(
-        self, accelerations: Mapping[str, Estimate], nominal: Array, truth: Array
-    ) -> dict[str, Estimate]:
+        self, accelerations: Mapping[str, Reconstruction], nominal: Array, truth: Array
+    ) -> dict[str, Reconstruction]:
         """Angular velocities [rad/s] by method, from the angular acceleration of another."""
         thesis = accelerations['thesis']
         best = accelerations.get('two, undone', accelerations['undone'])
@@ -119,14 +121,14 @@ class Rebuilt:
             return np.concatenate(pieces)
 
         return {
-            'thesis': Estimate(each(thesis.values, False), each(thesis.shown, False), truth),
-            'closed': Estimate(each(thesis.values, True), each(thesis.shown, True), truth),
-            'spectrum': Estimate(
+            'thesis': Reconstruction(each(thesis.values, False), each(thesis.shown, False), truth),
+            'closed': Reconstruction(each(thesis.values, True), each(thesis.shown, True), truth),
+            'spectrum': Reconstruction(
                 angular.by_spectrum(best.values, rate, low, mean),
                 angular.by_spectrum(best.shown, rate, low, mean),
                 truth,
             ),
-            'filter': Estimate(
+            'filter': Reconstruction(
                 angular.by_filter(best.values, rate, 0.4 * low, 2, mean),
                 angular.by_filter(best.shown, rate, 0.4 * low, 2, mean),
                 truth,

@@ -133,7 +133,7 @@ class ClearanceLink:
 
 
 @dataclass(frozen=True)
-class Following:
+class PinFollowing:
     """How a free clearance link fared from its start on."""
 
     turned: float | None  #: [rad] of the crank until contact was lost; None if it was not
@@ -300,7 +300,7 @@ def follow(
     start: float = 0.0,
     turns: float = 3.0,
     rate: float | None = None,
-) -> Following:
+) -> PinFollowing:
     """Integrate the direction of a clearance link that presses, until it lets go.
 
     It starts in the direction of the force, as [SB] 3.4 and the scenes with ``start: seated`` do.
@@ -352,7 +352,7 @@ def follow(
     state = np.array([eta, rate])
     least = float(swing(np.zeros(1), state[:, None])[0][0])
     if least <= 0.0:
-        return Following(0.0, start % TURN, least)
+        return PinFollowing(0.0, start % TURN, least)
     # A link that starts aligned and at rest does not show how fast it will swing.
     period = abs(speed) * math.sqrt(link.radial * float(np.trace(m)) / math.hypot(*force))
     solver = scipy.integrate.DOP853(
@@ -371,14 +371,14 @@ def follow(
         lost = np.flatnonzero(values > 0.0)
         if lost.size:
             turned = root(pull, x[lost[0] - 1], x[lost[0]])
-            return Following(turned, (start + way * turned) % TURN, 0.0)
+            return PinFollowing(turned, (start + way * turned) % TURN, 0.0)
         if -values.max() < least:
             i = int(values.argmax())
             highest = tip(pull, x[max(i - 1, 0)], x[min(i + 1, len(x) - 1)])[1]
             least = -max(highest, float(values[i]))
     if solver.status == 'failed':
         raise ArithmeticError(f'the clearance link could not be followed to {solver.t:.9g} rad')
-    return Following(None, None, least)
+    return PinFollowing(None, None, least)
 
 
 def _turning(cycle: ForceCycle, link: ClearanceLink, angle: Array) -> tuple[Array, Array, Array]:

@@ -28,14 +28,14 @@ from mechanism_sim.numerics.batch_means import quotient, ratio
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.chain import Instrument
-from mechanism_sim.sensing.orders import Turns
+from mechanism_sim.sensing.orders import TurnSegments
 from mechanism_sim.thesis.angular_acceleration import TurningLink
-from mechanism_sim.thesis.angular_reconstruction import LINKS, Estimate
+from mechanism_sim.thesis.angular_reconstruction import LINKS, Reconstruction
 from mechanism_sim.thesis.reconstruction import Error
 from mechanism_sim.thesis.swing import (
     MESHES,
+    LinkMotion,
     Severity,
-    Swing,
     all_samples,
     has_high_pass,
     sensors_across,
@@ -60,7 +60,7 @@ _AT_FIRST = 4  # turns
 _SEGMENT = 4  # turns under the window of spectra, if there are as many
 
 
-class Bearing(NamedTuple):
+class BearingContact(NamedTuple):
     """Contact between pin and bushing."""
 
     restitution: float
@@ -78,7 +78,7 @@ class Condition(NamedTuple):
 
     speed: float  #: of the crank [rad/s]
     radial: float  #: clearance [m]
-    bearing: Bearing
+    bearing: BearingContact
 
     @property
     def place(self) -> str:
@@ -133,7 +133,7 @@ class Errors(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Cycle:
+class CrankTurn:
     """A turn of the crank in steps of `MESH`.
 
     Attributes
@@ -191,11 +191,11 @@ class Trial:
     severity_at_first: Mapping[str, Severity]
     errors: Mapping[tuple[str, str], Mapping[str, Errors]]
     overloads: int
-    swings: Mapping[str, Swing]
+    swings: Mapping[str, LinkMotion]
     rose: Rose
     impacts: ImpactCycles
     every: ImpactCycles
-    first: Cycle
+    first: CrankTurn
 
     @property
     def turns_since_first(self) -> int:
@@ -295,7 +295,7 @@ def trial(bag: Path, skip: int | None = None, ideals: IdealRuns | None = None) -
 
 
 def _errors(
-    found: Iterable[tuple[str, Mapping[str, Estimate], Mapping[str, Estimate]]],
+    found: Iterable[tuple[str, Mapping[str, Reconstruction], Mapping[str, Reconstruction]]],
 ) -> dict[tuple[str, str], dict[str, Errors]]:
     return {
         (quantity, link): {n: Errors(e.error_of_shown, e.error) for n, e in estimates.items()}
@@ -316,11 +316,11 @@ def _condition(bag: Path, machine: Machine) -> Condition:
     viscosity = 0.0
     if play.contact and play.film:
         viscosity = play.contact.viscosity or 0.0
-    bearing = Bearing(play.restitution, play.friction, viscosity)
+    bearing = BearingContact(play.restitution, play.friction, viscosity)
     return Condition(machine.start_of_crank[1], play.radial, bearing)
 
 
-def _cycle(record: Record, ideal: Record, turn: int) -> Cycle:
+def _cycle(record: Record, ideal: Record, turn: int) -> CrankTurn:
     machine, curve = record.machine, record.piece.motion.curve
     edges = steps(record, (turn, turn + 1), MESH)
     middle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
@@ -347,7 +347,7 @@ def _cycle(record: Record, ideal: Record, turn: int) -> Cycle:
             without['drive_torque'],
         ]
     )
-    return Cycle(
+    return CrankTurn(
         np.asarray((np.arange(len(middle)) + 0.5) * MESH, float),
         (np.diff(curve(edges, 1), axis=0) / width[:, None]).T[rows],
         v.T[rows],
@@ -436,12 +436,12 @@ class Experiment:
         return [x for group in self.groups for x in group.trials]
 
     @cached_property
-    def counted(self) -> Counter[Bearing]:
+    def counted(self) -> Counter[BearingContact]:
         """How many runs there are of each bearing."""
         return Counter(x.condition.bearing for x in self.trials)
 
     @cached_property
-    def bearing(self) -> Bearing:
+    def bearing(self) -> BearingContact:
         """Of the machine that is measured; of equal numbers of runs, the one read first."""
         return self.counted.most_common(1)[0][0]
 
@@ -450,7 +450,7 @@ class Experiment:
         """The runs of that machine by speed [rad/s] and clearance [m], in rising order."""
         return self.places(self.bearing)
 
-    def places(self, bearing: Bearing) -> dict[tuple[float, float], Repeats]:
+    def places(self, bearing: BearingContact) -> dict[tuple[float, float], Repeats]:
         """The runs of a bearing by speed [rad/s] and clearance [m], in rising order."""
         found = {x.condition[:2]: x for x in self.groups if x.condition.bearing == bearing}
         return dict(sorted(found.items()))
@@ -561,7 +561,7 @@ def order_amplitudes(of: Trial) -> Array:
     record = read_record(of.bag)
     sensor = next(iter(sensors_across(record.machine, 'coupler')))
     shown = deviation(record, sensor, skip=of.turns[0] - record.turns[0])
-    longest = min(_SEGMENT, max(map(len, Turns(shown.values, shown.own.first).series()))
+    longest = min(_SEGMENT, max(map(len, TurnSegments(shown.values, shown.own.first).series()))
                   // shown.values.shape[1])  # fmt: skip
     return np.asarray(np.sqrt(shown.order_power(longest)[:ORDERS]))
 

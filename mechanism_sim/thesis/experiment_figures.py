@@ -19,7 +19,7 @@ from mechanism_sim.sensing.spectra import power
 from mechanism_sim.thesis.angular_reconstruction import LINKS
 from mechanism_sim.thesis.experiment import (
     JOINT,
-    Cycle,
+    CrankTurn,
     Experiment,
     Interval,
     Repeats,
@@ -34,7 +34,7 @@ _DOMINANT = 3
 
 
 class _Row(NamedTuple):
-    """A row of `Cycle.rows`."""
+    """A row of `CrankTurn.rows`."""
 
     place: int
     words: str
@@ -190,7 +190,7 @@ def _superposed(found: Experiment, rows: Array, quantity: str, name: str) -> Cha
 
 
 def _beside_nominal(
-    title: str, cycle: Cycle, shown: Sequence[tuple[_Row, Array]], label: str
+    title: str, cycle: CrankTurn, shown: Sequence[tuple[_Row, Array]], label: str
 ) -> Chart:
     """[SB] 8.3 and 8.8 to 8.10: rows of a cycle, and what the ideal mechanism has for them."""
     panels = [

@@ -12,7 +12,7 @@ from pathlib import Path
 from mechanism_sim import output
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.thesis.experiment import Experiment
-from mechanism_sim.thesis.experiment_tables import Table, summary, tables
+from mechanism_sim.thesis.experiment_tables import ExperimentTable, summary, tables
 
 _MARKED = re.compile(
     r'^(?P<begin><!-- experiment: (?P<name>[^\n]+?) -->\n).*?^(?P<end><!-- /experiment -->)$',
@@ -53,7 +53,7 @@ def renewed(text: str, found: Experiment) -> str:
     return _MARKED.sub(made, text)
 
 
-def _chosen(table: Table, rows: str) -> Table:
+def _chosen(table: ExperimentTable, rows: str) -> ExperimentTable:
     """A table with the rows that a page asks for: all if it does not say."""
     column, _, value = rows.rpartition(' = ')
     if not rows:

@@ -41,7 +41,7 @@ _METHODS = {
 _AGAINST = {'of_shown': 'what the instrument could show', 'of_truth': 'the truth'}
 
 
-class Table(NamedTuple):
+class ExperimentTable(NamedTuple):
     """A table with a heading, and a name by which pages refer to it."""
 
     name: str
@@ -62,7 +62,7 @@ class Table(NamedTuple):
         return '\n'.join([text[0], rule, *text[1:]])
 
 
-def tables(found: Experiment) -> list[Table]:
+def tables(found: Experiment) -> list[ExperimentTable]:
     """All tables of an experiment that has runs for them."""
     made = [
         _bearings(found), _steps(found), _course(found), _severity(found), _claims(found),
@@ -159,7 +159,7 @@ def _bearing(group: Repeats) -> tuple[str, str, str]:
     return f'{b.restitution:g}', f'{b.friction:g}', ''
 
 
-def _severity(found: Experiment) -> Table:
+def _severity(found: Experiment) -> ExperimentTable:
     rows = [
         (
             *_place(group.condition),
@@ -175,10 +175,10 @@ def _severity(found: Experiment) -> Table:
         'coupler [rad/s^2]', 'rocker [rad/s^2]',
     )  # fmt: skip
     title = 'Impacts, and the deviation of the accelerations as the instrument shows it'
-    return Table('severity', title, columns, rows)
+    return ExperimentTable('severity', title, columns, rows)
 
 
-def _bearings(found: Experiment) -> Table:
+def _bearings(found: Experiment) -> ExperimentTable:
     rows = []
     for group in found.bearings:
         early = [x.severity_at_first['coupler'] for x in group.trials]
@@ -201,13 +201,13 @@ def _bearings(found: Experiment) -> Table:
         f'Deviation of the acceleration of the coupler by bearing, rms [rad/s^2], at '
         f'{found.reference.condition.place}'
     )
-    return Table('bearings', title, heads, rows)
+    return ExperimentTable('bearings', title, heads, rows)
 
 
-def _steps(found: Experiment) -> Table:
+def _steps(found: Experiment) -> ExperimentTable:
     """From the machine that [SB] assumes, step by step, to those that it may have measured."""
     if found.assumed is found.reference:
-        return Table('steps', '', (), [])
+        return ExperimentTable('steps', '', (), [])
     assumed, reference = found.assumed, found.reference
 
     def step(
@@ -239,7 +239,7 @@ def _steps(found: Experiment) -> Table:
         for group in found.bearings
         if group.condition.bearing.friction or group.condition.bearing.viscosity
     ]
-    return Table(
+    return ExperimentTable(
         'steps',
         'Deviation of the coupler, from the assumed machine to measured ones, rms [rad/s^2]',
         ('step', 'deviation', 'divides by'),
@@ -247,7 +247,7 @@ def _steps(found: Experiment) -> Table:
     )
 
 
-def _course(found: Experiment) -> Table:
+def _course(found: Experiment) -> ExperimentTable:
     """Impacts of the assumed machine and of the measured one in the course of time."""
     groups = list(dict.fromkeys([found.assumed, found.reference]))
     rows = [
@@ -267,16 +267,16 @@ def _course(found: Experiment) -> Table:
         for what in ('impacts', 'impulse [mN s]')
     ]
     title = 'Impacts and sum of impulses a turn, from the first turn with an impact'
-    return Table('course', title, ('turns', *heads), rows)
+    return ExperimentTable('course', title, ('turns', *heads), rows)
 
 
-def _claims(found: Experiment) -> Table:
+def _claims(found: Experiment) -> ExperimentTable:
     rows = [
         (claim.text, claim.figure, claim.verdict, '; '.join(_evidence(claim)))
         for claim in claims(found)
     ]
     title = 'What [SB] concludes, by intervals that do not overlap'
-    return Table('claims', title, ('[SB]', 'judged by', 'here', 'figures'), rows)
+    return ExperimentTable('claims', title, ('[SB]', 'judged by', 'here', 'figures'), rows)
 
 
 def _evidence(claim: Claim) -> Iterator[str]:
@@ -290,7 +290,7 @@ def _evidence(claim: Claim) -> Iterator[str]:
         yield (f'{c.where}, ' if c.where else '') + text + found
 
 
-def _other_places(found: Experiment) -> Iterator[Table]:
+def _other_places(found: Experiment) -> Iterator[ExperimentTable]:
     """Bearings beside the measured one that were run at several speeds and clearances."""
     for bearing in found.counted:
         places = found.places(bearing)
@@ -308,7 +308,7 @@ def _other_places(found: Experiment) -> Iterator[Table]:
             for speed in sorted({speed for speed, _ in places})
         ]
         most = max(x.impacts('count').mean for x in places.values())
-        yield Table(
+        yield ExperimentTable(
             f'places of {bearing}',
             f'Deviation of the coupler as shown [rad/s^2], {bearing}; at most {most:.3g} impacts '
             'a turn',
@@ -317,7 +317,7 @@ def _other_places(found: Experiment) -> Iterator[Table]:
         )
 
 
-def _errors(found: Experiment) -> Iterator[Table]:
+def _errors(found: Experiment) -> Iterator[ExperimentTable]:
     """Relative rms errors [%]."""
     for of in product(QUANTITIES, LINKS):
         methods = list(found.reference.first.errors[of])
@@ -335,14 +335,14 @@ def _errors(found: Experiment) -> Iterator[Table]:
             ]
             what = f'{of[0]} of the {of[1]} against {against}'
             columns = 'rpm', 'clearance [mm]', *(_METHODS[m] for m in methods)
-            yield Table(what, f'Angular {what}, rms [%]', columns, rows)
+            yield ExperimentTable(what, f'Angular {what}, rms [%]', columns, rows)
 
 
 def _relative(errors: Errors, against: str) -> float:
     return 100.0 * float(getattr(errors, against).relative)
 
 
-def _limits(found: Experiment) -> Table:
+def _limits(found: Experiment) -> ExperimentTable:
     """Effect of the lower limit of the amplifiers on what [SB] did."""
     rows = []
     for (limit, condition), errors in sorted(
@@ -362,13 +362,13 @@ def _limits(found: Experiment) -> Table:
         'Errors of what [SB] did under both lower limits of the amplifier, rms [%]: accelerations '
         'against what the instrument could show, velocities against the truth'
     )
-    return Table('limits', title, columns, rows)
+    return ExperimentTable('limits', title, columns, rows)
 
 
-def _orders(found: Experiment) -> Table:
+def _orders(found: Experiment) -> ExperimentTable:
     rows = [(str(n), figure(x)) for n, x in enumerate(found.orders or (), 1)]
     title = 'Alpha by multiple of the speed of the crank, assumed over measured, both later'
-    return Table('orders', title, ('order', 'alpha'), rows)
+    return ExperimentTable('orders', title, ('order', 'alpha'), rows)
 
 
 def to_json(found: Experiment) -> dict[str, object]:

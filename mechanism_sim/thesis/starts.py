@@ -14,7 +14,7 @@ from mechanism_sim.strict_json import plain
 
 
 @dataclass(frozen=True)
-class Start:
+class StartAngle:
     """A seated start at one crank angle.
 
     Attributes
@@ -43,7 +43,7 @@ def starts(
     angles: int = 24,
     revolutions: float = 3.0,
     progress: Callable[[int], None] | None = None,
-) -> list[Start]:
+) -> list[StartAngle]:
     """Seated starts at so many crank angles around the turn, in the order of the angles."""
     if machine.torque_driven or len(machine.laws) > 1 or not machine.clearances:
         raise InputError(f'{machine.name}: this needs clearance and a crank at constant speed')
@@ -57,13 +57,13 @@ def starts(
         lost = [m.t for m in solution.modes if m.mode == Mode.FREE_FLIGHT]
         followed = min(lost) / machine.period if lost else math.inf
         sense = 1 if machine.start_of_crank[1] > 0.0 else -1
-        found.append(Start(angle, followed, len(solution.impacts), sense))
+        found.append(StartAngle(angle, followed, len(solution.impacts), sense))
         if progress:
             progress(k + 1)
     return found
 
 
-def render(found: Sequence[Start]) -> str:
+def render(found: Sequence[StartAngle]) -> str:
     """Start angles for people, the best one named."""
     lines = ['start angle   follows for     loses it at   impacts']
     for s in found:
@@ -77,7 +77,7 @@ def render(found: Sequence[Start]) -> str:
     return '\n'.join(lines)
 
 
-def to_json(found: Sequence[Start]) -> list[dict[str, object]]:
+def to_json(found: Sequence[StartAngle]) -> list[dict[str, object]]:
     """Table as JSON; ``followed`` and ``lost_at`` are null where contact was kept."""
     keys = 'angle', 'followed', 'lost_at', 'impacts'
     return [{key: plain(getattr(s, key)) for key in keys} for s in found]

@@ -22,7 +22,7 @@ from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
 from mechanism_sim.sensing.channel import Channel, Source
 from mechanism_sim.thesis.angular_acceleration import TurningLink
-from mechanism_sim.thesis.angular_reconstruction import LINKS, Estimate, Rebuilt
+from mechanism_sim.thesis.angular_reconstruction import LINKS, Rebuilt, Reconstruction
 
 MESHES = 1.0, 0.1
 """[deg] of the crank: steps over which an acceleration with impacts is averaged."""
@@ -48,7 +48,7 @@ class Severity(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Swing:
+class LinkMotion:
     """A link in N samples of its sensor.
 
     Attributes
@@ -70,8 +70,8 @@ class Swing:
     overloads: int
     nominal: Array
     heard: Array
-    accelerations: Mapping[str, Estimate]
-    velocities: Mapping[str, Estimate]
+    accelerations: Mapping[str, Reconstruction]
+    velocities: Mapping[str, Reconstruction]
     severity: Severity
     severity_at_first: Severity
 
@@ -115,7 +115,7 @@ def swings(
     nominal: Callable[[str, Instrument], Array],
     turns: tuple[int, int],
     first: tuple[int, int],
-) -> dict[str, Swing]:
+) -> dict[str, LinkMotion]:
     """Both links in some turns of the crank.
 
     Parameters
@@ -140,7 +140,7 @@ def swings(
             for chosen, means in zip(instants, (late, early), strict=True)
         ]
         angle, nominal_motion, accelerations, velocities = _rebuild(record, link, signals)
-        found[link] = Swing(
+        found[link] = LinkMotion(
             signals.time,
             angle,
             signals.readings[0],
@@ -162,7 +162,7 @@ def has_high_pass(machine: Machine) -> bool:
 
 def under_limit(
     record: Record, turns: tuple[int, int], high_pass: float
-) -> dict[str, tuple[Mapping[str, Estimate], Mapping[str, Estimate]]]:
+) -> dict[str, tuple[Mapping[str, Reconstruction], Mapping[str, Reconstruction]]]:
     """Accelerations and velocities by link and method, had the amplifiers another lower limit.
 
     Parameters
@@ -231,7 +231,7 @@ def _signals(
 
 def _rebuild(
     record: Record, link: str, signals: _Signals
-) -> tuple[Array, Array, Mapping[str, Estimate], Mapping[str, Estimate]]:
+) -> tuple[Array, Array, Mapping[str, Reconstruction], Mapping[str, Reconstruction]]:
     """Reconstructions from the signals: accelerations and velocities by method.
 
     Before them the angle of the crank [deg], from the first of the turns on, and the ideal

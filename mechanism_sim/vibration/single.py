@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
-class Response(NamedTuple):
+class FreeResponse(NamedTuple):
     """Motion over time."""
 
     displacement: Array  #: [m or rad]
@@ -105,7 +105,9 @@ class Oscillator:
             np.where(real, -sum_ + 0j, -a - 1j * spread),
         )
 
-    def free(self, t: ArrayLike, displacement: ArrayLike, velocity: ArrayLike = 0.0) -> Response:
+    def free(
+        self, t: ArrayLike, displacement: ArrayLike, velocity: ArrayLike = 0.0
+    ) -> FreeResponse:
         """Free vibration from initial displacement and velocity ([V] 6.3, 6.6).
 
         Parameters
@@ -117,7 +119,7 @@ class Oscillator:
         y0, v0, t = np.asarray(displacement), np.asarray(velocity), np.asarray(t, np.float64)
         rest = v0 - slow * y0
         y = (y0 * np.exp(slow * t) + rest * first_difference(slow, fast, t)).real
-        return Response(y, (slow * y + rest * np.exp(fast * t)).real)
+        return FreeResponse(y, (slow * y + rest * np.exp(fast * t)).real)
 
     def forced(
         self,
@@ -126,7 +128,7 @@ class Oscillator:
         frequency: ArrayLike,
         displacement: ArrayLike = 0.0,
         velocity: ArrayLike = 0.0,
-    ) -> Response:
+    ) -> FreeResponse:
         """Response to a harmonic force from t = 0 on ([V] 6.4, 6.7), at any frequency.
 
         Parameters
@@ -150,7 +152,7 @@ class Oscillator:
             slow * answer + carrier * first_difference(far, 0.0, t),
         )
         free = self.free(t, displacement, velocity)
-        return Response(
+        return FreeResponse(
             free.displacement + (strength * answer).real, free.velocity + (strength * rate).real
         )
 
@@ -164,11 +166,11 @@ class Oscillator:
         none = denominator == 0.0
         return np.where(none, np.inf, 1.0 / np.where(none, 1.0, denominator))
 
-    def steady(self, t: ArrayLike, force: ArrayLike, frequency: ArrayLike) -> Response:
+    def steady(self, t: ArrayLike, force: ArrayLike, frequency: ArrayLike) -> FreeResponse:
         """Steady vibration under a harmonic force, as `forced` ([V] 6.5, 6.8)."""
         w = np.asarray(frequency, np.float64)
         y = np.asarray(force) * self.receptance(w) * np.exp(1j * w * np.asarray(t))
-        return Response(y.real, (1j * w * y).real)
+        return FreeResponse(y.real, (1j * w * y).real)
 
     def phase_lag(self, frequency: ArrayLike) -> Array:
         """How far the steady response lags behind the force [rad], 0 to pi.

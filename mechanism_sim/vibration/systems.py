@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.vibration import state_space
-from mechanism_sim.vibration.single import Oscillator, Response
+from mechanism_sim.vibration.single import FreeResponse, Oscillator
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -29,7 +29,7 @@ ROUNDING = 1e-13
 DEPENDENT = 1e6
 
 
-class Modes(NamedTuple):
+class VibrationModes(NamedTuple):
     """Modes of the undamped system, the slowest first."""
 
     frequencies: Array  #: natural frequencies (n,) [rad/s]; 0 for a rigid-body mode
@@ -43,14 +43,14 @@ class DampedModes(NamedTuple):
     roots: ComplexArray  #: (2n,) [1/s], by imaginary part
     shapes: ComplexArray  #: (n, 2n), an amplitude vector in each column
 
-    def free(self, t: ArrayLike, displacement: ArrayLike, velocity: ArrayLike) -> Response:
+    def free(self, t: ArrayLike, displacement: ArrayLike, velocity: ArrayLike) -> FreeResponse:
         """Free vibration as a sum of exponentials, [V] eqs. 6.197, 6.198; as `System.free`."""
         whole = np.concatenate([self.shapes, self.shapes * self.roots])
         if np.linalg.cond(whole / np.linalg.norm(whole, axis=0)) > DEPENDENT:
             raise InputError('damped modes with repeated roots cannot be summed: take System.free')
         share = np.linalg.solve(whole, np.concatenate([displacement, velocity]).astype(complex))
         states = whole @ (share[:, None] * np.exp(np.outer(self.roots, np.atleast_1d(t))))
-        return Response(*np.split(states.real, 2))
+        return FreeResponse(*np.split(states.real, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class System:
             raise InputError(f'the stiffness matrix has a negative eigenvalue, {least:.3g}')
 
     @cached_property
-    def modes(self) -> Modes:
+    def modes(self) -> VibrationModes:
         """Natural frequencies, modes, and rates of decay if the damping is proportional.
 
         Modes of the same frequency are chosen so that the damping does not couple them, if they
@@ -97,7 +97,7 @@ class System:
         L = scipy.linalg.cholesky(self.mass, lower=True)
         shapes = scipy.linalg.solve_triangular(L.T, Q)
         shapes = shapes * np.where(shapes[np.abs(shapes).argmax(axis=0), range(len(L))] < 0, -1, 1)
-        return Modes(np.sqrt(squares), shapes, None if loss is None else loss / 2.0)
+        return VibrationModes(np.sqrt(squares), shapes, None if loss is None else loss / 2.0)
 
     @cached_property
     def _principal(self) -> tuple[Array, Array, Array | None]:
@@ -161,16 +161,16 @@ class System:
         F = np.asarray(force, complex)[..., None]
         return np.asarray(np.linalg.solve(self.impedance(frequency), F)[..., 0])
 
-    def free(self, t: ArrayLike, displacement: ArrayLike, velocity: ArrayLike) -> Response:
+    def free(self, t: ArrayLike, displacement: ArrayLike, velocity: ArrayLike) -> FreeResponse:
         """Free vibration (n, N) at times t (N,) [s] from displacement and velocity (n,)."""
         modes = self.modes
         if modes.decay_rates is None:
             start = np.concatenate([displacement, velocity])
-            return Response(*np.split(state_space.free(self.state_matrix, t, start), 2))
+            return FreeResponse(*np.split(state_space.free(self.state_matrix, t, start), 2))
         q0, v0 = (modes.shapes.T @ self.mass @ np.asarray(x) for x in (displacement, velocity))
         coordinates = Oscillator(modes.frequencies[:, None], modes.decay_rates[:, None])
         q = coordinates.free(np.atleast_1d(t), q0[:, None], v0[:, None])
-        return Response(modes.shapes @ q.displacement, modes.shapes @ q.velocity)
+        return FreeResponse(modes.shapes @ q.displacement, modes.shapes @ q.velocity)
 
     def forced(
         self,
@@ -179,7 +179,7 @@ class System:
         frequency: float,
         displacement: ArrayLike,
         velocity: ArrayLike,
-    ) -> Response:
+    ) -> FreeResponse:
         """Response (n, N) to harmonic forces that begin at t = 0, at any frequency.
 
         Parameters
@@ -194,12 +194,12 @@ class System:
             start = np.concatenate([displacement, velocity])
             b = state_space.input_vector(self.mass, force)
             states = state_space.forced(self.state_matrix, t, b, [frequency], start)
-            return Response(*np.split(states, 2))
+            return FreeResponse(*np.split(states, 2))
         push = (modes.shapes.T @ np.asarray(force))[:, None]
         coordinates = Oscillator(modes.frequencies[:, None], modes.decay_rates[:, None])
         q = coordinates.forced(np.atleast_1d(t), push, frequency)
         free = self.free(t, displacement, velocity)
-        return Response(
+        return FreeResponse(
             free.displacement + modes.shapes @ q.displacement,
             free.velocity + modes.shapes @ q.velocity,
         )

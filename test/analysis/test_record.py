@@ -24,7 +24,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import events, message_class, serialize
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.scene import scene_names
-from mechanism_sim.sensing.orders import Turns, order_spectrum
+from mechanism_sim.sensing.orders import TurnSegments, order_spectrum
 from mechanism_sim.sweep.bags import RunBag
 
 JOINT = 'coupler_rocker'
@@ -225,7 +225,7 @@ def test_orders_of_a_ramp_stay_lines():
 def test_alpha_of_a_scaled_deviation_is_the_scale(rough):
     own = deviation(rough, 'acceleration.coupler', skip=1)
     scaled = Deviation(
-        own.quantity, Turns(own.ideal.values + own.values / 30.0, own.own.first), own.ideal
+        own.quantity, TurnSegments(own.ideal.values + own.values / 30.0, own.own.first), own.ideal
     )
     found = alpha(own, scaled)
     assert found.rms == pytest.approx(30.0, rel=1e-9)

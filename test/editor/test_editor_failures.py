@@ -23,7 +23,7 @@ from websockets.sync.client import connect
 from mechanism_sim.editor import background, session, worker
 from mechanism_sim.editor.background import Background, Job
 from mechanism_sim.editor.document import Document
-from mechanism_sim.editor.recovery import Recovery, place
+from mechanism_sim.editor.recovery import UnsavedEdits, place
 from mechanism_sim.editor.serving import Desk
 from mechanism_sim.errors import InputError
 
@@ -142,7 +142,7 @@ def test_what_is_not_saved_is_kept_and_given_back(tmp_path, monkeypatch):
     """Beside the file; gone when it is saved; never from a link or of somebody else."""
     monkeypatch.chdir(tmp_path)
     Path('m.yaml').write_text('title: saved\n')
-    document, recovery = Document.open('m.yaml'), Recovery()
+    document, recovery = Document.open('m.yaml'), UnsavedEdits()
     document.replace('title: not saved\n')
     assert recovery.keep(document) == ''
     assert place(document).name == '.m.yaml.unsaved'
@@ -157,10 +157,10 @@ def test_what_is_not_saved_is_kept_and_given_back(tmp_path, monkeypatch):
     assert [x.name for x in tmp_path.iterdir()] == ['m.yaml']
     Path('elsewhere').write_text('title: planted\n')
     place(document).symlink_to('elsewhere')
-    assert Recovery().give_back(document) == ''
+    assert UnsavedEdits().give_back(document) == ''
     place(document).unlink()
     os.mkfifo(place(document))
-    assert Recovery().give_back(document) == ''
+    assert UnsavedEdits().give_back(document) == ''
     document.replace('title: once more\n')
     assert 'not kept' in recovery.keep(document)
 

@@ -38,7 +38,7 @@ from mechanism_sim.sensing.chain import (
 )
 from mechanism_sim.sensing.channel import Block, Channel
 from mechanism_sim.sensing.point import PointOnLink
-from mechanism_sim.sensing.sampling import Passage
+from mechanism_sim.sensing.sampling import LevelPassage
 from test.hard.bodies import SPEED, TURN, thesis
 from test.hard.case import Figure, hard_case
 
@@ -350,7 +350,7 @@ def passages(drive: dict[str, object], angle: float, last: float) -> Array:
     machine = load_scene('four_bar_nominal', {'drive': drive})
     motion = simulate(machine, duration=last).motion
     index = machine.mechanism.coordinates.index(machine.main)
-    return np.array(Passage(Trigger(angle), {index: 1.0}).times(motion))
+    return np.array(LevelPassage(Trigger(angle), {index: 1.0}).times(motion))
 
 
 @hard_case(
@@ -375,8 +375,8 @@ def triggers_of_any_motion() -> list[Figure]:
     up = block_motion([0.7, 0.3, 1.0], [-4.0, -4.0, -4.0], [2.0, 0.0, 0.0])  # turns back at 0.5 s
     for exponent in range(-10, -1):
         d = 10.0**exponent
-        found = np.array(Passage(Trigger(0.5 - d), {0: 1.0}).times(up))
-        missed += len(found) != 2 or len(Passage(Trigger(0.5 + d), {0: 1.0}).times(up))
+        found = np.array(LevelPassage(Trigger(0.5 - d), {0: 1.0}).times(up))
+        missed += len(found) != 2 or len(LevelPassage(Trigger(0.5 + d), {0: 1.0}).times(up))
         half = math.sqrt(0.5 * d)
         off = np.abs(found - 0.5 - half * np.array([-1.0, 1.0])).max()
         away = max(away, float(off) * half / ROUNDING)

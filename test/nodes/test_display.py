@@ -22,7 +22,7 @@ from mechanism_sim.analysis.preview import preview
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import seconds
 from mechanism_sim.messages.topics import topics_of
-from mechanism_sim.nodes.force_markers import SHORTEST, Picture
+from mechanism_sim.nodes.force_markers import SHORTEST, ForceMarkers
 from mechanism_sim.planar.mechanism import HigherPair, Revolute
 from mechanism_sim.planar.play import ENDS
 from mechanism_sim.report.foxglove import to_foxglove
@@ -231,7 +231,7 @@ def test_lenses_of_other_plays_show_what_is_between_their_walls(scene):
     k, dt = solution.motion.curve.find(t)
     observed = machine.physics.observe(solution.motion, k, dt)
     told = solution.sample(t)
-    picture = Picture(seen)
+    picture = ForceMarkers(seen)
     arrays = picture.at(t, observed, solution.motion.modes[k].T)
     for i, array in enumerate(arrays):
         lenses = [m for m in array.markers if m.ns == 'lenses']
@@ -279,7 +279,7 @@ def test_a_block_with_play_is_where_its_corners_are_and_leans_as_they_do():
     lean = gaps['rear_left'] - gaps['front_left']
     assert frames.tilts[:, 0] == pytest.approx(lean, abs=1e-15)
     assert np.abs(lean).max() > 1e-4
-    picture = Picture(preview(machine))
+    picture = ForceMarkers(preview(machine))
     made = picture.at(t, observed, solution.motion.modes[k].T)
     for i, array in enumerate(made):
         cubes = [m for m in array.markers if m.ns == 'lenses' and m.type == CUBE]
@@ -484,13 +484,13 @@ def test_paths_of_other_parts_follow_the_definitions(scene, group):
 
 def test_without_masses_there_are_no_arrows():
     bare = preview(ms.load_scene('four_bar_nominal', overrides={'outputs.forces': False}))
-    assert Picture(bare).empty
+    assert ForceMarkers(bare).empty
     assert not [p for p in plots(bare.machine) if p.group == 'Forces']
 
 
 def test_sizes_are_the_users_to_choose():
     seen = preview(ms.load_scene('four_bar_clearance'))
-    picture = Picture(seen, 'left/', force_scale=2e-3, magnification=400.0)
+    picture = ForceMarkers(seen, 'left/', force_scale=2e-3, magnification=400.0)
     solution, t = seen.found.solution, np.array([0.05])
     o = solution.view(t).observed
     (array,) = picture.at(t, o, solution.motion.modes_at(*solution.motion.curve.find(t)))
@@ -509,4 +509,4 @@ def test_a_size_that_is_none_is_refused(name):
     seen = preview(ms.load_scene('four_bar_nominal'))
     for value in (-1.0, np.nan, np.inf):
         with pytest.raises(InputError, match=f'{name} must be finite and not negative'):
-            Picture(seen, **{name: value})
+            ForceMarkers(seen, **{name: value})

@@ -28,7 +28,7 @@ from mechanism_sim.nodes import middleware, simulation_node
 from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes.process import report_end
 from mechanism_sim.nodes.qos import RESULTS
-from mechanism_sim.nodes.run import NODES, Plan
+from mechanism_sim.nodes.run import NODES, NodePlan
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording import read_bag
 
@@ -76,7 +76,7 @@ def nodes_of(
     **options: float | bool,
 ) -> Iterator[dict[str, SimulationNode]]:
     """The nodes of a run by name, those it needs or these; taken down at the end."""
-    plan = Plan(
+    plan = NodePlan(
         ms.load_scene(scene, overrides), scene, overrides, duration, str(record or ''), **options
     )
     chosen = [*names, *(['recorder'] if record else [])] if names else plan.nodes

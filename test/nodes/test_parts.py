@@ -23,7 +23,7 @@ from mechanism_sim.gears.reading import MeshMode
 from mechanism_sim.messages import float64_array
 from mechanism_sim.messages.part_states import KINDS, integrator_of, kinds_of
 from mechanism_sim.messages.segments import motion_of, pack
-from mechanism_sim.nodes.run import NODES, Plan
+from mechanism_sim.nodes.run import NODES, NodePlan
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.sensing.joint_view import JointView
 from ros_interfaces.definitions import field_descriptions
@@ -110,7 +110,7 @@ def mixed(tmp_path_factory) -> Path:
 )
 def test_the_scene_decides_who_integrates(mixed, scene, nodes):
     machine = ms.load_scene(str(mixed) if scene == 'mixed' else scene)
-    plan = Plan(machine, scene, (), 1.0)
+    plan = NodePlan(machine, scene, (), 1.0)
     assert plan.nodes == ['crank_drive', *nodes]
     assert integrator_of(machine) == nodes[0]
 

@@ -12,7 +12,7 @@ from live_pages import motion_messages, unpacked
 from mechanism_sim.analysis.preview import preview
 from mechanism_sim.export.stage import Swaying
 from mechanism_sim.messages.events import describe
-from mechanism_sim.nodes.force_markers import Picture
+from mechanism_sim.nodes.force_markers import ForceMarkers
 from mechanism_sim.nodes.markers import shapes
 from mechanism_sim.pages.live import Live
 from mechanism_sim.report import figures
@@ -70,7 +70,7 @@ def test_as_markers_it_goes_as_in_a_film(record, true):
     sway = Swaying(record.machine).take(record.history)
     samples = record.piece.view(T)
     assert not [m for m in shapes(seen.skeleton, '').markers if m.ns == 'frames']
-    for i, array in enumerate(Picture(seen).at(T, samples.observed, samples.modes, sway(T))):
+    for i, array in enumerate(ForceMarkers(seen).at(T, samples.observed, samples.modes, sway(T))):
         own = [m for m in array.markers if m.ns == 'frames']
         assert len(own) == 2  # what is filled, and its edge
         for marker in own:

@@ -11,7 +11,7 @@ from mechanism_sim.analysis.preview import preview
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import LinkageState, deserialize
 from mechanism_sim.nodes import markers
-from mechanism_sim.nodes.force_markers import Picture
+from mechanism_sim.nodes.force_markers import ForceMarkers
 from mechanism_sim.nodes.publications import linkage_states
 from mechanism_sim.study.modes import modes
 
@@ -323,7 +323,7 @@ def test_messages_show_elastic_links_bent():
     fixed = markers.shapes(seen.skeleton, '').markers
     assert {m.header.frame_id for m in fixed} == {'world', 'crank', 'slider'}
     samples = seen.found.solution.view(np.array([0.005]))
-    picture = Picture(seen)
+    picture = ForceMarkers(seen)
     (array,) = picture.at(samples.t, samples.observed, samples.modes)
     lines = [m for m in array.markers if m.header.frame_id == 'rod']
     assert lines

@@ -9,7 +9,7 @@ import pytest
 from scipy import signal, stats
 
 from mechanism_sim.sensing.indicators import Moments, indicators
-from mechanism_sim.sensing.orders import Turns, at_equal_angles, order_spectrum
+from mechanism_sim.sensing.orders import TurnSegments, at_equal_angles, order_spectrum
 from mechanism_sim.sensing.spectra import (
     Spectrum,
     amplitude,
@@ -161,7 +161,7 @@ def test_an_order_stays_a_line_while_the_speed_changes():
     x = np.cos(math.tau * 8.0 * turned + 0.3) + 0.5 * np.cos(math.tau * 2.5 * turned)
     turns = at_equal_angles([turned], [x])
     assert turns.values.shape[0] == 70 - 1  # at 69.99... turns it ends
-    found = order_spectrum(Turns(turns.values[:68], turns.first[:68]))
+    found = order_spectrum(TurnSegments(turns.values[:68], turns.first[:68]))
     lines = dict(found.strongest(2))
     assert lines == pytest.approx({8.0: 1.0, 2.5: 0.5}, rel=1e-4)
     off = (np.abs(found.frequency - 8.0) > 1e-9) & (np.abs(found.frequency - 2.5) > 1e-9)

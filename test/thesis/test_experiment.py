@@ -37,7 +37,7 @@ from mechanism_sim.thesis.claims import (
 from mechanism_sim.thesis.experiment import (
     CONFIDENCE,
     JOINT,
-    Bearing,
+    BearingContact,
     Experiment,
     Interval,
     Repeats,
@@ -96,7 +96,7 @@ def test_conditions_come_from_the_bags(found):
     assert [str(x.condition.bearing) for x in found.groups] == [
         'oil film of 30 mPa s', 'restitution 0.5, friction 0', 'restitution 1, friction 0',
     ]  # fmt: skip
-    assert found.bearing == Bearing(0.5, 0.0)
+    assert found.bearing == BearingContact(0.5, 0.0)
     film, half, one = found.groups
     assert found.reference is half
     assert found.assumed is one

@@ -17,7 +17,7 @@ from mechanism_sim.scene.sensor_keys import OnLinkKeys, register
 from mechanism_sim.scene.sensors._places import angle_between, check_between
 from mechanism_sim.sensing.chain import Trigger
 from mechanism_sim.sensing.channel import DirectSource
-from mechanism_sim.sensing.sampling import Passage
+from mechanism_sim.sensing.sampling import LevelPassage
 
 
 class Tachometer(DirectSource):
@@ -37,7 +37,7 @@ class Tachometer(DirectSource):
         columns, offset = angle_between(mechanism, link, relative_to)
         # so many times the angle passes zero at every mark
         often = {i: pulses * sign for i, sign in columns.items()}
-        self._passage = Passage(Trigger(-pulses * offset), often)
+        self._passage = LevelPassage(Trigger(-pulses * offset), often)
         self._step = TWO_PI / pulses
         self._pulses = np.zeros(0)  # [s] of this motion, and the last two before it
         self._seen: Motion | None = None
