@@ -23,11 +23,11 @@ Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.Arg
 
 NODE_CLASSES = {
     'crank_drive': 'mechanism_sim.nodes.crank_drive:CrankDrive',
-    'linkage': 'mechanism_sim.nodes.linkage:Linkage',
-    'cam': 'mechanism_sim.nodes.part:Cam',
+    'linkage': 'mechanism_sim.nodes.linkage:LinkageNode',
+    'cam': 'mechanism_sim.nodes.part:CamNode',
     'gear_train': 'mechanism_sim.nodes.part:GearTrain',
-    'geneva': 'mechanism_sim.nodes.part:Geneva',
-    'oscillator': 'mechanism_sim.nodes.oscillator:Oscillator',
+    'geneva': 'mechanism_sim.nodes.part:GenevaNode',
+    'oscillator': 'mechanism_sim.nodes.oscillator:OscillatorNode',
     'sensors': 'mechanism_sim.nodes.sensors:Sensors',
     'display': 'mechanism_sim.nodes.display:Display',
     'recorder': 'mechanism_sim.nodes.recorder:Recorder',
