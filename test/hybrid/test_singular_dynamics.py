@@ -80,6 +80,29 @@ def test_a_parallelogram_moved_by_a_torque_goes_through_its_change_points(angle,
     assert abs(balance.residual) < 1e-10 * (abs(balance.drive_work) + balance.initial + 1.0)
 
 
+def test_one_piece_leads_across_each_change_point():
+    """Its polynomial ends before the powers that rounding spoils; no other does."""
+    solution = ms.simulate(parallelogram(20.0, 6.0, 0.5), duration=2.0)
+    curve = solution.motion.curve
+    across = (curve.coefficients[:, :, -1] == 0.0).all(axis=1)
+    crank = curve(np.append(curve.start, curve.end))[:, 0]
+    passes = np.floor(crank[1:] / math.pi) != np.floor(crank[:-1] / math.pi)
+    assert passes.sum() > 3
+    assert np.flatnonzero(across).tolist() == np.flatnonzero(passes).tolist()
+
+
+def test_a_load_of_time_acts_from_a_change_point_on():
+    load = {'loads.pull': {'at': 'crank.end', 'torque': '2*cos(40*t)'}}
+    solution = ms.simulate(parallelogram(0.0, 6.0, 0.0, **load), duration=0.3)
+    wanted = solve_ivp(
+        lambda t, y: [y[1], (2.0 * math.cos(40.0 * t) - WEIGHT * math.cos(y[0])) / INERTIA],
+        (0.0, 0.3), [0.0, 6.0], 'DOP853', rtol=1e-13, atol=1e-13,
+    )  # fmt: skip
+    end = solution.sample(0.3)
+    assert end['position.crank'][0] == pytest.approx(wanted.y[0, -1], abs=1e-9)
+    assert end['velocity.crank'][0] == pytest.approx(wanted.y[1, -1], abs=1e-8)
+
+
 INERTIA = 3e-4 + 0.5 * 0.04**2 + 4e-4 + 0.7 * 0.03**2 + 0.6 * ARM**2
 WEIGHT = GRAVITY * (0.5 * 0.04 + 0.7 * 0.03 + 0.6 * ARM)
 
