@@ -89,6 +89,10 @@ def test_one_piece_leads_across_each_change_point():
     passes = np.floor(crank[1:] / math.pi) != np.floor(crank[:-1] / math.pi)
     assert passes.sum() > 3
     assert np.flatnonzero(across).tolist() == np.flatnonzero(passes).tolist()
+    crossings = solution.physics._crossings(solution.motion, np.arange(len(curve)))
+    angle = curve.at(crossings.segments, crossings.touch)[:, 0]
+    assert len(angle) == passes.sum()
+    assert np.remainder(angle + 1.0, math.pi) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_load_of_time_acts_from_a_change_point_on():
