@@ -18,6 +18,7 @@ from mechanism_sim.recording import Bag, displacements
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.extremes import search
+from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.solution import Piece
 from ros_interfaces.stamps import seconds
 
@@ -41,6 +42,7 @@ class Series:
     t, values : (N,) [s], and in the unit
     events : whether values hold at their instants only
     ideal : whether it is of the same machine with ideal joints
+    words, of : title of the quantity, and the coordinate, joint or link that it is of, where known
     """
 
     name: str
@@ -49,6 +51,13 @@ class Series:
     values: Array
     events: bool = False
     ideal: bool = False
+    words: str = ''
+    of: str = ''
+
+    @classmethod
+    def of_quantity(cls, q: Quantity, t: Array, values: Array, ideal: bool = False) -> Series:
+        """Of a quantity of the catalogue."""
+        return cls(q.name, q.unit, t, values, ideal=ideal, words=q.title, of=q.of)
 
     def within(self, start: float | None, end: float | None) -> Series:
         """The part from `start` to `end` [s]."""
@@ -190,7 +199,7 @@ def sampled(
         t = np.union1d(t, np.concatenate([best.least_time, best.greatest_time]))
         t = t[np.isfinite(t)]
     columns = at(t, chosen)
-    return [Series(name, known[name].unit, t, columns[name]) for name in chosen]
+    return [Series.of_quantity(known[name], t, columns[name]) for name in chosen]
 
 
 def instants(piece: Piece, start: float, end: float, turns: float = 0.0) -> Array:

@@ -71,7 +71,9 @@ def add(command: Command) -> None:
     option(heard, '--distance', 'R', 'of the listener from the machine', '1 m')
     option(heard, '--direction', 'ANGLE', "from the x axis, as '90 deg'; 0 if not given")
     option(heard, '--pulse', 'T', "how long impacts last, as '0.1 ms'")
-    sub = command('plot', _plot, 'anything in a run over time, or over the angle of the drive')
+    sub = command(
+        'plot', _plot, 'anything in a run over time, the angle of the drive or another quantity'
+    )
     source_options(sub)
     sub.add_argument(
         'what', nargs='*', default=[], metavar='WHAT',
@@ -83,9 +85,8 @@ def add(command: Command) -> None:
         help='.svg, .png or .pdf for the plot, .csv, .npz or .parquet for the numbers; may be '
         'given for both; SCENE_plot.svg if not given',
     )  # fmt: skip
-    sub.add_argument(
-        '--over', choices=('time', 'angle'), default='time', help='angle: of the main drive'
-    )
+    option(sub, '--against', 'angle|NAME', 'the angle of the main drive, or a quantity, instead of '
+        'the time; the direction of a vector makes a round chart', 'time')  # fmt: skip
     flag(sub, '--ideal', 'the same machine with ideal joints below it')
 
 
@@ -161,14 +162,17 @@ def _plot(options: argparse.Namespace) -> int:
 
     if not options.what:
         reason = 'goes with the name of a quantity; without one all that can be plotted is listed'
-        refuse_options(options, ['output', 'over', 'ideal'], reason)
+        refuse_options(options, ['output', 'against', 'ideal'], reason)
     files = options.output or [f'{Path(options.scene).stem}_plot.svg']
     numbers = [file for file in files if Path(file).suffix in ENDINGS]
     for file in numbers:
         tables.check_output(file)
     pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]
     if not pictures:
-        refuse_options(options, ['over'], 'is about a picture: give one to --output, too')
+        refuse_options(options, ['against'], 'is about a picture: give one to --output, too')
+    if options.ideal and options.against not in ('time', 'angle'):
+        raise InputError('--ideal is drawn over time or --against angle: the ideal machine has '
+                         f'a {options.against} of its own')  # fmt: skip
     in_bag, record = is_bag(options.scene), None
     start, end = options.start, options.end
     if not in_bag or options.duration is not None or options.revolutions is not None:
@@ -197,14 +201,14 @@ def _plot(options: argparse.Namespace) -> int:
     if pictures:
         from mechanism_sim.export import palette  # noqa: PLC0415
         from mechanism_sim.report import lines  # noqa: PLC0415
+        from mechanism_sim.report.charts.lines import OVER_TIME, against, chart  # noqa: PLC0415
 
-        over = lines.TIME
-        if options.over == 'angle':
-            over = lines.over_angle_of(asked.record)
+        over = OVER_TIME if options.against == 'time' else against(
+            asked.record.piece, options.against)  # fmt: skip
         title = Path(options.scene).name if bag else asked.record.machine.scene.title
         mechanism, struck = asked.marks(start, end)
         own = palette.numbers(mechanism) if mechanism else {}
-        drawn = lines.draw(series, title, over, own, struck)
+        drawn = lines.draw(chart(series, title, over, own, struck))
         for picture in pictures:
             figures.save(drawn, picture)
     if options.json:

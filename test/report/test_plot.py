@@ -22,6 +22,7 @@ from mechanism_sim.messages import own_messages
 from mechanism_sim.messages.units import units, units_of
 from mechanism_sim.recording import read_bag
 from mechanism_sim.report import lines
+from mechanism_sim.report.charts.lines import against, chart
 from ros_interfaces.definitions import field_descriptions
 
 JOINT = 'coupler_rocker'
@@ -42,7 +43,7 @@ def solution():
 
 def drawn(bag, *names, **span):
     """The lines (label, x, y) of a plot of a bag, and the labels of its axes."""
-    figure = lines.draw(Asked(read_bag(bag)).series(names, **span), 'title')
+    figure = lines.draw(chart(Asked(read_bag(bag)).series(names, **span), 'title'))
     found = [(x.get_label(), *x.get_data()) for axes in figure.axes for x in axes.lines]
     return found, [axes.get_ylabel() for axes in figure.axes]
 
@@ -98,7 +99,7 @@ def test_quantities_of_a_bag_are_those_of_the_solution(bag, solution):
     """Of the polynomials, on both sides of impacts; one unit, one axes."""
     found, words = drawn(bag, 'velocity.rocker', f'normal_force.{JOINT}', 'reaction', start=0.1)
     assert len(found) == 2 + 8
-    assert words == ['velocity [rad/s]', 'normal force [N]', *['reaction [N]'] * 4]
+    assert words == ['angular velocity [rad/s]', 'normal force [N]', *['force [N]'] * 4]
     for name, (_, t, y) in zip(('velocity.rocker', f'normal_force.{JOINT}'), found, strict=False):
         np.testing.assert_array_equal(y, solution.sample(t)[name])
         assert t[0] == 0.1
@@ -132,9 +133,8 @@ def test_numbers_go_to_a_file(bag, tmp_path):
 def test_over_the_angle_of_the_drive(bag, tmp_path):
     """Messages over the angle the crank then has, which turns at a constant speed."""
     asked = Asked(read_bag(bag))
-    figure = lines.draw(
-        asked.series(['linkage_state.kinetic_energy']), '', lines.over_angle_of(asked.record)
-    )
+    series = asked.series(['linkage_state.kinetic_energy'])
+    figure = lines.draw(chart(series, '', against(asked.record.piece, 'angle')))
     x, y = np.concatenate([line.get_data() for line in figure.axes[0].lines], axis=1)
     states, machine = messages_of(bag, '/linkage_state'), ms.load_scene('four_bar_clearance')
     angle, speed = machine.start_of_crank
@@ -147,7 +147,7 @@ def test_over_the_angle_of_the_drive(bag, tmp_path):
     assert set(np.round(x[between], 9)) <= {0.0, 360.0}
     assert figure.axes[0].get_xlabel() == 'angle of the crank [deg]'
     file = tmp_path / 'angle.svg'
-    done = run('plot', str(bag), '--over', 'angle', 'drive_torque', '-o', str(file))
+    done = run('plot', str(bag), '--against', 'angle', 'drive_torque', '-o', str(file))
     assert done.stdout.strip() == str(file)
 
 
@@ -225,7 +225,7 @@ def test_what_is_no_path_is_none(text):
 def test_an_overview_of_a_solution(solution):
     figure = solution.plot()
     words = [axes.get_ylabel() for axes in figure.axes]
-    assert words == ['position [deg]', 'gap [mm]', 'normal force [N]', 'drive torque [N·m]', '']
+    assert words == ['angle [deg]', 'gap [mm]', 'normal force [N]', 'drive torque [N·m]', '']
     gap = figure.axes[1].lines[0]
     np.testing.assert_array_equal(
         gap.get_ydata(), 1e3 * solution.sample(gap.get_xdata())[f'gap.{JOINT}']
@@ -368,5 +368,5 @@ def test_from_python_bad_names_are_bad_input(solution):
         solution.plot('velocity.crnk')
     with pytest.raises(InputError, match='no part of the run'):
         solution.plot(start=2.0)
-    with pytest.raises(InputError, match="choose 'time' or 'angle'"):
-        solution.plot(against='crank')
+    with pytest.raises(InputError, match='there is no quantity'):
+        solution.plot(against='crnk')

@@ -15,6 +15,7 @@ from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.report.charts.chart import TIME, Axis, Chart, Curve, Panel, Section, polar
 from mechanism_sim.report.charts.contacts import gaps_of
 from mechanism_sim.report.charts.course import Course, Window
+from mechanism_sim.report.charts.thinning import tallest
 
 STEMS = 1500
 """Impacts that a chart shows one by one: of more, the hardest in each of so many bins of time."""
@@ -69,7 +70,8 @@ def _stems(course: Course, struck: list[Impact], window: Window, title: str, key
     curves = []
     for name, number, twin in _places(course):
         own = [i for i in struck if i.joint == name and window.start <= i.t <= window.end]
-        own = _hardest(own, window)
+        sizes = np.array([(i.t, i.normal_impulse) for i in own]).reshape(-1, 2).T
+        own = [own[k] for k in tallest(*sizes, STEMS)]
         if own:
             curves.append(Curve(
                 np.array([i.t for i in own]), 1e3 * np.array([i.normal_impulse for i in own]),
@@ -89,19 +91,6 @@ def _places(course: Course) -> list[tuple[str, int, bool]]:
         for joint, names in gaps_of(course).items()
         for i, name in enumerate(names)
     ]
-
-
-def _hardest(struck: list[Impact], window: Window) -> list[Impact]:
-    """All impacts, or the hardest of each of so many bins of time."""
-    if len(struck) <= STEMS:
-        return struck
-    width = (window.end - window.start) / STEMS
-    best: dict[int, Impact] = {}
-    for impact in struck:
-        k = min(int((impact.t - window.start) / width), STEMS - 1)
-        if k not in best or impact.normal_impulse > best[k].normal_impulse:
-            best[k] = impact
-    return list(best.values())
 
 
 def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:
