@@ -85,8 +85,11 @@ def add(command: Command) -> None:
         help='.svg, .png or .pdf for the plot, .csv, .npz or .parquet for the numbers; may be '
         'given for both; SCENE_plot.svg if not given',
     )  # fmt: skip
-    option(sub, '--against', 'angle|NAME', 'the angle of the main drive, or a quantity, instead of '
-        'the time; the direction of a vector makes a round chart', 'time')  # fmt: skip
+    option(
+        sub, '--against', 'angle|NAME',
+        'the angle of the main drive, or a quantity, instead of the time; the direction of a '
+        'vector makes a round chart', 'time',
+    )  # fmt: skip
     flag(sub, '--ideal', 'the same machine with ideal joints below it')
 
 

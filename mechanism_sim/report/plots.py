@@ -93,7 +93,9 @@ def _paths(cycle: Cycle) -> Chart:
         (panel,) = _over(cycle, f'position.{name}.x', f'position.{name}.y')
         for c in panel.curves:
             dash = sum(x.shade == c.shade and x.form == 'line' for x in found)
-            found.append(replace(c, label=name if c.label else '', dash=dash, of=f'position.{name}'))
+            found.append(
+                replace(c, label=name if c.label else '', dash=dash, of=f'position.{name}')
+            )
     panel = replace(panel, x=Axis('x', 'mm'), y=Axis('y', 'mm'), curves=tuple(found), title='')
     if len(cycle.points) == 1:
         panel = replace(panel, title=name)

@@ -10,7 +10,7 @@ from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.report.charts.bands import Spells, modes
 from mechanism_sim.report.charts.chart import Chart, Section
 from mechanism_sim.report.charts.course import Course, Window
-from mechanism_sim.report.charts.curves import Curve, over_time
+from mechanism_sim.report.charts.curves import over_time
 
 _SHUT = 1e-9  # [mm], never opened
 
@@ -47,9 +47,7 @@ def gaps_of(course: Course) -> dict[str, list[str]]:
 def _chart(
     course: Course, window: Window, joint: str, names: list[str], title: str, key: str
 ) -> Chart:
-    number = course.record.machine.physics.joints.index(joint)
-    curves = [Curve(f'gap.{name}', f'gap {name}', number) for name in names]
-    found = over_time(course, key, title, curves, 'gap', 'm', joint, window)
+    found = over_time(course, key, title, [f'gap.{name}' for name in names], joint, window)
     panel = found.panels[0]
     shut = max(np.abs(c.y).max(initial=0.0) for c in panel.curves) < _SHUT
     # do not make a picture of rounding

@@ -150,8 +150,8 @@ def panels(
     found = []
     for some in [series] if together else items.values():
         words, labels = named(some)
-        lines = [Drawn(s, labels[s.name], shades[s.name], reach.get(s.name)) for s in some]
-        curves = tuple(_curves(lines, over, scale))
+        lines = [Drawn(s, labels[s.name], shades[s.name]) for s in some]
+        curves = tuple(_curves(lines, over, scale, reach))
         alone = not together and len({c.label for c in curves if c.label}) == 1
         panel = Panel(
             over.axis, Axis(words, unit), curves, next(iter(labels.values())) if alone else '',
@@ -207,15 +207,16 @@ def columns(found: Sequence[Panel]) -> int:
 
 
 class Drawn(NamedTuple):
-    """A series to be drawn, with its label, the number of its colour, and its range; see above."""
+    """A series to be drawn, with its label and the number of its colour."""
 
     series: Series
     label: str
     colour: int
-    reach: Array | None = None
 
 
-def _curves(drawn: Sequence[Drawn], over: Abscissa, scale: float) -> Iterator[Curve]:
+def _curves(
+    drawn: Sequence[Drawn], over: Abscissa, scale: float, reach: Mapping[str, Array]
+) -> Iterator[Curve]:
     """Ranges beneath, then ideal machines, turns before the last, and the last."""
     used: Counter[int] = Counter()
     dashes: dict[str, int] = {}
@@ -226,7 +227,10 @@ def _curves(drawn: Sequence[Drawn], over: Abscissa, scale: float) -> Iterator[Cu
     found: list[Curve] = []
     offsets: dict[str, float] = {}
     for d in sorted(drawn, key=lambda d: d.series.ideal):  # the own ones say where angles begin
-        found += _of(d, over, scale, dashes[d.series.name], offsets)
+        name = d.series.name
+        found += _of(
+            d, over, scale, dashes[name], offsets, None if d.series.ideal else reach.get(name)
+        )
     order = {'range': 0, 'ideal': 1, 'earlier': 2, '': 3}
     yield from sorted(found, key=lambda c: order[c.look])
     if any(d.series.ideal for d in drawn):
@@ -234,8 +238,9 @@ def _curves(drawn: Sequence[Drawn], over: Abscissa, scale: float) -> Iterator[Cu
 
 
 def _of(
-    d: Drawn, over: Abscissa, scale: float, dash: int, offsets: dict[str, float]
-) -> Iterator[Curve]:
+    d: Drawn, over: Abscissa, scale: float, dash: int, offsets: dict[str, float],
+    reach: Array | None,
+) -> Iterator[Curve]:  # fmt: skip
     s = d.series
     same: dict[str, Any] = {'of': s.name, 'colour': d.colour}
     x, y = over.at(s.t), scale * s.values
@@ -259,7 +264,6 @@ def _of(
     pieces = _pieces(x, y, s.t)
     whole = [k for k, (x, *_) in enumerate(pieces) if np.ptp(x) > _WHOLE]
     newest = whole[-1] if whole else 0
-    reach = d.reach
     if reach is None and len(pieces) > TURNS and whole and not s.ideal:
         reach = Envelope.of(x, s.values)
     if s.unit == 'rad':
