@@ -18,6 +18,7 @@ from mechanism_sim.recording import Bag, displacements
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.extremes import search
+from mechanism_sim.results.instants import instants
 from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.solution import Piece
 from ros_interfaces.stamps import seconds
@@ -28,7 +29,7 @@ _EVENTS = (
     'mechanism_sim/msg/SceneChange',
 )
 _EPOCH = 1e9  # [s]: what is later counts from 1970
-_PER_TURN, _FEWEST, _MOST = 360, 2000, 40_000  # instants
+_PER_TURN, _FEWEST, _MOST = 360.0, 2000, 40_000  # instants
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,6 +176,20 @@ def _unit(units: Sequence[str], which: tuple[str, ...], sliding: Collection[str]
     return ' or '.join(units)
 
 
+def drawn(
+    run: Piece | Cycle, names: Sequence[str], start: float, end: float, rate: float = 0.0
+) -> list[Series]:
+    """Quantities of a run at instants that draw all of them, where they are extreme among them.
+
+    Parameters
+    ----------
+    rate : turns of the drive a second [Hz]
+    """
+    piece = run.solution if isinstance(run, Cycle) else run
+    t = instants(piece, start, end, _PER_TURN * abs(rate), _FEWEST, _MOST)
+    return sampled(run, names, t, between=True)
+
+
 def sampled(
     run: Piece | Cycle, names: Sequence[str], t: Array, between: bool = False
 ) -> list[Series]:
@@ -200,16 +215,6 @@ def sampled(
         t = t[np.isfinite(t)]
     columns = at(t, chosen)
     return [Series.of_quantity(known[name], t, columns[name]) for name in chosen]
-
-
-def instants(piece: Piece, start: float, end: float, turns: float = 0.0) -> Array:
-    """Times (N,) [s] that draw a motion: even ones, and both sides of each of its events."""
-    count = int(np.clip(_PER_TURN * turns, _FEWEST, _MOST))
-    events = np.array([i.t for i in piece.impacts] + [c.t for c in piece.modes], np.float64)
-    both = np.concatenate([np.nextafter(events, -np.inf), events])
-    first, last = float(piece.motion.curve.start[0]), piece.motion.curve.end
-    t = np.union1d(np.linspace(start, end, count), both[(both > start) & (both <= end)])
-    return np.asarray(np.clip(t, first, last))
 
 
 def joined(series: Sequence[Series]) -> dict[str, Array]:

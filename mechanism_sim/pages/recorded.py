@@ -14,6 +14,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.export.stage import Frames, Stage, Swaying, packed, stage_of
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.results.instants import instants
 
 PER_TURN = 120
 """Instants in a turn of the main drive."""
@@ -83,11 +84,7 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     most = min(MOST, _BYTES // _size(stage))
     hardest_first = sorted(record.piece.impacts, key=lambda i: -i.normal_impulse)
     kept = sorted(hardest_first[:MOST], key=lambda i: i.t)
-    changes = [change.t for change in record.piece.modes]
-    events = np.array([*(i.t for i in hardest_first), *changes])[: most // 8]
-    before = np.nextafter(events, -np.inf)
-    t = np.concatenate([instants(record, most), events, before[before >= record.start]])
-    t = np.unique(np.clip(t, record.start, record.end))
+    t = instants(record.piece, record.start, record.end, _density(record), 1, most, most // 8)
     parts = []
     for first in range(0, len(t), _BLOCK):
         some = t[first : first + _BLOCK]
@@ -112,11 +109,11 @@ def together(*runs: Recorded) -> tuple[Recorded, ...]:
     return tuple(replace(run, stage=replace(run.stage, low=low, high=high)) for run in runs)
 
 
-def instants(record: Record, most: int = MOST) -> Array:
-    """Times (N,) [s] over a run, closer together where the machine is faster.
+def _density(record: Record) -> Array:
+    """Instants of a run [1/s] where its steps meet: more where the machine is faster.
 
     There are `PER_TURN` in a turn of the main drive, and as many as it takes for pins to stay in
-    their places between them, see `NEAR`; fewer where that were more than `most` in all.
+    their places between them, see `NEAR`.
     """
     machine, curve = record.machine, record.piece.motion.curve
     t = np.append(curve.start, curve.end)
@@ -133,9 +130,7 @@ def instants(record: Record, most: int = MOST) -> Array:
         fourth = (fourth * np.where(slides, 1.0, machine.mechanism.size)).max(axis=1)
         radial = min(machine.clearances[joint.name].radial for joint in machine.bearings)
         dense = np.maximum(dense, (fourth / (384.0 * NEAR * radial)) ** 0.25)
-    passed = np.append(0.0, np.cumsum(0.5 * (dense[1:] + dense[:-1]) * np.diff(t)))
-    count = min(int(passed[-1]) + 1, most)
-    return np.asarray(np.interp(np.linspace(0.0, passed[-1], count), passed, t))
+    return np.asarray(dense)
 
 
 def _observe(record: Record, t: Array) -> tuple[Observation, NDArray[np.uint8]]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechanism_sim.analysis.series import Series, instants, sampled
+from mechanism_sim.analysis.series import Series, drawn
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.numerics.polynomials import TWO_PI
@@ -63,8 +63,7 @@ def plot(
             f'to {last:g} s'
         )
     abscissa = over(run, against or 'time')
-    t = instants(piece, float(begin), min(finish, last))
-    series = sampled(run, names or _usual(piece), t, between=True)
+    series = drawn(run, names or [*_usual(piece)], float(begin), min(finish, last))
     if not names:
         series = [_in_turn(s) for s in series]
     struck = [i.t for i in piece.impacts if begin <= i.t <= finish]

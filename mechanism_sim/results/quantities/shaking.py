@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 def of_frame(machine: Machine) -> Iterator[Quantity]:
-    """``shaking_force.x``, ``.y``, ``.size``, ``.direction``; ``shaking_moment`` about the origin."""
+    """``shaking_force.x``, ``.y``, ``.size``, ``.direction``; ``shaking_moment`` at the origin."""
     if not machine.physics.has_forces:
         return
     shaking = _Shaking(machine)
