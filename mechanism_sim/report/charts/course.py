@@ -114,8 +114,8 @@ def _charted(machine: Machine) -> Iterator[Quantity]:
     also = {
         f'{field}.{pair.name}'
         for pair in pairs
-        for chart in pair.charts(slides=False)
-        for field in chart.labels
+        for fields in pair.charts.values()
+        for field in fields
     } | {f'reaction.{joint.name}.size' for joint in machine.mechanism.joints}
     for name, quantity in catalogue(machine).items():
         shown = quantity.shown >= Shown.PARTS or name in also

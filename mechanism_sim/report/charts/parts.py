@@ -14,15 +14,14 @@ from mechanism_sim.report.charts.motion import over
 
 def parts(course: Course) -> list[Section]:
     """A section for each kind of parts that the machine has."""
-    machine, found = course.record.machine, []
+    machine, known, found = course.record.machine, course.run.quantities, []
     for node, kind in kinds_of(machine).items():
         charts: list[Chart] = []
         for joint in kind.joints(machine):
-            slides = joint.second in machine.mechanism.sliding
-            for title, fields, *_, force in joint.charts(slides=slides):
-                if force and not machine.physics.has_forces:
-                    continue
+            for title, fields in joint.charts.items():
                 names = [f'{field}.{joint.name}' for field in fields]
+                if not known.keys() >= set(names):
+                    continue  # a force, where masses are not known
                 key = f'{node}-{joint.name}-{next(iter(fields))}'.replace('_', '-')
                 charts += quantities(course, key, f'{joint.name}: {title}', names, joint.name)
         title = PARTS[kind.topic].title
