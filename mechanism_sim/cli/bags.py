@@ -126,10 +126,10 @@ def _analyze(options: argparse.Namespace) -> int:
     if wanted or plots or options.against:
         details = _details(options, wanted)
     if details and plots:
-        from mechanism_sim.report.condition import draw  # noqa: PLC0415
+        from mechanism_sim.report.condition import charts  # noqa: PLC0415
 
         with progress.busy('plots', options.json):
-            figures.save_all(draw(details), plots)
+            figures.save_all(charts(details), plots)
     if details and wanted and not options.json:
         echo(render_details(details))
         return 0

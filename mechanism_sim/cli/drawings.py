@@ -119,10 +119,10 @@ def _cycle(options: argparse.Namespace) -> int:
         taken.add(found.solution)
         figures_found = taken.found()
         if plots:
-            from mechanism_sim.report.plots import draw  # noqa: PLC0415
+            from mechanism_sim.report.plots import charts  # noqa: PLC0415
 
             say('plots')
-            figures.save_all(draw(found), plots)
+            figures.save_all(charts(found), plots)
     return print_result(
         options,
         found,

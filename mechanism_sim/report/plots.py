@@ -5,22 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
-from typing import Any
 
 from mechanism_sim.analysis.series import sampled
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.report.charts.chart import Axis, Chart, Curve, Over, Panel, joined
 from mechanism_sim.report.charts.lines import against, chart, columns
-from mechanism_sim.report.figures import paint
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 
 _KINDS = ('position', 'velocity', 'acceleration')
-
-
-def draw(cycle: Cycle) -> dict[str, Any]:
-    """The pictures of a cycle by name: those for which it has quantities."""
-    return {chart.key: paint(chart) for chart in charts(cycle)}
 
 
 def charts(cycle: Cycle) -> Iterator[Chart]:
