@@ -227,7 +227,7 @@ def test_energy_and_solver_agree_with_the_solution(loose, found, charts):
     solution = loose.piece
     (missing,) = curves(charts['energy-missing'])
     assert missing.y[-1] == pytest.approx(solution.energy.residual, abs=1e-12)
-    (work,) = curves(charts['energy'], 'drive work')
+    (work,) = curves(charts['energy'], 'energy.drive_work')
     assert work.y[-1] == pytest.approx(solution.energy.drive_work, rel=1e-6)
     rows = dict(next(s for s in found if s.key == 'solver').rows)
     assert rows['digest'] == solution.digest()
