@@ -20,13 +20,11 @@ def contacts(course: Course) -> Section | None:
     gaps = gaps_of(course)
     if not gaps:
         return None
-    charts = []
-    for joint, names in gaps.items():
-        if course.long:
-            title = f'{joint}: gap over the last turns'
-            charts.append(_chart(course, course.detail, joint, names, title, f'gap-{joint}'))
-        title, key = f'{joint}: gap over the whole run', f'gap-{joint}-run'
-        charts.append(_chart(course, course.run, joint, names, title, key))
+    charts = [
+        _chart(course, window, joint, names, f'{joint}: gap over {when}', key)
+        for joint, names in gaps.items()
+        for window, when, key in course.windows(f'gap-{joint}')
+    ]
     text = (
         'The gap is zero while the contact is closed. The band below says in which mode it is; '
         'where spells are too short to be told apart, it says which share of the time each mode '

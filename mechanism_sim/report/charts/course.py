@@ -183,6 +183,12 @@ class Course:
         """Whether the run is so much longer than its detail that both are worth a chart."""
         return self.run.end - self.run.start > 1.2 * (self.detail.end - self.detail.start)
 
+    def windows(self, key: str) -> Iterator[tuple[Window, str, str]]:
+        """What is worth a chart over time, in words, and the key of its chart."""
+        if self.long:
+            yield self.detail, 'the last turns', key
+        yield self.run, 'the whole run', f'{key}-run'
+
     @cached_property
     def ideal(self) -> Window | None:
         """The detail of the same machine with ideal joints under the same drive.

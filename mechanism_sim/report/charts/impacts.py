@@ -30,12 +30,11 @@ def impacts(course: Course, skip: int) -> Section | None:
     struck = [i for i in record.piece.impacts if i.t >= course.begin]
     if not struck:
         return None
-    charts = []
-    if course.long and any(course.detail.start <= i.t <= course.detail.end for i in struck):
-        charts.append(
-            _stems(course, struck, course.detail, 'Impacts in the last turns', 'impacts')
-        )
-    charts.append(_stems(course, struck, course.run, 'Impacts in the whole run', 'impacts-run'))
+    charts = [
+        _stems(course, struck, window, f'Impacts in {when}', key)
+        for window, when, key in course.windows('impacts')
+        if any(window.start <= i.t <= window.end for i in struck)
+    ]
     hit = {i.joint for i in struck}
     for joint in record.loose_joints:
         if joint in hit:

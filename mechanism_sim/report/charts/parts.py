@@ -43,12 +43,11 @@ def _oscillators(course: Course) -> Section:
             names = [x for x in names if np.any(course.run.lines[x].values)]
             if not names:
                 continue
-            key, head = f'oscillator-{name}-{title.partition(" ")[0]}', f'{name}: {title}'
-            if course.long:
-                last = f'{head} in the last turns'
-                charts.append(over_time(course, key, last, names, name, course.detail))
-            head = f'{head} over the whole run'
-            charts.append(over_time(course, f'{key}-run', head, names, name))
+            key = f'oscillator-{name}-{title.partition(" ")[0]}'
+            charts += [
+                over_time(course, own, f'{name}: {title} over {when}', names, name, window)
+                for window, when, own in course.windows(key)
+            ]
     text = (
         'How far each frame is from where its mounts carry it alone, and what its mounts transmit '
         'to the ground, less its own weight.'
