@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from mechanism_sim.report import lines
 from mechanism_sim.report.charts.lines import against, chart
 from ros_interfaces.definitions import field_descriptions
 
-JOINT = 'coupler_rocker'
+JOINT, POINT = 'coupler_rocker', 'coupler.cog'
 
 
 @pytest.fixture(scope='module')
@@ -149,6 +150,51 @@ def test_over_the_angle_of_the_drive(bag, tmp_path):
     file = tmp_path / 'angle.svg'
     done = run('plot', str(bag), '--against', 'angle', 'drive_torque', '-o', str(file))
     assert done.stdout.strip() == str(file)
+
+
+def test_against_another_quantity(solution):
+    """Both of the same instants; a path is true to scale, a force over its direction round."""
+    speed = solution.plot('velocity.rocker', against='position.rocker').axes[0]
+    line, dot = (x.get_data() for x in speed.lines)
+    t = np.linspace(0.0, solution.duration, 500)
+    told = solution.sample(t)
+    for angle, rate in zip(told['position.rocker'], told['velocity.rocker'], strict=True):
+        far = np.hypot((line[0] - np.degrees(angle)) / 30.0, (line[1] - rate) / 10.0)
+        assert far.min() < 0.02
+    assert (dot[0][0], dot[1][0]) == (line[0][0], line[1][0])
+    assert (speed.get_xlabel(), speed.get_ylabel()) == (
+        'angle of rocker [deg]', 'angular velocity [rad/s]')  # fmt: skip
+    names = f'position.{POINT}.y', f'position.{POINT}.x'
+    path = solution.plot(names[0], against=names[1]).axes[0]
+    assert path.get_aspect() == 1.0
+    far = np.hypot(*(1e-3 * np.array(path.lines[0].get_data())))
+    told = solution.sample(t, *names)
+    assert far.max() == pytest.approx(np.hypot(*told.values()).max(), rel=1e-3)
+    force = f'reaction.{JOINT}'
+    polar = solution.plot(f'{force}.size', against=f'{force}.direction').axes[0]
+    assert polar.name == 'polar'
+    angle, size = polar.lines[0].get_data()
+    told = solution.sample(t, f'{force}.x', f'{force}.y')
+    assert size.max() >= np.hypot(*told.values()).max()
+    low = np.min(size * np.sin(angle))
+    assert low <= told[f'{force}.y'].min() + 1e-9
+
+
+@pytest.mark.network
+def test_the_command_plots_against_a_quantity_alike_for_a_bag_and_a_scene(bag, tmp_path):
+    files = tmp_path / 'bag.svg', tmp_path / 'scene.svg'
+    names = 'position.coupler.cog.y', 'drive_torque', '--against', 'position.coupler.cog.x'
+    drawn = []
+    for source, file in zip((str(bag), 'four_bar_clearance'), files, strict=True):
+        done = run('plot', source, *names, '--revolutions', '2', '-o', str(file))
+        assert done.returncode == 0, done.stderr
+        paths = re.findall(r'<path d="([^"]{2000,})"', file.read_text())
+        assert len(paths) == 2
+        drawn.append([float(x) for path in paths for x in re.findall(r'[\d.]+', path)])
+    assert drawn[0] == pytest.approx(drawn[1], abs=0.01)  # but for the room of their titles
+    done = run('plot', str(bag), 'gap', '--against', 'gap', '--ideal')
+    assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+    assert '--against angle' in done.stderr
 
 
 @pytest.mark.network
