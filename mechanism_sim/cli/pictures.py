@@ -27,7 +27,7 @@ from mechanism_sim.cli.source import (
     source_options,
     warn_if_incomplete,
 )
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.quantity_lookup import Asked
@@ -91,6 +91,8 @@ def add(command: Command) -> None:
         'vector makes a round chart', 'time',
     )  # fmt: skip
     flag(sub, '--ideal', 'the same machine with ideal joints below it')
+    flag(sub, '--charts', 'WHAT are charts of the report, as forces or impacts; without any, all: '
+         'to a folder, a .pdf, or files as FILE_CHART.svg')  # fmt: skip
 
 
 _SEEN = 'fps', 'size', 'lens', 'forces', 'path', 'labels'
@@ -163,6 +165,9 @@ def _plot(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
     from mechanism_sim.tables import ENDINGS  # noqa: PLC0415
 
+    if options.charts:
+        refuse_options(options, ['against', 'ideal'], 'does not apply to --charts')
+        return _charts(options)
     if not options.what:
         reason = 'goes with the name of a quantity; without one all that can be plotted is listed'
         refuse_options(options, ['output', 'against', 'ideal'], reason)
@@ -224,6 +229,32 @@ def _plot(options: argparse.Namespace) -> int:
         })  # fmt: skip
     else:
         print('\n'.join(files))
+    return 0
+
+
+def _charts(options: argparse.Namespace) -> int:
+    """The charts that the page of the run has, as pictures."""
+    from mechanism_sim.report import figures, progress  # noqa: PLC0415
+    from mechanism_sim.report.charts.subjects import sections  # noqa: PLC0415
+
+    if len(options.output) > 1:
+        raise InputError('--charts writes to one --output: a folder, a .pdf, .svg or .png')
+    place, *_ = options.output or [f'{Path(options.scene).stem}_charts']
+    path = figures.check_picture('--output', place, folder_too=True)
+    record, start, end = run_of(options)
+    with progress.busy('drawing charts', quiet=options.json):
+        known = {c.key: c for s in sections(record.between(start, end)) for c in s.charts}
+        for name in options.what:
+            if name not in known:
+                raise InputError(
+                    f"the report has no chart '{name}'{nearest(name, known)}; its charts: "
+                    f'{", ".join(known)}'
+                )
+        files = figures.save_all([known[name] for name in options.what or known], path)
+    if options.json:
+        print_json({'files': [str(file) for file in files]})
+    else:
+        print('\n'.join(map(str, files)))
     return 0
 
 

@@ -198,6 +198,16 @@ def test_the_command_plots_against_a_quantity_alike_for_a_bag_and_a_scene(bag, t
 
 
 @pytest.mark.network
+def test_charts_of_the_report_are_drawn_by_their_keys(bag, tmp_path):
+    names = 'forces', f'gap-{JOINT}-run'
+    said = run_json('plot', str(bag), '--charts', *names, '-o', str(tmp_path / 'run.svg'))
+    assert said['files'] == [str(tmp_path / f'run_{name}.svg') for name in names]
+    done = run('plot', str(bag), '--charts', 'force')
+    assert done.returncode == 2
+    assert "no chart 'force'; did you mean 'forces'?" in done.stderr
+
+
+@pytest.mark.network
 def test_bags_of_others_count_from_their_start(tmp_path):
     """An inertial unit on the clock of the wall, written by another program."""
     file = tmp_path / 'foreign.mcap'
