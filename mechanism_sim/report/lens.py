@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 from matplotlib.transforms import Affine2D
+from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
@@ -44,7 +45,7 @@ class Lens:
 
     metre: float
 
-    def __init__(self, axes: Any, words: list[str], states: Array) -> None:
+    def __init__(self, axes: Any, words: list[str], states: NDArray[np.uint8]) -> None:
         axes.set(xlim=(-EDGE, EDGE), ylim=(-EDGE, EDGE), aspect='equal')
         axes.set_axis_off()
         self._axes = axes

@@ -106,9 +106,9 @@ def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
     if entries := panel.entries:
         longest = max(map(len, entries))
         width = axes.figure.get_figwidth() * axes.get_position().width
-        side, at = ('right', 1.0) if panel.title else ('left', 0.0)
+        side, edge = ('right', 1.0) if panel.title else ('left', 0.0)
         place: dict[str, Any] = {
-            'loc': f'lower {side}', 'bbox_to_anchor': (at, 1.0),
+            'loc': f'lower {side}', 'bbox_to_anchor': (edge, 1.0),
             'ncols': max(1, int(1.3 * _LETTERS * width) // (longest + 8)),
         }  # fmt: skip
         if panel.form == 'polar':  # beside it, for above is its title

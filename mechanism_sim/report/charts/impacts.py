@@ -70,7 +70,7 @@ def _stems(course: Course, struck: list[Impact], window: Window, title: str, key
     for name, number, twin in _places(course):
         own = [i for i in struck if i.joint == name and window.start <= i.t <= window.end]
         sizes = np.array([(i.t, i.normal_impulse) for i in own]).reshape(-1, 2).T
-        own = [own[k] for k in tallest(*sizes, STEMS)]
+        own = [own[k] for k in tallest(sizes[0], sizes[1], STEMS)]
         if own:
             curves.append(Curve(
                 np.array([i.t for i in own]), 1e3 * np.array([i.normal_impulse for i in own]),

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechanism_sim.analysis.series import sampled
+from mechanism_sim.analysis.series import Series, sampled
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.report.charts.chart import DIRECTION, Chart, Curve, Section, polar
-from mechanism_sim.report.charts.course import Course
+from mechanism_sim.report.charts.course import Course, Window
 from mechanism_sim.report.charts.curves import over_drive, over_time, quantities
 from mechanism_sim.report.charts.lines import Abscissa, panels
 
@@ -115,20 +115,27 @@ def forces(course: Course) -> Section | None:
 
 def _hodograph(course: Course, joint: str) -> Chart:
     """The force of a joint over its direction, beneath it that of the ideal machine."""
-    machine, size = course.record.machine, f'reaction.{joint}.size'
+    mechanism = course.record.machine.mechanism
+    own = numbers(mechanism)
     curves: list[Curve] = []
     for window in (course.ideal, course.detail):
-        if window is None or size not in window.quantities:
-            continue
-        piece, t = window.record.piece, np.unique(window.lines[size].at)
-        found = sampled(piece, [size, f'reaction.{joint}.direction'], t)
-        over = Abscissa(DIRECTION, lambda _, d=found[1]: np.degrees(d.values), of=found[1].name)
-        own = replace(found[0], ideal=window is course.ideal)
-        curves += panels([own], over, numbers(machine.mechanism))[0].curves
+        if window is not None and f'reaction.{joint}.size' in window.quantities:
+            force, over = _vector(window, joint)
+            force = replace(force, ideal=window is course.ideal)
+            curves += panels([force], over, own)[0].curves
     curves = [replace(c, label='') for c in curves if len(c.x)]
-    pair = machine.mechanism.joint(joint)
+    pair = mechanism.joint(joint)
     title = f'{joint}: {pair.first} on {pair.second}'
     return polar(f'forces-{joint}', title, 'N', curves, joint, 'force')
+
+
+def _vector(window: Window, joint: str) -> tuple[Series, Abscissa]:
+    """The size of a force where its line is, and its direction there."""
+    names = [f'reaction.{joint}.{part}' for part in ('size', 'direction')]
+    t = np.unique(window.lines[names[0]].at)
+    force, direction = sampled(window.record.piece, names, t)
+    degrees = np.degrees(direction.values)
+    return force, Abscissa(DIRECTION, lambda _: degrees, of=direction.name)
 
 
 def drive(course: Course) -> Section | None:
