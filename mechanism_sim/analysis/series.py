@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -185,36 +185,26 @@ def drawn(
     ----------
     rate : turns of the drive a second [Hz]
     """
-    piece = run.solution if isinstance(run, Cycle) else run
+    piece, known = run.solution if isinstance(run, Cycle) else run, catalogue(run.machine)
     t = instants(piece, start, end, _PER_TURN * abs(rate), _FEWEST, _MOST)
-    return sampled(run, names, t, between=True)
+    chosen = [known[name] for name in known.choose(names)]
+    own = [quantity for quantity in chosen if quantity.has_extremes and not quantity.cumulative]
+    spans, size = piece.motion.curve.spans(t[0], t[-1]), run.machine.mechanism.size
+    best = search(lambda x: _at(run, x, [quantity.name for quantity in own]), own, spans, size)
+    t = np.union1d(t, np.concatenate([best.least_time, best.greatest_time]))
+    return sampled(run, names, t[np.isfinite(t)])
 
 
-def sampled(
-    run: Piece | Cycle, names: Sequence[str], t: Array, between: bool = False
-) -> list[Series]:
-    """Quantities of a run at times (N,) [s], chosen as by `Piece.sample`.
-
-    Parameters
-    ----------
-    between : also where they are extreme between these times
-    """
+def sampled(run: Piece | Cycle, names: Sequence[str], t: Array) -> list[Series]:
+    """Quantities of a run at times (N,) [s], chosen as by `Piece.sample`."""
     known = catalogue(run.machine)
     chosen = known.choose(names)
-    motion = (run.solution if isinstance(run, Cycle) else run).motion
-
-    def at(t: Array, names: Iterable[str]) -> Mapping[str, Array]:
-        return run.at(t, [*names]) if isinstance(run, Cycle) else run.sample(t, *names)
-
-    if between:
-        own = [known[n] for n in chosen if known[n].has_extremes and not known[n].cumulative]
-        names = [quantity.name for quantity in own]
-        spans, size = motion.curve.spans(t[0], t[-1]), run.machine.mechanism.size
-        best = search(lambda x: at(x, names), own, spans, size)
-        t = np.union1d(t, np.concatenate([best.least_time, best.greatest_time]))
-        t = t[np.isfinite(t)]
-    columns = at(t, chosen)
+    columns = _at(run, t, chosen)
     return [Series.of_quantity(known[name], t, columns[name]) for name in chosen]
+
+
+def _at(run: Piece | Cycle, t: Array, names: Sequence[str]) -> Mapping[str, Array]:
+    return run.at(t, names) if isinstance(run, Cycle) else run.sample(t, *names)
 
 
 def joined(series: Sequence[Series]) -> dict[str, Array]:
