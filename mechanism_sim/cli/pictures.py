@@ -12,11 +12,13 @@ from mechanism_sim import output
 from mechanism_sim.cli.options import (
     Command,
     flag,
+    look_options,
     option,
     print_json,
     print_result,
     quantity,
     refuse_options,
+    several,
 )
 from mechanism_sim.cli.source import (
     is_bag,
@@ -54,19 +56,7 @@ def add(command: Command) -> None:
     option(glass, '--lens', 'JOINT', 'the joint with play that is magnified', '')
     glass.add_argument('--no-lens', action='store_const', const=None, dest='lens', help='no lens')
     flag(sub, '--forces', 'draw forces as arrows at the joints')
-    sub.add_argument(
-        '--path',
-        action='append',
-        default=[],
-        metavar='LINK.POINT',
-        help='draw the path of this point; several times',
-    )
-    sub.add_argument(
-        '--labels',
-        choices=('all', 'links', 'none'),
-        default='none',
-        help='which names are written',
-    )
+    look_options(sub, 'none')
     heard = sub.add_argument_group('of a sound')
     option(heard, '--distance', 'R', 'of the listener from the machine', '1 m')
     option(heard, '--direction', 'ANGLE', "from the x axis, as '90 deg'; 0 if not given")
@@ -80,10 +70,10 @@ def add(command: Command) -> None:
         help='TOPIC.FIELD of a bag, or a quantity such as normal_force.JOINT; without any, all '
         'there are',
     )  # fmt: skip
-    sub.add_argument(
-        '-o', '--output', action='append', default=[], metavar='FILE',
-        help='.svg, .png or .pdf for the plot, .csv, .npz or .parquet for the numbers; may be '
-        'given for both; SCENE_plot.svg if not given',
+    several(
+        sub, '-o --output', 'FILE',
+        '.svg, .png or .pdf for the plot, .csv, .npz or .parquet for the numbers; may be given '
+        'for both; SCENE_plot.svg if not given',
     )  # fmt: skip
     option(
         sub, '--against', 'angle|NAME',
