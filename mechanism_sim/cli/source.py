@@ -76,13 +76,6 @@ def simulate_run(
     options: argparse.Namespace, start: float = 0.0, to: float | None = None
 ) -> Record:
     """The run of a scene, up to a time [s], or over the length from `start` [s] asked for.
-
-    Raises
-    ------
-    InputError
-        If the scene or its length is no good, or a namespace is given with it.
-    RunError
-        If the run fails.
     """
     from mechanism_sim.analysis.record import Record  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
@@ -102,11 +95,6 @@ def simulate_run(
 
 def run_of(options: argparse.Namespace) -> tuple[Record, float, float]:
     """The run that is asked for, read or simulated, and from when to when it is wanted [s].
-
-    Raises
-    ------
-    InputError, RunError
-        As `read_run` and `simulate_run` do, or if the options contradict each other.
     """
     asked = options.end, options.duration, options.revolutions
     if sum(x is not None for x in asked) > 1:

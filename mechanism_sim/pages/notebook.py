@@ -66,13 +66,6 @@ def play(
     start, end : part of it [s]
     charts : with all charts of the report, some megabytes; else the machine alone
     height : [pixels]
-
-    Raises
-    ------
-    InputError
-        If there is no such part.
-    RunError
-        If the run fails.
     """
     record = Record(machine, run or simulate(machine), {})
     first = record.start if start is None else start
@@ -104,13 +97,6 @@ def explore(
     overrides : of other values of the scene
     revolutions, duration : of each run; the scene's own if neither is given
     height : of the frame [pixels]
-
-    Raises
-    ------
-    InputError
-        If there are no values, or a scene does not exist or is wrong, or has no such quantity.
-    RunError
-        If a run fails.
     """
     if not len(values):
         raise InputError(f'explore: {path}: there are no values to go through')
