@@ -6,7 +6,7 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
@@ -49,7 +49,7 @@ def option(parser: Options, flags: str, metavar: str, text: str, default: object
 
 def several(parser: Options, flags: str, metavar: str, text: str, dest: str | None = None) -> None:
     """Add an option that may be given several times."""
-    own = {'dest': dest} if dest else {}
+    own: dict[str, Any] = {'dest': dest} if dest else {}
     parser.add_argument(
         *flags.split(), action='append', default=[], metavar=metavar, help=text, **own
     )  # fmt: skip
