@@ -31,7 +31,7 @@ from mechanism_sim.messages.events import describe
 from mechanism_sim.pages import report
 from mechanism_sim.pages.assets import import_map, styles
 from mechanism_sim.pages.charts import sections
-from mechanism_sim.pages.recorded import Recorded, frames_at, instants, recorded
+from mechanism_sim.pages.recorded import Recorded, frames_at, recorded, times_of
 from mechanism_sim.results.cycle import is_steady
 
 ROOT = Path(__file__).parents[2]
@@ -153,12 +153,12 @@ def moving(run: Recorded) -> dict[str, Any]:
     record, turn = run.record, report.turn(run)
     end = min(record.end, record.start + (TURNS + 1e-9) * turn) if turn else record.end
     some = record.between(record.start, end) if end < record.end else record
-    t = instants(some, MOST)
+    t = times_of(some, MOST)
     frames = frames_at(some, run.stage, t)
     none = np.zeros((len(t), 0, 2))
     frames = replace(
         frames, pins=none, pin_rates=none, walls=none, forces=none, feet=none,
-        modes=frames.modes[:, :0], tilts=none[..., 0], touching=frames.touching[:, :0],
+        modes=frames.modes[:, :0], off=none, touching=frames.touching[:, :0],
     )  # fmt: skip
     stage = run.stage.to_json() | {'joints': [], 'bearings': [], 'plays': [], 'force': 0.0}
     stage['bounds'] = np.ravel(bounds(run.stage.skeleton, frames.poses)).tolist()

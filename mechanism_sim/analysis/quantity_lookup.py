@@ -12,7 +12,7 @@ from rosbags.interfaces import Nodetype
 
 from mechanism_sim.analysis.message_paths import MessagePath, parse
 from mechanism_sim.analysis.record import Record, read_record
-from mechanism_sim.analysis.series import Series, instants, recorded, sampled
+from mechanism_sim.analysis.series import Series, drawn, recorded
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.planar.mechanism import Mechanism
@@ -120,9 +120,8 @@ class Asked:
             return {}
         record = self.record
         begin, finish = record.part(start, end)
-        turns = 0.0 if record.slides else record.rate * (finish - begin)
-        t = instants(record.piece, begin, finish, turns)
-        return {series.name: series for series in sampled(record.piece, names, t, between=True)}
+        rate = 0.0 if record.slides else record.rate
+        return {s.name: s for s in drawn(record.piece, names, begin, finish, rate)}
 
     def _path(self, name: str) -> MessagePath | None:
         """The path into messages of the bag that a name stands for, if it does."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +18,8 @@ from mechanism_sim.recording import Bag, displacements
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.extremes import search
+from mechanism_sim.results.instants import instants
+from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.solution import Piece
 from ros_interfaces.stamps import seconds
 
@@ -27,7 +29,7 @@ _EVENTS = (
     'mechanism_sim/msg/SceneChange',
 )
 _EPOCH = 1e9  # [s]: what is later counts from 1970
-_PER_TURN, _FEWEST, _MOST = 360, 2000, 40_000  # instants
+_PER_TURN, _FEWEST, _MOST = 360.0, 2000, 40_000  # instants
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,7 @@ class Series:
     t, values : (N,) [s], and in the unit
     events : whether values hold at their instants only
     ideal : whether it is of the same machine with ideal joints
+    words, of : title of the quantity, and the coordinate, joint or link that it is of, where known
     """
 
     name: str
@@ -49,6 +52,13 @@ class Series:
     values: Array
     events: bool = False
     ideal: bool = False
+    words: str = ''
+    of: str = ''
+
+    @classmethod
+    def of_quantity(cls, q: Quantity, t: Array, values: Array, ideal: bool = False) -> Series:
+        """Of a quantity of the catalogue."""
+        return cls(q.name, q.unit, t, values, ideal=ideal, words=q.title, of=q.of)
 
     def within(self, start: float | None, end: float | None) -> Series:
         """The part from `start` to `end` [s]."""
@@ -166,41 +176,35 @@ def _unit(units: Sequence[str], which: tuple[str, ...], sliding: Collection[str]
     return ' or '.join(units)
 
 
-def sampled(
-    run: Piece | Cycle, names: Sequence[str], t: Array, between: bool = False
+def drawn(
+    run: Piece | Cycle, names: Sequence[str], start: float, end: float, rate: float = 0.0
 ) -> list[Series]:
-    """Quantities of a run at times (N,) [s], chosen as by `Piece.sample`.
+    """Quantities of a run at instants that draw all of them, where they are extreme among them.
 
     Parameters
     ----------
-    between : also where they are extreme between these times
+    rate : turns of the drive a second [Hz]
     """
+    piece, known = run.solution if isinstance(run, Cycle) else run, catalogue(run.machine)
+    t = instants(piece, start, end, _PER_TURN * abs(rate), _FEWEST, _MOST)
+    chosen = [known[name] for name in known.choose(names)]
+    own = [quantity for quantity in chosen if quantity.has_extremes and not quantity.cumulative]
+    spans, size = piece.motion.curve.spans(t[0], t[-1]), run.machine.mechanism.size
+    best = search(lambda x: _at(run, x, [quantity.name for quantity in own]), own, spans, size)
+    t = np.union1d(t, np.concatenate([best.least_time, best.greatest_time]))
+    return sampled(run, names, t[np.isfinite(t)])
+
+
+def sampled(run: Piece | Cycle, names: Sequence[str], t: Array) -> list[Series]:
+    """Quantities of a run at times (N,) [s], chosen as by `Piece.sample`."""
     known = catalogue(run.machine)
     chosen = known.choose(names)
-    motion = (run.solution if isinstance(run, Cycle) else run).motion
-
-    def at(t: Array, names: Iterable[str]) -> Mapping[str, Array]:
-        return run.at(t, [*names]) if isinstance(run, Cycle) else run.sample(t, *names)
-
-    if between:
-        own = [known[n] for n in chosen if known[n].has_extremes and not known[n].cumulative]
-        names = [quantity.name for quantity in own]
-        spans, size = motion.curve.spans(t[0], t[-1]), run.machine.mechanism.size
-        best = search(lambda x: at(x, names), own, spans, size)
-        t = np.union1d(t, np.concatenate([best.least_time, best.greatest_time]))
-        t = t[np.isfinite(t)]
-    columns = at(t, chosen)
-    return [Series(name, known[name].unit, t, columns[name]) for name in chosen]
+    columns = _at(run, t, chosen)
+    return [Series.of_quantity(known[name], t, columns[name]) for name in chosen]
 
 
-def instants(piece: Piece, start: float, end: float, turns: float = 0.0) -> Array:
-    """Times (N,) [s] that draw a motion: even ones, and both sides of each of its events."""
-    count = int(np.clip(_PER_TURN * turns, _FEWEST, _MOST))
-    events = np.array([i.t for i in piece.impacts] + [c.t for c in piece.modes], np.float64)
-    both = np.concatenate([np.nextafter(events, -np.inf), events])
-    first, last = float(piece.motion.curve.start[0]), piece.motion.curve.end
-    t = np.union1d(np.linspace(start, end, count), both[(both > start) & (both <= end)])
-    return np.asarray(np.clip(t, first, last))
+def _at(run: Piece | Cycle, t: Array, names: Sequence[str]) -> Mapping[str, Array]:
+    return run.at(t, names) if isinstance(run, Cycle) else run.sample(t, *names)
 
 
 def joined(series: Sequence[Series]) -> dict[str, Array]:

@@ -7,8 +7,9 @@ follower may leave is `CamPair`; one whose groove holds the roller on both sides
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
 import heyoka as hy
@@ -30,7 +31,7 @@ from mechanism_sim.planar.mechanism import Equation, Mechanism, Pose
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.rails import chord
 from mechanism_sim.planar.touch import Touch
-from mechanism_sim.planar.view import Charted, Draft, Side, View
+from mechanism_sim.planar.view import Draft, Side, View
 
 Array = NDArray[np.float64]
 
@@ -42,6 +43,13 @@ class CamPair(PlacedCam):
     parts: ClassVar[str] = 'follower on its cam'
     node: ClassVar[str] = 'cam'
     reads: ClassVar[type] = CamReading
+    charts: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+        {
+            'lift': ('lift', 'follower_position'),
+            'contact force': ('contact_force',),
+            'torque on the cam': ('cam_torque',),
+        }
+    )
 
     def reading(self, view: View) -> CamReading:
         """Cam, follower, gap and contact force."""
@@ -50,18 +58,6 @@ class CamPair(PlacedCam):
     def slides(self, link: str, mechanism: Mechanism) -> bool:
         """As its law counts: whether the cam does, or the follower."""
         return self.distance.slides if link == self.first else not self.distance.swings
-
-    def charts(self, *, slides: bool) -> Sequence[Charted]:
-        """Lift, contact force and torque."""
-        lift = {'lift': 'law of the cam', 'follower_position': 'follower'}
-        return (
-            Charted('lift', lift, 'lift', 'rad' if self.distance.swings else 'm'),
-            Charted('contact force', {'contact_force': 'contact force'}, 'force', 'N', force=True),
-            Charted(
-                'torque on the cam', {'cam_torque': 'torque on the cam'}, 'torque', 'N m',
-                force=True,
-            ),
-        )  # fmt: skip
 
     def draw(self, draft: Draft) -> None:
         """A cam, and what touches it of its follower."""

@@ -14,6 +14,7 @@ from mechanism_sim.cli.options import (
     print_result,
     quantity,
     refuse_options,
+    set_option,
     skip_option,
     skipped_time,
     skipped_turns,
@@ -126,10 +127,10 @@ def _analyze(options: argparse.Namespace) -> int:
     if wanted or plots or options.against:
         details = _details(options, wanted)
     if details and plots:
-        from mechanism_sim.report.condition import draw  # noqa: PLC0415
+        from mechanism_sim.report.condition import charts  # noqa: PLC0415
 
         with progress.busy('plots', options.json):
-            figures.save_all(draw(details), plots)
+            figures.save_all(charts(details), plots)
     if details and wanted and not options.json:
         echo(render_details(details))
         return 0
@@ -213,10 +214,7 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
         '--scene', action='append', default=[], metavar='SCENE', dest='scenes',
         help='machine and sensor, one for each bag or one for all; those in the bag if not given',
     )  # fmt: skip
-    more.add_argument(
-        '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
-        help="change a value of the scene, for example 'drive.speed=300 rpm'; several times",
-    )  # fmt: skip
+    set_option(more)
     more.add_argument(
         '--range', action='append', default=[], metavar='NAME=LOW:HIGH', dest='ranges',
         help="where it is looked for, for example 'radial=0.1 mm:0.4 mm'; several times",

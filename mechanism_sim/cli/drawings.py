@@ -11,6 +11,7 @@ from mechanism_sim.cli.options import (
     TABLES,
     Command,
     flag,
+    look_options,
     measure_option,
     option,
     print_json,
@@ -32,21 +33,13 @@ def add(command: Command) -> None:
     sub = command('cycle', _cycle, 'tables, extremes and plots over a turn of the drive')
     scene_options(sub)
     option(sub, '--samples', 'N', 'intervals in a cycle', 360)
-    sub.add_argument(
-        '--at',
-        metavar='ANGLE',
-        help="position of the drive to begin at, as '30 deg'",
-    )
+    option(sub, '--at', 'ANGLE', "position of the drive to begin at, as '30 deg'")
     option(sub, '--revolutions', 'N', 'how many turns of the drive', 1)
     option(sub, '--duration', 'S', 'seconds, for a drive without a constant speed', float)
     sub.add_argument(
-        '--points',
-        nargs='+',
-        action='extend',
-        default=[],
-        metavar='LINK.POINT',
+        '--points', nargs='+', action='extend', default=[], metavar='LINK.POINT',
         help='points whose paths are wanted',
-    )
+    )  # fmt: skip
     flag(sub, '--local', 'add the forces along and across each link')
     flag(sub, '--static', 'leave out the forces of inertia')
     measure_option(sub)
@@ -62,17 +55,8 @@ def add(command: Command) -> None:
         "where to draw it, as '30 deg' of the drive or '20 ms'; the start if not given",
     )
     option(sub, '--positions', 'K', 'how many positions, all but one of them faint', 1)
-    sub.add_argument(
-        '--path',
-        action='append',
-        default=[],
-        metavar='LINK.POINT',
-        help='draw the path of this point; several times',
-    )
+    look_options(sub, 'all')
     option(sub, '--duration', 'S', 'seconds, for a drive without a constant speed', float)
-    sub.add_argument(
-        '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
-    )
     option(sub, '--magnify', 'N', 'how much more elastic links bend; visibly if not given', 0.0)
     more = sub.add_argument_group('for the workshop')
     option(
@@ -119,10 +103,10 @@ def _cycle(options: argparse.Namespace) -> int:
         taken.add(found.solution)
         figures_found = taken.found()
         if plots:
-            from mechanism_sim.report.plots import draw  # noqa: PLC0415
+            from mechanism_sim.report.plots import charts  # noqa: PLC0415
 
             say('plots')
-            figures.save_all(draw(found), plots)
+            figures.save_all(charts(found), plots)
     return print_result(
         options,
         found,

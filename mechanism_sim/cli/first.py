@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 
-from mechanism_sim.cli.options import Command, print_json
+from mechanism_sim.cli.options import Command, print_json, set_option
 
 SHELLS = 'bash', 'zsh', 'tcsh', 'fish', 'powershell'
 
@@ -18,10 +18,7 @@ def add(command: Command) -> None:
         '--from', default='four_bar', metavar='SCENE', dest='scene',
         help='the scene to begin with: four_bar, linkage, one of the package, or a YAML file',
     )  # fmt: skip
-    sub.add_argument(
-        '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
-        help="change a value of the scene, for example 'drive.speed=300 rpm'; several times",
-    )  # fmt: skip
+    set_option(sub)
 
 
 def _new(options: argparse.Namespace) -> int:

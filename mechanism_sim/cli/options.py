@@ -6,7 +6,7 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
@@ -47,9 +47,30 @@ def option(parser: Options, flags: str, metavar: str, text: str, default: object
     parser.add_argument(*flags.split(), metavar=metavar, type=kind, default=value, help=text)
 
 
+def several(parser: Options, flags: str, metavar: str, text: str, dest: str | None = None) -> None:
+    """Add an option that may be given several times."""
+    own: dict[str, Any] = {'dest': dest} if dest else {}
+    parser.add_argument(
+        *flags.split(), action='append', default=[], metavar=metavar, help=text, **own
+    )  # fmt: skip
+
+
 def flag(parser: Options, flags: str, text: str) -> None:
     """Add an option without a value."""
     parser.add_argument(*flags.split(), action='store_true', help=text)
+
+
+def set_option(parser: Options) -> None:
+    """Add the option that changes values of a scene."""
+    text = "change a value of the scene, for example 'drive.speed=300 rpm'; several times"
+    several(parser, '--set', 'PATH=VALUE', text, 'overrides')
+
+
+def look_options(sub: argparse.ArgumentParser, labels: str) -> None:
+    """Add what a drawing shows besides the machine: paths, and names as `labels` unless told."""
+    several(sub, '--path', 'LINK.POINT', 'draw the path of this point; several times')
+    shown = 'all', 'links', 'none'
+    sub.add_argument('--labels', choices=shown, default=labels, help='which names are written')
 
 
 def scene_options(
@@ -60,10 +81,7 @@ def scene_options(
 ) -> None:
     """Add what commands take that begin with a scene; `count` '?': it may be left out."""
     sub.add_argument('scene', metavar=metavar, help=text, nargs=count)
-    sub.add_argument(
-        '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
-        help="change a value of the scene, for example 'drive.speed=300 rpm'; several times",
-    )  # fmt: skip
+    set_option(sub)
     tables_option(sub)
     option(sub, '--rtol', 'R', 'relative tolerance of a step, for solver.rtol')
     option(sub, '--atol', 'A', 'absolute tolerance [m], for solver.atol')
@@ -71,10 +89,8 @@ def scene_options(
 
 def tables_option(sub: argparse.ArgumentParser) -> None:
     """Add the option for the files that scenes may name."""
-    sub.add_argument(
-        '--tables-from', action='append', default=[], metavar='DIR',
-        help='a folder below which tables of a scene may lie, besides its own; several times',
-    )  # fmt: skip
+    text = 'a folder below which tables of a scene may lie, besides its own; several times'
+    several(sub, '--tables-from', 'DIR', text)
 
 
 def length_options(sub: argparse.ArgumentParser, usual: str = '') -> None:
@@ -125,11 +141,8 @@ def skipped_time(options: argparse.Namespace) -> float:
 
 def measure_option(sub: argparse.ArgumentParser) -> None:
     """Add the option for figures of one's own."""
-    sub.add_argument(
-        '--measure', action='append', default=[], metavar='TEXT', dest='measures',
-        help="a figure, as 'rms(drive_torque, from 2 s)' or 'peak = largest(reaction.pin)'; "
-        'several times',
-    )  # fmt: skip
+    text = "a figure, as 'rms(drive_torque, from 2 s)' or 'peak = largest(reaction.pin)'"
+    several(sub, '--measure', 'TEXT', f'{text}; several times', 'measures')
 
 
 def read_measures(options: argparse.Namespace, machine: Machine) -> list[Measure]:

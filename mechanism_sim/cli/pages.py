@@ -20,6 +20,7 @@ from mechanism_sim.cli.options import (
     refuse_options,
     ros_args,
     scene_options,
+    several,
     tables_option,
 )
 from mechanism_sim.cli.source import is_bag, run_of, source_options
@@ -41,10 +42,8 @@ def add(command: Command) -> None:
         'other', metavar='BAG|SCENE', nargs='?',
         help='a second run, which the first is compared with; --set is for scenes among both',
     )  # fmt: skip
-    sub.add_argument(
-        '--set-other', action='append', default=[], metavar='PATH=VALUE', dest='others',
-        help='change a value of the second scene, which is the first one if not given',
-    )  # fmt: skip
+    text = 'change a value of the second scene, which is the first one if not given'
+    several(sub, '--set-other', 'PATH=VALUE', text, 'others')
     option(sub, '-o --output', 'FILE', 'the .html file; named after the run if not given')
 
     sub = command('view', _view, 'a machine while it runs, in a browser, with sliders')

@@ -12,11 +12,13 @@ from mechanism_sim import output
 from mechanism_sim.cli.options import (
     Command,
     flag,
+    look_options,
     option,
     print_json,
     print_result,
     quantity,
     refuse_options,
+    several,
 )
 from mechanism_sim.cli.source import (
     is_bag,
@@ -27,7 +29,7 @@ from mechanism_sim.cli.source import (
     source_options,
     warn_if_incomplete,
 )
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.quantity_lookup import Asked
@@ -54,39 +56,33 @@ def add(command: Command) -> None:
     option(glass, '--lens', 'JOINT', 'the joint with play that is magnified', '')
     glass.add_argument('--no-lens', action='store_const', const=None, dest='lens', help='no lens')
     flag(sub, '--forces', 'draw forces as arrows at the joints')
-    sub.add_argument(
-        '--path',
-        action='append',
-        default=[],
-        metavar='LINK.POINT',
-        help='draw the path of this point; several times',
-    )
-    sub.add_argument(
-        '--labels',
-        choices=('all', 'links', 'none'),
-        default='none',
-        help='which names are written',
-    )
+    look_options(sub, 'none')
     heard = sub.add_argument_group('of a sound')
     option(heard, '--distance', 'R', 'of the listener from the machine', '1 m')
     option(heard, '--direction', 'ANGLE', "from the x axis, as '90 deg'; 0 if not given")
     option(heard, '--pulse', 'T', "how long impacts last, as '0.1 ms'")
-    sub = command('plot', _plot, 'anything in a run over time, or over the angle of the drive')
+    sub = command(
+        'plot', _plot, 'anything in a run over time, the angle of the drive or another quantity'
+    )
     source_options(sub)
     sub.add_argument(
         'what', nargs='*', default=[], metavar='WHAT',
         help='TOPIC.FIELD of a bag, or a quantity such as normal_force.JOINT; without any, all '
         'there are',
     )  # fmt: skip
-    sub.add_argument(
-        '-o', '--output', action='append', default=[], metavar='FILE',
-        help='.svg, .png or .pdf for the plot, .csv, .npz or .parquet for the numbers; may be '
-        'given for both; SCENE_plot.svg if not given',
+    several(
+        sub, '-o --output', 'FILE',
+        '.svg, .png or .pdf for the plot, .csv, .npz or .parquet for the numbers; may be given '
+        'for both; SCENE_plot.svg if not given',
     )  # fmt: skip
-    sub.add_argument(
-        '--over', choices=('time', 'angle'), default='time', help='angle: of the main drive'
-    )
+    option(
+        sub, '--against', 'angle|NAME',
+        'the angle of the main drive, or a quantity, instead of the time; the direction of a '
+        'vector makes a round chart', 'time',
+    )  # fmt: skip
     flag(sub, '--ideal', 'the same machine with ideal joints below it')
+    flag(sub, '--charts', 'WHAT are charts of the report, as forces or impacts; without any, all: '
+         'to a folder, a .pdf, or files as FILE_CHART.svg')  # fmt: skip
 
 
 _SEEN = 'fps', 'size', 'lens', 'forces', 'path', 'labels'
@@ -159,16 +155,22 @@ def _plot(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
     from mechanism_sim.tables import ENDINGS  # noqa: PLC0415
 
+    if options.charts:
+        refuse_options(options, ['against', 'ideal'], 'does not apply to --charts')
+        return _charts(options)
     if not options.what:
         reason = 'goes with the name of a quantity; without one all that can be plotted is listed'
-        refuse_options(options, ['output', 'over', 'ideal'], reason)
+        refuse_options(options, ['output', 'against', 'ideal'], reason)
     files = options.output or [f'{Path(options.scene).stem}_plot.svg']
     numbers = [file for file in files if Path(file).suffix in ENDINGS]
     for file in numbers:
         tables.check_output(file)
     pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]
     if not pictures:
-        refuse_options(options, ['over'], 'is about a picture: give one to --output, too')
+        refuse_options(options, ['against'], 'is about a picture: give one to --output, too')
+    if options.ideal and options.against not in ('time', 'angle'):
+        raise InputError('--ideal is drawn over time or --against angle: the ideal machine has '
+                         f'a {options.against} of its own')  # fmt: skip
     in_bag, record = is_bag(options.scene), None
     start, end = options.start, options.end
     if not in_bag or options.duration is not None or options.revolutions is not None:
@@ -197,14 +199,14 @@ def _plot(options: argparse.Namespace) -> int:
     if pictures:
         from mechanism_sim.export import palette  # noqa: PLC0415
         from mechanism_sim.report import lines  # noqa: PLC0415
+        from mechanism_sim.report.charts.lines import OVER_TIME, against, chart  # noqa: PLC0415
 
-        over = lines.TIME
-        if options.over == 'angle':
-            over = lines.over_angle_of(asked.record)
+        over = OVER_TIME if options.against == 'time' else against(
+            asked.record.piece, options.against)  # fmt: skip
         title = Path(options.scene).name if bag else asked.record.machine.scene.title
         mechanism, struck = asked.marks(start, end)
         own = palette.numbers(mechanism) if mechanism else {}
-        drawn = lines.draw(series, title, over, own, struck)
+        drawn = lines.draw(chart(series, title, over, own, struck))
         for picture in pictures:
             figures.save(drawn, picture)
     if options.json:
@@ -217,6 +219,32 @@ def _plot(options: argparse.Namespace) -> int:
         })  # fmt: skip
     else:
         print('\n'.join(files))
+    return 0
+
+
+def _charts(options: argparse.Namespace) -> int:
+    """The charts that the page of the run has, as pictures."""
+    from mechanism_sim.report import figures, progress  # noqa: PLC0415
+    from mechanism_sim.report.charts.subjects import sections  # noqa: PLC0415
+
+    if len(options.output) > 1:
+        raise InputError('--charts writes to one --output: a folder, a .pdf, .svg or .png')
+    place, *_ = options.output or [f'{Path(options.scene).stem}_charts']
+    path = figures.check_picture('--output', place, folder_too=True)
+    record, start, end = run_of(options)
+    with progress.busy('drawing charts', quiet=options.json):
+        known = {c.key: c for s in sections(record.between(start, end)) for c in s.charts}
+        for name in options.what:
+            if name not in known:
+                raise InputError(
+                    f"the report has no chart '{name}'{nearest(name, known)}; its charts: "
+                    f'{", ".join(known)}'
+                )
+        files = figures.save_all([known[name] for name in options.what or known], path)
+    if options.json:
+        print_json({'files': [str(file) for file in files]})
+    else:
+        print('\n'.join(map(str, files)))
     return 0
 
 

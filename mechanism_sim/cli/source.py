@@ -75,15 +75,7 @@ def warn_if_incomplete(bag: Bag | Record, path: str) -> None:
 def simulate_run(
     options: argparse.Namespace, start: float = 0.0, to: float | None = None
 ) -> Record:
-    """The run of a scene, up to a time [s], or over the length from `start` [s] asked for.
-
-    Raises
-    ------
-    InputError
-        If the scene or its length is no good, or a namespace is given with it.
-    RunError
-        If the run fails.
-    """
+    """The run of a scene, up to a time [s], or over the length from `start` [s] asked for."""
     from mechanism_sim.analysis.record import Record  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.results.simulate import simulate  # noqa: PLC0415
@@ -101,13 +93,7 @@ def simulate_run(
 
 
 def run_of(options: argparse.Namespace) -> tuple[Record, float, float]:
-    """The run that is asked for, read or simulated, and from when to when it is wanted [s].
-
-    Raises
-    ------
-    InputError, RunError
-        As `read_run` and `simulate_run` do, or if the options contradict each other.
-    """
+    """The run that is asked for, read or simulated, and from when to when it is wanted [s]."""
     asked = options.end, options.duration, options.revolutions
     if sum(x is not None for x in asked) > 1:
         raise InputError('give only one of --to, --duration and --revolutions')

@@ -60,9 +60,9 @@ def _experiment(options: argparse.Namespace) -> int:
         file, text = page
         output.write_text(file, experiment_page.renewed(text, found))
     if place:
-        from mechanism_sim.thesis.experiment_figures import draw  # noqa: PLC0415
+        from mechanism_sim.thesis.experiment_figures import charts  # noqa: PLC0415
 
-        figures.save_all(draw(found), place)
+        figures.save_all(charts(found), place)
     return print_result(options, found, report.to_json, report.render)
 
 

@@ -31,6 +31,10 @@ from mechanism_sim.sensing.joint_view import JointView
 
 SIDES: tuple[Side, Side] = 'left', 'right'
 
+PLAY, HALF = 0.6, 0.6
+"""Under a lens, in radii of the bushing or halves of the space between walls: the play to each
+side, and half the length of what is between walls."""
+
 _LONGEST = 0.35
 """Length of an arrow for a force that is rarely exceeded, of the machine's size."""
 _FINE = 100.0  # points of curves for JSON: parts of a tenth of a symbol
@@ -53,7 +57,8 @@ class Frames:
     modes : (N, B) of contact, as in ModeChange; 0 with an oil film
     walls : (N, W, 2) [m] distance from the left and the right wall of a play, of a block that of
         the middle of its side; nan without one
-    tilts : (N, W) [m] how much nearer to the left wall the front of a block is than its rear
+    off : (N, W, 2) [m] how far what is between the walls is to the right of their middle, and how
+        much nearer to the left wall the front of a block is than its rear
     touching : (N, W) 1 where the left wall is touched, 2 the right one, 3 both
     forces : (N, J, 2) [N] of the first-named on the second-named link, along the world's axes
     feet : (N, K, 2) [m] points on the lines of action of forces that act at no fixed point
@@ -67,7 +72,7 @@ class Frames:
     pin_rates: Array
     modes: NDArray[np.uint8]
     walls: Array
-    tilts: Array
+    off: Array
     touching: NDArray[np.uint8]
     forces: Array
     feet: Array
@@ -92,7 +97,7 @@ class Frames:
 
     def packed(self) -> dict[str, Any]:
         """All instants, as arrays in base64."""
-        single = 'poses', 'pins', 'pin_rates', 'walls', 'tilts', 'forces', 'feet', 'sway'
+        single = 'poses', 'pins', 'pin_rates', 'walls', 'off', 'forces', 'feet', 'sway'
         return {
             't': packed(self.t),
             **{name: packed(getattr(self, name).astype('<f4')) for name in single},
@@ -164,13 +169,20 @@ class Stage:
             gaps[SIDES.index(side)] = o.gap[numbers].mean(axis=0)
         return gaps
 
-    def _tilted(self, o: Observation, pair: HigherPair | Prismatic) -> Array:
-        """How a block stands in its guide (N,) [m], see `Frames.tilts`; by either wall."""
+    def _off(self, o: Observation, pair: HigherPair | Prismatic) -> Array:
+        """Off the middle of the walls of a pair, and how a block stands (2, N), see `Frames.off`.
+
+        What may part from one wall only is shown between that wall and how far it parts.
+        """
+        left, right = self._parted(o, pair)
+        two = len(self._walls(pair)) > 1
+        middle = 0.5 * (left - right) if two else 0.5 * self.widths.get(pair.name, 0.0) - right
+        tilt = np.zeros_like(middle)
         for side, corners in self._walls(pair).items():
-            if isinstance(pair, Prismatic):
+            if isinstance(pair, Prismatic):  # either wall will do
                 rear, front = o.gap[corners]
-                return np.asarray(rear - front if side == 'left' else front - rear)
-        return np.zeros(o.position.shape[1])
+                tilt = rear - front if side == 'left' else front - rear
+        return np.array([middle, tilt])
 
     def struck(self, gap: str) -> tuple[int, int]:
         """Numbers of the bearing and the joint that a gap belongs to; -1 if there is none."""
@@ -204,6 +216,7 @@ class Stage:
             'bendings': {link: x.to_json() for link, x in self.skeleton.bendings.items()},
             'joints': [self._joint(joint) for joint in self.joints],
             'force_scale': self.force_scale,
+            'lens': {'play': PLAY, 'half': HALF},
             'force': round_below(0.12 * width / self.force_scale) if self.force_scale else 0.0,
             'bearings': [self._bearing(joint) for joint in self.bearings],
             'plays': [self._play(pair) for pair in self.plays],
@@ -247,7 +260,7 @@ class Stage:
             _by_instant([path[1] for path in pins], count),
             touching,
             _by_instant([self._parted(o, pair) for pair in self.plays], count),
-            np.array([self._tilted(o, x) for x in self.plays]).reshape(-1, count).T,
+            _by_instant([self._off(o, x) for x in self.plays], count),
             self._touched(modes, count),
             _by_instant([views[j.name].force for j in self.joints], count),
             _by_instant([views[j.name].foot for j in self.moving], count),
@@ -315,6 +328,7 @@ class Stage:
             'restitution': play.restitution,
             'friction': play.friction,
             'contact': play.contact.law if play.contact else 'rigid',
+            'words': self.words(joint),
         }
 
     def _play(self, pair: HigherPair | Prismatic) -> dict[str, Any]:
@@ -332,7 +346,19 @@ class Stage:
             'face': index(numbers.get(face, -1)),
             'body': index(numbers.get(body, -1)),
             'tilts': isinstance(pair, Prismatic),
+            'words': self.words(pair),
         }
+
+    def words(self, joint: Joint) -> list[str]:
+        """The states of a play in words, by mode of a bearing, else by the walls touched."""
+        if joint in self.bearings:
+            play = self.machine.clearances[joint.name]
+            film = play.contact is not None and play.contact.law == 'film'
+            rest = [Mode(k).name.replace('_', ' ').lower() for k in sorted(Mode) if k]
+            return ['on its oil film' if film else '', *rest]
+        if len(self._walls(joint)) > 1:  # type: ignore[arg-type]
+            return ['between the walls', 'on the left', 'on the right', 'on both sides']
+        return ['lifted off', *['in contact'] * 3]
 
 
 class Swaying:

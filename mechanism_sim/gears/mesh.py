@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -19,7 +20,7 @@ from mechanism_sim.planar.mechanism import Equation, Mechanism, Pose
 from mechanism_sim.planar.points import LinkPoint, rotate
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.touch import TurningTouch
-from mechanism_sim.planar.view import Array, Charted, Draft, ToothLoad, View, circle
+from mechanism_sim.planar.view import Array, Draft, ToothLoad, View, circle
 
 _FLANK = 14  # points of a drawn flank, its fillet among them
 
@@ -31,6 +32,9 @@ class GearMesh(PlacedMesh):
     parts: ClassVar[str] = 'teeth with backlash'
     node: ClassVar[str] = 'gear_train'
     reads: ClassVar[type] = GearReading
+    charts: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({
+        'transmission error': ('transmission_error',), 'tooth force': ('tooth_force',),
+    })  # fmt: skip
 
     def closure(self, mechanism: Mechanism) -> MeshClosure:
         """Without play."""
@@ -83,14 +87,6 @@ class GearMesh(PlacedMesh):
                 arm = np.array([*arm, np.full(view.count, along)])
                 found.append(ToothLoad(link, sign * force, arm, True))
         return found
-
-    def charts(self, *, slides: bool) -> Sequence[Charted]:
-        """Transmission error and tooth force."""
-        force = {'tooth_force': 'tooth force'}
-        return (
-            Charted('transmission error', {'transmission_error': 'error'}, 'error', 'm'),
-            Charted('tooth force', force, 'force', 'N', force=True),
-        )
 
     def draw(self, draft: Draft) -> None:
         """The gears of a mesh, each drawn once."""

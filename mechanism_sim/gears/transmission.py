@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from types import MappingProxyType
 from typing import ClassVar
 
 import heyoka as hy
@@ -19,7 +20,7 @@ from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench
 from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.planar.view import Charted, Side, View
+from mechanism_sim.planar.view import Side, View
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,9 @@ class Transmission(HigherPair):
     sides: ClassVar[tuple[Side, ...]] = ()
     node: ClassVar[str] = 'gear_train'
     reads: ClassVar[type] = GearReading
+    charts: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({
+        'torques': ('first_torque', 'second_torque'),
+    })  # fmt: skip
     untold: ClassVar[tuple[str, ...]] = (
         'transmission_error', 'mesh_frequency', 'tooth_force', 'tangential_force', 'radial_force',
         'axial_force',
@@ -48,11 +52,6 @@ class Transmission(HigherPair):
     def reading(self, view: View) -> GearReading:
         """Motion and torques."""
         return read_ratio(self, float(self.ratio), view)
-
-    def charts(self, *, slides: bool) -> Sequence[Charted]:
-        """Torques."""
-        torques = {'first_torque': self.first, 'second_torque': self.second}
-        return (Charted('torques', torques, 'torque', 'N m', force=True),)
 
     @property
     def waves(self) -> tuple[int, int]:

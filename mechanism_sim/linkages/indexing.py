@@ -10,8 +10,9 @@ the slot: the motion goes on without an impact.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Annotated, ClassVar, NamedTuple
 
 import heyoka as hy
@@ -30,7 +31,6 @@ from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import (
     SLOT,
     Array,
-    Charted,
     Draft,
     Told,
     View,
@@ -39,6 +39,16 @@ from mechanism_sim.planar.view import (
 )
 
 Pair = tuple[Jet, Jet]
+
+
+DRIVEN: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        'velocity of what is driven': ('driven_velocity',),
+        'its acceleration': ('driven_acceleration',),
+        'effort on what is driven': ('driven_effort',),
+    }
+)
+"""Readings that are worth a chart, by its title."""
 
 
 class GenevaReading(NamedTuple):
@@ -74,14 +84,11 @@ class Geneva(HigherPair):
 
     node: ClassVar[str] = 'geneva'
     reads: ClassVar[type] = GenevaReading
+    charts: ClassVar[Mapping[str, tuple[str, ...]]] = DRIVEN
 
     def reading(self, view: View) -> GenevaReading:
         """Whether the pin drives, both motions and forces."""
         return read_wheel(self, view)
-
-    def charts(self, *, slides: bool) -> Sequence[Charted]:
-        """Motion of what is driven, and what drives it."""
-        return driven_charts(slides=slides)
 
     def draw(self, draft: Draft) -> None:
         """A pin and a locking disc, and a wheel: open slots, between them hollows for the disc."""
@@ -149,14 +156,11 @@ class SlottedRack(HigherPair):
 
     node: ClassVar[str] = 'geneva'
     reads: ClassVar[type] = GenevaReading
+    charts: ClassVar[Mapping[str, tuple[str, ...]]] = DRIVEN
 
     def reading(self, view: View) -> GenevaReading:
         """Whether the pin drives, both motions and forces."""
         return read_rack(self, view)
-
-    def charts(self, *, slides: bool) -> Sequence[Charted]:
-        """Motion of what is driven, and what drives it."""
-        return driven_charts(slides=slides)
 
     def draw(self, draft: Draft) -> None:
         """A pin, and the slots that it visits, and their neighbours."""
@@ -375,16 +379,3 @@ def _reading(
     return GenevaReading(
         engaged, driver.total, *driver[1:3], driven.total, *driven[1:3], fx, fy, effort, torque
     )
-
-
-def driven_charts(*, slides: bool) -> tuple[Charted, ...]:
-    """Which readings are worth a chart, of a rack that slides or a wheel."""
-    unit, effort = ('m', 'force') if slides else ('rad', 'torque')
-    return (
-        Charted('velocity of what is driven', {'driven_velocity': 'driven'}, 'velocity',
-                f'{unit}/s'),
-        Charted('its acceleration', {'driven_acceleration': 'driven'}, 'acceleration',
-                f'{unit}/s^2'),
-        Charted(f'{effort} on what is driven', {'driven_effort': 'driven'}, effort,
-                'N' if slides else 'N m', force=True),
-    )  # fmt: skip

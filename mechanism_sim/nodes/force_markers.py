@@ -210,12 +210,11 @@ class ForceMarkers:
                     aside = side * (lens.radius + 0.5 * thick)
                     yield self._moving(wall, middle + np.array([[aside], [0.0]]))
                     number += 1
-            way = lens.play - right if np.isnan(left).all() else 0.5 * (left - right)
             body = self._lying(number, Marker.TRIANGLE_LIST, STEEL, (1.0, 1.0), 0.5)
             body.scale.z = 1.0
-            moved = np.stack([lens.magnification * way, np.zeros_like(way)])
-            lean = 0.5 * lens.magnification * frames.tilts[:, w]
-            yield self._leaning(body, lens, lean, middle + moved, frames.touching[:, w] > 0)
+            off, tilt = lens.magnification * frames.off[:, w].T
+            moved = np.stack([off, np.zeros_like(off)])
+            yield self._leaning(body, lens, 0.5 * tilt, middle + moved, frames.touching[:, w] > 0)
             number += 1
 
     def _beside(self, lens: _Lens, frames: Frames) -> tuple[Array, Array]:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from html import escape
 from typing import Any
 
 import numpy as np
 
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.analysis.series import drawn
+from mechanism_sim.errors import InputError
 from mechanism_sim.export.stage import packed
 from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import brief, places, sections
 from mechanism_sim.pages.recorded import recorded, together
-from mechanism_sim.report.charts.course import Course
+from mechanism_sim.report.charts.thinning import Line, thin
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Piece
@@ -64,13 +66,6 @@ def play(
     start, end : part of it [s]
     charts : with all charts of the report, some megabytes; else the machine alone
     height : [pixels]
-
-    Raises
-    ------
-    InputError
-        If there is no such part.
-    RunError
-        If the run fails.
     """
     record = Record(machine, run or simulate(machine), {})
     first = record.start if start is None else start
@@ -98,17 +93,10 @@ def explore(
     ----------
     path : of the value that changes, such as ``links.rocker.length``
     values : that it takes, with their units
-    quantity : as of `Solution.sample`, or ``reaction.JOINT.size``
+    quantity : of the catalogue (``mechanism-sim quantities SCENE``)
     overrides : of other values of the scene
     revolutions, duration : of each run; the scene's own if neither is given
     height : of the frame [pixels]
-
-    Raises
-    ------
-    InputError
-        If there are no values, or a scene does not exist or is wrong, or has no such quantity.
-    RunError
-        If a run fails.
     """
     if not len(values):
         raise InputError(f'explore: {path}: there are no values to go through')
@@ -117,20 +105,17 @@ def explore(
         machine = load_scene(scene, {**(overrides or {}), path: value})
         solution = simulate(machine, revolutions=revolutions, duration=duration)
         record = Record(machine, solution, {})
-        found = Course(record).run.lines
-        if quantity not in found:
-            raise InputError(
-                f'explore: {machine.name} has no {quoted(quantity)}{nearest(quantity, found)}'
-            )
+        found = catalogue(machine).find(quantity)
+        (series,) = drawn(solution, [found.name], record.start, record.end)
         runs.append(recorded(record))
-        lines.append(found[quantity])
-        if catalogue(machine)[quantity].unit == 'm':  # of what touches only rounding is left
-            far = lines[-1].values
-            far[np.abs(far) < _NOTHING * machine.mechanism.size] = 0.0
+        if found.unit == 'm':  # of what touches only rounding is left
+            rounding = np.abs(series.values) < _NOTHING * machine.mechanism.size
+            series = replace(series, values=np.where(rounding, 0.0, series.values))
+        lines.append(thin(Line(series.t, series.values)))
     size = max(abs(line.values).max() for line in lines)
-    unit, scale = for_people(catalogue(runs[0].record.machine)[quantity].unit, size)
+    unit, scale = for_people(found.unit, size)
     curves = {
-        'label': quantity.replace('_', ' ').replace('.', ' '),
+        'label': found.words,
         'unit': typeset(unit),
         'runs': [
             {'at': packed(places(line.at)), 'values': packed(brief(scale * line.values))}

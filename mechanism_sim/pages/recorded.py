@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.stage import Frames, Stage, Swaying, packed, stage_of
 from mechanism_sim.hybrid.events import Impact
-from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.results.instants import instants
 
 PER_TURN = 120
 """Instants in a turn of the main drive."""
@@ -77,21 +76,17 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     show : called now and then with the time [s] up to which frames are made, and impacts so far
     """
     many = np.linspace(record.start, record.end, _SEEN)
-    seen, _ = _observe(record, many)
     sway = Swaying(record.machine).take(record.history)
-    stage = stage_of(record.machine, seen, sway(many))
+    stage = stage_of(record.machine, record.piece.view(many).observed, sway(many))
     most = min(MOST, _BYTES // _size(stage))
     hardest_first = sorted(record.piece.impacts, key=lambda i: -i.normal_impulse)
     kept = sorted(hardest_first[:MOST], key=lambda i: i.t)
-    changes = [change.t for change in record.piece.modes]
-    events = np.array([*(i.t for i in hardest_first), *changes])[: most // 8]
-    before = np.nextafter(events, -np.inf)
-    t = np.concatenate([instants(record, most), events, before[before >= record.start]])
-    t = np.unique(np.clip(t, record.start, record.end))
+    t = times_of(record, most, most // 8)
     parts = []
     for first in range(0, len(t), _BLOCK):
         some = t[first : first + _BLOCK]
-        parts.append(stage.frames(some, *_observe(record, some), sway(some)))
+        view = record.piece.view(some)
+        parts.append(stage.frames(some, view.observed, view.modes, sway(some)))
         if show:
             show(float(some[-1]), int(np.searchsorted([i.t for i in kept], some[-1])))
     hardest = max((i.normal_impulse for i in kept), default=0.0)
@@ -102,7 +97,8 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
 def frames_at(record: Record, stage: Stage, t: Array) -> Frames:
     """A run at times t (N,) [s]."""
     sway = Swaying(record.machine).take(record.history)
-    return stage.frames(t, *_observe(record, t), sway(t))
+    view = record.piece.view(t)
+    return stage.frames(t, view.observed, view.modes, sway(t))
 
 
 def together(*runs: Recorded) -> tuple[Recorded, ...]:
@@ -112,11 +108,16 @@ def together(*runs: Recorded) -> tuple[Recorded, ...]:
     return tuple(replace(run, stage=replace(run.stage, low=low, high=high)) for run in runs)
 
 
-def instants(record: Record, most: int = MOST) -> Array:
-    """Times (N,) [s] over a run, closer together where the machine is faster.
+def times_of(record: Record, most: int, events: int = 0) -> Array:
+    """The instants of a page (N,) [s]: at most so many, beside both sides of so many events."""
+    return instants(record.piece, record.start, record.end, _density(record), 1, most, events)
+
+
+def _density(record: Record) -> Array:
+    """Instants of a run [1/s] where its steps meet: more where the machine is faster.
 
     There are `PER_TURN` in a turn of the main drive, and as many as it takes for pins to stay in
-    their places between them, see `NEAR`; fewer where that were more than `most` in all.
+    their places between them, see `NEAR`.
     """
     machine, curve = record.machine, record.piece.motion.curve
     t = np.append(curve.start, curve.end)
@@ -133,16 +134,7 @@ def instants(record: Record, most: int = MOST) -> Array:
         fourth = (fourth * np.where(slides, 1.0, machine.mechanism.size)).max(axis=1)
         radial = min(machine.clearances[joint.name].radial for joint in machine.bearings)
         dense = np.maximum(dense, (fourth / (384.0 * NEAR * radial)) ** 0.25)
-    passed = np.append(0.0, np.cumsum(0.5 * (dense[1:] + dense[:-1]) * np.diff(t)))
-    count = min(int(passed[-1]) + 1, most)
-    return np.asarray(np.interp(np.linspace(0.0, passed[-1], count), passed, t))
-
-
-def _observe(record: Record, t: Array) -> tuple[Observation, NDArray[np.uint8]]:
-    """The machine at times (N,) [s], and the modes (m, N) of its gaps."""
-    motion = record.piece.motion
-    k, dt = motion.curve.find(t)
-    return record.machine.physics.observe(motion, k, dt), motion.modes[k].T
+    return np.asarray(dense)
 
 
 def _size(stage: Stage) -> int:

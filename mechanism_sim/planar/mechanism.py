@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, ClassVar, Protocol, TypeAlias
 
 import numpy as np
@@ -28,7 +29,7 @@ from mechanism_sim.planar.points import (
 from mechanism_sim.planar.protocols import ForceElement, Relation, Rubbing
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.planar.tilt import Tilt
-from mechanism_sim.planar.view import Charted, Draft, Side, ToothLoad, View
+from mechanism_sim.planar.view import Draft, Side, ToothLoad, View
 
 
 @dataclass(frozen=True)
@@ -163,6 +164,8 @@ class HigherPair(Connection, ABC):
     reads: ClassVar[type | None] = None
     #: fields of them that are not known of this kind
     untold: ClassVar[tuple[str, ...]] = ()
+    #: fields that are worth a chart, by its title
+    charts: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
 
     def reading(self, view: View) -> Any:
         """What there is to read of it: a named tuple of (N,) arrays, the fields of a message.
@@ -185,10 +188,6 @@ class HigherPair(Connection, ABC):
 
     def tooth_loads(self, view: View) -> Sequence[ToothLoad]:
         """Forces of its teeth on shafts, where forces are known."""
-        return ()
-
-    def charts(self, *, slides: bool) -> Sequence[Charted]:
-        """Which readings are worth a chart; `slides` tells whether `second` does."""
         return ()
 
     def draw(self, draft: Draft) -> None:

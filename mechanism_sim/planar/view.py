@@ -88,16 +88,6 @@ TOOTH_PARTS = 'tangential', 'radial', 'axial'
 """Components of a `ToothLoad`."""
 
 
-class Charted(NamedTuple):
-    """Readings of a joint that belong into one chart."""
-
-    title: str
-    labels: dict[str, str]  #: of its lines, by field of the reading
-    what: str  #: the quantity
-    unit: str
-    force: bool = False  #: whether it is known only where masses are
-
-
 class View(Protocol):
     """A joint at N instants of a machine."""
 

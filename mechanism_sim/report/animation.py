@@ -53,13 +53,6 @@ class Film:
         ----------
         size : longer side, or width and height [pixels]
         show : called after each frame with their number, and 0
-
-        Raises
-        ------
-        InputError
-            If something cannot be shown, or nothing can be written there.
-        RunError
-            If ffmpeg fails.
         """
         with figures.style():
             screen = Screen(self.record, self.t, shown, self.speed, size or self.target.usual_size)

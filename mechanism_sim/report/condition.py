@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, Curve, Panel, 
 from mechanism_sim.report.charts.impacts import rose_chart, wear_chart
 from mechanism_sim.report.charts.lines import turn_of
 from mechanism_sim.report.charts.sensors import density, envelope, orders
-from mechanism_sim.report.figures import paint
 from mechanism_sim.units import for_people
 
 _SUMS = {
@@ -26,13 +24,13 @@ _SUMS = {
 }
 
 
-def draw(details: Details) -> dict[str, Any]:
-    """The pictures of what was asked of a bag, by name."""
-    return {name: paint(chart) for name, chart in charts(details)}
+def charts(details: Details) -> Iterator[Chart]:
+    """The charts of what was asked of a bag, by name as their keys."""
+    for name, chart in _named(details):
+        yield replace(chart, key=name)
 
 
-def charts(details: Details) -> Iterator[tuple[str, Chart]]:
-    """The charts of what was asked of a bag, by name."""
+def _named(details: Details) -> Iterator[tuple[str, Chart]]:
     rate, drive = details.drive_rate, details.drive
     for name, line in details.spectra.items():
         yield f'{name}_spectrum', density(name, line, rate)

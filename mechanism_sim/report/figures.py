@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -80,8 +80,9 @@ def save(figure: Any, file: Path, cropped: bool = False) -> None:
     output.write_bytes(file, picture.getvalue())
 
 
-def save_all(figures: Mapping[str, Any], path: Path) -> list[Path]:
-    """Write several pictures by name: pages of a PDF, else files ``STEM_NAME`` or in a folder."""
+def save_all(charts: Iterable[Chart], path: Path) -> list[Path]:
+    """Write charts by their keys: pages of a PDF, else files ``STEM_KEY`` or in a folder."""
+    figures = {chart.key: paint(chart) for chart in charts}
     if path.suffix == '.pdf' and not path.is_dir():
         from matplotlib.backends.backend_pdf import PdfPages  # noqa: PLC0415
 

@@ -106,12 +106,16 @@ def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
     if entries := panel.entries:
         longest = max(map(len, entries))
         width = axes.figure.get_figwidth() * axes.get_position().width
-        side = 'right' if panel.title else 'left'
+        side, edge = ('right', 1.0) if panel.title else ('left', 0.0)
+        place: dict[str, Any] = {
+            'loc': f'lower {side}', 'bbox_to_anchor': (edge, 1.0),
+            'ncols': max(1, int(1.3 * _LETTERS * width) // (longest + 8)),
+        }  # fmt: skip
+        if panel.form == 'polar':  # beside it, for above is its title
+            place = {'loc': 'upper left', 'bbox_to_anchor': (1.15, 1.0)}
         axes.legend(
-            [artists[e] for e in entries], entries, loc=f'lower {side}',
-            bbox_to_anchor=(float(bool(panel.title)), 1.0), borderaxespad=0.2, frameon=False,
-            fontsize=7.5, handlelength=2.6,
-            ncols=max(1, int(1.3 * _LETTERS * width) // (longest + 8)),
+            [artists[e] for e in entries], entries, borderaxespad=0.2, frameon=False,
+            fontsize=7.5, handlelength=2.6, **place,
         )  # fmt: skip
     if panel.form == 'polar':
         axes.set_rlabel_position(panel.free)

@@ -8,6 +8,7 @@ from typing import Literal
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages.part_states import kinds_of
+from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.scene import Machine
 from ros_interfaces.names import InvalidNameError, resolve_namespace
 
@@ -101,14 +102,15 @@ def _contacts(machine: Machine) -> Iterator[Plot]:
 
 
 def _parts(machine: Machine) -> Iterator[Plot]:
-    sliding = machine.mechanism.sliding
+    known = catalogue(machine)
     for node, kind in kinds_of(machine).items():
         for joint in kind.joints(machine):
-            group, slides = node.replace('_', ' ').capitalize(), joint.second in sliding
-            for title, labels, _, unit, force in joint.charts(slides=slides):
-                if not force or machine.physics.has_forces:
-                    lines = {x: _of(kind.topic, joint.name, f) for f, x in labels.items()}
-                    yield Plot(group, f'{joint.name}: {title} [{unit}]', lines)
+            group = node.replace('_', ' ').capitalize()
+            for title, fields in joint.charts.items():
+                own = {f: q for f in fields if (q := known.get(f'{f}.{joint.name}'))}
+                lines = {q.title: _of(kind.topic, joint.name, f) for f, q in own.items()}
+                units = ' or '.join({q.unit: None for q in own.values()})
+                yield Plot(group, f'{joint.name}: {title} [{units}]', lines)
     for name in machine.scene.oscillators:
         lines = {x: _of('oscillator_state', name, x, 'oscillator') for x in 'xy'}
         yield Plot('Oscillators', f'{name}: displacement [m]', lines)

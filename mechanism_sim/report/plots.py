@@ -1,108 +1,69 @@
-"""Pictures of a cycle: motion, phase portraits, forces as hodographs, torque and power."""
+"""Charts of a cycle: motion, phase portraits, forces as hodographs, torque and power, paths."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
-from typing import Any
 
-from mechanism_sim.analysis.series import Series
+from mechanism_sim.analysis.series import sampled
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.report.charts.chart import Axis, Chart, Curve, Over, Panel, joined
-from mechanism_sim.report.charts.lines import (
-    OVER_TIME,
-    Drawn,
-    colours,
-    columns,
-    over_angle,
-    panels,
-)
-from mechanism_sim.report.charts.motion import hodograph
-from mechanism_sim.report.figures import paint
+from mechanism_sim.report.charts.lines import against, chart, columns
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.units import for_people
 
 _KINDS = ('position', 'velocity', 'acceleration')
-_WORDS = {
-    'rad': ('angle', 'angular velocity', 'angular acceleration'),
-    'm': ('displacement', 'velocity', 'acceleration'),
-}
-
-
-def draw(cycle: Cycle) -> dict[str, Any]:
-    """The pictures of a cycle by name: those for which it has quantities."""
-    return {chart.key: paint(chart) for chart in charts(cycle)}
 
 
 def charts(cycle: Cycle) -> Iterator[Chart]:
     """The charts of a cycle."""
+    physics = cycle.machine.physics
     yield _motion(cycle)
-    yield _phase(cycle)
-    if cycle.machine.physics.has_forces:
-        sizes = {f'reaction.{joint}.size': joint for joint in cycle.machine.physics.joints}
-        found = _lines(cycle, sizes, 'force in the joint')
-        yield _chart(cycle, 'forces', [replace(p, y=replace(p.y, low=0.0)) for p in found])
+    found = [
+        replace(panel, title=name, height=2.3)
+        for name in physics.coordinates
+        for panel in _over(cycle, f'position.{name}', f'velocity.{name}')
+    ]
+    beside = min(3, len(found))
+    title = cycle.machine.scene.title
+    yield Chart('phase', title, tuple(found), columns=beside, width=max(3.2 * beside, 4.5))
+    if physics.has_forces:
+        sizes = _panels(cycle, [f'reaction.{joint}.size' for joint in physics.joints])
+        yield _chart(cycle, 'forces', [replace(p, y=replace(p.y, low=0.0)) for p in sizes])
         yield _hodographs(cycle)
-        yield _drive(cycle)
+        torques = _panels(cycle, cycle.drive_torques)
+        others = ['drive_power'], ['energy.kinetic', 'energy.potential'], ['shaking_moment']
+        yield _chart(cycle, 'drive', [*torques, *chain(*(_panels(cycle, n) for n in others))], 1)
     if cycle.points:
         yield _paths(cycle)
 
 
+def _over(cycle: Cycle, what: str, *names: str) -> tuple[Panel, ...]:
+    """The panels of columns over time, the angle of the drive, or another column."""
+    own = numbers(cycle.machine.mechanism)
+    return chart(sampled(cycle, names, cycle.t), '', against(cycle, what), own).panels
+
+
+def _panels(cycle: Cycle, names: Sequence[str]) -> tuple[Panel, ...]:
+    return _over(cycle, 'angle' if cycle.repeats else 'time', *names)
+
+
 def _chart(cycle: Cycle, key: str, found: list[Panel], beside: int = 0) -> Chart:
     beside = beside or columns(found)
-    over: Over = 'angle' if cycle.repeats else 'time'
+    kind: Over = 'angle' if cycle.repeats else 'time'
     title = cycle.machine.scene.title
-    return Chart(key, title, tuple(found), over, columns=beside, width=(8.0, 11.0)[beside > 1])
-
-
-def _lines(cycle: Cycle, labels: Mapping[str, str], words: str) -> list[Panel]:
-    """Columns of one unit over the cycle, by their labels."""
-    over = over_angle(cycle.solution, cycle.drive) if cycle.repeats else OVER_TIME
-    unit = catalogue(cycle.machine)[next(iter(labels))].unit
-    own = numbers(cycle.machine.mechanism)
-    drawn = [
-        Drawn(Series(column, unit, cycle['t'], cycle[column]), label, shade)
-        for (column, label), shade in zip(labels.items(), colours(labels, own), strict=True)
-    ]
-    return panels(drawn, over, words, unit)
+    return Chart(key, title, tuple(found), kind, columns=beside, width=(8.0, 11.0)[beside > 1])
 
 
 def _motion(cycle: Cycle) -> Chart:
-    names = cycle.machine.physics.coordinates
-    units = {name: catalogue(cycle.machine)[f'position.{name}'].unit for name in names}
-    different = list(dict.fromkeys(units.values()))
-    rows = [
-        [
-            panel
-            for unit in different
-            for panel in _lines(
-                cycle, {f'{kind}.{n}': n for n in names if units[n] == unit}, _WORDS[unit][row]
-            )
-        ]
-        for row, kind in enumerate(_KINDS)
-    ]
-    if len(rows[0]) == len(different):
-        return _chart(cycle, 'motion', list(chain(*rows)), len(different))
+    names, known = cycle.machine.physics.coordinates, catalogue(cycle.machine)
+    units = len({known[f'position.{name}'].unit for name in names})
+    rows = [_panels(cycle, [f'{kind}.{name}' for name in names]) for kind in _KINDS]
+    if len(rows[0]) == units:
+        return _chart(cycle, 'motion', list(chain(*rows)), units)
     # of many coordinates each has a row
     return _chart(cycle, 'motion', list(chain(*zip(*rows, strict=True))), len(_KINDS))
-
-
-def _phase(cycle: Cycle) -> Chart:
-    """Rate over position of each coordinate, a dot at the start."""
-    own, found = numbers(cycle.machine.mechanism), []
-    for name in cycle.machine.physics.coordinates:
-        unit = catalogue(cycle.machine)[f'position.{name}'].unit
-        shown, scale = for_people(unit)
-        position, rate = _WORDS[unit][:2]
-        line = Curve(scale * cycle[f'position.{name}'], cycle[f'velocity.{name}'],
-                     of=f'velocity.{name}', colour=own.get(name, 0))  # fmt: skip
-        axes = Axis(position, shown), Axis(rate, f'{unit}/s')
-        found.append(Panel(*axes, (line, line.start()), name, height=2.3))
-    beside = min(3, len(found))
-    title = cycle.machine.scene.title
-    return Chart('phase', title, tuple(found), columns=beside, width=max(3.2 * beside, 4.5))
 
 
 def _hodographs(cycle: Cycle) -> Chart:
@@ -110,35 +71,25 @@ def _hodographs(cycle: Cycle) -> Chart:
     forces = {f'reaction.{joint}': joint for joint in cycle.machine.physics.joints}
     forces['shaking_force'] = 'all on the frame'
     found = [
-        hodograph('', title, column, cycle['t'], (cycle[f'{column}.x'], cycle[f'{column}.y']), k)
-        for k, (column, title) in zip([*range(len(forces) - 1), -1], forces.items(), strict=True)
+        replace(panel, title=title)
+        for name, title in forces.items()
+        for panel in _over(cycle, f'{name}.direction', f'{name}.size')
     ]
-    return replace(joined(cycle.machine.scene.title, found, 3), key='hodographs')
-
-
-def _drive(cycle: Cycle) -> Chart:
-    found = []
-    units = {name: catalogue(cycle.machine)[name].unit for name in cycle.drive_torques}
-    for unit in dict.fromkeys(units.values()):
-        labels = {
-            name: name.partition('.')[2] or cycle.drive for name in units if units[name] == unit
-        }
-        words = 'torque of the drive' if unit == 'N m' else 'force of the drive'
-        found += _lines(cycle, labels, words)
-    found += _lines(cycle, {'drive_power': 'power'}, 'power of the drive')
-    found += _lines(cycle, {f'energy.{x}': x for x in ('kinetic', 'potential')}, 'energy')
-    found += _lines(cycle, {'shaking_moment': 'moment'}, 'moment on the frame')
-    return _chart(cycle, 'drive', found, 1)
+    single = Chart('hodographs', cycle.machine.scene.title, tuple(found), 'polar')
+    return replace(joined(single.title, [single], 3), key='hodographs')
 
 
 def _paths(cycle: Cycle) -> Chart:
+    """All paths in one panel, true to scale."""
     found: list[Curve] = []
-    own = numbers(cycle.machine.mechanism)
-    for name, shade in zip(cycle.points, colours(cycle.points, own), strict=True):
-        x, y = (1e3 * cycle[f'position.{name}.{axis}'] for axis in 'xy')
-        dash = sum(c.colour == shade and c.form == 'line' for c in found)
-        line = Curve(x, y, name, f'position.{name}', shade, dash)
-        found += [line, line.start()]
-    title = '' if len(cycle.points) > 1 else next(iter(cycle.points))
-    panel = Panel(Axis('x', 'mm'), Axis('y', 'mm'), tuple(found), title, 'equal', height=4.0)
+    for name in cycle.points:
+        (panel,) = _over(cycle, f'position.{name}.x', f'position.{name}.y')
+        for c in panel.curves:
+            dash = sum(x.shade == c.shade and x.form == 'line' for x in found)
+            found.append(
+                replace(c, label=name if c.label else '', dash=dash, of=f'position.{name}')
+            )
+    panel = replace(panel, x=Axis('x', 'mm'), y=Axis('y', 'mm'), curves=tuple(found), title='')
+    if len(cycle.points) == 1:
+        panel = replace(panel, title=name)
     return Chart('paths', cycle.machine.scene.title, (panel,), width=6.0)

@@ -20,7 +20,7 @@ from mechanism_sim.export.stage import Frames, Stage, Swaying, stage_of
 from mechanism_sim.report.brush import Brush
 from mechanism_sim.report.drawing import PATHS, rule, trace
 from mechanism_sim.report.labels import Labels, Move
-from mechanism_sim.report.lens import EDGE, Lens, Slit
+from mechanism_sim.report.lens import EDGE, lens_of
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.results.quantities.motion import choose_points
 
@@ -115,11 +115,7 @@ class Screen:
             self._shows.append(self._arrows(axes, frames))
         if lens:
             under = self.figure.add_axes(layout.lens)
-            glass: Lens | Slit
-            if lens in {pair.name for pair in self._stage.plays}:
-                glass = Slit(under, self._stage, lens, frames)
-            else:
-                glass = Lens(under, record, self._stage, lens, frames, pace)
+            glass = lens_of(under, record, self._stage, lens, frames, pace)
             self._shows.append(self._callout(axes, under, lens, frames))
             times = glass.metre * layout.lens[2] * self.size[0] / (2.0 * EDGE) / metre
             glass.title(f'{lens.replace("_", " ")}\n{times:.3g} times larger')

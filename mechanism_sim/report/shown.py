@@ -25,11 +25,6 @@ def draw(
     ----------
     how : ``positions``, ``labels`` as `mechanism_sim.report.drawing.draw` has them; ``points``,
         names ``LINK.POINT`` whose paths are drawn, and ``duration`` [s] of drives without a period
-
-    Raises
-    ------
-    InputError, RunError
-        As `mechanism_sim.results.cycle.instant` does.
     """
     points, duration = how.pop('points', ()), how.pop('duration', None)
     still = how.get('positions', 1) == 1 and not points
@@ -60,13 +55,6 @@ def animate(
     size : longer side, or width and height [pixels]
     shown : ``lens``, ``forces``, ``paths``, ``labels`` as `mechanism_sim.report.screen.Shown` has
         them
-
-    Raises
-    ------
-    InputError
-        If the file or one of these is no good.
-    RunError
-        If the run fails, or ffmpeg.
     """
     target = Target(str(file))
     record = Record(machine, run or simulate(machine), {})

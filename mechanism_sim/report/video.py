@@ -75,15 +75,7 @@ class Target:
 
     @contextmanager
     def writing(self, figure: Any, fps: float, count: int) -> Iterator[Grab]:
-        """Gives what adds the figure as it is now as the next of so many frames.
-
-        Raises
-        ------
-        InputError
-            If nothing can be written there.
-        RunError
-            If ffmpeg fails.
-        """
+        """Gives what adds the figure as it is now as the next of so many frames."""
         try:
             if self.kind:
                 with self._film(figure, fps) as grab:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
@@ -55,6 +56,12 @@ class Quantity:
     def kind(self) -> str:
         """The first part of its name."""
         return self.name.partition('.')[0]
+
+    @property
+    def title(self) -> str:
+        """Its words without what it is of, and without ``x`` or ``y``: for the axis of a chart."""
+        words = self.words.removesuffix(f', {self.part}')
+        return re.sub(rf' (of|in|on) {re.escape(self.of)}(?![\w.])', '', words, count=1)
 
     @property
     def has_extremes(self) -> bool:

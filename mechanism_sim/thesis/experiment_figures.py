@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from mechanism_sim.export.palette import INK
 from mechanism_sim.report.charts.chart import MARKERS, Axis, Chart, Curve, Panel
 from mechanism_sim.report.charts.lines import turn_of
 from mechanism_sim.report.condition import rose_picture
-from mechanism_sim.report.figures import paint
 from mechanism_sim.sensing.spectra import power
 from mechanism_sim.thesis.angular_reconstruction import LINKS
 from mechanism_sim.thesis.experiment import (
@@ -52,13 +51,13 @@ _ROWS = {
 }
 
 
-def draw(found: Experiment) -> dict[str, Any]:
-    """The figures by name, as ``figure_7_09``; those that need bags that are missing are not."""
-    return {f'figure_{number}': paint(chart) for number, chart in charts(found)}
+def charts(found: Experiment) -> Iterator[Chart]:
+    """The figures by their keys, as ``figure_7_09``; those whose bags are missing are not."""
+    for number, chart in _numbered(found):
+        yield replace(chart, key=f'figure_{number}')
 
 
-def charts(found: Experiment) -> Iterator[tuple[str, Chart]]:
-    """The charts of these figures, by their numbers."""
+def _numbered(found: Experiment) -> Iterator[tuple[str, Chart]]:
     reference, speeds, clearances = found.reference.first, found.speeds, found.clearances
     yield '7_08', _spectrum(reference)
     places = {place: group.first for place, group in found.measured.items()}

@@ -277,7 +277,7 @@ def test_a_block_with_play_is_where_its_corners_are_and_leans_as_they_do():
     assert stage.widths['guide'] == pytest.approx(2e-3, rel=1e-2)  # of a block that turns, too
     gaps = {x: told[f'gap.guide_{x}'] for x in (f'{e}_{s}' for e in ENDS for s in SIDES)}
     lean = gaps['rear_left'] - gaps['front_left']
-    assert frames.tilts[:, 0] == pytest.approx(lean, abs=1e-15)
+    assert frames.off[:, 0, 1] == pytest.approx(lean, abs=1e-15)
     assert np.abs(lean).max() > 1e-4
     picture = ForceMarkers(preview(machine))
     made = picture.at(t, observed, solution.motion.modes[k].T)

@@ -140,7 +140,7 @@ def test_extremes_of_a_long_run_are_in_its_charts(loose, charts):
             dense[name] = min(low, x.min()), max(high, x.max())
     for key, name, column, scale in (
         ('drive-torque-run', 'crank', 'drive_torque', 1.0),
-        (f'gap-{JOINT}-run', f'gap {JOINT}', f'gap.{JOINT}', 1e3),
+        (f'gap-{JOINT}-run', f'gap.{JOINT}', f'gap.{JOINT}', 1e3),
         ('energy', 'kinetic', 'energy.kinetic', 1.0),
     ):
         (c,) = curves(charts[key], name)
@@ -227,7 +227,7 @@ def test_energy_and_solver_agree_with_the_solution(loose, found, charts):
     solution = loose.piece
     (missing,) = curves(charts['energy-missing'])
     assert missing.y[-1] == pytest.approx(solution.energy.residual, abs=1e-12)
-    (work,) = curves(charts['energy'], 'drive work')
+    (work,) = curves(charts['energy'], 'energy.drive_work')
     assert work.y[-1] == pytest.approx(solution.energy.drive_work, rel=1e-6)
     rows = dict(next(s for s in found if s.key == 'solver').rows)
     assert rows['digest'] == solution.digest()
@@ -278,18 +278,19 @@ def test_sensors_and_frames_of_a_part_are_those_of_the_whole(loose):
 def test_a_cam_and_a_gear_show_lift_off_and_backlash():
     charts = charts_of(sections(simulated('valve_train', revolutions=2.5)))
     (law,), (follower,) = (
-        curves(charts['cam-contact-lift'], name) for name in ('law of the cam', 'follower')
+        curves(charts['cam-contact-lift'], name)
+        for name in ('lift.contact', 'follower_position.contact')
     )
-    (gap,) = curves(charts['gap-contact'], 'gap contact')
+    (gap,) = curves(charts['gap-contact'], 'gap.contact')
     assert (follower.y - law.y).max() == pytest.approx(gap.y.max(), rel=1e-4)  # a flat face
     assert (
         curves(charts['cam-contact-contact-force'], look='ideal')[0].y.min() < 0.0
     )  # ideal: held
     charts = charts_of(sections(simulated('gear_rattle', revolutions=2.5)))
     (left,), (right,) = (
-        curves(charts['gap-mesh'], f'gap mesh_{side}') for side in ('left', 'right')
+        curves(charts['gap-mesh'], f'gap.mesh_{side}') for side in ('left', 'right')
     )
-    error = curves(charts['gear-train-mesh-transmission-error'], 'error')[-1]
+    error = curves(charts['gear-train-mesh-transmission-error'], 'transmission_error.mesh')[-1]
     assert np.ptp(error.y) == pytest.approx(left.y.max(), rel=1e-3)
     assert left.y.max() == pytest.approx(right.y.max(), rel=1e-6)
 

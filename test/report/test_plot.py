@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 
 import numpy as np
 import pytest
@@ -22,9 +23,10 @@ from mechanism_sim.messages import own_messages
 from mechanism_sim.messages.units import units, units_of
 from mechanism_sim.recording import read_bag
 from mechanism_sim.report import lines
+from mechanism_sim.report.charts.lines import against, chart
 from ros_interfaces.definitions import field_descriptions
 
-JOINT = 'coupler_rocker'
+JOINT, POINT = 'coupler_rocker', 'coupler.cog'
 
 
 @pytest.fixture(scope='module')
@@ -42,7 +44,7 @@ def solution():
 
 def drawn(bag, *names, **span):
     """The lines (label, x, y) of a plot of a bag, and the labels of its axes."""
-    figure = lines.draw(Asked(read_bag(bag)).series(names, **span), 'title')
+    figure = lines.draw(chart(Asked(read_bag(bag)).series(names, **span), 'title'))
     found = [(x.get_label(), *x.get_data()) for axes in figure.axes for x in axes.lines]
     return found, [axes.get_ylabel() for axes in figure.axes]
 
@@ -98,7 +100,7 @@ def test_quantities_of_a_bag_are_those_of_the_solution(bag, solution):
     """Of the polynomials, on both sides of impacts; one unit, one axes."""
     found, words = drawn(bag, 'velocity.rocker', f'normal_force.{JOINT}', 'reaction', start=0.1)
     assert len(found) == 2 + 8
-    assert words == ['velocity [rad/s]', 'normal force [N]', *['reaction [N]'] * 4]
+    assert words == ['angular velocity [rad/s]', 'normal force [N]', *['force [N]'] * 4]
     for name, (_, t, y) in zip(('velocity.rocker', f'normal_force.{JOINT}'), found, strict=False):
         np.testing.assert_array_equal(y, solution.sample(t)[name])
         assert t[0] == 0.1
@@ -132,9 +134,8 @@ def test_numbers_go_to_a_file(bag, tmp_path):
 def test_over_the_angle_of_the_drive(bag, tmp_path):
     """Messages over the angle the crank then has, which turns at a constant speed."""
     asked = Asked(read_bag(bag))
-    figure = lines.draw(
-        asked.series(['linkage_state.kinetic_energy']), '', lines.over_angle_of(asked.record)
-    )
+    series = asked.series(['linkage_state.kinetic_energy'])
+    figure = lines.draw(chart(series, '', against(asked.record.piece, 'angle')))
     x, y = np.concatenate([line.get_data() for line in figure.axes[0].lines], axis=1)
     states, machine = messages_of(bag, '/linkage_state'), ms.load_scene('four_bar_clearance')
     angle, speed = machine.start_of_crank
@@ -147,8 +148,63 @@ def test_over_the_angle_of_the_drive(bag, tmp_path):
     assert set(np.round(x[between], 9)) <= {0.0, 360.0}
     assert figure.axes[0].get_xlabel() == 'angle of the crank [deg]'
     file = tmp_path / 'angle.svg'
-    done = run('plot', str(bag), '--over', 'angle', 'drive_torque', '-o', str(file))
+    done = run('plot', str(bag), '--against', 'angle', 'drive_torque', '-o', str(file))
     assert done.stdout.strip() == str(file)
+
+
+def test_against_another_quantity(solution):
+    """Both of the same instants; a path is true to scale, a force over its direction round."""
+    speed = solution.plot('velocity.rocker', against='position.rocker').axes[0]
+    line, dot = (x.get_data() for x in speed.lines)
+    t = np.linspace(0.0, solution.duration, 500)
+    told = solution.sample(t)
+    for angle, rate in zip(told['position.rocker'], told['velocity.rocker'], strict=True):
+        far = np.hypot((line[0] - np.degrees(angle)) / 30.0, (line[1] - rate) / 10.0)
+        assert far.min() < 0.02
+    assert (dot[0][0], dot[1][0]) == (line[0][0], line[1][0])
+    assert (speed.get_xlabel(), speed.get_ylabel()) == (
+        'angle of rocker [deg]', 'angular velocity [rad/s]')  # fmt: skip
+    names = f'position.{POINT}.y', f'position.{POINT}.x'
+    path = solution.plot(names[0], against=names[1]).axes[0]
+    assert path.get_aspect() == 1.0
+    far = np.hypot(*(1e-3 * np.array(path.lines[0].get_data())))
+    told = solution.sample(t, *names)
+    assert far.max() == pytest.approx(np.hypot(*told.values()).max(), rel=1e-3)
+    force = f'reaction.{JOINT}'
+    polar = solution.plot(f'{force}.size', against=f'{force}.direction').axes[0]
+    assert polar.name == 'polar'
+    angle, size = polar.lines[0].get_data()
+    told = solution.sample(t, f'{force}.x', f'{force}.y')
+    assert size.max() >= np.hypot(*told.values()).max()
+    low = np.min(size * np.sin(angle))
+    assert low <= told[f'{force}.y'].min() + 1e-9
+
+
+@pytest.mark.network
+def test_the_command_plots_against_a_quantity_alike_for_a_bag_and_a_scene(bag, tmp_path):
+    files = tmp_path / 'bag.svg', tmp_path / 'scene.svg'
+    names = 'position.coupler.cog.y', 'drive_torque', '--against', 'position.coupler.cog.x'
+    drawn = []
+    for source, file in zip((str(bag), 'four_bar_clearance'), files, strict=True):
+        done = run('plot', source, *names, '--revolutions', '2', '-o', str(file))
+        assert done.returncode == 0, done.stderr
+        paths = re.findall(r'<path d="([^"]{2000,})"', file.read_text())
+        assert len(paths) == 2
+        drawn.append([float(x) for path in paths for x in re.findall(r'[\d.]+', path)])
+    assert drawn[0] == pytest.approx(drawn[1], abs=0.01)  # but for the room of their titles
+    done = run('plot', str(bag), 'gap', '--against', 'gap', '--ideal')
+    assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+    assert '--against angle' in done.stderr
+
+
+@pytest.mark.network
+def test_charts_of_the_report_are_drawn_by_their_keys(bag, tmp_path):
+    names = 'forces', f'gap-{JOINT}-run'
+    said = run_json('plot', str(bag), '--charts', *names, '-o', str(tmp_path / 'run.svg'))
+    assert said['files'] == [str(tmp_path / f'run_{name}.svg') for name in names]
+    done = run('plot', str(bag), '--charts', 'force')
+    assert done.returncode == 2
+    assert "no chart 'force'; did you mean 'forces'?" in done.stderr
 
 
 @pytest.mark.network
@@ -225,7 +281,7 @@ def test_what_is_no_path_is_none(text):
 def test_an_overview_of_a_solution(solution):
     figure = solution.plot()
     words = [axes.get_ylabel() for axes in figure.axes]
-    assert words == ['position [deg]', 'gap [mm]', 'normal force [N]', 'drive torque [N·m]', '']
+    assert words == ['angle [deg]', 'gap [mm]', 'normal force [N]', 'drive torque [N·m]', '']
     gap = figure.axes[1].lines[0]
     np.testing.assert_array_equal(
         gap.get_ydata(), 1e3 * solution.sample(gap.get_xdata())[f'gap.{JOINT}']
@@ -368,5 +424,5 @@ def test_from_python_bad_names_are_bad_input(solution):
         solution.plot('velocity.crnk')
     with pytest.raises(InputError, match='no part of the run'):
         solution.plot(start=2.0)
-    with pytest.raises(InputError, match="choose 'time' or 'angle'"):
-        solution.plot(against='crank')
+    with pytest.raises(InputError, match='there is no quantity'):
+        solution.plot(against='crnk')

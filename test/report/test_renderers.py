@@ -34,7 +34,7 @@ def of_two_runs():
 def of_a_bag():
     record = simulated('four_bar_clearance', revolutions=4)
     details = find_details(record, everything(record, Wanted()))
-    return [chart for _, chart in condition.charts(details)]
+    return list(condition.charts(details))
 
 
 def of_a_cycle():

@@ -194,7 +194,7 @@ def test_a_loose_machine_has_a_cycle_too():
 def test_without_masses_there_is_motion_alone():
     found = ms.cycle(ms.load_scene('four_bar_nominal', {'outputs.forces': False}), samples=12)
     assert not any(name.startswith(('reaction', 'drive', 'energy')) for name in found.table())
-    assert set(plots.draw(found)) == {'motion', 'phase'}
+    assert {c.key for c in plots.charts(found)} == {'motion', 'phase'}
     assert report.to_json(found)['mean_power'] is None
     assert 'rocker goes over' in report.render(found)
 
@@ -263,8 +263,7 @@ def test_the_command_writes_the_table_and_the_summary(tmp_path):
 
 
 def test_plots_have_labels_with_units(nominal):
-    with figures.style():
-        drawn = plots.draw(nominal)
+    drawn = {chart.key: figures.paint(chart) for chart in plots.charts(nominal)}
     assert set(drawn) == {'motion', 'phase', 'forces', 'hodographs', 'drive', 'paths'}
     for name, figure in drawn.items():
         assert figure.axes
@@ -283,8 +282,7 @@ def test_plots_have_labels_with_units(nominal):
 @pytest.mark.parametrize('place', ['plots', 'all.pdf', 'some.svg'])
 def test_plots_go_where_they_are_told(nominal, tmp_path, place):
     path = figures.check_picture('--plots', str(tmp_path / place), folder_too=True)
-    with figures.style():
-        files = figures.save_all(plots.draw(nominal), path)
+    files = figures.save_all(plots.charts(nominal), path)
     assert all(file.stat().st_size > 3000 for file in files)
     if place == 'all.pdf':
         assert len(re.findall(rb'/Type /Page\b', files[0].read_bytes())) == 6
@@ -429,10 +427,9 @@ def test_any_machine_is_told_and_drawn(general, tmp_path):
     assert {units[f'reaction.{joint}.size'] for joint in general.machine.physics.joints} == {'N'}
     for name in general.machine.mechanism.displacements:
         assert general.units()[f'velocity.{name}'] == 'm/s'
-    with figures.style():
-        drawn = plots.draw(general)
-        files = figures.save_all(drawn, tmp_path / 'plots.pdf')
-    assert {'motion', 'phase', 'forces', 'hodographs', 'drive'} == set(drawn)
+    drawn = list(plots.charts(general))
+    files = figures.save_all(drawn, tmp_path / 'plots.pdf')
+    assert {'motion', 'phase', 'forces', 'hodographs', 'drive'} == {c.key for c in drawn}
     assert all(file.stat().st_size > 3000 for file in files)
     assert general.repeats == (general.machine.main == 'crank')
     assert {units[name] for name in general.drive_torques} == (

@@ -10,13 +10,13 @@ import runpy
 import numpy as np
 import pytest
 import scipy
-from matplotlib.figure import Figure
 from running import ROOT, run
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.deviation import alpha, deviation
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.errors import InputError
+from mechanism_sim.report.charts.chart import Axis, Chart, Panel
 from mechanism_sim.scene import Level
 from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Instrument
 from mechanism_sim.sensing.channel import Channel
@@ -46,7 +46,6 @@ from mechanism_sim.thesis.experiment import (
     with_limits,
     with_orders,
 )
-from mechanism_sim.thesis.experiment_figures import draw
 from mechanism_sim.thesis.experiment_page import renewed
 from mechanism_sim.thesis.experiment_tables import figure, render, summary, tables, to_json
 
@@ -418,7 +417,7 @@ def test_pages_of_two_environments_are_held_against_each_other(tmp_path, capsys)
 
 
 def test_figures_are_those_of_the_thesis(found):
-    names = sorted(draw(found))
+    names = sorted(chart.key for chart in experiment_figures.charts(found))
     assert names == [
         f'figure_{n}'
         for n in ('7_08', '7_09', '7_10', '7_11', '7_12', '7_13', '7_14', '7_15', '7_16', '7_17',
@@ -428,7 +427,7 @@ def test_figures_are_those_of_the_thesis(found):
 
 def test_each_of_the_six_largest_impacts_has_its_label(found):
     """Those that lie on one another share one; figure 8.11 of [SB] has Y1 to Y6 on both parts."""
-    (chart,) = (chart for number, chart in experiment_figures.charts(found) if number == '8_11')
+    (chart,) = (x for x in experiment_figures.charts(found) if x.key == 'figure_8_11')
     assert len(chart.panels) == 2
     for panel in chart.panels:
         named = []
@@ -443,14 +442,15 @@ def test_a_machine_that_is_compared_with_no_other_has_no_alpha(found):
     alone = Experiment([Repeats(found.reference.trials[:1])])
     assert 'no alpha' in render(alone)
     assert to_json(alone)['alpha'] is None
-    assert sorted(draw(alone))[-3:] == ['figure_8_03', 'figure_8_11', 'figure_8_12']
+    keys = sorted(chart.key for chart in experiment_figures.charts(alone))
+    assert keys[-3:] == ['figure_8_03', 'figure_8_11', 'figure_8_12']
 
 
 def test_the_command_writes_its_figures_and_prints_tables(bags, tmp_path, monkeypatch):
     """All figures are drawn by other tests; here a command is to write them."""
-    monkeypatch.setattr(
-        experiment_figures, 'draw', lambda _: {n: Figure() for n in ('figure_1', 'figure_2')}
-    )
+    panel = Panel(Axis('x'), Axis('y'), ())
+    two = [Chart(key, '', (panel,)) for key in ('figure_1', 'figure_2')]
+    monkeypatch.setattr(experiment_figures, 'charts', lambda _: two)
     page = tmp_path / 'page.md'
     page.write_text('<!-- experiment: bearings -->\n<!-- /experiment -->\n')
     done = run(

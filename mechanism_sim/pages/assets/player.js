@@ -76,7 +76,7 @@ export class Recording {
       pins: this.#pins(i, j, share),
       modes: Array.from(this.modes.subarray(i * this.bearings, (i + 1) * this.bearings)),
       walls: between(this.walls, this.plays, 2),
-      tilts: between(this.tilts, this.plays, 1).flat(),
+      off: between(this.off, this.plays, 2),
       touching: Array.from(this.touching.subarray(i * this.plays, (i + 1) * this.plays)),
       forces: between(this.forces, this.joints, 2),
       feet: between(this.feet, this.moving, 2),

@@ -10,7 +10,7 @@ from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.report.charts.bands import Spells, modes
 from mechanism_sim.report.charts.chart import Chart, Section
 from mechanism_sim.report.charts.course import Course, Window
-from mechanism_sim.report.charts.curves import Curve, over_time
+from mechanism_sim.report.charts.curves import over_time
 
 _SHUT = 1e-9  # [mm], never opened
 
@@ -20,13 +20,11 @@ def contacts(course: Course) -> Section | None:
     gaps = gaps_of(course)
     if not gaps:
         return None
-    charts = []
-    for joint, names in gaps.items():
-        if course.long:
-            title = f'{joint}: gap over the last turns'
-            charts.append(_chart(course, course.detail, joint, names, title, f'gap-{joint}'))
-        title, key = f'{joint}: gap over the whole run', f'gap-{joint}-run'
-        charts.append(_chart(course, course.run, joint, names, title, key))
+    charts = [
+        _chart(course, window, joint, names, f'{joint}: gap over {when}', key)
+        for joint, names in gaps.items()
+        for window, when, key in course.windows(f'gap-{joint}')
+    ]
     text = (
         'The gap is zero while the contact is closed. The band below says in which mode it is; '
         'where spells are too short to be told apart, it says which share of the time each mode '
@@ -47,9 +45,7 @@ def gaps_of(course: Course) -> dict[str, list[str]]:
 def _chart(
     course: Course, window: Window, joint: str, names: list[str], title: str, key: str
 ) -> Chart:
-    number = course.record.machine.physics.joints.index(joint)
-    curves = [Curve(f'gap.{name}', f'gap {name}', number) for name in names]
-    found = over_time(course, key, title, curves, 'gap', 'm', joint, window)
+    found = over_time(course, key, title, [f'gap.{name}' for name in names], joint, window)
     panel = found.panels[0]
     shut = max(np.abs(c.y).max(initial=0.0) for c in panel.curves) < _SHUT
     # do not make a picture of rounding

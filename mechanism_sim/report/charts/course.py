@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.deviation import ideal_record
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.analysis.series import Series
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.report.charts.lines import OVER_TIME, TURNS, Abscissa, over_turns
 from mechanism_sim.report.charts.thinning import MOST, Envelope, Line, thinned
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.quantity import Quantity, Shown
 from mechanism_sim.results.view import View
+from mechanism_sim.scene import Machine
 from mechanism_sim.vibration.shaken_frame import FrameMotion
 
 _SHOWN = 2  # turns of the main drive that are shown in full; of a machine that repeats one will do
@@ -36,27 +38,25 @@ class Window:
     Parameters
     ----------
     start, end : of the part [s]
-    frames : the motion of frames on springs by name, all over the run
+    frames : quantities of frames on springs, all over the run
     turning : whether there is a `reach`
+
+    Attributes
+    ----------
+    quantities : that are lines, by name
     """
 
     def __init__(
-        self, record: Record, start: float, end: float, frames: dict[str, FrameMotion],
+        self, record: Record, start: float, end: float, frames: Sequence[Quantity] = (),
         turning: bool = False,
     ) -> None:  # fmt: skip
-        self.record = record
-        self._reach: list[Envelope] = []
-        self._turning = turning
-        self.start, self.end = start, end
-        self._frames = frames
-        self._names: list[str] = []
+        self.record, self.start, self.end = record, start, end
+        self.quantities = {q.name: q for q in (*_charted(record.machine), *frames)}
+        self._reach = Envelope(len(self.quantities)) if turning else None
 
     @cached_property
     def lines(self) -> dict[str, Line]:
-        """By name: quantities of the catalogue as far as they make lines.
-
-        And ``oscillator.NAME.x`` and so on of frames on springs.
-        """
+        """By name: quantities of the catalogue that make lines, and frames on springs."""
         curve = self.record.piece.motion.curve
         first, last = curve.locate(np.array([self.start, self.end]))
         segments = np.arange(first, last + 1)
@@ -66,7 +66,7 @@ class Window:
         counts = np.maximum(np.ceil((high - low) / self.longest).astype(int) + 1, _FEWEST)
         blocks = self._blocks(segments, low, high, counts)
         lines = thinned(blocks, int(counts.sum()), (self.start, self.end))
-        return dict(zip(self._names, lines, strict=True))
+        return dict(zip(self.quantities, lines, strict=True))
 
     @cached_property
     def reach(self) -> dict[str, Array]:
@@ -74,9 +74,12 @@ class Window:
 
         Nothing where they are not many.
         """
-        names = self.lines.keys()
-        rows = self._reach[0].rows() if self._reach else []
-        return dict(zip(names, rows, strict=bool(rows)))
+        names = self.lines  # on whose way it is found
+        return dict(zip(names, self._reach.rows(), strict=True)) if self._reach else {}
+
+    def series(self, name: str, ideal: bool = False) -> Series:
+        """The line of a quantity with its words and unit."""
+        return Series.of_quantity(self.quantities[name], *self.lines[name], ideal)
 
     @property
     def longest(self) -> float:
@@ -98,41 +101,39 @@ class Window:
             dt = low[chosen][of] + (high - low)[chosen][of] * share
             k = segments[chosen][of]
             t = np.clip(curve.start[k] + dt, self.start, self.end)
-            columns = self._columns(k, dt, t)
-            self._names = list(columns)
-            values = np.array(list(columns.values()), np.float64)
-            if self._turning:
-                self._reach = self._reach or [Envelope(len(values))]
-                self._reach[0].add(360.0 * self.record.turned(t), values)
+            view = View(self.record.machine, self.record.piece.motion, k, dt, t=t)
+            values = np.array([q.evaluate(view) for q in self.quantities.values()], np.float64)
+            if self._reach:
+                self._reach.add(360.0 * self.record.turned(t), values)
             yield t, values
 
-    @cached_property
-    def _quantities(self) -> list[str]:
-        machine = self.record.machine
-        pairs = [j for j in machine.mechanism.joints if isinstance(j, HigherPair)]
-        charted = {
-            f'{field}.{pair.name}'
-            for pair in pairs
-            for chart in pair.charts(slides=False)
-            for field in chart.labels
-        } | {f'reaction.{joint.name}.size' for joint in machine.mechanism.joints}
-        return [
-            name
-            for name, quantity in catalogue(machine).items()
-            if (quantity.shown >= Shown.PARTS or name in charted)
-            and not (quantity.counted or quantity.cumulative)
-        ]
 
-    def _columns(self, k: NDArray[np.intp], dt: Array, t: Array) -> dict[str, Array]:
-        record = self.record
-        view = View(record.machine, record.piece.motion, k, dt, t=t)
-        found = catalogue(record.machine).columns(self._quantities, view)
-        for name, frame in self._frames.items():
-            states = frame(t)
-            rows = (*states.position[:2], *states.mount_force[:2])
-            fields = zip(('x', 'y', 'force_x', 'force_y'), rows, strict=True)
-            found |= {f'oscillator.{name}.{field}': x for field, x in fields}
-        return found
+def _charted(machine: Machine) -> Iterator[Quantity]:
+    """The quantities of a machine that make lines."""
+    pairs = [j for j in machine.mechanism.joints if isinstance(j, HigherPair)]
+    also = {
+        f'{field}.{pair.name}'
+        for pair in pairs
+        for fields in pair.charts.values()
+        for field in fields
+    } | {f'reaction.{joint.name}.size' for joint in machine.mechanism.joints}
+    for name, quantity in catalogue(machine).items():
+        shown = quantity.shown >= Shown.PARTS or name in also
+        if shown and not (quantity.counted or quantity.cumulative):
+            yield quantity
+
+
+def _of_frame(name: str, frame: FrameMotion) -> Iterator[Quantity]:
+    """``oscillator.NAME.x``, ``.y``, ``.force_x``, ``.force_y`` of a frame on springs."""
+    for k, axis in enumerate('xy'):
+        yield Quantity(
+            f'oscillator.{name}.{axis}', 'm', f'displacement of {name}, {axis}', name,
+            lambda view, k=k: frame(view.t).position[k], part=axis,  # type: ignore[misc]
+        )  # fmt: skip
+        yield Quantity(
+            f'oscillator.{name}.force_{axis}', 'N', f'force of {name} on the ground, {axis}', name,
+            lambda view, k=k: frame(view.t).mount_force[k], part=axis,  # type: ignore[misc]
+        )  # fmt: skip
 
 
 class Course:
@@ -151,10 +152,11 @@ class Course:
     def __init__(self, record: Record, skip: int = 0) -> None:
         self.record = record
         self.begin = record.begin(skip)
-        self._frames = {
-            name: record.machine.oscillator(name).take(record.history)
+        self._frames = [
+            quantity
             for name in record.machine.scene.oscillators
-        }
+            for quantity in _of_frame(name, record.machine.oscillator(name).take(record.history))
+        ]
         self.turns = _last_turns(record, skip)
         first, last = record.whole_turns(skip) if record.has_turns else (0, 0)
         many = record.machine.dynamic and last - first > TURNS
@@ -181,6 +183,12 @@ class Course:
         """Whether the run is so much longer than its detail that both are worth a chart."""
         return self.run.end - self.run.start > 1.2 * (self.detail.end - self.detail.start)
 
+    def windows(self, key: str) -> Iterator[tuple[Window, str, str]]:
+        """What is worth a chart over time, in words, and the key of its chart."""
+        if self.long:
+            yield self.detail, 'the last turns', key
+        yield self.run, 'the whole run', f'{key}-run'
+
     @cached_property
     def ideal(self) -> Window | None:
         """The detail of the same machine with ideal joints under the same drive.
@@ -202,7 +210,7 @@ class Course:
         own, told = (_driven(x, t) for x in (self.record, beside))
         if not np.allclose(own, told, rtol=0.0, atol=_SAME):
             return None
-        return Window(beside, detail.start, end, {})
+        return Window(beside, detail.start, end)
 
 
 def _last_turns(record: Record, skip: int) -> tuple[float, float] | None:

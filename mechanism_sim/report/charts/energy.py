@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.analysis.series import Series
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.recording import realtime_factor
-from mechanism_sim.report.charts.chart import (
-    PANEL,
-    SMALL,
-    TIME,
-    Axis,
-    Chart,
-    Curve,
-    Panel,
-    Section,
-)
+from mechanism_sim.report.charts.chart import SMALL, TIME, Chart, Section
 from mechanism_sim.report.charts.course import Course
+from mechanism_sim.report.charts.lines import OVER_TIME, panels
 from mechanism_sim.report.charts.thinning import Line, thinned
+from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.solution import Solution
 
 _BLOCK = 2**16  # instants at once
-_TERMS = 'kinetic', 'potential', 'drive_work', 'dissipated'
+_TERMS = 'energy.kinetic', 'energy.potential', 'energy.drive_work', 'energy.dissipated'
 
 
 def energy(course: Course) -> Section | None:
@@ -36,12 +30,14 @@ def energy(course: Course) -> Section | None:
     if not course.record.machine.physics.has_forces:
         return None
     lines = balance(course)
-    charts = [_chart(course, 'energy', 'Energy balance', 'energy', {n: lines[n] for n in _TERMS})]
+    terms = [
+        Series.of_quantity(catalogue(course.record.machine)[name], *lines[name]) for name in _TERMS
+    ]
+    charts = [_chart(course, 'energy', 'Energy balance', terms)]
     text = 'Kinetic and potential energy, less what the drives put in, plus what is dissipated'
     if np.isfinite(lines['missing'].values).all():
-        missing = {'missing': lines['missing']}
-        title = 'What is missing in them'
-        charts.append(_chart(course, 'energy-missing', title, 'missing', missing))
+        missing = Series('missing', 'J', *lines['missing'])
+        charts.append(_chart(course, 'energy-missing', 'What is missing in them', [missing]))
         text += ', should stay what it was at the start; what is missing is error of integration.'
     else:
         text += (
@@ -74,20 +70,17 @@ def balance(course: Course) -> dict[str, Line]:
 
 
 def _terms(record: Record, t: Array) -> Array:
-    s = record.piece.view(t)
-    o = s.observed
-    return np.array([o.kinetic_energy, o.potential_energy, s.drive_work, s.dissipated])
+    found = catalogue(record.machine).columns(_TERMS, record.piece.view(t))
+    return np.array([*found.values()])
 
 
-def _chart(course: Course, key: str, title: str, words: str, lines: dict[str, Line]) -> Chart:
-    curves = tuple(
-        Curve(*line, name.replace('_', ' '), colour=i)
-        for i, (name, line) in enumerate(lines.items())
-        if np.isfinite(line.values).all()
-    )
-    x = replace(TIME, low=course.run.start, high=course.run.end)
-    height = PANEL if len(curves) > 1 else SMALL
-    return Chart(key, title, (Panel(x, Axis(words, 'J'), curves, height=height),), 'time')
+def _chart(course: Course, key: str, title: str, found: Sequence[Series]) -> Chart:
+    axis = replace(TIME, low=course.run.start, high=course.run.end)
+    known = [s for s in found if np.isfinite(s.values).all()]
+    made = panels(known, OVER_TIME._replace(axis=axis), {})
+    if len(known) == 1:
+        made = [replace(panel, height=SMALL) for panel in made]
+    return Chart(key, title, tuple(made), 'time')
 
 
 def solver(course: Course) -> Section:

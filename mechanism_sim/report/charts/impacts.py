@@ -15,6 +15,7 @@ from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.report.charts.chart import TIME, Axis, Chart, Curve, Panel, Section, polar
 from mechanism_sim.report.charts.contacts import gaps_of
 from mechanism_sim.report.charts.course import Course, Window
+from mechanism_sim.report.charts.thinning import tallest
 
 STEMS = 1500
 """Impacts that a chart shows one by one: of more, the hardest in each of so many bins of time."""
@@ -29,12 +30,11 @@ def impacts(course: Course, skip: int) -> Section | None:
     struck = [i for i in record.piece.impacts if i.t >= course.begin]
     if not struck:
         return None
-    charts = []
-    if course.long and any(course.detail.start <= i.t <= course.detail.end for i in struck):
-        charts.append(
-            _stems(course, struck, course.detail, 'Impacts in the last turns', 'impacts')
-        )
-    charts.append(_stems(course, struck, course.run, 'Impacts in the whole run', 'impacts-run'))
+    charts = [
+        _stems(course, struck, window, f'Impacts in {when}', key)
+        for window, when, key in course.windows('impacts')
+        if any(window.start <= i.t <= window.end for i in struck)
+    ]
     hit = {i.joint for i in struck}
     for joint in record.loose_joints:
         if joint in hit:
@@ -69,7 +69,8 @@ def _stems(course: Course, struck: list[Impact], window: Window, title: str, key
     curves = []
     for name, number, twin in _places(course):
         own = [i for i in struck if i.joint == name and window.start <= i.t <= window.end]
-        own = _hardest(own, window)
+        sizes = np.array([(i.t, i.normal_impulse) for i in own]).reshape(-1, 2).T
+        own = [own[k] for k in tallest(sizes[0], sizes[1], STEMS)]
         if own:
             curves.append(Curve(
                 np.array([i.t for i in own]), 1e3 * np.array([i.normal_impulse for i in own]),
@@ -89,19 +90,6 @@ def _places(course: Course) -> list[tuple[str, int, bool]]:
         for joint, names in gaps_of(course).items()
         for i, name in enumerate(names)
     ]
-
-
-def _hardest(struck: list[Impact], window: Window) -> list[Impact]:
-    """All impacts, or the hardest of each of so many bins of time."""
-    if len(struck) <= STEMS:
-        return struck
-    width = (window.end - window.start) / STEMS
-    best: dict[int, Impact] = {}
-    for impact in struck:
-        k = min(int((impact.t - window.start) / width), STEMS - 1)
-        if k not in best or impact.normal_impulse > best[k].normal_impulse:
-            best[k] = impact
-    return list(best.values())
 
 
 def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:

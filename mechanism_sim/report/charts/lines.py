@@ -1,4 +1,7 @@
-"""Quantities over time, or over the angle of the drive turn upon turn, as panels."""
+"""Series as panels: over time, over the angle of a drive turn upon turn, or over another quantity.
+
+Words, units, colours and dashes follow from the names of the quantities and from the catalogue.
+"""
 
 from __future__ import annotations
 
@@ -6,25 +9,32 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechanism_sim.analysis.series import Series
+from mechanism_sim.analysis.series import Series, sampled
 from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import GROUND, index
 from mechanism_sim.report.charts.bands import Spells, modes
 from mechanism_sim.report.charts.chart import (
+    DIRECTION,
     NOTHING,
     PANEL,
+    ROUND,
     SMALL,
     TIME,
     Axis,
     Chart,
     Curve,
+    Over,
     Panel,
 )
-from mechanism_sim.report.charts.thinning import Envelope
+from mechanism_sim.report.charts.thinning import Envelope, Line, tallest, thin
+from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.units import for_people
 
@@ -39,6 +49,8 @@ _KINDS = 2  # quantities that an axis names
 _SLACK = 1e-7  # [deg]
 _WHOLE = 350.0  # [deg] of a turn that counts as one
 _MARKS = 1500  # places along a panel at which impacts can be told apart
+_MANY = 40_000  # points of a line, more are thinned
+_TRUE = 4.0  # [in] height of a path that is true to scale
 
 
 class Abscissa(NamedTuple):
@@ -47,20 +59,48 @@ class Abscissa(NamedTuple):
     Attributes
     ----------
     turns : whether it is an angle [deg], drawn within a turn
+    of : the quantity, where it is neither time nor the angle of the drive
     """
 
     axis: Axis
     at: Callable[[Array], Array]
     turns: bool = False
+    of: str = ''
+
+    @property
+    def kind(self) -> Over:
+        """As charts have it."""
+        if self.axis is DIRECTION:
+            return 'polar'
+        return 'angle' if self.turns else 'other' if self.of else 'time'
 
 
 OVER_TIME = Abscissa(TIME, lambda t: t)
 
 
-def over_angle(piece: Piece, drive: str) -> Abscissa:
-    """Over the angle of a coordinate of a run."""
-    i = piece.physics.coordinates.index(drive)
-    return over_turns(drive, lambda t: np.asarray(np.degrees(piece.motion.curve(t)[:, i])))
+def against(run: Piece | Cycle, what: str) -> Abscissa:
+    """Over ``time``, the ``angle`` of the main drive, or a quantity of the run by its name.
+
+    Over the direction of a vector charts are round.
+    """
+    piece = run.solution if isinstance(run, Cycle) else run
+    main, physics, curve = run.machine.main, piece.physics, piece.motion.curve
+    if what == 'time':
+        return OVER_TIME
+    if what == 'angle':
+        if main in physics.displacements:
+            raise InputError(f'{main} is driven straight, it has no angle')
+        i = physics.coordinates.index(main)
+        return over_turns(main, lambda t: np.asarray(np.degrees(curve(t)[:, i])))
+    found = catalogue(run.machine).find(what)
+    unit, scale = for_people(found.unit)
+    axis = DIRECTION if found.part == 'direction' else Axis(found.words, unit)
+
+    def at(t: Array) -> Array:
+        inside = np.clip(t, curve.start[0], curve.end)
+        return scale * sampled(run, [found.name], inside)[0].values
+
+    return Abscissa(axis, at, of=found.name)
 
 
 def over_turns(drive: str, at: Callable[[Array], Array]) -> Abscissa:
@@ -71,23 +111,6 @@ def over_turns(drive: str, at: Callable[[Array], Array]) -> Abscissa:
 def turn_of(drive: str) -> Axis:
     """The angle of a drive within a turn."""
     return Axis(f'angle of the {drive}', 'deg', 0.0, 360.0, every=45.0)
-
-
-class Drawn(NamedTuple):
-    """A quantity to be drawn.
-
-    Attributes
-    ----------
-    colour : number in the palette
-    item : what it is of: small multiples have a panel for each
-    reach : places [deg], least and greatest values (3, N) there of all turns, SI
-    """
-
-    series: Series
-    label: str
-    colour: int
-    item: str = ''
-    reach: Array | None = None
 
 
 def colours(names: Iterable[str], numbers: Mapping[str, int]) -> Iterator[int]:
@@ -105,47 +128,77 @@ def colours(names: Iterable[str], numbers: Mapping[str, int]) -> Iterator[int]:
 
 
 def panels(
-    drawn: Sequence[Drawn], over: Abscissa, words: str, unit: str, struck: Array = NOTHING
-) -> list[Panel]:
-    """Lines of one unit: in a panel, or of many one for each link or joint, of the same scale."""
-    items: dict[str, list[Drawn]] = {}
-    for d in drawn:
-        items.setdefault(d.item or d.label, []).append(d)
-    together = len({d.series.name for d in drawn}) <= TOGETHER or len(items) == 1
-    shown, scale = for_people(unit)
+    series: Sequence[Series], over: Abscissa, numbers: Mapping[str, int],
+    struck: Array = NOTHING, reach: Mapping[str, Array] = MappingProxyType({}),
+) -> list[Panel]:  # fmt: skip
+    """Lines of one unit: in a panel, or of many one for each link or joint, of the same scale.
+
+    Parameters
+    ----------
+    numbers : of links and joints, for their colours
+    struck : (N,) times that are marked [s]
+    reach : by name places [deg], least and greatest values (3, N) there of all turns, SI
+    """
+    names = list(dict.fromkeys(s.name for s in series))
+    owners = {s.name: f'{s.name}.{s.of}' for s in series}
+    shades = dict(zip(names, colours([owners[n] for n in names], numbers), strict=True))
+    items: dict[str, list[Series]] = {}
+    for s in series:
+        items.setdefault(_item(s, numbers), []).append(s)
+    together = len(names) <= TOGETHER or len(items) == 1
+    unit, scale = for_people(series[0].unit)
     found = []
-    for some in [drawn] if together else items.values():
-        named, lines = (words, some) if words else _named(some)
-        curves = tuple(_curves(lines, over, scale))
+    for some in [series] if together else items.values():
+        words, labels = named(some)
+        lines = [Drawn(s, labels[s.name], shades[s.name]) for s in some]
+        curves = tuple(_curves(lines, over, scale, reach))
         alone = not together and len({c.label for c in curves if c.label}) == 1
-        found.append(
-            Panel(
-                over.axis, Axis(named, shown), curves, lines[0].label if alone else '',
-                height=PANEL if together else SMALL, scale='' if together else f'[{unit}]',
-            )
+        panel = Panel(
+            over.axis, Axis(words, unit), curves, next(iter(labels.values())) if alone else '',
+            height=PANEL if together else SMALL, scale='' if together else f'[{unit}]',
         )  # fmt: skip
-    found[0] = replace(found[0], struck=marks(over, struck))
+        found.append(_shaped(panel, over, names))
+    if not over.of:
+        found[0] = replace(found[0], struck=marks(over, struck))
     return found
 
 
-def _named(drawn: Sequence[Drawn]) -> tuple[str, list[Drawn]]:
-    """What the lines of a panel are, and their labels, by the names of their series."""
-    kinds = list(dict.fromkeys(_parts(d.series.name)[0] for d in drawn))
-    words = ', '.join(kind.replace('_', ' ') for kind in kinds) if len(kinds) <= _KINDS else ''
-    return words, [
-        d._replace(label=(len(kinds) == 1 and _parts(d.series.name)[1]) or d.series.name)
-        for d in drawn
-    ]
+def _shaped(panel: Panel, over: Abscissa, names: Sequence[str]) -> Panel:
+    """Round over a direction; true to scale if it shows the path of a point."""
+    if over.axis is DIRECTION:
+        largest = max((float(np.nanmax(c.y)) for c in panel.curves if len(c.y)), default=0.0)
+        y = replace(panel.y, low=0.0, high=1.08 * (largest or 1.0))
+        return replace(panel, y=y, form='polar', height=ROUND, scale='')
+    path = over.of.startswith('position.') and over.of.endswith('.x')
+    if path and all(n.startswith('position.') and n.endswith('.y') for n in names):
+        return replace(panel, form='equal', height=_TRUE, scale='')
+    return panel
+
+
+def named(series: Sequence[Series]) -> tuple[str, dict[str, str]]:
+    """What the lines of a panel are in words, and their labels by name."""
+    parts = {s.name: _parts(s.name) for s in series}
+    titles = {s.name: s.words or parts[s.name][0].replace('_', ' ') for s in series}
+    kinds = list(dict.fromkeys(kind for kind, _ in parts.values()))
+    said = list(dict.fromkeys(titles.values()))
+    if len(kinds) == 1 and len(said) > 1:
+        said = [kinds[0].replace('_', ' ')]
+    words = ', '.join(said) if len(said) <= _KINDS else ''
+    if len(kinds) == 1:
+        rest = {s.name: parts[s.name][1].removesuffix('.size') for s in series}
+        labels = {s.name: rest[s.name] or s.of or s.name for s in series}
+    elif len({s.of for s in series}) == 1 and len(set(titles.values())) == len(titles):
+        labels = titles  # several quantities of one thing
+    else:
+        labels = {name: name for name in titles}
+    return words, labels
 
 
 def marks(over: Abscissa, t: Array) -> Array:
     """Where impacts at times (N,) [s] are marked; no two where they cannot be told apart."""
     x = over.at(t) if len(t) else NOTHING
     x = np.mod(x, 360.0) if over.turns else x
-    if len(x) <= _MARKS:
-        return x
-    span = float(np.ptp(x)) or 1.0
-    return np.asarray(x[np.unique(np.round(x / span * _MARKS), return_index=True)[1]])
+    return np.asarray(x[tallest(x, np.zeros(len(x)), _MARKS)])
 
 
 def columns(found: Sequence[Panel]) -> int:
@@ -153,7 +206,17 @@ def columns(found: Sequence[Panel]) -> int:
     return 2 if len(found) > _BESIDE and not any(p.y.names for p in found) else 1
 
 
-def _curves(drawn: Sequence[Drawn], over: Abscissa, scale: float) -> Iterator[Curve]:
+class Drawn(NamedTuple):
+    """A series to be drawn, with its label and the number of its colour."""
+
+    series: Series
+    label: str
+    colour: int
+
+
+def _curves(
+    drawn: Sequence[Drawn], over: Abscissa, scale: float, reach: Mapping[str, Array]
+) -> Iterator[Curve]:
     """Ranges beneath, then ideal machines, turns before the last, and the last."""
     used: Counter[int] = Counter()
     dashes: dict[str, int] = {}
@@ -164,7 +227,10 @@ def _curves(drawn: Sequence[Drawn], over: Abscissa, scale: float) -> Iterator[Cu
     found: list[Curve] = []
     offsets: dict[str, float] = {}
     for d in sorted(drawn, key=lambda d: d.series.ideal):  # the own ones say where angles begin
-        found += _of(d, over, scale, dashes[d.series.name], offsets)
+        name = d.series.name
+        found += _of(
+            d, over, scale, dashes[name], offsets, None if d.series.ideal else reach.get(name)
+        )
     order = {'range': 0, 'ideal': 1, 'earlier': 2, '': 3}
     yield from sorted(found, key=lambda c: order[c.look])
     if any(d.series.ideal for d in drawn):
@@ -172,8 +238,9 @@ def _curves(drawn: Sequence[Drawn], over: Abscissa, scale: float) -> Iterator[Cu
 
 
 def _of(
-    d: Drawn, over: Abscissa, scale: float, dash: int, offsets: dict[str, float]
-) -> Iterator[Curve]:
+    d: Drawn, over: Abscissa, scale: float, dash: int, offsets: dict[str, float],
+    reach: Array | None,
+) -> Iterator[Curve]:  # fmt: skip
     s = d.series
     same: dict[str, Any] = {'of': s.name, 'colour': d.colour}
     x, y = over.at(s.t), scale * s.values
@@ -185,13 +252,18 @@ def _of(
         x = np.mod(x, 360.0) if over.turns else x
         yield Curve(x, y, form='dots', marker='circle-open', **same)
         return
+    if over.of:
+        line = Curve(x, y, dash=0 if s.ideal else dash, when=s.t, **same)
+        yield from [line] if s.ideal else [line, line.start()]
+        return
     if not over.turns:
+        if np.isfinite(y).all():
+            x, y = thin(Line(x, y), _MANY)
         yield Curve(x, y, dash=0 if s.ideal else dash, **same)
         return
     pieces = _pieces(x, y, s.t)
     whole = [k for k, (x, *_) in enumerate(pieces) if np.ptp(x) > _WHOLE]
     newest = whole[-1] if whole else 0
-    reach = d.reach
     if reach is None and len(pieces) > TURNS and whole and not s.ideal:
         reach = Envelope.of(x, s.values)
     if s.unit == 'rad':
@@ -258,8 +330,8 @@ def _curve(pieces: list[Turn], **same: Any) -> Curve:
 
 
 def chart(
-    series: Sequence[Series], title: str, over: Abscissa, numbers: Mapping[str, int],
-    impacts: Array,
+    series: Sequence[Series], title: str, over: Abscissa = OVER_TIME,
+    numbers: Mapping[str, int] = MappingProxyType({}), impacts: Sequence[float] | Array = (),
 ) -> Chart:  # fmt: skip
     """Lines over a common abscissa: those of one unit share a panel, modes of contact are bands.
 
@@ -268,30 +340,28 @@ def chart(
     numbers : of links and joints, for their colours
     impacts : (N,) times that are marked [s]
     """
-    bands = [] if over.turns else [s for s in series if s.name.startswith('mode.')]
+    bands = [] if over.kind != 'time' else [s for s in series if s.name.startswith('mode.')]
     units: dict[str, list[Series]] = {}
     for s in series:
         if s not in bands:
             units.setdefault(s.unit, []).append(s)
     found: list[Panel] = []
-    for unit, lines in units.items():
-        names = list(dict.fromkeys(s.name for s in lines))
-        shades = dict(zip(names, colours(names, numbers), strict=True))
-        drawn = [Drawn(s, s.name, shades[s.name], _item(s, numbers)) for s in lines]
-        found += panels(drawn, over, '', unit, NOTHING if found else impacts)
+    struck = np.asarray(impacts, np.float64)
+    for lines in units.values():
+        found += panels(lines, over, numbers, NOTHING if found else struck)
     if bands:
         found.append(modes({_parts(s.name)[1]: Spells.of(s) for s in bands}))
-    if not over.turns:
+    if over.kind == 'time':
         ends = [over.at(s.t[[0, -1]]) for s in series if len(s.t)]
         axis = replace(over.axis, low=float(np.min(ends)), high=float(np.max(ends)))
         found = [replace(p, x=axis) for p in found]
-    return Chart('', title, tuple(found), 'angle' if over.turns else 'time',
-                 columns=columns(found))  # fmt: skip
+    wide = 6.0 if found[0].form != 'plain' else 8.0
+    return Chart('', title, tuple(found), over.kind, columns=columns(found), width=wide)
 
 
 def _item(s: Series, numbers: Mapping[str, int]) -> str:
     """The link or joint that a series is of."""
-    known = next((part for part in s.name.split('.') if part in numbers), '')
+    known = next((part for part in f'{s.name}.{s.of}'.split('.') if part in numbers), '')
     return known or (s.name[:-2] if s.name.endswith(('.x', '.y')) else s.name)
 
 

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.analysis.series import Series, sampled
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import Prismatic
-from mechanism_sim.report.charts.chart import Chart, Section, polar
-from mechanism_sim.report.charts.chart import Curve as Drawing
+from mechanism_sim.report.charts.chart import DIRECTION, Chart, Curve, Section, polar
 from mechanism_sim.report.charts.course import Course, Window
-from mechanism_sim.report.charts.curves import Curve, over_drive, over_time, quantities
-from mechanism_sim.results.catalogue import catalogue
-
-Vector = Sequence[Array]
+from mechanism_sim.report.charts.curves import over_drive, over_time, quantities
+from mechanism_sim.report.charts.lines import Abscissa, panels
 
 _NOTHING = 1e-9
 """Of the largest of its kind: what is less is rounding."""
@@ -50,50 +46,40 @@ def motion(course: Course) -> Section:
     """Angles, rates and accelerations of all coordinates but those of elastic links."""
     machine = course.record.machine
     physics, rotors, charts = machine.physics, machine.mechanism.rotors, []
-    own = numbers(machine.mechanism)
     for kind, titles in _KINDS.items():
         for straight, title in zip((False, True), titles, strict=True):
-            curves = [
-                Curve(f'{kind}.{c}', c, own.get(c, i))
-                for i, c in enumerate(physics.coordinates)
+            names = [
+                f'{kind}.{c}'
+                for c in physics.coordinates
                 if (c in physics.displacements) == straight
                 and (c not in machine.mechanism.deformations or c.partition('.')[0] in rotors)
             ]
             if kind == 'position' and course.turns:
-                curves = [c for c in curves if c.label != machine.main]
+                names = [name for name in names if name != f'position.{machine.main}']
             if kind == 'acceleration':  # of a drive at constant speed there is none
-                curves = [c for c in curves if _varies(course, c)]
-            if any(_varies(course, c) for c in curves):
-                unit = catalogue(machine)[curves[0].column].unit
+                names = [name for name in names if _varies(course, name)]
+            if any(_varies(course, name) for name in names):
                 key = f'motion-{kind}-{"straight" if straight else "turning"}'
-                words = title.lower()[:-1].replace('velocitie', 'velocity')
-                charts.append(over_drive(course, key, title, curves, words, unit))
-    main = machine.main
-    speed = Curve(f'velocity.{main}', main, own.get(main, 0))
+                charts.append(over_drive(course, key, title, names))
+    speed = f'velocity.{machine.main}'
     if course.turns and course.long and _varies(course, speed):
-        title = f'Speed of the {main} over the whole run'
-        charts.append(over_time(course, 'motion-speed-run', title, [speed], 'speed', 'rad/s'))
+        title = f'Speed of the {machine.main} over the whole run'
+        charts.append(over_time(course, 'motion-speed-run', title, [speed]))
     return Section('motion', 'Motion', over(course), tuple(charts))
 
 
-def _varies(course: Course, curve: Curve) -> bool:
-    values = course.detail.lines[curve.column].values
+def _varies(course: Course, name: str) -> bool:
+    values = course.detail.lines[name].values
     return bool(np.ptp(values) > _NOTHING * np.abs(values).max())
 
 
 def elastic(course: Course) -> Section | None:
     """Deflection and stress of elastic links."""
     beams = course.record.machine.mechanism.beams
-    charts: list[Chart] = []
-    for kind, title, unit in (
-        ('deflection', 'Deflection in the middle', 'm'), ('stress', 'Largest stress', 'Pa'),
-    ):  # fmt: skip
-        curves = [
-            Curve(f'{kind}.{link}', link, i)
-            for i, (link, beam) in enumerate(beams.items())
-            if kind == 'deflection' or beam.fibre is not None
-        ]
-        charts += quantities(course, f'elastic-{kind}', title, curves, kind, unit)
+    known, charts = course.run.quantities, []
+    for kind, title in (('deflection', 'Deflection in the middle'), ('stress', 'Largest stress')):
+        names = [name for link in beams if (name := f'{kind}.{link}') in known]
+        charts += quantities(course, f'elastic-{kind}', title, names)
     text = 'Deflection is across the link; stress is that at the outer fibres.'
     return Section('elastic', 'Elastic links', text, tuple(charts)) if charts else None
 
@@ -104,21 +90,19 @@ def forces(course: Course) -> Section | None:
     if not machine.physics.has_forces:
         return None
     joints = machine.physics.joints
-    curves = [Curve(f'reaction.{j}.size', j, i) for i, j in enumerate(joints)]
-    title = 'Force in each joint'
-    charts = quantities(course, 'forces', title, curves, 'force', 'N', run=True)
+    sizes = [f'reaction.{joint}.size' for joint in joints]
+    charts = quantities(course, 'forces', 'Force in each joint', sizes, run=True)
     if not charts:
         return None
     lines = course.detail.lines
-    tilting = [j for j in joints if f'bearing_moment.{j}.size' in lines]
-    if tilting:
-        curves = [Curve(f'bearing_moment.{j}.size', j, joints.index(j)) for j in tilting]
+    moments = [name for joint in joints if (name := f'bearing_moment.{joint}.size') in lines]
+    if moments:
         title = 'Moment of each bearing that holds its pin by both ends'
-        charts.append(over_drive(course, 'bearing-moments', title, curves, 'moment', 'N m'))
+        charts.append(over_drive(course, 'bearing-moments', title, moments))
     largest = {joint: lines[f'reaction.{joint}.size'].values.max() for joint in joints}
     charts += [
-        _hodograph(course, joint, i)
-        for i, joint in enumerate(joints)
+        _hodograph(course, joint)
+        for joint in joints
         if largest[joint] > _NOTHING * max(largest.values())
     ]
     text = (
@@ -129,83 +113,59 @@ def forces(course: Course) -> Section | None:
     return Section('forces', 'Joint forces', text, tuple(charts))
 
 
-def _hodograph(course: Course, joint: str, number: int) -> Chart:
-    """The force of a joint, and beneath it that of the ideal machine."""
-    pair = course.record.machine.mechanism.joint(joint)
+def _hodograph(course: Course, joint: str) -> Chart:
+    """The force of a joint over its direction, beneath it that of the ideal machine."""
+    mechanism = course.record.machine.mechanism
+    own = numbers(mechanism)
+    curves: list[Curve] = []
+    for window in (course.ideal, course.detail):
+        if window is not None and f'reaction.{joint}.size' in window.quantities:
+            force, over = _vector(window, joint)
+            force = replace(force, ideal=window is course.ideal)
+            curves += panels([force], over, own)[0].curves
+    curves = [replace(c, label='') for c in curves if len(c.x)]
+    pair = mechanism.joint(joint)
     title = f'{joint}: {pair.first} on {pair.second}'
-    beneath = None
-    if course.ideal is not None and f'reaction.{joint}.x' in course.ideal.lines:
-        beneath = _vector(course.ideal, joint)[1]
-    of = f'reaction.{joint}'
-    return hodograph(
-        f'forces-{joint}', title, of, *_vector(course.detail, joint), number, beneath, joint
-    )
+    return polar(f'forces-{joint}', title, 'N', curves, joint, 'force')
 
 
-def hodograph(
-    key: str, title: str, of: str, t: Array, force: Vector, number: int,
-    ideal: Vector | None = None, joint: str = '',
-) -> Chart:  # fmt: skip
-    """A force (2, N) [N] at times (N,) [s] as a vector in the world, a dot where it begins."""
-
-    def curve(vector: Vector, **more: Any) -> Drawing:
-        x, y = vector
-        direction = np.degrees(np.arctan2(y, x))
-        return Drawing(direction, np.hypot(x, y), of=of, colour=number, **more)
-
-    own = curve(force, when=t)
-    curves = [own, own.start()]
-    if ideal is not None:
-        curves = [curve(ideal, look='ideal'), *curves]
-    return polar(key, title, 'N', curves, joint, 'force')
-
-
-def _vector(window: Window, joint: str) -> tuple[Array, Vector]:
-    """Times [s], and a force [N], where the line of its size is."""
-    record = window.record
-    t = np.unique(window.lines[f'reaction.{joint}.size'].at)
-    seen = record.piece.physics.observe(record.piece.motion, *record.piece.motion.curve.find(t))
-    return t, seen.reaction[record.piece.physics.joints.index(joint)]
+def _vector(window: Window, joint: str) -> tuple[Series, Abscissa]:
+    """The size of a force where its line is, and its direction there."""
+    names = [f'reaction.{joint}.{part}' for part in ('size', 'direction')]
+    t = np.unique(window.lines[names[0]].at)
+    force, direction = sampled(window.record.piece, names, t)
+    degrees = np.degrees(direction.values)
+    return force, Abscissa(DIRECTION, lambda _: degrees, of=direction.name)
 
 
 def drive(course: Course) -> Section | None:
     """Torque or force of every drive."""
-    machine = course.record.machine
-    physics = machine.physics
+    physics = course.record.machine.physics
     if not physics.has_forces or not physics.driven:
         return None
     charts: list[Chart] = []
-    own = numbers(machine.mechanism)
     for straight, word in ((False, 'torque'), (True, 'force')):
-        curves = [
-            Curve('drive_torque' if not i else f'drive_torque.{c}', c, own.get(c, i))
+        names = [
+            f'drive_torque.{c}' if i else 'drive_torque'
             for i, c in enumerate(physics.driven)
             if (c in physics.displacements) == straight
         ]
-        unit = 'N' if straight else 'N m'
-        key, title = f'drive-{word}', f'Drive {word}'
-        charts += quantities(course, key, title, curves, word, unit, run=True)
+        if names:
+            charts += quantities(course, f'drive-{word}', f'Drive {word}', names, run=True)
     return Section('drive', 'Drive', '', tuple(charts))
 
 
 def guides(course: Course) -> Section | None:
     """Forces and moments that guides and slots transmit."""
     machine = course.record.machine
-    names = machine.physics.joints
     joints = [j for j in machine.mechanism.joints if isinstance(j, Prismatic | PinInSlot)]
     if not machine.physics.has_forces or not joints:
         return None
-
-    def curves(kind: str) -> list[Curve]:
-        return [Curve(f'reaction.{j.name}.{kind}', j.name, names.index(j.name)) for j in joints]
-
     title, text = 'Force across each guide and slot', ''
-    charts = quantities(course, 'guides-force', title, curves('size'), 'force', 'N')
+    charts = quantities(course, 'guides-force', title, [f'reaction.{j.name}.size' for j in joints])
     if charts and any(isinstance(j, Prismatic) for j in joints):
-        title = 'Moment in each guide'
-        charts.append(
-            over_drive(course, 'guides-moment', title, curves('moment'), 'moment', 'N m')
-        )
+        names = [f'reaction.{j.name}.moment' for j in joints]
+        charts.append(over_drive(course, 'guides-moment', 'Moment in each guide', names))
         text = (
             'The moment is that of the first-named on the second-named link, about the point that '
             'slides.'

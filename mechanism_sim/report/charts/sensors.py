@@ -11,7 +11,7 @@ from mechanism_sim.analysis.details import Line as Spectral
 from mechanism_sim.analysis.signals import Signal
 from mechanism_sim.arrays import Array
 from mechanism_sim.report.charts.chart import TIME, Axis, Chart, Curve, Mark, Panel, Section
-from mechanism_sim.report.charts.course import Course
+from mechanism_sim.report.charts.course import Course, Window
 from mechanism_sim.report.charts.thinning import Line, thin
 
 _MARKED = 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000
@@ -33,11 +33,8 @@ def sensors(course: Course, skip: int) -> Section | None:
     charts: list[Chart] = []
     for i, name in enumerate(names):
         signal = record.signal(name).since(course.begin)
-        if course.long:
-            span = course.detail.start, course.detail.end
-            charts.append(_signal(signal, span, i, f'{name}: last turns', f'sensor-{name}'))
-        span = course.run.start, course.run.end
-        charts.append(_signal(signal, span, i, f'{name}: the whole run', f'sensor-{name}-run'))
+        for window, when, key in course.windows(f'sensor-{name}'):
+            charts.append(_signal(signal, window, i, f'{name} over {when}', key))
         if name in found.spectra:
             charts.append(density(name, found.spectra[name], found.drive_rate, i))
         if name in found.orders:
@@ -53,15 +50,15 @@ def sensors(course: Course, skip: int) -> Section | None:
     return Section('sensors', 'Sensors', text, tuple(charts))
 
 
-def _signal(signal: Signal, span: tuple[float, float], number: int, title: str, key: str) -> Chart:
+def _signal(signal: Signal, window: Window, number: int, title: str, key: str) -> Chart:
     parts: list[Array] = []
     for t, run in zip(signal.times, signal.runs, strict=True):
-        inside = (t >= span[0]) & (t <= span[1])
+        inside = (t >= window.start) & (t <= window.end)
         if inside.any():
             parts += [np.full((2, 1), np.nan), np.array(thin(Line(t[inside], run[inside])))]
     x, y = np.concatenate([*parts[1:], np.empty((2, 0))], axis=1)
     curve = Curve(x, y, of=signal.sensor, colour=number)
-    axis = replace(TIME, low=span[0], high=span[1])
+    axis = replace(TIME, low=window.start, high=window.end)
     panel = Panel(axis, Axis(signal.quantity, signal.unit), (curve,))
     return Chart(key, title, (panel,), 'time', signal.sensor)
 

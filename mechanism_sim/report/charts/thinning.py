@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 
@@ -156,3 +157,19 @@ def thin(line: Line, most: int = MOST) -> Line:
         return line
     span = float(line.at[0]), float(line.at[-1])
     return thinned([(line.at, line.values[None])], len(line.at), span, most)[0]
+
+
+def tallest(at: Array, size: Array, bins: int) -> NDArray[np.intp]:
+    """Numbers of the items that are drawn of many: of each of so many bins the largest.
+
+    Parameters
+    ----------
+    at, size : (N,) place and size of each item; where there are no more than `bins`, all are kept
+    """
+    if len(at) <= bins:
+        return np.arange(len(at))
+    width = (float(at.max()) - float(at.min())) / bins or 1.0
+    of = np.minimum((at - at.min()) / width, bins - 1).astype(int)
+    order = np.lexsort((np.arange(len(at)), -size, of))
+    first = np.flatnonzero(np.diff(of[order], prepend=-1))
+    return np.sort(order[first])

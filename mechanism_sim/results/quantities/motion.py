@@ -17,6 +17,12 @@ from mechanism_sim.scene import Machine
 RATES = {'position': '', 'velocity': '/s', 'acceleration': '/s^2'}
 """Kinds of quantities of a motion, with what they add to the unit."""
 
+_WORDS = {
+    'rad': ('angle', 'angular velocity', 'angular acceleration'),
+    'm': ('displacement', 'velocity', 'acceleration'),
+}
+"""What a coordinate and its rates are called, by its unit."""
+
 
 def tracks(mechanism: Mechanism, places: Sequence[LinkPoint | Point]) -> Callable[[View], Array]:
     """Positions, velocities and accelerations (P, 3, 2, N) of points."""
@@ -33,12 +39,11 @@ def tracks(mechanism: Mechanism, places: Sequence[LinkPoint | Point]) -> Callabl
 def of_coordinates(machine: Machine) -> Iterator[Quantity]:
     """``position.COORDINATE``, ``velocity.``, ``acceleration.`` of all coordinates."""
     physics = machine.physics
-    for kind, per in RATES.items():
+    for k, (kind, per) in enumerate(RATES.items()):
         for i, coordinate in enumerate(physics.coordinates):
-            unit = ('m' if coordinate in physics.displacements else 'rad') + per
-            yield Quantity(
-                f'{kind}.{coordinate}', unit, f'{kind} of {coordinate}', coordinate, _row(kind, i)
-            )
+            unit = 'm' if coordinate in physics.displacements else 'rad'
+            words = f'{_WORDS[unit][k]} of {coordinate}'
+            yield Quantity(f'{kind}.{coordinate}', unit + per, words, coordinate, _row(kind, i))
 
 
 def _row(kind: str, i: int) -> Callable[[View], Array]:

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 def of_frame(machine: Machine) -> Iterator[Quantity]:
-    """``shaking_force.x``, ``.y``, ``.size``, and ``shaking_moment`` about the origin."""
+    """``shaking_force.x``, ``.y``, ``.size``, ``.direction``; ``shaking_moment`` at the origin."""
     if not machine.physics.has_forces:
         return
     shaking = _Shaking(machine)
@@ -38,6 +38,10 @@ def of_frame(machine: Machine) -> Iterator[Quantity]:
     yield Quantity(
         'shaking_force.size', 'N', words, '', lambda view: np.hypot(*rows(view)[:2]),
         Shown.CYCLE, 'size',
+    )  # fmt: skip
+    yield Quantity(
+        'shaking_force.direction', 'rad', f'direction of the {words}', '',
+        lambda view: np.arctan2(*rows(view)[1::-1]), Shown.ASKED, 'direction',
     )  # fmt: skip
     yield Quantity(
         'shaking_moment', 'N m', 'shaking moment on the frame about the origin', '',
