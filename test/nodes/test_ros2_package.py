@@ -205,7 +205,13 @@ def test_no_node_takes_an_attribute_that_rclpy_uses():
         for name, kind in kinds.items()
         if is_node(name)
     }
-    assert {'CrankDrive', 'LinkageNode', 'Sensors', 'SimulationNode', 'DescribedNode'} <= own.keys()
+    assert {
+        'CrankDrive',
+        'LinkageNode',
+        'Sensors',
+        'SimulationNode',
+        'DescribedNode',
+    } <= own.keys()
     assert not {kind: names & taken for kind, names in own.items() if names & taken}
 
 
