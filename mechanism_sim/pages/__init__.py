@@ -1,1 +1,1 @@
-"""What a browser shows of a machine: the page of a recorded run, and the live view."""
+"""Pages in a browser: that of a recorded run, and the live view."""

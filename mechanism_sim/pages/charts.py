@@ -114,7 +114,7 @@ class _Figure:
             top -= tall[i] + feet[i] + (heads[i + 1] if i + 1 < len(rows) else 0)
 
     def _head(self, panel: Panel) -> int:
-        """What is above a panel: its title and its legend [pixels]."""
+        """Height of title and legend above a panel [pixels]."""
         texts = panel.entries
         across = sum(len(text) * _LETTER + _KEY for text in texts)
         lines = int(np.ceil(across / (_WIDTH / self.chart.columns)))
@@ -258,7 +258,7 @@ def pale(shade: str, opacity: float) -> str:
 
 
 def _traces(panel: Panel, curve: Curve) -> Iterator[Json]:
-    """What is drawn of a curve; the last trace has its data."""
+    """Traces of a curve; the last one has its data."""
     round_ = panel.form == 'polar'
     look = LOOKS[curve.look]
     width = round(_PIXEL * look.width, 2)
@@ -312,7 +312,7 @@ def _traces(panel: Panel, curve: Curve) -> Iterator[Json]:
 
 
 def _hover(panel: Panel, curve: Curve) -> str:
-    """What is said of a point."""
+    """Text beside a point."""
     x, y = (typeset(axis.unit) for axis in (panel.x, panel.y))
     digits = '.6f' if panel.x.unit == 's' else '.5g'
     said = ['%{hovertext}'] if curve.notes else []

@@ -1,4 +1,4 @@
-"""What of a running machine can be changed from a page, and in which limits."""
+"""Values of a running machine that a page can change, and their limits."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ class Control:
     logarithmic: bool = False
 
     def to_json(self) -> dict[str, Any]:
-        """What a page needs to know of it."""
+        """Description for a page."""
         keys = 'path', 'label', 'unit', 'low', 'high', 'step', 'value', 'effect', 'logarithmic'
         return {key: getattr(self, key) for key in keys}
 
     @property
     def in_scene(self) -> bool:
-        """Whether it is a value of the scene, which the next run can have."""
+        """True of a value of the scene, which the next run can have."""
         return '.' in self.path
 
     def si(self, value: float) -> float:

@@ -1,4 +1,4 @@
-"""What a page shows of a machine that runs: its newest motion, at as many instants as it needs."""
+"""Newest motion of a machine that runs, at as many instants as a page needs."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class Live:
             )
 
     def batch(self) -> dict[str, Any] | None:
-        """What has come since the last call; None if nothing has.
+        """Motion since the last call; None if nothing has come.
 
         The first instant is the last of the batch before, unless what followed it is missing. The
         faster the run, the farther apart the instants are.
@@ -119,7 +119,7 @@ class Live:
         return {'type': 'frames', 'epoch': self.epoch, 'frames': frames, 'impacts': struck}
 
     def frames(self, t: np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, Any]:
-        """What is shown at times `t` (N,) [s], which are known here, packed."""
+        """Frames at times `t` (N,) [s], which are known here, packed."""
         physics, parts = self.machine.physics, []
         speed, torque = [], []
         starts = [motion.curve.start[0] for motion, _ in self._pieces]

@@ -47,7 +47,7 @@ class Recorded:
     left_out: int
 
     def to_json(self) -> dict[str, Any]:
-        """The same as plain data; see `Stage.to_json`, `Frames.packed`."""
+        """Plain data of the run; see `Stage.to_json`, `Frames.packed`."""
         return {
             'stage': self.stage.to_json(),
             'frames': self.frames.packed(),

@@ -135,7 +135,7 @@ def turn(run: Recorded) -> float | None:
 
 
 def _facts(run: Recorded, source: str, digest: str) -> list[Fact]:
-    """What the header says."""
+    """Facts in the header."""
     record = run.record
     machine, solver = record.machine, record.machine.scene.solver
     span = f'{record.start:.6g} s to {record.end:.6g} s'

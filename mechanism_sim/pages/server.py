@@ -49,7 +49,7 @@ Content = tuple[str, str]
 
 
 class Command(NamedTuple):
-    """What a page asks for: one of `KINDS`; of ``set`` which control, and its value."""
+    """Request of a page: one of `KINDS`; of ``set`` which control, and its value."""
 
     type: str
     path: str = ''
@@ -137,7 +137,7 @@ class Server:
             self.send_text(strict_json.dumps(message), may_drop)
 
     def send_text(self, text: str, may_drop: bool = False) -> None:
-        """The same of a message that is written already."""
+        """Send a message that is written already."""
         if self._pages:
             self._loop.call_soon_threadsafe(self._send, text, may_drop)
 

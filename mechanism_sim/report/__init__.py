@@ -1,1 +1,1 @@
-"""What people read of a run: summaries, tables, progress."""
+"""Reports of a run for people: summaries, tables, progress."""

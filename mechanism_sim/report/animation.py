@@ -23,7 +23,7 @@ _MOST = 20_000  # frames
 
 @dataclass(frozen=True)
 class Film:
-    """What is written: so many frames of a part of a run.
+    """Film to be written: so many frames of a part of a run.
 
     Attributes
     ----------

@@ -58,7 +58,7 @@ class Brush:
         self.move(pose)
 
     def move(self, pose: Array, sway: Array | None = None) -> None:
-        """What was painted, to another pose (L, 3 + M), and sway (F, 3) of frames on springs."""
+        """Move what was painted to another pose (L, 3 + M), and sway (F, 3) of frames."""
         skeleton = self._skeleton
         sway = np.zeros((len(skeleton.mounts), 3)) if sway is None else sway
         for frame, (x, y, angle) in zip(self._frames.values(), pose[:, :3].tolist(), strict=True):

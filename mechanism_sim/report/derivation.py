@@ -250,7 +250,7 @@ class _Derivation:
         )
 
     def _drives(self) -> None:
-        """What a drive brings about: the force of a prescribed motion is among the unknowns."""
+        """Force of a drive: that of a prescribed motion is among the unknowns."""
         for c in self._machine.plan.laws:
             if self._idle(c) or self._machine.level is Level.KINEMATIC:
                 continue
@@ -286,7 +286,7 @@ class _Derivation:
         return tuple(lines)
 
     def _idle(self, c: str) -> bool:
-        """Whether law and motor of a coordinate leave it free."""
+        """True if law and motor of a coordinate leave it free."""
         laws = self._machine.plan.laws[c]
         still = all(isinstance(law, TorqueLaw) and not any(law.coefficients) for law in laws)
         return still and c not in self._motors
@@ -322,7 +322,7 @@ def _symbols_of(parts: Sequence[Part]) -> set[Expression]:
 
 
 def _is_trigonometric(expression: Expression) -> bool:
-    """Whether it is made of sums, products and directions."""
+    """True if it is made of sums, products and directions."""
     functions = {type(x) for x in expression.atoms(sympy.Function)}
     powers = all(x.exp.is_Integer for x in expression.atoms(sympy.Pow))
     return powers and functions <= {sympy.sin, sympy.cos}
@@ -335,7 +335,7 @@ def _sum(law: Law, factors: Sequence[Expression]) -> tuple[Expression, ...]:
 
 
 def _condition(gap: Gap) -> str:
-    """What holds of a gap and its forces, in words."""
+    """Conditions of a gap and its forces, in words."""
     j = gap.name
     if gap.law is not None:
         return (

@@ -1,4 +1,4 @@
-"""What is said of a machine's equations, before it is set as text or LaTeX."""
+"""Equations of a machine before they are set as text or LaTeX."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def _interval(m: Measured, scale: float) -> str:
 
 
 def rows(found: Sequence[Measured]) -> tuple[tuple[str, str], ...]:
-    """The same as pairs of what and how much, for a page."""
+    """Pairs of words and value, for a page."""
     pairs = []
     for m in found:
         unit, scale = for_people(m.unit, abs(m.value))

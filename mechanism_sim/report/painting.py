@@ -72,7 +72,7 @@ def paint(chart: Chart) -> Picture:
 
 
 def _room(row: Sequence[Panel], width: float) -> float:
-    """What legends and titles above a row of panels take [in]."""
+    """Height of legends and titles above a row of panels [in]."""
     letters = max(sum(len(text) + 8 for text in p.entries) for p in row)
     lines = np.ceil(letters / (_LETTERS * width))
     return _TOP * max(float(lines), float(any(p.title for p in row)))
@@ -206,7 +206,7 @@ def _draw(axes: Any, panel: Panel, curve: Curve) -> list[Any]:
 
 
 def _sample(curve: Curve) -> Any:
-    """What stands for a curve in the legend."""
+    """Sign of a curve in the legend."""
     if curve.form == 'area':
         return Patch(color=curve.shade, alpha=LOOKS[curve.look].opacity, lw=0.0)
     return Line2D([], [], **_stroke(curve))

@@ -44,7 +44,7 @@ class Figure(NamedTuple):
 
 @dataclass(frozen=True)
 class Sheet:
-    """What is known of a part.
+    """Facts of a part.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def gear_figures(name: str, gear: Gear) -> Iterator[Figure]:
 
 
 def pair_figures(pair: Pair, friction: float) -> Iterator[Figure]:
-    """What belongs to both gears of a pair; the efficiency for a coefficient of friction."""
+    """Facts of both gears of a pair; the efficiency for a coefficient of friction."""
     yield Figure('centre_distance', pair.centre_distance, 'm')
     yield Figure('ratio', pair.ratio)
     yield Figure('pressure_angle', pair.pinion.system.pressure_angle, 'rad')

@@ -1,4 +1,4 @@
-"""What is worth plotting of a run of a machine, as paths into its topics."""
+"""Plots of a run that are worth a look, as paths into its topics."""
 
 from __future__ import annotations
 

@@ -154,7 +154,7 @@ class _Mesh:
         return Sheet(title, tuple(figures)), outline
 
     def _common(self) -> Iterator[Figure]:
-        """What both have, and how often their teeth meet."""
+        """Common facts of both gears, and how often their teeth meet."""
         first, joint = self.wheels[0], self.joint
         yield Figure('module', first.part.module, 'm')
         if first.part.helix_angle:

@@ -55,7 +55,7 @@ def share(label: str, quiet: bool) -> Iterator[Callable[[float], None]]:
 
 @contextmanager
 def busy(label: str, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """What is going on, and for how long, on standard error, where no end is known beforehand."""
+    """Display of work and its time on standard error, where no end is known beforehand."""
     columns = 'SpinnerColumn', _WHAT, 'TimeElapsedColumn', _NOTE
     with _task(label, None, quiet, *columns) as update:
         yield lambda doing: update(note=doing)

@@ -66,7 +66,7 @@ def write(
 
 
 def render(sound: Sound) -> str:
-    """What was written, for people."""
+    """Text for people on the sound that was written."""
     factor = sound.realtime_factor
     pace = f', {factor:g} of real time' if factor != 1.0 else ''
     return (

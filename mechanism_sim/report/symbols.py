@@ -170,7 +170,7 @@ class Symbols:
         return symbol
 
     def is_of_angle(self, joint: str, closure: Term) -> bool:
-        """Whether a closure is an angle, of which the engine makes a distance."""
+        """True if a closure is an angle, of which the engine makes a distance."""
         index = self._equations.parameters.names.get(f'{joint}.size')
         return index is not None and hy.par[index] in hy.get_params(dense(closure))
 
@@ -217,7 +217,7 @@ class Symbols:
         return self.make('c', (joint,), f'{joint}.clearance', f'clearance of {joint}', 'm', value)
 
     def terms(self, expression: Expression) -> tuple[Expression, ...]:
-        """What an expression is the sum of, in the order of the coordinates in it."""
+        """Terms of which an expression is the sum, in the order of the coordinates in them."""
         rank = {s: i for own in (self.q, self.v, self.a) for i, s in enumerate(own.values())}
 
         def key(term: Expression) -> tuple[list[int], Any]:
@@ -235,7 +235,7 @@ class Symbols:
 
 
 def tidy(expression: Expression) -> Expression:
-    """The same with fewer operations: products of directions become directions of differences."""
+    """Equal expression, shorter: products of directions become directions of differences."""
     roots = any(not x.exp.is_Integer for x in expression.atoms(sympy.Pow))
     if roots or sympy.count_ops(expression) > _LARGE:
         return expression  # a law of force is best known by the form that it has

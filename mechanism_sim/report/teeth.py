@@ -13,7 +13,7 @@ SHOWN = 20
 
 
 class Search(NamedTuple):
-    """What was found, within which limits, and the pair just outside of them, if one stage has."""
+    """Gear train that was found, its limits, and the pair just outside, if one stage has."""
 
     found: Sequence[Choice]
     limits: str

@@ -58,7 +58,7 @@ class Vectors:
         return self._symbols.translate(expression)
 
     def terms(self, term: Term) -> tuple[Expression, ...]:
-        """What it is the sum of, in symbols."""
+        """Terms of its sum, in symbols."""
         return () if term is None else self._symbols.terms(self.in_symbols(term))
 
     def use_seen(self) -> None:

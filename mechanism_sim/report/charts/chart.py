@@ -93,7 +93,7 @@ DIRECTION = Axis('direction', 'deg')
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """What is drawn of one quantity in one way.
+    """Curve of one quantity, drawn in one way.
 
     Attributes
     ----------

@@ -137,7 +137,7 @@ def _of_frame(name: str, frame: FrameMotion) -> Iterator[Quantity]:
 
 
 class Course:
-    """What there is to draw of a run.
+    """Quantities and marks of a run that charts draw.
 
     Attributes
     ----------
@@ -180,11 +180,11 @@ class Course:
 
     @property
     def long(self) -> bool:
-        """Whether the run is so much longer than its detail that both are worth a chart."""
+        """True if the run is so much longer than its detail that both are worth a chart."""
         return self.run.end - self.run.start > 1.2 * (self.detail.end - self.detail.start)
 
     def windows(self, key: str) -> Iterator[tuple[Window, str, str]]:
-        """What is worth a chart over time, in words, and the key of its chart."""
+        """Windows over time that are worth a chart, in words, and the key of its chart."""
         if self.long:
             yield self.detail, 'the last turns', key
         yield self.run, 'the whole run', f'{key}-run'

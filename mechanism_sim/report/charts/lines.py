@@ -54,7 +54,7 @@ _TRUE = 4.0  # [in] height of a path that is true to scale
 
 
 class Abscissa(NamedTuple):
-    """What is plotted over: its axis, and where times (N,) [s] are on it.
+    """Abscissa of a plot: its axis, and where times (N,) [s] are on it.
 
     Attributes
     ----------
@@ -176,7 +176,7 @@ def _shaped(panel: Panel, over: Abscissa, names: Sequence[str]) -> Panel:
 
 
 def named(series: Sequence[Series]) -> tuple[str, dict[str, str]]:
-    """What the lines of a panel are in words, and their labels by name."""
+    """Words for the lines of a panel, and their labels by name."""
     parts = {s.name: _parts(s.name) for s in series}
     titles = {s.name: s.words or parts[s.name][0].replace('_', ' ') for s in series}
     kinds = list(dict.fromkeys(kind for kind, _ in parts.values()))
@@ -366,7 +366,7 @@ def _item(s: Series, numbers: Mapping[str, int]) -> str:
 
 
 def _parts(name: str) -> tuple[str, str]:
-    """What a series is, and of what: of a path the last field, and its item."""
+    """Quantity of a series and its owner: of a path the last field, and its item."""
     if '/' not in name and '[' not in name and '{' not in name:
         kind, _, rest = name.partition('.')
         return kind, rest

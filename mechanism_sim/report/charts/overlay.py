@@ -8,7 +8,7 @@ from dataclasses import replace
 from mechanism_sim.report.charts.chart import DOTTED, NOTHING, Chart, Curve, Panel, Section
 
 FIRST, SECOND = 'A', 'B'
-"""What the runs are called in legends."""
+"""Names of the runs in legends."""
 
 
 def overlaid(first: Sequence[Section], second: Sequence[Section]) -> list[Section]:
@@ -52,7 +52,7 @@ def _marked(chart: Chart, name: str) -> Chart:
 
 
 def _axes(chart: Chart) -> list[tuple[str, str, str]]:
-    """What can be laid one upon the other: bands of modes can only beside each other."""
+    """Charts that can be laid one upon the other: bands of modes cannot."""
     return [
         (p.x.title, p.y.title, p.title) if not p.y.names else ('', '', str(id(p)))
         for p in chart.panels
