@@ -52,7 +52,7 @@ def _marked(chart: Chart, name: str) -> Chart:
 
 
 def _axes(chart: Chart) -> list[tuple[str, str, str]]:
-    """Charts that can be laid one upon the other: bands of modes cannot."""
+    """Axes of the panels, equal where charts can be overlaid; those of mode bands never are."""
     return [
         (p.x.title, p.y.title, p.title) if not p.y.names else ('', '', str(id(p)))
         for p in chart.panels
