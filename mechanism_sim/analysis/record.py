@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mechanism_sim.analysis.motion import gaps, padded
+from mechanism_sim.analysis.pieces import RecordedPiece, gaps, pieces
 from mechanism_sim.analysis.signals import Signal, SignalCollector, measured
 from mechanism_sim.analysis.topics import find_topics
 from mechanism_sim.arrays import Array
@@ -28,7 +28,6 @@ from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.messages.events import parse_description
-from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.recording import Bag, read_bag, scene_text
@@ -296,61 +295,45 @@ def one_of(known: Sequence[str], joint: str, machine: Machine) -> str:
 def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     """A bag as a record: one pass, all of the motion in memory."""
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
-    topics = find_topics(bag, namespace)
+    find_topics(bag, namespace)  # that there is one machine, before its scene is asked for
     machine = machine_of(bag, namespace)
-    motions: list[Motion] = []
-    impacts: list[Impact] = []
-    changes: list[ModeChange] = []
     sensors: dict[str, SignalCollector] = {}
-    kinds = {name: kind for kind, names in topics.items() for name in names}
-    wanted = [name for name, kind in kinds.items() if kind in _WANTED]
-    for topic, message, _ in bag.messages(wanted):
-        kind = kinds[topic]
-        if kind == 'motion':
-            _check_motion(bag, machine, message)
-            motions.append(motion_of(message))
-        elif kind == 'impacts':
-            impacts.append(_impact(message))
-        elif kind == 'mode_changes':
-            changes.append(_mode_change(bag, message))
-        else:
-            sensors.setdefault(message.sensor, SignalCollector()).add(message)
-    motion = _joined(bag, motions)
+
+    def hear(message: Any) -> None:
+        sensors.setdefault(message.sensor, SignalCollector()).add(message)
+
+    found = []
+    for piece in pieces(bag, namespace, {'sensors': hear}):
+        if piece.coordinates:
+            check_motion(bag, machine, piece)
+        found.append(piece)
+    parts = [piece.motion for piece in found if len(piece.motion)]
+    if not parts:
+        raise InputError(f'{bag.path} has no recorded motion.')
+    motion = Motion.joined(parts)
+    for a, b in gaps(motion.curve):
+        raise InputError(f'{bag.path}: the motion from {a:.9g} s to {b:.9g} s is missing.')
+    impacts = _with_work(machine, motion, [i for piece in found for i in piece.impacts])
     audit = Audit(machine.physics)
-    impacts = _with_work(machine, motion, impacts)
-    work = audit.add(motion, impacts)
-    piece = Piece(machine, motion, EnergyTerms(work, impacts), impacts, changes)
+    balance = EnergyTerms(audit.add(motion, impacts), impacts)
+    changes = [change for piece in found for change in piece.modes]
     signals = {name: s for name, c in sorted(sensors.items()) if (s := c.signal())}
+    piece = Piece(machine, motion, balance, impacts, changes)
     return Record(machine, piece, signals, audit, bag.wall_time, bag.complete)
 
 
-_WANTED = 'motion', 'impacts', 'mode_changes', 'sensors'
-
-
-def _mode_change(bag: Bag, message: Any) -> ModeChange:
-    try:
-        modes = Mode(message.mode), Mode(message.previous_mode)
-    except ValueError as error:
-        raise InputError(f'{bag.path}, topic mode_changes: {error}.') from error
-    return ModeChange(message.time, message.joint, *modes)
-
-
-def _check_motion(bag: Bag, machine: Machine, message: Any) -> None:
+def check_motion(bag: Bag, machine: Machine, piece: RecordedPiece) -> None:
+    """Refuse a motion of other coordinates or joints than the machine that its scene makes."""
     known = machine.physics
     for names, here in (
-        (message.coordinates, known.coordinates),
-        (message.joints, known.clearances),
+        (piece.coordinates, known.coordinates),
+        (piece.joints, known.clearances),
     ):
-        if tuple(names) != tuple(here):
+        if names != tuple(here):
             raise InputError(
                 f'{bag.path}: its motion is of {", ".join(names)}, but its scene makes a machine '
                 f'of {", ".join(here)}: it was recorded by another version.'
             )
-
-
-def _impact(message: Any) -> Impact:
-    given = {name: getattr(message, name) for name in Impact._fields if hasattr(message, name)}
-    return Impact(**given, t=message.time, drive_work=math.nan)
 
 
 def _with_work(machine: Machine, motion: Motion, impacts: list[Impact]) -> list[Impact]:
@@ -367,17 +350,3 @@ def _with_work(machine: Machine, motion: Motion, impacts: list[Impact]) -> list[
         impact._replace(drive_work=impact.drive_impulse * speed if impact.drive_impulse else 0.0)
         for impact, speed in zip(impacts, speeds.tolist(), strict=True)
     ]
-
-
-def _joined(bag: Bag, parts: Sequence[Motion]) -> Motion:
-    """One motion of all messages, whose degrees may differ."""
-    parts = [part for part in parts if len(part)]
-    if not parts:
-        raise InputError(f'{bag.path} has no recorded motion.')
-    curves = padded([part.curve for part in parts])
-    motion = Motion.joined(
-        [replace(part, curve=curve) for part, curve in zip(parts, curves, strict=True)]
-    )
-    for a, b in gaps(motion.curve):
-        raise InputError(f'{bag.path}: the motion from {a:.9g} s to {b:.9g} s is missing.')
-    return motion
