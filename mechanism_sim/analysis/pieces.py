@@ -53,7 +53,7 @@ def pieces(
     namespace: str | None = None,
     others: Mapping[str, Callable[[Any], object]] | None = None,
 ) -> Iterator[RecordedPiece]:
-    """The pieces of a run in one pass over its bag; events after the last motion come by themselves.
+    """The pieces of a run, in one pass over its bag; at the end, events without a motion.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ class Spectrum:
         A line at the upper end is a peak if it tops its one neighbour.
         """
         around = np.concatenate([[np.inf], self.values[1:], [-np.inf]])
-        # peaks may be flat; the middle counts, as in `scipy.signal`, whose import takes half a second
+        # the middle of a flat peak counts, as in `scipy.signal`, whose import takes half a second
         last = np.flatnonzero(np.diff(around))
         first, last = np.append(0, last + 1), np.append(last, len(around) - 1)
         level = around[first]
