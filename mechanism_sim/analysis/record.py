@@ -13,12 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mechanism_sim.analysis.pieces import RecordedPiece, gaps, pieces
-from mechanism_sim.analysis.signals import Signal, SignalCollector, measured
+from mechanism_sim.analysis.signals import Signal, SignalCollectors, measured
 from mechanism_sim.analysis.topics import find_topics
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
@@ -31,11 +30,14 @@ from mechanism_sim.messages.events import parse_description
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.recording import Bag, read_bag, scene_text
+from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
+from mechanism_sim.sensing.orders import Turns
 from mechanism_sim.tables import Table
 
 _NEWTON = 50
+_BLOCK = 8192  # instants at once
 
 
 def machine_of(bag: Bag | Path | str, namespace: str | None = None) -> Machine:
@@ -205,6 +207,43 @@ class Record:
                 break
         return np.asarray(t)
 
+    def over_turns(self, quantity: str, samples: int | None = None, skip: int = 0) -> Turns:
+        """A quantity at equal angles of the main drive, in whole turns from angle zero on.
+
+        What the catalogue names is taken from the motion's polynomials at exactly these angles.
+        The signal of a sensor is interpolated (`mechanism_sim.sensing.orders.at_equal_angles`).
+
+        Parameters
+        ----------
+        quantity : a name of `Piece.sample`, such as ``acceleration.coupler``, or of a sensor
+        samples : angles in a turn; 360 unless told, of a sensor its samples in a turn
+        skip : whole turns at the start that are left out
+        """
+        first, end = self.whole_turns(skip)
+        if quantity in self.sensors:
+            found = self.signal(quantity).over_turns(self.turned, samples)
+            if found is None or not (kept := found.first >= first).any():
+                raise InputError(f'the signal of {quantity} covers no whole turn')
+            return Turns(found.values[kept], found.first[kept])
+        n, turns, name = samples or 360, np.arange(first, end), self._found(quantity).name
+        t = self.times_at((turns[:, None] + np.arange(n) / n).ravel())
+        blocks = (t[k : k + _BLOCK] for k in range(0, len(t), _BLOCK))
+        values = np.concatenate([self.piece.sample(block, name)[name] for block in blocks])
+        return Turns(values.reshape(-1, n), turns)
+
+    def unit(self, quantity: str) -> str:
+        """SI unit of a quantity of `Piece.sample` or of a sensor; empty for a number."""
+        if quantity in self.sensors:
+            return self.signal(quantity).unit
+        return self._found(quantity).unit
+
+    def _found(self, quantity: str) -> Quantity:
+        try:
+            return self.piece.catalogue.find(quantity)
+        except InputError as error:
+            sensors = f'; its sensors: {", ".join(self.sensors)}' if self.sensors else ''
+            raise InputError(f'{error}{sensors}') from None
+
     def between(self, start: float | None = None, end: float | None = None) -> Record:
         """What happened from one time [s] to another; without them the whole."""
         a, b = self.part(start, end)
@@ -297,13 +336,8 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
     find_topics(bag, namespace)  # that there is one machine, before its scene is asked for
     machine = machine_of(bag, namespace)
-    sensors: dict[str, SignalCollector] = {}
-
-    def hear(message: Any) -> None:
-        sensors.setdefault(message.sensor, SignalCollector()).add(message)
-
-    found = []
-    for piece in pieces(bag, namespace, {'sensors': hear}):
+    sensors, found = SignalCollectors(), []
+    for piece in pieces(bag, namespace, {'sensors': sensors.add}):
         if piece.coordinates:
             check_motion(bag, machine, piece)
         found.append(piece)
@@ -317,9 +351,8 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     audit = Audit(machine.physics)
     balance = EnergyTerms(audit.add(motion, impacts), impacts)
     changes = [change for piece in found for change in piece.modes]
-    signals = {name: s for name, c in sorted(sensors.items()) if (s := c.signal())}
-    piece = Piece(machine, motion, balance, impacts, changes)
-    return Record(machine, piece, signals, audit, bag.wall_time, bag.complete)
+    run = Piece(machine, motion, balance, impacts, changes)
+    return Record(machine, run, sensors.signals(), audit, bag.wall_time, bag.complete)
 
 
 def check_motion(bag: Bag, machine: Machine, piece: RecordedPiece) -> None:

@@ -10,7 +10,7 @@ much.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -19,10 +19,11 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
-from mechanism_sim.results.catalogue import Selection
+from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.measure_series import Series, Turns
 from mechanism_sim.results.measure_tally import Tally, speed_of
 from mechanism_sim.results.measure_text import Bound, Figure, Measure, read_all
+from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.scene import Machine
@@ -73,7 +74,7 @@ class Measurement:
         self._machine = machine
         figures = list(dict.fromkeys(f for m in self.measures for f in m.figures))
         names = [n for f in figures if not f.of_events for n in _names_of(machine, f)]
-        self._quantities = Selection(machine, names)
+        self._quantities = {name: catalogue(machine).find(name) for name in names}
         self._series = Series(machine, [f for f in figures if f.of_events])
         self._turns = Turns(machine)
         limits = Bound(since), Bound(until)
@@ -100,7 +101,8 @@ class Measurement:
 
     def _unit(self, f: Figure) -> str:
         """The unit of a figure."""
-        unit = self._series.unit(f) if f.of_events else f.unit(self._quantities.units)
+        units = {name: quantity.unit for name, quantity in self._quantities.items()}
+        unit = self._series.unit(f) if f.of_events else f.unit(units)
         if f.function == 'integral':
             return product(unit, 's')
         return {'count': '', 'share': '', 'work': 'J'}.get(f.function, unit)
@@ -215,7 +217,7 @@ class Window:
         self._ends: list[float] = []
         self._turn = 0
 
-    def open(self, quantities: Selection, machine: Machine, series: Series) -> None:
+    def open(self, quantities: Mapping[str, Quantity], machine: Machine, series: Series) -> None:
         """Make ready for these figures."""
         self._series = series
         timed = [f for f in self.figures if not f.of_events]
