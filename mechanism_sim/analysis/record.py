@@ -109,6 +109,15 @@ class Record:
         assert times is not None  # noqa: S101 - one of both is given
         return self.piece.sample(times, 't', *names)
 
+    @cached_property
+    def audited(self) -> Audit:
+        """The audit of its motion and impacts."""
+        if self.audit:
+            return self.audit
+        audit = Audit(self.machine.physics)
+        audit.add(self.piece.motion, self.piece.impacts)
+        return audit
+
     @property
     def slides(self) -> bool:
         """Whether the main drive moves straight, so that it makes no turns."""
