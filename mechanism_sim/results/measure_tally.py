@@ -55,9 +55,13 @@ class Tally:
     """Figures of what is known at every instant of one window."""
 
     def __init__(
-        self, machine: Machine, quantities: Mapping[str, Quantity], figures: Sequence[Figure]
+        self,
+        machine: Machine,
+        quantities: Mapping[str, Quantity],
+        static: bool,
+        figures: Sequence[Figure],
     ) -> None:
-        self._machine, self._quantities = machine, quantities
+        self._machine, self._quantities, self._static = machine, quantities, static
         self._arguments = list(dict.fromkeys(f.argument for f in figures))
         self._by_argument = {f.argument: f for f in figures}
         units = {name: quantity.unit for name, quantity in quantities.items()}
@@ -94,7 +98,7 @@ class Tally:
 
     def _seen(self, piece: Piece, k: NDArray[np.intp], dt: Array | Nodes) -> dict[str, Array]:
         """The quantities (N,) by name, at instants as those of ``curve.at(k, dt)``."""
-        view = View(self._machine, piece.motion, k, dt, piece.balance)
+        view = View(self._machine, piece.motion, k, dt, piece.balance, static=self._static)
         return {name: quantity.evaluate(view) for name, quantity in self._quantities.items()}
 
     def _values(

@@ -10,8 +10,9 @@ much.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,6 @@ from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.measure_series import Series, Turns
 from mechanism_sim.results.measure_tally import Tally, speed_of
 from mechanism_sim.results.measure_text import Bound, Figure, Measure, read_all
-from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.scene import Machine
@@ -55,6 +55,7 @@ class Measurement:
     ----------
     measures : as they are written, by name or as a list, or read already
     since, until : the window [s] of figures that name none
+    static : whether forces are without those of inertia
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class Measurement:
         since: float = 0.0,
         until: float = math.inf,
         where: str = 'measures',
+        static: bool = False,
     ) -> None:
         given = list(measures) if not isinstance(measures, dict) else measures
         self.measures: list[Measure] = (
@@ -92,7 +94,7 @@ class Measurement:
             window.figures.append(f)
             self._figures[f] = window
         for window in self._windows.values():
-            window.open(self._quantities, machine, self._series)
+            window.open(partial(Tally, machine, self._quantities, static), self._series)
         self.units()  # what cannot be added fails before anything runs
 
     def units(self) -> dict[str, str]:
@@ -217,11 +219,11 @@ class Window:
         self._ends: list[float] = []
         self._turn = 0
 
-    def open(self, quantities: Mapping[str, Quantity], machine: Machine, series: Series) -> None:
-        """Make ready for these figures."""
+    def open(self, new: Callable[[Sequence[Figure]], Tally], series: Series) -> None:
+        """Make ready for these figures, with what makes a tally of some."""
         self._series = series
         timed = [f for f in self.figures if not f.of_events]
-        self._new: Callable[[], Tally] = lambda: Tally(machine, quantities, timed)
+        self._new = partial(new, timed)
         self._tally = self._new()
 
     def add(self, piece: Piece) -> None:
