@@ -17,7 +17,7 @@ from mechanism_sim.messages.units import units_of
 from mechanism_sim.recording import Bag, displacements
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.extremes import search
+from mechanism_sim.results.ranges import search
 from mechanism_sim.results.solution import Piece
 from ros_interfaces.stamps import seconds
 

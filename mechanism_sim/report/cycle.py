@@ -9,7 +9,7 @@ from mechanism_sim import strict_json, text_table
 from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.extremes import Extreme
+from mechanism_sim.results.ranges import Extreme
 from mechanism_sim.results.strokes import Swing
 from mechanism_sim.units import for_people
 

@@ -24,10 +24,10 @@ from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.extremes import Extremes, find_extremes
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.quantities.motion import RATES, choose_points
 from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.ranges import Extreme, Extremes, search
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Solution
 from mechanism_sim.results.strokes import Swing, find_swings
@@ -201,12 +201,21 @@ class Cycle(plotting.Rich):
         names = [n for n in self.names if known[n].has_extremes and n not in self.unbounded]
         spans = self.solution.motion.curve.spans(float(self.t[0]), float(self.t[-1]))
         size, drive = self.machine.mechanism.size, f'position.{self.drive}'
-        found: dict[str, Extremes] = {}
+        ends: dict[str, Extremes] = {}
         for cumulative in (False, True):
             own = [known[n] for n in names if known[n].cumulative == cumulative]
-            at = partial(self.at, names=[*dict.fromkeys([*(q.name for q in own), drive])])
-            found |= find_extremes(at, own, spans, drive, size) if own else {}
-        return {name: found[name] for name in names}
+            if not own:
+                continue
+            found = search(partial(self.at, names=[q.name for q in own]), own, spans, size)
+            low, high = (
+                map(Extreme, values.tolist(), t.tolist(), self.at(t, [drive])[drive].tolist())
+                for values, t in (
+                    (found.least, found.least_time), (found.greatest, found.greatest_time)
+                )
+            )  # fmt: skip
+            both = zip(low, high, (10.0 * found.rounding).tolist(), strict=True)
+            ends |= {q.name: Extremes(*x) for q, x in zip(own, both, strict=True)}
+        return {name: ends[name] for name in names}
 
     def peaks(self) -> dict[str, PeakShape]:
         """How long the largest forces and efforts last, and what impulse they carry, by column.

@@ -1,9 +1,13 @@
-"""Ranges of quantities, and the largest loads, of a motion that comes in pieces."""
+"""Where quantities of a run are least and greatest: of its motion, not of samples of it.
+
+A table of 360 rows misses the peaks of a loose bearing altogether.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -37,6 +41,36 @@ def largest(ends: Mapping[str, Ends]) -> dict[str, Peak]:
     return {name: low if -low.value > high.value else high for name, (low, high) in ends.items()}
 
 
+@dataclass(frozen=True)
+class Extreme:
+    """The least or greatest value of a column of a cycle.
+
+    Attributes
+    ----------
+    value : in the column's SI unit
+    t : when [s]
+    drive : position of the drive then [rad or m]
+    """
+
+    value: float
+    t: float
+    drive: float
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """Both ends of a column's range."""
+
+    least: Extreme
+    greatest: Extreme
+    rounding: float  #: size of its errors: 1e-12 of the greatest of all columns of its kind
+
+    @property
+    def constant(self) -> bool:
+        """Whether they differ by rounding only."""
+        return self.greatest.value - self.least.value <= self.rounding
+
+
 def search_of(wanted: Sequence[Quantity], size: float) -> ExtremeSearch:
     """The search for extremes of quantities of a machine of some size [m].
 
@@ -46,6 +80,30 @@ def search_of(wanted: Sequence[Quantity], size: float) -> ExtremeSearch:
     groups = [(quantity.kind, quantity.unit) for quantity in wanted]
     differences: dict[Hashable, float] = {(q.kind, q.unit): size for q in wanted if q.difference}
     return ExtremeSearch(groups, differences, [quantity.part == 'size' for quantity in wanted])
+
+
+def search(
+    at: Callable[[Array], Mapping[str, Array]],
+    wanted: Sequence[Quantity],
+    spans: tuple[Array, Array],
+    size: float,
+) -> ExtremeSearch:
+    """The search for the extremes of columns, done; limits at events count, from both sides.
+
+    Parameters
+    ----------
+    at : the columns (K,) at any instants (K,) [s]
+    spans : first and last times (m,) [s] of intervals between events
+    """
+
+    def values(t: Array) -> Array:
+        columns = at(t.ravel())
+        return np.array([columns[quantity.name] for quantity in wanted])
+
+    found = search_of(wanted, size)
+    if wanted:
+        found.add(values, *spans)
+    return found
 
 
 class Ranges:
