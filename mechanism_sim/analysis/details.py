@@ -126,7 +126,7 @@ class Details:
             'drive': self.drive,
             'drive_rate': self.drive_rate,
             **{
-                kind: {name: plain(line) for name, line in getattr(self, kind).items()}
+                kind: plain(getattr(self, kind))
                 for kind in ('spectra', 'orders', 'envelopes', 'impacts')
             },
             'averages': {name: _average(a.turns, a.unit) for name, a in self.averages.items()},

@@ -124,13 +124,7 @@ def _ideal_joint(joint: Any) -> Any:
 
 
 def ideal_record(record: Record) -> Record:
-    """What the same machine with ideal joints does from the start to the end of a run.
-
-    Raises
-    ------
-    InputError, RunError
-        As `ideal_machine` does, or if that machine does not get through it.
-    """
+    """What the same machine with ideal joints does from the start to the end of a run."""
     ideal = ideal_machine(record.machine)
     return Record(ideal, simulate(ideal, duration=record.end), {})
 

@@ -37,13 +37,6 @@ def preview(machine: Machine, duration: float | None = None) -> Preview:
     Parameters
     ----------
     duration : [s] of a run that may be shorter than the scene
-
-    Raises
-    ------
-    InputError
-        If there is no length of the run.
-    RunError
-        If the run fails.
     """
     wanted = [d for d in (machine.scene.duration, duration) if d]
     found = cycle(machine, 180, duration=None if is_steady(machine) or not wanted else min(wanted))

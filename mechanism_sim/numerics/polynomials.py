@@ -64,8 +64,10 @@ class PiecewisePolynomial:
         count = max(x.shape[2] for x in powers)
         wide = [np.pad(x, ((0, 0), (0, 0), (0, count - x.shape[2]))) for x in powers]
         columns = ('start', 'start_low', 'duration', 'turns')
-        known = [np.concatenate([getattr(c, name) for c in curves]) for name in columns]
-        return cls(*known, np.concatenate(wide))
+        start, low, duration, turns = (
+            np.concatenate([getattr(c, name) for c in curves]) for name in columns
+        )
+        return cls(start, low, duration, turns, np.concatenate(wide))
 
     @property
     def end(self) -> float:

@@ -78,26 +78,14 @@ class Catalogue(Mapping[str, Quantity]):
         return [known for known in below if self._known[known].shown == shown]
 
     def choose(self, names: Iterable[str]) -> list[str]:
-        """Names of the quantities that are asked for; ``position`` means all that begin so.
-
-        Raises
-        ------
-        InputError
-            If there is none of a name.
-        """
+        """Names of the quantities that are asked for; ``position`` means all that begin so."""
         found: dict[str, None] = {}
         for name in names:
             found |= dict.fromkeys(self.below(name) or [self.find(name).name])
         return [*found]
 
     def find(self, name: str) -> Quantity:
-        """The quantity of a name; the size of a vector goes by its name without ``.size``.
-
-        Raises
-        ------
-        InputError
-            If there is none.
-        """
+        """The quantity of a name; the size of a vector goes by its name without ``.size``."""
         found = self._known.get(name) or self._known.get(f'{name}.size')
         if found is None:
             raise self.unknown(name)

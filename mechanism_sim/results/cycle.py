@@ -380,11 +380,6 @@ def instant(
     points : as for `cycle`
     still : no more than the instant is wanted, so that a drive without a period needs no duration;
         but where all points of a link coincide it is the motion that shows how large it is
-
-    Raises
-    ------
-    InputError, RunError
-        As `cycle` does.
     """
     if t is not None and t < 0.0:
         raise InputError(f'a run begins at 0 s: there is nothing at {t:g} s')
