@@ -23,6 +23,7 @@ from mechanism_sim.analysis.published import (
     loads_of,
     names_of_parts,
 )
+from mechanism_sim.analysis.record import check_motion
 from mechanism_sim.analysis.topics import KINDS, find_topics
 from mechanism_sim.analysis.vibration import SensorSummary, VibrationCollector
 from mechanism_sim.errors import InputError
@@ -82,16 +83,19 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
     impacts, modes, digest = ImpactCollector(), ModeShares(), MotionDigest()
     energy, vibration, ledger = PublishedEnergies(), VibrationCollector(), LedgerCollector()
     parts = {topic: PublishedParts(topic) for topic in PARTS}
-    peaks, unknown = None, ''
-    if present['motion']:
-        peaks, unknown = _peaks(bag, namespace)
+    peaks, unknown = _peaks(bag, namespace) if present['motion'] else (None, '')
     for piece in pieces(bag, namespace, {
         'linkage_state': energy.add, 'sensors': vibration.add, 'progress': ledger.add,
         **{topic: part.add for topic, part in parts.items()},
     }):  # fmt: skip
         crank.add(piece)
         if peaks and len(piece.motion):
-            peaks.add(piece.motion)
+            try:
+                check_motion(bag, peaks.machine, piece)
+            except InputError as error:
+                peaks, unknown = None, str(error)
+            else:
+                peaks.add(piece.motion)
         impacts.add(piece.impacts)
         modes.add(piece.modes)
         digest.add(piece.motion, piece.impacts)

@@ -198,7 +198,7 @@ class LoadPeaks:
         bearings: bool = False,
         others: Iterable[str] = (),
     ) -> None:
-        physics = machine.physics
+        self.machine, physics = machine, machine.physics
         self._physics, self._since = physics, since
         self._joints = {f'reaction.{joint}.size': joint for joint in physics.joints}
         self._drives = {f'drive_torque.{c}': c for c in physics.driven}

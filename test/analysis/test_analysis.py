@@ -22,6 +22,7 @@ from mechanism_sim.analysis.render_details import render_details
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import message_class, serialize
+from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.recording import BagWriter, Qos, read_bag
@@ -473,6 +474,14 @@ def test_contradictory_motion_is_refused():
     other.coordinates = ['crank', 'slider']
     with pytest.raises(InputError, match='change on the way'):
         crank_of([message, other])
+
+
+def test_a_scene_that_makes_another_machine_gives_no_loads_of_the_motion(tmp_path):
+    scene = message_class('std_msgs/msg/String')(data=describe(ms.load_scene('four_bar_nominal')))
+    found = analyze(record(tmp_path / 'run.mcap', whole_run() | {'scene': [(0.0, scene)]}))
+    assert found.motion.revolutions == pytest.approx(3, abs=1e-12)
+    assert found.loads.samples == 3
+    assert [line for line in found.absent if 'recorded by another version' in line]
 
 
 @pytest.mark.parametrize('kept', [*whole_run(), None])
