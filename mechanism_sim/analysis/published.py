@@ -6,15 +6,13 @@ Loads have the names of the catalogue, as where they are taken from a motion (`L
 from __future__ import annotations
 
 import math
-from array import array
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechanism_sim.arrays import Array
 from mechanism_sim.messages.part_states import kinds_of
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.ranges import Ends, Peak
@@ -62,9 +60,6 @@ PARTS = {
 }  # fmt: skip
 
 
-_TERMS = 'kinetic_energy', 'potential_energy', 'drive_work', 'dissipated'
-
-
 @dataclass(frozen=True)
 class Range:
     """The range of one quantity in SI units."""
@@ -107,33 +102,21 @@ class EnergySummary:
     #: that is called zero is part of: to measure the residual by
 
 
-class Instants:
-    """Numbers of the instants that were published, by name."""
+class PublishedRanges:
+    """Least and greatest values, and when, among instants as they are entered."""
 
     def __init__(self) -> None:
-        self._columns: dict[str, array[float]] = {}  # times and values in turn
+        self.samples = 0
+        self.ends: dict[str, Ends] = {}
 
-    def add(self, time: float, values: Mapping[str, float]) -> None:
-        """Enter an instant."""
-        for name, value in values.items():
-            self._columns.setdefault(name, array('d')).extend((time, value))
-
-    def __getitem__(self, name: str) -> Array:
-        """Times [s] and values (2, N)."""
-        return np.array(self._columns.get(name, ())).reshape(-1, 2).T
-
-    def ends(self) -> dict[str, Ends]:
-        """Least and greatest values; what is not a number has no limit there, or is not known."""
-        found: dict[str, Ends] = {}
-        for name in self._columns:
-            t, x = self[name]
-            if not np.isnan(x).all():
-                low, high = int(np.nanargmin(x)), int(np.nanargmax(x))
-                found[name] = (
-                    Peak(float(x[low]), float(t[low])),
-                    Peak(float(x[high]), float(t[high])),
-                )
-        return found
+    def add(self, time: float, values: Iterable[tuple[str, float]]) -> None:
+        """Enter an instant; what is not a number has no limit there, or is not known."""
+        self.samples += 1
+        for name, value in values:
+            here = Peak(value, time)
+            if not math.isnan(value):
+                low, high = self.ends.get(name) or (here, here)
+                self.ends[name] = min(low, here), here if value > high.value else high
 
 
 def loads_of(message: Any) -> Iterator[tuple[str, float]]:
@@ -152,15 +135,15 @@ class PublishedParts:
     def __init__(self, topic: str) -> None:
         self._kind = PARTS[topic]
         self._states: dict[str, Counter[str]] = {}
-        self._instants: dict[str, Instants] = {}
+        self._ranges: dict[str, PublishedRanges] = {}
 
     def add(self, message: Any) -> None:
         """Enter one instant of one part."""
         kind, part = self._kind, str(getattr(message, self._kind.part))
         state = int(getattr(message, kind.state)) if kind.state else 0
         self._states.setdefault(part, Counter())[kind.names.get(state, str(state))] += 1
-        values = {field: getattr(message, field) for field in kind.fields}
-        self._instants.setdefault(part, Instants()).add(message.time, values)
+        values = ((field, float(getattr(message, field))) for field in kind.fields)
+        self._ranges.setdefault(part, PublishedRanges()).add(float(message.time), values)
 
     def summary(self, of_motion: Mapping[str, Ends]) -> tuple[PartSummary, ...]:
         """The parts, in the order in which they were met.
@@ -173,7 +156,7 @@ class PublishedParts:
         for part, states in self._states.items():
             names = {field: f'{field}.{part}' for field in self._kind.fields}
             known = {f: of_motion[name] for f, name in names.items() if name in of_motion}
-            ends, total = known or self._instants[part].ends(), states.total()
+            ends, total = known or self._ranges[part].ends, states.total()
             share = {name: count / total for name, count in states.items()}
             ranges = tuple(Range(field, *low, *high) for field, (low, high) in ends.items())
             found.append(
@@ -192,37 +175,46 @@ def names_of_parts(machine: Machine) -> Iterator[str]:
 
 
 class PublishedEnergies:
-    """The balance of energy of LinkageState messages, from the first of them on."""
+    """Follows the balance of energy through LinkageState messages, from the first of them on."""
 
     def __init__(self) -> None:
-        self._instants = Instants()
+        self.samples = 0
+        self._first = self._last = np.zeros(4)
+        self._residual, self._worst, self._worst_time, self._scale = 0.0, 0.0, 0.0, 0.0
+        self._exchanged = 0.0
 
     def add(self, message: Any) -> None:
         """Enter one instant; without masses in the scene there are no energies to balance."""
-        if not math.isnan(message.kinetic_energy):
-            self._instants.add(message.time, {name: getattr(message, name) for name in _TERMS})
+        m = message
+        if math.isnan(m.kinetic_energy):
+            return
+        terms = np.array([m.kinetic_energy, m.potential_energy, m.drive_work, m.dissipated])
+        if not self.samples:
+            self._first = self._last = terms
+            self._worst_time = float(m.time)
+        self.samples += 1
+        self._exchanged += float(np.abs(terms - self._last).sum())
+        self._last = terms
+        # Term by term against the first instant: large energies do not hide small changes.
+        kinetic, potential, work, dissipated = terms - self._first
+        self._residual = float(kinetic + potential - work + dissipated)
+        self._scale = max(self._scale, float(np.max(np.abs(terms))))
+        if abs(self._residual) > self._worst:
+            self._worst, self._worst_time = abs(self._residual), float(m.time)
 
     def summary(self) -> EnergySummary | None:
         """The balance; None without a message."""
-        t = self._instants[_TERMS[0]][0]
-        if not len(t):
+        if not self.samples:
             return None
-        terms = np.array([self._instants[name][1] for name in _TERMS])
-        # term by term against the first instant: large energies do not hide small changes
-        kinetic, potential, work, dissipated = terms - terms[:, :1]
-        residual = kinetic + potential - work + dissipated
-        worst = int(np.abs(residual).argmax())
         return EnergySummary(
-            samples=len(t),
-            initial=float(terms[:2, 0].sum()),
-            final=float(terms[:2, -1].sum()),
-            drive_work=float(work[-1]),
-            dissipated=float(dissipated[-1]),
-            residual_at_end=float(residual[-1]),
-            largest_residual=float(abs(residual[worst])),
-            largest_residual_time=float(t[worst]),
-            largest_energy=float(np.abs(terms).max()),
-            exchanged=float(np.abs(np.diff(terms)).sum(axis=0).cumsum()[-1])
-            if len(t) > 1
-            else 0.0,
+            samples=self.samples,
+            initial=float(self._first[:2].sum()),
+            final=float(self._last[:2].sum()),
+            drive_work=float(self._last[2] - self._first[2]),
+            dissipated=float(self._last[3] - self._first[3]),
+            residual_at_end=self._residual,
+            largest_residual=self._worst,
+            largest_residual_time=self._worst_time,
+            largest_energy=self._scale,
+            exchanged=self._exchanged,
         )

@@ -16,10 +16,10 @@ from mechanism_sim.analysis.pieces import pieces
 from mechanism_sim.analysis.published import (
     PARTS,
     EnergySummary,
-    Instants,
     PartSummary,
     PublishedEnergies,
     PublishedParts,
+    PublishedRanges,
     loads_of,
     names_of_parts,
 )
@@ -145,10 +145,10 @@ def _peaks(bag: Bag, namespace: str | None) -> tuple[LoadPeaks | None, str]:
 
 def _published_loads(bag: Bag, topics: tuple[str, ...], crank: Crank) -> LoadSummary | None:
     """The loads at the instants that were published, where the motion has none."""
-    instants, samples = Instants(), 0
-    for samples, (_, message, _) in enumerate(bag.messages(topics), 1):  # noqa: B007 - the count
-        instants.add(message.time, dict(loads_of(message)))
-    return load_summary(largest(instants.ends()), {}, crank.angle, samples)
+    ranges = PublishedRanges()
+    for _, message, _ in bag.messages(topics):
+        ranges.add(float(message.time), loads_of(message))
+    return load_summary(largest(ranges.ends), {}, crank.angle, ranges.samples)
 
 
 def _driven_coordinate(bag: Bag, topics: tuple[str, ...]) -> str | None:
