@@ -123,7 +123,7 @@ def _about_numbers(kind: Any) -> Objection:
             if size := len(values := getattr(message, field)):
                 few = values if size < FEW else np.array([np.max(values), np.min(values)])
                 total += sum(map(abs, few.tolist()))
-        if total <= LARGEST and not unknown:
+        if total <= LARGEST:
             return None
         for field in (*some, *many):
             most = LARGEST_COEFFICIENT if field == 'coefficients' else LARGEST

@@ -103,7 +103,8 @@ def messages_of(package: str) -> tuple[str, ...]:
 def typestore() -> Typestore:
     """Every definition known: those of ROS 2 Jazzy, what rosbags lacks of it, and more on demand.
 
-    The messages of other packages are taken in when the first of them is asked for.
+    The messages of other packages are taken in when the first of them is asked for, services and
+    actions likewise.
     """
     store = get_typestore(Stores.ROS2_JAZZY)
     # ROS treats char as uint8, also when it hashes; rosbags hashes it as a type of its own, which
@@ -114,11 +115,16 @@ def typestore() -> Typestore:
             store.fielddefs[name] = (constants, fields)
     for name, text in simulation.MESSAGES.items():
         _register(store, name, text)
-    for name, text in (SERVICES | simulation.SERVICES).items():
-        _register_service(store, name, text)
-    for name, text in simulation.ACTIONS.items():
-        _register_action(store, name, text)
     return store
+
+
+@cache
+def _add_services() -> None:
+    """Take in services and actions, which those who read and write messages only never need."""
+    for name, text in (SERVICES | simulation.SERVICES).items():
+        _register_service(typestore(), name, text)
+    for name, text in simulation.ACTIONS.items():
+        _register_action(typestore(), name, text)
 
 
 def define(name: str, text: str) -> None:
@@ -170,6 +176,8 @@ def field_descriptions(name: str) -> list[tuple[str, Any]]:
 def _check_name(name: str) -> None:
     if name not in typestore().fielddefs:
         _learn(name.partition('/')[0])
+    if name not in typestore().fielddefs:
+        _add_services()
     if name not in typestore().fielddefs:
         raise MessageError(f'Message or service {name!r} is unknown; define() adds one')
 

@@ -1,6 +1,5 @@
 """From bags to numbers: what a recorded run did, and whether all of it was recorded."""
 
-from mechanism_sim.analysis.motion import RecordedMotion, collect_motion
 from mechanism_sim.analysis.record import Record, machine_of, read_record
 from mechanism_sim.analysis.render import render
 from mechanism_sim.analysis.summary import Summary, analyze
@@ -10,10 +9,8 @@ from mechanism_sim.hybrid.digest import MotionDigest
 __all__ = [
     'MotionDigest',
     'Record',
-    'RecordedMotion',
     'Summary',
     'analyze',
-    'collect_motion',
     'find_topics',
     'machine_of',
     'read_record',

@@ -16,6 +16,7 @@ from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.sensing.indicators import indicators
 from mechanism_sim.sensing.spectra import power
+from mechanism_sim.strict_json import plain
 
 SEVERITY = 10.0, 1000.0
 """[Hz] Band of the severity of vibration: rms of the velocity, ISO 20816-1:2016, 4.3."""
@@ -110,10 +111,10 @@ def _peaks(record: Record) -> dict[Key, float]:
     for drive, peak in peaks.torques.items():
         word, unit = ('force', 'N') if drive in straight else ('torque', 'N m')
         found['peaks', drive, f'largest {word} of the drive', unit] = abs(peak.value)
-    of_forces, of_torques = peaks.shapes
-    for name, shape in [*of_forces.items(), *of_torques.items()]:
+    for name, shape in peaks.shapes().items():
         if shape.whole:
-            found['peaks', name, 'above half of it for', 's'] = shape.duration
+            of = name.partition('.')[2].removesuffix('.size')
+            found['peaks', of, 'above half of it for', 's'] = shape.duration
     return found
 
 
@@ -155,19 +156,7 @@ def _sensors(record: Record) -> Iterator[tuple[Key, float]]:
 
 def to_json(found: list[Difference]) -> list[dict[str, object]]:
     """SI units; what is not known is null."""
-    return [
-        {
-            'subject': d.subject, 'name': d.name, 'unit': d.unit,
-            **{
-                name: x if math.isfinite(x) else None
-                for name, x in (
-                    ('first', d.first), ('second', d.second),
-                    ('change', d.change), ('ratio', d.ratio),
-                )
-            },
-        }
-        for d in found
-    ]  # fmt: skip
+    return [plain(d) | plain({'change': d.change, 'ratio': d.ratio}) for d in found]
 
 
 def render(found: list[Difference], names: tuple[str, str]) -> str:

@@ -1,14 +1,18 @@
-"""The crank as the clock of a machine: how far it is, and how often it went round."""
+"""The crank as the clock of a recorded run: how far it is, and how often it went round."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mechanism_sim.analysis.motion import RecordedMotion
+from mechanism_sim.analysis.pieces import RecordedPiece, gaps
 from mechanism_sim.arrays import Array
-from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 
 
 @dataclass(frozen=True)
@@ -28,48 +32,100 @@ class MotionSummary:
 class Crank:
     """Where the crank is at given times, as far as its motion is recorded.
 
-    Args:
-        motion: Of the crank alone; None if it is not recorded.
-        slides: Whether it is a displacement, which has neither angle nor revolutions.
+    Of all the motion only the crank's is kept: a long run has millions of segments.
 
+    Parameters
+    ----------
+    driven : the coordinate that is driven, if that is known; else that of the name ``crank``, or
+        the first
+    displacements : coordinates that slide, which have neither angles nor revolutions
     """
 
-    def __init__(self, motion: RecordedMotion | None, slides: bool = False) -> None:
-        self._motion = motion
-        self._slides = slides
-        self._net = 0.0 if motion is None else float(self._signed(motion, [motion.end])[0])
+    def __init__(self, driven: str | None, displacements: Collection[str]) -> None:
+        self._preferred, self._displacements = (driven, 'crank'), displacements
+        self._names: tuple[tuple[str, ...], tuple[str, ...]] | None = None
+        self._index = 0
+        self._parts: list[PiecewisePolynomial] = []
+
+    def add(self, piece: RecordedPiece) -> None:
+        """Enter the piece that follows."""
+        if not len(piece.motion):
+            return
+        names = piece.coordinates, piece.joints
+        if self._names is None:
+            self._names = names
+            known = [n for n in (*self._preferred, *names[0]) if n in names[0]]
+            self._index = names[0].index(known[0])
+        if names != self._names:
+            raise InputError('coordinates or joints of the recorded motion change on the way.')
+        curve, own = piece.motion.curve, slice(self._index, self._index + 1)
+        # a motion of low degree, as of a crank at constant speed, should not cost the memory of
+        # the others
+        used = np.flatnonzero(np.any(curve.coefficients[:, own] != 0, axis=(0, 1)))
+        powers = curve.coefficients[:, own, : int(used.max(initial=0)) + 1]
+        self._parts.append(replace(curve, turns=curve.turns[:, own], coefficients=powers.copy()))
+
+    @cached_property
+    def curve(self) -> PiecewisePolynomial | None:
+        """Of the crank, once all pieces are entered; None if no motion is recorded."""
+        return PiecewisePolynomial.joined(self._parts) if self._parts else None
 
     def turned(self, t: Array) -> Array:
-        """Return the revolutions since the start by times (N,) [s], nan where not recorded."""
+        """Revolutions (N,) since the start by times (N,) [s]; nan where not recorded."""
         turned = np.full(len(t), np.nan)
-        if self._motion is not None and not self._slides:
-            known = self._motion.covers(t)
-            turned[known] = self._signed(self._motion, t[known])
+        if self.curve is not None and not self._slides:
+            k, dt, known = self._find(self.curve, t)
+            turned[known] = self._since_start(self.curve, k[known], dt[known])
         return -turned if self._net < 0 else turned
 
     def angle(self, t: float) -> float | None:
-        """Return the angle at time t [s], in [0, 2 pi); None where not recorded."""
-        if self._motion is None or self._slides or not self._motion.covers([t])[0]:
+        """The angle at time t [s], in [0, 2 pi); None where not recorded."""
+        if self.curve is None or self._slides:
             return None
-        return float(np.mod(self._motion.position([t])[0, 0], TWO_PI))
+        k, dt, known = self._find(self.curve, np.array([t]))
+        return float(np.mod(self.curve.at(k, dt)[0, 0], TWO_PI)) if known[0] else None
 
-    def summary(self, coordinates: tuple[str, ...]) -> MotionSummary | None:
-        """Return the summary of the motion, which is of `coordinates`; None if not recorded."""
-        motion = self._motion
-        if motion is None:
+    def summary(self) -> MotionSummary | None:
+        """What is recorded of the motion; None if nothing is."""
+        c = self.curve
+        if c is None or self._names is None:
             return None
-        lasted = motion.end - motion.start
+        lasted = c.end - float(c.start[0])
         return MotionSummary(
-            coordinates=coordinates,
-            segments=len(motion.polynomial),
-            start=motion.start,
-            end=motion.end,
-            crank=motion.coordinates[0],
+            coordinates=self._names[0],
+            segments=len(c),
+            start=float(c.start[0]),
+            end=c.end,
+            crank=self._names[0][self._index],
             revolutions=None if self._slides else abs(self._net),
             mean_speed=TWO_PI * self._net / lasted if lasted > 0 else 0.0,
-            gaps=tuple(motion.gaps()),
+            gaps=tuple(gaps(c)),
         )
 
+    @property
+    def _slides(self) -> bool:
+        return self._names is not None and self._names[0][self._index] in self._displacements
+
+    @cached_property
+    def _net(self) -> float:
+        """Revolutions over the run, with their sign."""
+        c = self.curve
+        if c is None:
+            return 0.0
+        return float(self._since_start(c, np.array([len(c) - 1]), c.duration[-1:])[0])
+
     @staticmethod
-    def _signed(motion: RecordedMotion, t: Array | list[float]) -> Array:
-        return motion.turned(t, motion.coordinates[0])
+    def _since_start(c: PiecewisePolynomial, k: NDArray[np.intp], dt: Array) -> Array:
+        """Signed revolutions (N,); whole ones are integers, so that long runs lose no digits."""
+        first = c.local(np.zeros(1, np.intp), np.zeros(1))
+        return np.asarray((c.turns[k] - c.turns[0] + (c.local(k, dt) - first) / TWO_PI)[:, 0])
+
+    @staticmethod
+    def _find(
+        c: PiecewisePolynomial, t: Array
+    ) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
+        """The segment of each time, the time since its start [s], and whether it is recorded."""
+        k = np.clip(np.searchsorted(c.start, t, side='right') - 1, 0, len(c) - 1)
+        dt = (t - c.start[k]) - c.start_low[k]
+        slack = 4 * np.spacing(abs(c.end))
+        return k, dt, (dt >= -slack) & (dt <= c.duration[k] + slack)

@@ -35,49 +35,42 @@ class LedgerCollector:
     """Keeps the last Progress message of every node; a finished one is final."""
 
     def __init__(self) -> None:
-        self._counts: dict[str, dict[str, int]] = {}
-        self._finished: dict[str, bool] = {}
+        self._last: dict[str, Any] = {}
         self.end: float | None = None  #: [s] time up to which the furthest node came
 
     def add(self, message: Any) -> None:
-        """Take in what a node says."""
+        """Enter what a node says."""
         self.end = max(float(message.time), self.end if self.end is not None else -float('inf'))
-        if self._finished.get(message.node):
-            return
-        self._finished[message.node] = bool(message.finished)
-        counts = (int(count) for count in message.counts)
-        self._counts[message.node] = dict(zip(message.topics, counts, strict=True))
+        last = self._last.get(message.node)
+        if last is None or not last.finished:
+            self._last[message.node] = message
 
     def summary(self, recorded: Mapping[str, int]) -> Ledger | None:
-        """Return the accounts; None without a message.
+        """The accounts; None without a message.
 
-        Args:
-            recorded: Messages in the bag by full name of the topic.
-
+        Parameters
+        ----------
+        recorded : messages in the bag by full name of the topic
         """
-        if not self._counts:
+        if not self._last:
             return None
         sent: Counter[str] = Counter()
-        for counts in self._counts.values():
-            for topic, count in counts.items():
-                sent[_full_name(topic, recorded)] += count
-        accounts = tuple(
-            _account(name, sent[name], recorded.get(name, 0)) for name in sorted(sent)
+        for message in self._last.values():
+            for topic, count in zip(message.topics, message.counts, strict=True):
+                sent[_full_name(topic, recorded)] += int(count)
+        accounts = []
+        for name in sorted(sent):
+            held = recorded.get(name, 0)
+            accounts.append(TopicAccount(name, sent[name], held, max(0, sent[name] - held)))
+        finished, unfinished = (
+            tuple(sorted(node for node, m in self._last.items() if bool(m.finished) is wanted))
+            for wanted in (True, False)
         )
-        return Ledger(
-            accounts,
-            tuple(sorted(node for node, finished in self._finished.items() if finished)),
-            tuple(sorted(node for node, finished in self._finished.items() if not finished)),
-            sum(account.lost for account in accounts),
-        )
-
-
-def _account(topic: str, sent: int, recorded: int) -> TopicAccount:
-    return TopicAccount(topic, sent, recorded, max(0, sent - recorded))
+        return Ledger(tuple(accounts), finished, unfinished, sum(x.lost for x in accounts))
 
 
 def _full_name(topic: str, recorded: Mapping[str, int]) -> str:
-    """Return the name in the bag of what a node may call by a relative name."""
+    """The name in the bag of what a node may call by a relative name."""
     if topic in recorded or topic.startswith('/'):
         return topic
     matches = [name for name in recorded if name.endswith(f'/{topic}')]

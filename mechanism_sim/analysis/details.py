@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.analysis.averages import over_turns, unit
 from mechanism_sim.analysis.deviation import Alpha, Deviation, alpha, deviation
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
@@ -127,7 +126,7 @@ class Details:
             'drive': self.drive,
             'drive_rate': self.drive_rate,
             **{
-                kind: {name: plain(line) for name, line in getattr(self, kind).items()}
+                kind: plain(getattr(self, kind))
                 for kind in ('spectra', 'orders', 'envelopes', 'impacts')
             },
             'averages': {name: _average(a.turns, a.unit) for name, a in self.averages.items()},
@@ -195,7 +194,7 @@ def find_details(record: Record, wanted: Wanted, against: Record | None = None) 
         {name: _orders(record, name, skip) for name in wanted.orders},
         {name: _envelope(signal(name), wanted.band) for name in wanted.envelopes},
         {
-            name: Average(over_turns(record, name, skip=skip), unit(record, name))
+            name: Average(record.over_turns(name, skip=skip), record.unit(name))
             for name in wanted.averages
         },
         {name: _struck(record, name, skip) for name in wanted.impacts},
@@ -212,7 +211,7 @@ def _spectrum(signal: Signal) -> Line:
 
 
 def _orders(record: Record, sensor: str, skip: int) -> Line:
-    return Line(order_spectrum(over_turns(record, sensor, skip=skip)), unit(record, sensor))
+    return Line(order_spectrum(record.over_turns(sensor, skip=skip)), record.unit(sensor))
 
 
 def _envelope(signal: Signal, band: tuple[float, float] | None) -> Line:
@@ -234,6 +233,6 @@ def _struck(record: Record, joint: str, skip: int) -> Struck:
 def _beside(record: Record, quantity: str, skip: int, against: Record | None) -> Beside:
     own = deviation(record, quantity, skip=skip)
     if against is None:
-        return Beside(own, unit(record, quantity))
+        return Beside(own, record.unit(quantity))
     ratio = alpha(own, deviation(against, quantity, skip=skip))
-    return Beside(own, unit(record, quantity), against.machine.name, ratio)
+    return Beside(own, record.unit(quantity), against.machine.name, ratio)

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.analysis.averages import over_turns
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
@@ -125,13 +124,7 @@ def _ideal_joint(joint: Any) -> Any:
 
 
 def ideal_record(record: Record) -> Record:
-    """What the same machine with ideal joints does from the start to the end of a run.
-
-    Raises
-    ------
-    InputError, RunError
-        As `ideal_machine` does, or if that machine does not get through it.
-    """
+    """What the same machine with ideal joints does from the start to the end of a run."""
     ideal = ideal_machine(record.machine)
     return Record(ideal, simulate(ideal, duration=record.end), {})
 
@@ -149,8 +142,8 @@ def deviation(
     skip : whole turns at the start that are left out
     """
     n = samples or (None if quantity in record.sensors else _SAMPLES)
-    own = over_turns(record, quantity, n, skip)
-    beside = over_turns(ideal_record(record), quantity, own.values.shape[1])
+    own = record.over_turns(quantity, n, skip)
+    beside = ideal_record(record).over_turns(quantity, own.values.shape[1])
     return Deviation(
         quantity, own, TurnSegments(beside.values[own.first - beside.first[0]], own.first)
     )

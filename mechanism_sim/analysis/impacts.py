@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.analysis.crank import Crank
 from mechanism_sim.arrays import Array
+from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.results.means import Mean, impact_means
 
 _SLACK = 1e-9  # a revolution that is full but for rounding is full
@@ -77,79 +78,54 @@ class ImpactSummary:
 
 
 class ImpactCollector:
-    """Gathers Impact messages, a few numbers of each."""
+    """Gathers impacts, a few numbers of each."""
 
     def __init__(self) -> None:
         self._joints: dict[str, int] = {}
         self._joint, self._numbers = array('l'), array('d')
 
-    def add(self, message: Any) -> None:
-        """Add the impact that follows."""
-        self._joint.append(self._joints.setdefault(message.joint, len(self._joints)))
-        self._numbers.extend(
-            (
-                message.time,
-                message.normal_impulse,
-                message.energy_loss,
-                message.approach_speed,
-                message.normal_angle,
+    def add(self, impacts: Iterable[Impact]) -> None:
+        """Enter the impacts that follow."""
+        for i in impacts:
+            self._joint.append(self._joints.setdefault(i.joint, len(self._joints)))
+            self._numbers.extend(
+                (i.t, i.normal_impulse, i.energy_loss, i.approach_speed, i.normal_angle)
             )
-        )
 
-    def summary(
-        self,
-        revolutions: float | None,
-        turned: Callable[[Array], Array],
-        crank_angle: Callable[[float], float | None],
-    ) -> ImpactSummary:
-        """Return what was gathered.
-
-        Args:
-            revolutions: Of the crank over the run, None if its motion is not recorded.
-            turned: Revolutions since the start by times (N,) [s]; nan where the motion is not
-                recorded.
-            crank_angle: Angle [rad] of the crank at a time [s].
-
-        """
-        joint = np.array(self._joint, np.int64)
-        numbers = np.array(self._numbers).reshape(-1, 5)
-        time, impulse, loss, speed, angle = numbers.T
+    def summary(self, crank: Crank) -> ImpactSummary:
+        """All that was gathered, by joint and by revolutions of the crank."""
+        found = crank.summary()
+        revolutions = found.revolutions if found else None
+        time, impulse, loss, speed, angle = np.array(self._numbers).reshape(-1, 5).T
         names = tuple(sorted(self._joints))
-        columns = np.array([names.index(name) for name in self._joints], np.int64)[joint]
+        order = np.array([names.index(name) for name in self._joints], np.int64)
+        columns = order[np.array(self._joint, np.int64)]
 
         def dominant(chosen: NDArray[np.intp], count: int) -> tuple[DominantImpact, ...]:
             hardest = chosen[np.argsort(-impulse[chosen], kind='stable')[:count]]
             return tuple(
                 DominantImpact(
-                    float(time[k]),
-                    names[columns[k]],
-                    crank_angle(float(time[k])),
-                    float(impulse[k]),
-                    float(speed[k]),
-                    float(angle[k]),
+                    float(time[k]), names[columns[k]], crank.angle(float(time[k])),
+                    float(impulse[k]), float(speed[k]), float(angle[k]),
                 )
                 for k in hardest
-            )
+            )  # fmt: skip
 
         table, whole = None, 0
         if revolutions is not None:
-            table = _table(names, columns, impulse, turned(time), revolutions)
+            table = _table(names, columns, impulse, crank.turned(time), revolutions)
             whole = int(np.floor(revolutions + _SLACK))
         by_joint = []
         for i, name in enumerate(names):
             own = np.flatnonzero(columns == i)
             by_joint.append(
                 JointImpacts(
-                    name,
-                    len(own),
-                    float(np.sum(impulse[own])),
-                    float(np.sum(loss[own])),
-                    float(np.max(speed[own])),
-                    float(np.mean(impulse[own])),
+                    name, len(own), float(np.sum(impulse[own])), float(np.sum(loss[own])),
+                    float(np.max(speed[own])), float(np.mean(impulse[own])),
                     _means(table, whole, [i])[2].half_width if table and whole > 1 else np.nan,
                     dominant(own, 3),
                 )
-            )
+            )  # fmt: skip
         total = float(np.sum(impulse))
         return ImpactSummary(
             count=len(time),
@@ -177,7 +153,7 @@ def _table(
     turned: Array,
     revolutions: float,
 ) -> RevolutionTable:
-    """Return the table of impacts that happened after `turned` revolutions in given columns."""
+    """The table of impacts that happened after `turned` revolutions in given columns."""
     rows = max(1, int(np.ceil(revolutions - _SLACK)))
     known = np.isfinite(turned)
     row = np.clip(np.floor(turned[known] + _SLACK), 0, rows - 1).astype(np.int64)

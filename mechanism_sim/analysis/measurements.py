@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from mechanism_sim.analysis.record import machine_of
-from mechanism_sim.analysis.signals import Signal, SignalCollector
+from mechanism_sim.analysis.signals import Signal, SignalCollectors
 from mechanism_sim.analysis.topics import find_topics
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.recording import Bag, read_bag
@@ -17,10 +17,10 @@ from mechanism_sim.sensing.features import FEWEST
 
 def signal_of(bag: Bag, sensor: str | None = None, namespace: str | None = None) -> Signal:
     """The signal of a sensor of a bag; of its only one, if none is named."""
-    collectors: dict[str, SignalCollector] = {}
+    collectors = SignalCollectors()
     topics = find_topics(bag, namespace)['sensors']
     for _, message, _ in bag.messages(topics) if topics else ():
-        collectors.setdefault(message.sensor, SignalCollector()).add(message)
+        collectors.add(message)
     known = ', '.join(sorted(collectors))
     if not collectors:
         raise InputError(f'{bag.path} holds no signal of a sensor')

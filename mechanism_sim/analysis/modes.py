@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
-from mechanism_sim.hybrid.events import Mode
-
-#: Modes by number, as in the message ModeChange.
-MODES = {mode.value: mode.name.lower() for mode in Mode}
+from mechanism_sim.hybrid.events import Mode, ModeChange
 
 
 @dataclass(frozen=True)
@@ -21,39 +18,40 @@ class JointModes:
     share: dict[str, float]
 
 
-class ModeCollector:
-    """Adds up the time between ModeChange messages: exact, since every change is one."""
+class ModeShares:
+    """Adds up the time between changes of mode: exact, since every change is recorded."""
 
     def __init__(self) -> None:
-        self._first: dict[str, tuple[float, int]] = {}
-        self._last: dict[str, tuple[float, int]] = {}
+        self._first: dict[str, ModeChange] = {}
+        self._last: dict[str, ModeChange] = {}
         self._changes: dict[str, int] = defaultdict(int)
-        self._time: dict[str, dict[int, float]] = defaultdict(lambda: defaultdict(float))
+        self._time: dict[str, dict[Mode, float]] = defaultdict(lambda: defaultdict(float))
 
-    def add(self, message: Any) -> None:
-        """Add the change that follows."""
-        joint, time, mode = message.joint, float(message.time), int(message.mode)
-        if joint in self._last:
-            since, before = self._last[joint]
-            self._time[joint][before] += time - since
-        else:
-            self._first[joint] = (time, int(message.previous_mode))
-        self._last[joint] = (time, mode)
-        # The first mode of a run is announced, not changed to.
-        self._changes[joint] += message.previous_mode != 0
+    def add(self, changes: Iterable[ModeChange]) -> None:
+        """Enter the changes that follow."""
+        for change in changes:
+            joint = change.joint
+            if joint in self._last:
+                last = self._last[joint]
+                self._time[joint][last.mode] += change.t - last.t
+            else:
+                self._first[joint] = change
+            self._last[joint] = change
+            # the first mode of a run is announced, not changed to
+            self._changes[joint] += change.previous != Mode.UNKNOWN
 
     def summary(self, start: float, end: float) -> tuple[JointModes, ...]:
-        """Return the shares over the span of the run from `start` to `end` [s]."""
+        """The shares over the span of the run from `start` to `end` [s]."""
         joints = []
         for joint in sorted(self._first):
             time = dict(self._time[joint])
-            (first, before), (last, mode) = self._first[joint], self._last[joint]
-            for lasted, of in ((first - start, before), (end - last, mode)):
-                time[of] = time.get(of, 0.0) + max(0.0, lasted)
+            first, last = self._first[joint], self._last[joint]
+            for lasted, mode in ((first.t - start, first.previous), (end - last.t, last.mode)):
+                time[mode] = time.get(mode, 0.0) + max(0.0, lasted)
             span = sum(time.values())
             share = {
-                MODES.get(of, f'mode_{of}'): lasted / span
-                for of, lasted in sorted(time.items())
+                mode.name.lower(): lasted / span
+                for mode, lasted in sorted(time.items())
                 if lasted > 0
             }
             joints.append(JointModes(joint, self._changes[joint], share))

@@ -3,48 +3,27 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.export.stage import Stage, Swaying, stage_of
 from mechanism_sim.results.cycle import Cycle, cycle, is_steady
 from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.scene import Machine
 
 
-@dataclass(frozen=True)
-class Preview:
+@dataclass(frozen=True, eq=False)
+class Preview(Stage):
     """A machine in its first cycle, by which sizes are chosen.
 
     Attributes
     ----------
+    found : the cycle
     largest : joint reaction [N]; 0 where forces are not known
     """
 
-    found: Cycle
-    stage: Stage
-    largest: float
-
-    @property
-    def machine(self) -> Machine:
-        """The machine."""
-        return self.stage.machine
-
-    @property
-    def skeleton(self) -> Skeleton:
-        """What it looks like."""
-        return self.stage.skeleton
-
-    @property
-    def low(self) -> Array:
-        """Lower left corner (2,) [m] of all that moves, and room around it."""
-        return self.stage.low
-
-    @property
-    def high(self) -> Array:
-        """Upper right corner (2,) [m]."""
-        return self.stage.high
+    found: Cycle = field(kw_only=True)
+    largest: float = field(kw_only=True)
 
     @property
     def centre(self) -> Array:
@@ -58,13 +37,6 @@ def preview(machine: Machine, duration: float | None = None) -> Preview:
     Parameters
     ----------
     duration : [s] of a run that may be shorter than the scene
-
-    Raises
-    ------
-    InputError
-        If there is no length of the run.
-    RunError
-        If the run fails.
     """
     wanted = [d for d in (machine.scene.duration, duration) if d]
     found = cycle(machine, 180, duration=None if is_steady(machine) or not wanted else min(wanted))
@@ -73,4 +45,6 @@ def preview(machine: Machine, duration: float | None = None) -> Preview:
     peaks.add(found.solution.motion)
     bounded = [x.value for x in peaks.forces.values() if math.isfinite(x.value)]
     sway = Swaying(machine).take(found.solution.motion)(found.t)
-    return Preview(found, stage_of(machine, observed, sway), max(bounded, default=0.0))
+    stage = stage_of(machine, observed, sway)
+    known = {x.name: getattr(stage, x.name) for x in fields(Stage)}
+    return Preview(**known, found=found, largest=max(bounded, default=0.0))

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from mechanism_sim.analysis.motion import gaps, padded
-from mechanism_sim.analysis.signals import Signal, SignalCollector, measured
+from mechanism_sim.analysis.pieces import RecordedPiece, gaps, pieces
+from mechanism_sim.analysis.signals import Signal, SignalCollectors, measured
 from mechanism_sim.analysis.topics import find_topics
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
@@ -28,15 +27,17 @@ from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.messages.events import parse_description
-from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.recording import Bag, read_bag, scene_text
+from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
+from mechanism_sim.sensing.orders import TurnSegments
 from mechanism_sim.tables import Table
 
 _NEWTON = 50
+_BLOCK = 8192  # instants at once
 
 
 def machine_of(bag: Bag | Path | str, namespace: str | None = None) -> Machine:
@@ -108,6 +109,15 @@ class Record:
         assert times is not None  # noqa: S101 - one of both is given
         return self.piece.sample(times, 't', *names)
 
+    @cached_property
+    def audited(self) -> Audit:
+        """The audit of its motion and impacts."""
+        if self.audit:
+            return self.audit
+        audit = Audit(self.machine.physics)
+        audit.add(self.piece.motion, self.piece.impacts)
+        return audit
+
     @property
     def slides(self) -> bool:
         """Whether the main drive moves straight, so that it makes no turns."""
@@ -172,7 +182,7 @@ class Record:
 
     @property
     def rate(self) -> float:
-        """Turns of the main drive a second, in the mean [Hz]."""
+        """TurnSegments of the main drive a second, in the mean [Hz]."""
         first, last = self.turned(np.array([self.start, self.end]))
         return float((last - first) / (self.end - self.start))
 
@@ -205,6 +215,43 @@ class Record:
             if np.abs(step).max(initial=0.0) <= 4.0 * np.spacing(self.end):
                 break
         return np.asarray(t)
+
+    def over_turns(self, quantity: str, samples: int | None = None, skip: int = 0) -> TurnSegments:
+        """A quantity at equal angles of the main drive, in whole turns from angle zero on.
+
+        What the catalogue names is taken from the motion's polynomials at exactly these angles.
+        The signal of a sensor is interpolated (`mechanism_sim.sensing.orders.at_equal_angles`).
+
+        Parameters
+        ----------
+        quantity : a name of `Piece.sample`, such as ``acceleration.coupler``, or of a sensor
+        samples : angles in a turn; 360 unless told, of a sensor its samples in a turn
+        skip : whole turns at the start that are left out
+        """
+        first, end = self.whole_turns(skip)
+        if quantity in self.sensors:
+            found = self.signal(quantity).over_turns(self.turned, samples)
+            if found is None or not (kept := found.first >= first).any():
+                raise InputError(f'the signal of {quantity} covers no whole turn')
+            return TurnSegments(found.values[kept], found.first[kept])
+        n, turns, name = samples or 360, np.arange(first, end), self._found(quantity).name
+        t = self.times_at((turns[:, None] + np.arange(n) / n).ravel())
+        blocks = (t[k : k + _BLOCK] for k in range(0, len(t), _BLOCK))
+        values = np.concatenate([self.piece.sample(block, name)[name] for block in blocks])
+        return TurnSegments(values.reshape(-1, n), turns)
+
+    def unit(self, quantity: str) -> str:
+        """SI unit of a quantity of `Piece.sample` or of a sensor; empty for a number."""
+        if quantity in self.sensors:
+            return self.signal(quantity).unit
+        return self._found(quantity).unit
+
+    def _found(self, quantity: str) -> Quantity:
+        try:
+            return self.piece.catalogue.find(quantity)
+        except InputError as error:
+            sensors = f'; its sensors: {", ".join(self.sensors)}' if self.sensors else ''
+            raise InputError(f'{error}{sensors}') from None
 
     def between(self, start: float | None = None, end: float | None = None) -> Record:
         """What happened from one time [s] to another; without them the whole."""
@@ -296,61 +343,39 @@ def one_of(known: Sequence[str], joint: str, machine: Machine) -> str:
 def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     """A bag as a record: one pass, all of the motion in memory."""
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
-    topics = find_topics(bag, namespace)
+    find_topics(bag, namespace)  # that there is one machine, before its scene is asked for
     machine = machine_of(bag, namespace)
-    motions: list[Motion] = []
-    impacts: list[Impact] = []
-    changes: list[ModeChange] = []
-    sensors: dict[str, SignalCollector] = {}
-    kinds = {name: kind for kind, names in topics.items() for name in names}
-    wanted = [name for name, kind in kinds.items() if kind in _WANTED]
-    for topic, message, _ in bag.messages(wanted):
-        kind = kinds[topic]
-        if kind == 'motion':
-            _check_motion(bag, machine, message)
-            motions.append(motion_of(message))
-        elif kind == 'impacts':
-            impacts.append(_impact(message))
-        elif kind == 'mode_changes':
-            changes.append(_mode_change(bag, message))
-        else:
-            sensors.setdefault(message.sensor, SignalCollector()).add(message)
-    motion = _joined(bag, motions)
+    sensors, found = SignalCollectors(), []
+    for piece in pieces(bag, namespace, {'sensors': sensors.add}):
+        if piece.coordinates:
+            check_motion(bag, machine, piece)
+        found.append(piece)
+    parts = [piece.motion for piece in found if len(piece.motion)]
+    if not parts:
+        raise InputError(f'{bag.path} has no recorded motion.')
+    motion = Motion.joined(parts)
+    for a, b in gaps(motion.curve):
+        raise InputError(f'{bag.path}: the motion from {a:.9g} s to {b:.9g} s is missing.')
+    impacts = _with_work(machine, motion, [i for piece in found for i in piece.impacts])
     audit = Audit(machine.physics)
-    impacts = _with_work(machine, motion, impacts)
-    work = audit.add(motion, impacts)
-    piece = Piece(machine, motion, EnergyTerms(work, impacts), impacts, changes)
-    signals = {name: s for name, c in sorted(sensors.items()) if (s := c.signal())}
-    return Record(machine, piece, signals, audit, bag.wall_time, bag.complete)
+    balance = EnergyTerms(audit.add(motion, impacts), impacts)
+    changes = [change for piece in found for change in piece.modes]
+    run = Piece(machine, motion, balance, impacts, changes)
+    return Record(machine, run, sensors.signals(), audit, bag.wall_time, bag.complete)
 
 
-_WANTED = 'motion', 'impacts', 'mode_changes', 'sensors'
-
-
-def _mode_change(bag: Bag, message: Any) -> ModeChange:
-    try:
-        modes = Mode(message.mode), Mode(message.previous_mode)
-    except ValueError as error:
-        raise InputError(f'{bag.path}, topic mode_changes: {error}.') from error
-    return ModeChange(message.time, message.joint, *modes)
-
-
-def _check_motion(bag: Bag, machine: Machine, message: Any) -> None:
+def check_motion(bag: Bag, machine: Machine, piece: RecordedPiece) -> None:
+    """Refuse a motion of other coordinates or joints than the machine that its scene makes."""
     known = machine.physics
     for names, here in (
-        (message.coordinates, known.coordinates),
-        (message.joints, known.clearances),
+        (piece.coordinates, known.coordinates),
+        (piece.joints, known.clearances),
     ):
-        if tuple(names) != tuple(here):
+        if names != tuple(here):
             raise InputError(
                 f'{bag.path}: its motion is of {", ".join(names)}, but its scene makes a machine '
                 f'of {", ".join(here)}: it was recorded by another version.'
             )
-
-
-def _impact(message: Any) -> Impact:
-    given = {name: getattr(message, name) for name in Impact._fields if hasattr(message, name)}
-    return Impact(**given, t=message.time, drive_work=math.nan)
 
 
 def _with_work(machine: Machine, motion: Motion, impacts: list[Impact]) -> list[Impact]:
@@ -367,17 +392,3 @@ def _with_work(machine: Machine, motion: Motion, impacts: list[Impact]) -> list[
         impact._replace(drive_work=impact.drive_impulse * speed if impact.drive_impulse else 0.0)
         for impact, speed in zip(impacts, speeds.tolist(), strict=True)
     ]
-
-
-def _joined(bag: Bag, parts: Sequence[Motion]) -> Motion:
-    """One motion of all messages, whose degrees may differ."""
-    parts = [part for part in parts if len(part)]
-    if not parts:
-        raise InputError(f'{bag.path} has no recorded motion.')
-    curves = padded([part.curve for part in parts])
-    motion = Motion.joined(
-        [replace(part, curve=curve) for part, curve in zip(parts, curves, strict=True)]
-    )
-    for a, b in gaps(motion.curve):
-        raise InputError(f'{bag.path}: the motion from {a:.9g} s to {b:.9g} s is missing.')
-    return motion

@@ -10,9 +10,9 @@ from typing import Any
 from mechanism_sim import text_table
 from mechanism_sim.analysis.delivery_audit import Ledger
 from mechanism_sim.analysis.impacts import ImpactSummary
-from mechanism_sim.analysis.loads import EnergySummary, LoadSummary, Peak
+from mechanism_sim.analysis.loads import LoadSummary, Peak
 from mechanism_sim.analysis.modes import JointModes
-from mechanism_sim.analysis.parts import PARTS, PartSummary
+from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary
 from mechanism_sim.analysis.summary import Summary
 from mechanism_sim.analysis.vibration import SensorSummary
 from mechanism_sim.results.means import Mean

@@ -17,9 +17,9 @@ from mechanism_sim.messages.units import units_of
 from mechanism_sim.recording import Bag, displacements
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.extremes import search
 from mechanism_sim.results.instants import instants
 from mechanism_sim.results.quantity import Quantity
+from mechanism_sim.results.ranges import search
 from mechanism_sim.results.solution import Piece
 from ros_interfaces.stamps import seconds
 

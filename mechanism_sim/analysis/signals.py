@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -54,27 +54,23 @@ class Signal:
 
     def since(self, t: float) -> Signal:
         """The samples from a time [s] on."""
-        late = [
-            (start + skip / self.rate, run[skip:])
-            for start, run in zip(self.starts, self.runs, strict=True)
-            if (skip := max(0, int(np.ceil((t - start) * self.rate - 1e-6)))) < len(run)
-        ]
-        if not late:
+        found = self.between(t, np.inf)
+        if found is None:
             raise InputError(f'sensor {self.sensor} has no samples after {t:.6g} s')
-        starts, runs = zip(*late, strict=True)
-        return Signal(self.sensor, self.link, self.quantity, self.rate, starts, runs)
+        return found
 
     def between(self, start: float, end: float) -> Signal | None:
         """The samples from one time [s] to another; None if there are none."""
         found = []
         for begin, t, run in zip(self.starts, self.times, self.runs, strict=True):
-            first, last = np.searchsorted(t, [start, end])
+            # a sample that is due at the start but for rounding is due there
+            first, last = np.searchsorted(t, [start - 1e-6 / self.rate, end])
             if first < last:
                 found.append((begin + float(first) / self.rate, run[first:last]))
         if not found:
             return None
         starts, runs = zip(*found, strict=True)
-        return Signal(self.sensor, self.link, self.quantity, self.rate, starts, runs)
+        return replace(self, starts=starts, runs=runs)
 
     def over_turns(
         self, turned: Callable[[Array], Array], per_turn: int | None = None
@@ -148,6 +144,18 @@ class SignalCollector:
                 runs.append([])
             runs[-1].append(values)
         return Signal(*self._about, tuple(starts), tuple(map(np.concatenate, runs)))
+
+
+class SignalCollectors(dict[str, SignalCollector]):
+    """Signals of several sensors by name."""
+
+    def add(self, message: Any) -> None:
+        """Add the SensorBlock that follows, of any of them."""
+        self.setdefault(message.sensor, SignalCollector()).add(message)
+
+    def signals(self) -> dict[str, Signal]:
+        """Those that have samples, in alphabetical order."""
+        return {name: s for name, c in sorted(self.items()) if (s := c.signal())}
 
 
 def measured(machine: Machine, motion: Motion, sensor: str) -> Signal:

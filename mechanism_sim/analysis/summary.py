@@ -2,34 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from mechanism_sim.analysis.crank import Crank, MotionSummary
 from mechanism_sim.analysis.delivery_audit import Ledger, LedgerCollector
 from mechanism_sim.analysis.impacts import ImpactCollector, ImpactSummary
-from mechanism_sim.analysis.loads import (
-    BearingPeaks,
-    EnergyCollector,
+from mechanism_sim.analysis.loads import LoadSummary, load_summary
+from mechanism_sim.analysis.modes import JointModes, ModeShares
+from mechanism_sim.analysis.pieces import pieces
+from mechanism_sim.analysis.published import (
+    PARTS,
     EnergySummary,
-    LoadCollector,
-    LoadSummary,
-    of_motion,
+    PartSummary,
+    PublishedEnergies,
+    PublishedParts,
+    PublishedRanges,
+    loads_of,
+    names_of_parts,
 )
-from mechanism_sim.analysis.modes import JointModes, ModeCollector
-from mechanism_sim.analysis.motion import MotionCollector
-from mechanism_sim.analysis.parts import PARTS, PartCollector, PartRanges, PartSummary
+from mechanism_sim.analysis.record import check_motion
 from mechanism_sim.analysis.topics import KINDS, find_topics
 from mechanism_sim.analysis.vibration import SensorSummary, VibrationCollector
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages.events import parse_description
-from mechanism_sim.messages.segments import motion_of, unpack
 from mechanism_sim.recording import Bag, displacements, read_bag, scene_name, scene_text
-from mechanism_sim.results.ranges import LoadPeaks
-from mechanism_sim.scene import Machine
+from mechanism_sim.results.ranges import LoadPeaks, largest
 from mechanism_sim.strict_json import plain
 
 
@@ -57,134 +58,97 @@ class Summary:
     absent: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Return the same as dictionaries, lists, texts and numbers."""
+        """The same as dictionaries, lists, texts and numbers."""
         result: dict[str, Any] = plain(self)
         return result
 
 
 def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
-    """Return the summary of a bag.
+    """The summary of a bag.
 
-    Args:
-        bag: The bag, or its path.
-        namespace: Which machine, where a bag holds several, as '/left'.
+    Parameters
+    ----------
+    namespace : of the machine, where a bag holds several, as '/left'
 
-    Raises:
-        InputError: Not a bag, or its messages contradict each other, or it holds several machines
-            and none was chosen.
-
+    Raises
+    ------
+    InputError
+        If it is no bag, its messages contradict each other, or it holds several machines and none
+        was chosen.
     """
-    if not isinstance(bag, Bag):
-        bag = read_bag(bag)
+    bag = bag if isinstance(bag, Bag) else read_bag(bag)
     topics = find_topics(bag, namespace)
-    machine: Machine | None = None
-    unknown: tuple[str, ...] = ()
-    if topics['motion'] and (text := scene_text(bag, namespace)) is not None:
-        try:
-            machine = parse_description(text, str(bag.path))
-        except InputError as error:
-            unknown = (str(error),)
-    run = _Run(_driven_coordinate(bag, topics['drive']), machine)
-    handlers: dict[str, Callable[[Any], None]] = {
-        'motion': run.add_motion,
-        'impacts': run.add_impact,
-        'mode_changes': run.modes.add,
-        'joint_reactions': run.loads.add,
-        'linkage_state': run.energy.add,
-        'sensors': run.vibration.add,
-        **{topic: collector.add for topic, collector in run.parts.items()},
-        'progress': run.ledger.add,
-    }
-    by_topic = {name: handlers[kind] for kind in handlers for name in topics[kind]}
-    for topic, message, _ in bag.messages(by_topic):
-        by_topic[topic](message)
-
-    motion = run.track.motion() if run.track else None
-    start, end = bag.start / 1e9, bag.end / 1e9
-    if motion is not None:
-        start, end = motion.start, motion.end
-    elif run.ledger.end is not None:
-        end = max(end, run.ledger.end)
-    crank = Crank(motion, motion is not None and motion.coordinates[0] in displacements(bag))
-    moved = crank.summary(run.coordinates)
     present = {kind: bool(topics[kind]) for kind in KINDS}
-    impacts = None
-    if present['impacts']:
-        turns = moved.revolutions if moved else None
-        impacts = run.impacts.summary(turns, crank.turned, crank.angle)
-    return Summary(
+    crank = Crank(_driven_coordinate(bag, topics['drive']), displacements(bag))
+    impacts, modes, digest = ImpactCollector(), ModeShares(), MotionDigest()
+    energy, vibration, ledger = PublishedEnergies(), VibrationCollector(), LedgerCollector()
+    parts = {topic: PublishedParts(topic) for topic in PARTS}
+    peaks, unknown = _peaks(bag, namespace) if present['motion'] else (None, '')
+    for piece in pieces(bag, namespace, {
+        'linkage_state': energy.add, 'sensors': vibration.add, 'progress': ledger.add,
+        **{topic: part.add for topic, part in parts.items()},
+    }):  # fmt: skip
+        crank.add(piece)
+        if peaks and len(piece.motion):
+            try:
+                check_motion(bag, peaks.machine, piece)
+            except InputError as error:
+                peaks, unknown = None, str(error)
+            else:
+                peaks.add(piece.motion)
+        impacts.add(piece.impacts)
+        modes.add(piece.modes)
+        digest.add(piece.motion, piece.impacts)
+
+    moved = crank.summary()
+    start, end = bag.start / 1e9, bag.end / 1e9
+    if moved is not None:
+        start, end = moved.start, moved.end
+    elif ledger.end is not None:
+        end = max(end, ledger.end)
+    loads = load_summary(peaks.peaks(), peaks.shapes(), crank.angle) if peaks else None
+    if loads is None and present['joint_reactions']:
+        loads = _published_loads(bag, topics['joint_reactions'], crank)
+    of_motion = peaks.ends() if peaks else {}
+    found = Summary(
         bag=str(bag.path),
         scene=scene_name(bag),
         complete=bag.complete,
         start=start,
         end=end,
         motion=moved,
-        impacts=impacts,
-        modes=run.modes.summary(start, end) if present['mode_changes'] else None,
-        loads=run.motion_loads(crank) or run.loads.summary(crank.angle),
-        energy=run.energy.summary(),
-        parts={
-            k: c.summary(run.ranges.by_joint(k) if run.ranges else {})
-            for k, c in run.parts.items()
-            if present[k]
-        },
-        vibration=run.vibration.summary(crank.turned) if present['sensors'] else None,
-        ledger=run.ledger.summary({topic.name: topic.count for topic in bag.topics.values()}),
-        digest=run.digest.hexdigest() if motion is not None else None,
-        absent=(*_absent(present, run, moved), *unknown),
+        impacts=impacts.summary(crank) if present['impacts'] else None,
+        modes=modes.summary(start, end) if present['mode_changes'] else None,
+        loads=loads,
+        energy=energy.summary(),
+        parts={k: part.summary(of_motion) for k, part in parts.items() if present[k]},
+        vibration=vibration.summary(crank.turned) if present['sensors'] else None,
+        ledger=ledger.summary({topic.name: topic.count for topic in bag.topics.values()}),
+        digest=digest.hexdigest() if moved is not None else None,
+        absent=(),
     )
+    return replace(found, absent=(*_absent(present, found), *filter(None, [unknown])))
 
 
-class _Run:
-    """What is gathered during the pass."""
+def _peaks(bag: Bag, namespace: str | None) -> tuple[LoadPeaks | None, str]:
+    """What the loads are taken by of the motion; without a scene that makes a machine, why not."""
+    text = scene_text(bag, namespace)
+    if text is None:
+        return None, ''
+    try:
+        machine = parse_description(text, str(bag.path))
+    except InputError as error:
+        return None, str(error)
+    others = names_of_parts(machine)
+    return LoadPeaks(machine, shapes=True, bearings=True, others=others), ''
 
-    def __init__(self, driven: str | None, machine: Machine | None) -> None:
-        self.peaks = LoadPeaks(machine, shapes=True) if machine else None
-        self.ranges = PartRanges(machine) if machine else None
-        self.bearings = BearingPeaks(machine) if machine else None
-        self._driven = driven
-        self.coordinates: tuple[str, ...] = ()
-        self.track: MotionCollector | None = None
-        self.digest = MotionDigest()
-        self.impacts, self.modes, self.loads = ImpactCollector(), ModeCollector(), LoadCollector()
-        self.energy, self.vibration = EnergyCollector(), VibrationCollector()
-        self.parts = {topic: PartCollector(kind) for topic, kind in PARTS.items()}
-        self.ledger = LedgerCollector()
 
-    def add_motion(self, message: Any) -> None:
-        s = unpack(message)
-        if self.track is None:
-            # Of all the motion only the crank's is kept: a long run has millions of segments.
-            self.coordinates = s.coordinates
-            names = [n for n in (self._driven, 'crank', *s.coordinates) if n in s.coordinates]
-            self.track = MotionCollector(names[:1])
-        self.track.add(s)
-        for collector in (self.peaks, self.ranges, self.bearings):
-            if collector:
-                collector.add(motion_of(message))
-        self.digest.add_segments(
-            s.start, s.start_low, s.duration, s.turns, s.coefficients, s.modes
-        )
-
-    def motion_loads(self, crank: Crank) -> LoadSummary | None:
-        """The loads of the recorded motion, if there is one with a scene."""
-        if self.peaks is None or self.bearings is None:
-            return None
-        return of_motion(self.peaks, self.bearings, crank.angle)
-
-    def add_impact(self, message: Any) -> None:
-        self.impacts.add(message)
-        self.digest.add_impact(
-            message.time,
-            message.joint,
-            message.normal_angle,
-            message.approach_speed,
-            message.rebound_speed,
-            message.normal_impulse,
-            message.tangential_impulse,
-            message.energy_loss,
-            message.drive_impulse,
-        )
+def _published_loads(bag: Bag, topics: tuple[str, ...], crank: Crank) -> LoadSummary | None:
+    """The loads at the instants that were published, where the motion has none."""
+    ranges = PublishedRanges()
+    for _, message, _ in bag.messages(topics):
+        ranges.add(float(message.time), loads_of(message))
+    return load_summary(largest(ranges.ends), {}, crank.angle, ranges.samples)
 
 
 def _driven_coordinate(bag: Bag, topics: tuple[str, ...]) -> str | None:
@@ -193,8 +157,8 @@ def _driven_coordinate(bag: Bag, topics: tuple[str, ...]) -> str | None:
     return None
 
 
-def _absent(present: dict[str, bool], run: _Run, motion: MotionSummary | None) -> tuple[str, ...]:
-    """Return what is missing in the bag and what therefore is missing here, in sentences."""
+def _absent(present: dict[str, bool], found: Summary) -> Iterator[str]:
+    """What is missing in the bag and what therefore is missing here, in sentences."""
     lost = {
         'motion': 'revolutions, angles of the drive and digest',
         'impacts': 'impacts',
@@ -204,11 +168,10 @@ def _absent(present: dict[str, bool], run: _Run, motion: MotionSummary | None) -
         'sensors': 'vibration',
         'progress': 'comparison of what was sent with what was recorded',
     }
-    sentences = [f'no topic {kind}: no {what}' for kind, what in lost.items() if not present[kind]]
-    if present['motion'] and motion is None:
-        sentences.append('topic motion is empty: no revolutions, angles of the drive and digest')
-    if present['joint_reactions'] and not run.loads.samples:
-        sentences.append('topic joint_reactions is empty: no forces and torque')
-    if present['linkage_state'] and not run.energy.samples:
-        sentences.append('topic linkage_state has no energies: no balance of energy')
-    return tuple(sentences)
+    yield from (f'no topic {kind}: no {what}' for kind, what in lost.items() if not present[kind])
+    if present['motion'] and found.motion is None:
+        yield 'topic motion is empty: no revolutions, angles of the drive and digest'
+    if present['joint_reactions'] and found.loads is None:
+        yield 'topic joint_reactions is empty: no forces and torque'
+    if present['linkage_state'] and found.energy is None:
+        yield 'topic linkage_state has no energies: no balance of energy'

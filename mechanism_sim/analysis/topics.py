@@ -27,16 +27,11 @@ RETIRED = {'mechanism_sim/msg/AccelerometerBlock': 2}
 
 
 def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, ...]]:
-    """Return the names of the topics of one machine by kind; at most one but for shared kinds.
+    """The names of the topics of one machine by kind; at most one but for shared kinds.
 
-    Args:
-        bag: The bag.
-        namespace: Of the machine, as '/left'; needed where a bag holds several.
-
-    Raises:
-        InputError: There are several and none was chosen, nothing is in that namespace, or the
-            bag is of a version that is no longer read.
-
+    Parameters
+    ----------
+    namespace : of the machine, as '/left'; needed where a bag holds several
     """
     for topic in bag.topics.values():
         if topic.type in RETIRED:

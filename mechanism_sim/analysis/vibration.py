@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -36,34 +37,33 @@ class VibrationCollector:
     """Gathers SensorBlock messages by sensor."""
 
     def __init__(self) -> None:
-        self._moments: dict[str, Moments] = {}
-        self._signals: dict[str, SignalCollector] = {}
-        self._overloads: dict[str, int] = {}
+        self._sensors: dict[str, tuple[SignalCollector, Moments]] = {}
+        self._overloads: Counter[str] = Counter()
 
     def add(self, message: Any) -> None:
-        """Add the block that follows."""
+        """Enter the block that follows."""
         name = message.sensor
-        values = self._signals.setdefault(name, SignalCollector(_KEPT)).add(message)
-        self._moments.setdefault(name, Moments()).add(values)
-        self._overloads[name] = self._overloads.get(name, 0) + int(
-            getattr(message, 'overloads', 0)
-        )
+        if name not in self._sensors:
+            self._sensors[name] = SignalCollector(_KEPT), Moments()
+        signal, moments = self._sensors[name]
+        moments.add(signal.add(message))
+        self._overloads[name] += int(getattr(message, 'overloads', 0))
 
     def summary(self, turned: Callable[[Array], Array]) -> tuple[SensorSummary, ...]:
-        """Return the sensors in alphabetical order, those without a sample left out.
+        """The sensors in alphabetical order, those without a sample left out.
 
-        Args:
-            turned: Revolutions of the crank by times (N,) [s]; nan where they are not known.
-
+        Parameters
+        ----------
+        turned : revolutions of the crank by times (N,) [s]; nan where they are not known
         """
         found = []
-        for name, collector in sorted(self._signals.items()):
-            signal = collector.signal()
-            if signal is None:
+        for name, (collector, moments) in sorted(self._sensors.items()):
+            if (signal := collector.signal()) is None:
                 continue
             turns = signal.over_turns(turned)
             found.append(
                 SensorSummary(
+                    **vars(moments.indicators()),
                     sensor=name,
                     link=signal.link,
                     quantity=signal.quantity,
@@ -72,7 +72,6 @@ class VibrationCollector:
                     missing=collector.missing,
                     overloads=self._overloads[name],
                     orders=tuple(order_spectrum(turns).strongest(3)) if turns else (),
-                    **vars(self._moments[name].indicators()),
                 )
             )
         return tuple(found)

@@ -83,15 +83,8 @@ class Motion:
     @classmethod
     def joined(cls, parts: list[Motion]) -> Motion:
         """One motion from consecutive parts."""
-        curves = [part.curve for part in parts]
         return cls(
-            PiecewisePolynomial(
-                np.concatenate([c.start for c in curves]),
-                np.concatenate([c.start_low for c in curves]),
-                np.concatenate([c.duration for c in curves]),
-                np.concatenate([c.turns for c in curves]),
-                np.concatenate([c.coefficients for c in curves]),
-            ),
+            PiecewisePolynomial.joined([part.curve for part in parts]),
             np.concatenate([part.modes for part in parts]),
             np.concatenate([part.approach for part in parts]),
             np.concatenate([part.torques for part in parts]),

@@ -80,7 +80,7 @@ class ForceMarkers:
         machine = self._machine = seen.machine
         self._prefix, self._symbol = prefix, seen.skeleton.symbol
         self._world = frame_of(GROUND, prefix)
-        self._size, self._stage = seen.skeleton.size, seen.stage
+        self._size, self._stage = seen.skeleton.size, seen
         default = 0.5 * self._size / seen.largest if seen.largest else 0.0
         self.force_scale = force_scale or default
         radial = {j.name: machine.clearances[j.name].radial for j in machine.bearings}

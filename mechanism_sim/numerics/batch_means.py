@@ -48,7 +48,7 @@ def ratio(x: Array, per: Array, confidence: float = 0.95) -> tuple[float, float]
     if count == 1:
         return float(R), math.nan
     spread = np.sqrt(((X - R * D) ** 2).sum() / (count - 1) / count)
-    half = scipy.stats.t.ppf(0.5 + 0.5 * confidence, count - 1) * spread / D.mean()
+    half = scipy.special.stdtrit(count - 1, 0.5 + 0.5 * confidence) * spread / D.mean()
     return float(R), float(half)
 
 
@@ -81,5 +81,5 @@ def quotient(x: Array, y: Array, confidence: float = 0.95) -> tuple[float, float
     if not total:
         return R, 0.0
     freedom = total**2 / (parts**2 / np.maximum(sizes - 1, 1)).sum()
-    half = scipy.stats.t.ppf(0.5 + 0.5 * confidence, freedom) * math.sqrt(total)
+    half = scipy.special.stdtrit(freedom, 0.5 + 0.5 * confidence) * math.sqrt(total)
     return R, float(half / abs(y.mean()))

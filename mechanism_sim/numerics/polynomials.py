@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,18 @@ class PiecewisePolynomial:
 
     def __len__(self) -> int:
         return len(self.start)
+
+    @classmethod
+    def joined(cls, curves: Sequence[PiecewisePolynomial]) -> Self:
+        """One curve from consecutive ones, of the highest degree among them."""
+        powers = [c.coefficients for c in curves]
+        count = max(x.shape[2] for x in powers)
+        wide = [np.pad(x, ((0, 0), (0, 0), (0, count - x.shape[2]))) for x in powers]
+        columns = ('start', 'start_low', 'duration', 'turns')
+        start, low, duration, turns = (
+            np.concatenate([getattr(c, name) for c in curves]) for name in columns
+        )
+        return cls(start, low, duration, turns, np.concatenate(wide))
 
     @property
     def end(self) -> float:

@@ -46,7 +46,7 @@ class Live:
     def __init__(self, text: str) -> None:
         """`text`: the data of a message on ``scene``. InputError, RunError: no such machine."""
         self.text, self.machine = text, parse_description(text, 'the topic scene')
-        self.stage = preview(self.machine, _SEEN).stage
+        self.stage = preview(self.machine, _SEEN)
         self.step = min(self.machine.period / PER_TURN, _SLOWEST)
         self.epoch, self.run = 0, 0
         self._forget()

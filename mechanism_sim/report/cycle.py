@@ -9,7 +9,7 @@ from mechanism_sim import strict_json, text_table
 from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.extremes import Extreme
+from mechanism_sim.results.ranges import Extreme
 from mechanism_sim.results.strokes import Swing
 from mechanism_sim.units import for_people
 
@@ -130,18 +130,11 @@ def to_json(cycle: Cycle) -> dict[str, object]:
         'samples': len(cycle.t),
         'units': cycle.units(),
         'extremes': {
-            name: {'least': _extreme(ends.least), 'greatest': _extreme(ends.greatest)}
+            name: strict_json.plain({'least': ends.least, 'greatest': ends.greatest})
             for name, ends in cycle.extremes().items()
         },
         'peaks': {
-            name: {
-                'begin': x.begin,
-                'end': x.end,
-                'duration': x.duration,
-                'impulse': x.impulse,
-                'whole': x.whole,
-            }
-            for name, x in cycle.peaks().items()
+            name: x._asdict() | {'duration': x.duration} for name, x in cycle.peaks().items()
         },
         'swings': {name: _swing(swing) for name, swing in cycle.swings().items()},
         'rms': {name: strict_json.plain(cycle.rms(name)) for name in cycle.drive_torques},
@@ -157,8 +150,3 @@ def _swing(swing: Swing) -> dict[str, object]:
         'strokes': [x._asdict() for x in swing.strokes],
         'dwells': [x._asdict() for x in swing.dwells],
     }
-
-
-def _extreme(extreme: Extreme) -> dict[str, float | None]:
-    value = strict_json.plain(extreme.value)
-    return {'value': value, 't': extreme.t, 'drive': extreme.drive}

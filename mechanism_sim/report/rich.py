@@ -8,12 +8,14 @@ from html import escape
 from io import BytesIO
 from typing import Any
 
+from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.packages import refusal
 from mechanism_sim.report.cycle import where
+from mechanism_sim.report.facts import facts
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.solution import Piece, Solution
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.check import check
 from mechanism_sim.units import for_people
@@ -28,7 +30,8 @@ def html(shown: Any) -> str:
     if isinstance(shown, Cycle):
         return _page(repr(shown), _drawing(shown.machine), _extremes(shown))
     if isinstance(shown, Piece):
-        return _page(repr(shown), _plot(shown), _facts(shown))
+        rows = [*facts(Record(shown.machine, shown, {}))] if len(shown.motion) else []
+        return _page(repr(shown), _plot(shown), rows)
     if isinstance(shown, Machine):
         return _page(f'{shown.name}: {shown.scene.title}', _drawing(shown), _machine(shown))
     return f'<pre>{escape(repr(shown))}</pre>'
@@ -53,24 +56,6 @@ def _machine(machine: Machine) -> list[tuple[str, ...]]:
     if machine.clearances:
         rows.append(('with clearance', ', '.join(machine.clearances)))
     rows += [('', note) for note in report.notes]
-    return rows
-
-
-def _facts(run: Piece) -> list[tuple[str, ...]]:
-    """What a run did, in a few lines."""
-    rows: list[tuple[str, ...]] = [('coordinates', ', '.join(run.physics.coordinates))]
-    impulse = sum(i.normal_impulse for i in run.impacts)
-    if run.physics.clearances:
-        rows.append(('impacts', f'{len(run.impacts)}, normal impulse {impulse:.6g} N s'))
-        rows.append(('changes of mode', str(len(run.modes))))
-    if isinstance(run, Solution):
-        if run.energy:
-            e = run.energy
-            rows.append(('drive work', f'{e.drive_work:.6g} J'))
-            rows.append(('dissipated', f'{e.dissipated:.6g} J'))
-            rows.append(('energy residual', f'{e.residual:.2g} J of {e.exchanged:.3g} J'))
-        rows.append(('largest penetration', f'{run.max_penetration:.2g} m'))
-        rows.append(('time of the processor', f'{run.stats.cpu_time:.3g} s'))
     return rows
 
 

@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.energy_terms import EnergyTerms
-from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.results.quantities.compliance import (
     of_elastic_links,
     of_points_of_elastic_links,
@@ -84,26 +78,14 @@ class Catalogue(Mapping[str, Quantity]):
         return [known for known in below if self._known[known].shown == shown]
 
     def choose(self, names: Iterable[str]) -> list[str]:
-        """Names of the quantities that are asked for; ``position`` means all that begin so.
-
-        Raises
-        ------
-        InputError
-            If there is none of a name.
-        """
+        """Names of the quantities that are asked for; ``position`` means all that begin so."""
         found: dict[str, None] = {}
         for name in names:
             found |= dict.fromkeys(self.below(name) or [self.find(name).name])
         return [*found]
 
     def find(self, name: str) -> Quantity:
-        """The quantity of a name; the size of a vector goes by its name without ``.size``.
-
-        Raises
-        ------
-        InputError
-            If there is none.
-        """
+        """The quantity of a name; the size of a vector goes by its name without ``.size``."""
         found = self._known.get(name) or self._known.get(f'{name}.size')
         if found is None:
             raise self.unknown(name)
@@ -133,33 +115,6 @@ class Catalogue(Mapping[str, Quantity]):
     def columns(self, names: Iterable[str], view: View) -> dict[str, Array]:
         """Quantities (N,) by name in a view of N instants."""
         return {name: self._known[name].evaluate(view) for name in names}
-
-
-class Selection:
-    """Quantities of a machine by the names under which they are asked for, see `Catalogue.find`.
-
-    Attributes
-    ----------
-    units : SI units by these names
-    """
-
-    def __init__(self, machine: Machine, names: Iterable[str]) -> None:
-        known = catalogue(machine)
-        self._machine = machine
-        self._chosen = {name: known.find(name) for name in names}
-        self.units = {name: quantity.unit for name, quantity in self._chosen.items()}
-
-    def at(
-        self, motion: Motion, balance: EnergyTerms, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> dict[str, Array]:
-        """The quantities (N,) by name, at instants as those of ``motion.curve.at(segments, dt)``.
-
-        Parameters
-        ----------
-        balance : of the motion, for what was done so far
-        """
-        view = View(self._machine, motion, segments, dt, balance)
-        return {name: quantity.evaluate(view) for name, quantity in self._chosen.items()}
 
 
 def catalogue(machine: Machine) -> Catalogue:

@@ -20,18 +20,17 @@ from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.peak_shapes import PeakShape, peak_shape
 from mechanism_sim.hybrid.physics import each_instant
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.numerics.quadrature import parts_of
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.extremes import Extremes, find_extremes
+from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.quantities.motion import RATES, choose_points
 from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.ranges import Extreme, Extremes, search
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Solution
 from mechanism_sim.results.strokes import Swing, find_swings
-from mechanism_sim.results.time_integrals import Estimate, TimeIntegrals
 from mechanism_sim.results.view import View
 from mechanism_sim.scene import Level, Machine, span
 from mechanism_sim.tables import Table
@@ -202,12 +201,21 @@ class Cycle(plotting.Rich):
         names = [n for n in self.names if known[n].has_extremes and n not in self.unbounded]
         spans = self.solution.motion.curve.spans(float(self.t[0]), float(self.t[-1]))
         size, drive = self.machine.mechanism.size, f'position.{self.drive}'
-        found: dict[str, Extremes] = {}
+        ends: dict[str, Extremes] = {}
         for cumulative in (False, True):
             own = [known[n] for n in names if known[n].cumulative == cumulative]
-            at = partial(self.at, names=[*dict.fromkeys([*(q.name for q in own), drive])])
-            found |= find_extremes(at, own, spans, drive, size) if own else {}
-        return {name: found[name] for name in names}
+            if not own:
+                continue
+            found = search(partial(self.at, names=[q.name for q in own]), own, spans, size)
+            low, high = (
+                map(Extreme, values.tolist(), t.tolist(), self.at(t, [drive])[drive].tolist())
+                for values, t in (
+                    (found.least, found.least_time), (found.greatest, found.greatest_time)
+                )
+            )  # fmt: skip
+            both = zip(low, high, (10.0 * found.rounding).tolist(), strict=True)
+            ends |= {q.name: Extremes(*x) for q, x in zip(own, both, strict=True)}
+        return {name: ends[name] for name in names}
 
     def peaks(self) -> dict[str, PeakShape]:
         """How long the largest forces and efforts last, and what impulse they carry, by column.
@@ -249,38 +257,26 @@ class Cycle(plotting.Rich):
 
     def mean(self, name: str) -> float:
         """Mean of a column over time, by quadrature over every step of the motion."""
-        return self._average('value', name).value
+        return self._over_time('mean', name)
 
     def rms(self, name: str) -> float:
         """Root of the mean square of a column over time, likewise."""
-        return self._average('square', name).value
+        return self._over_time('rms', name)
 
-    def _average(self, form: str, name: str) -> Estimate:
-        """Mean or root mean square of a column; those that begin alike are taken together."""
-        if (form, name) not in self._averages:
-            kind = name.partition('.')[0]
+    def _over_time(self, function: str, name: str) -> float:
+        """A figure of a column; those that begin alike are taken together."""
+        if (function, name) not in self._figures:
+            kind, window = name.partition('.')[0], (float(self.t[0]), float(self.t[-1]))
             names = [n for n in self.names if n.partition('.')[0] == kind] or [name]
-            curve, taken = (
-                self.solution.motion.curve,
-                TimeIntegrals(len(names), self.machine.physics.corners),
-            )
-
-            def values(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
-                each, since = each_instant(curve, k, dt)
-                t = curve.start[each] + (curve.start_low[each] + since)
-                x = np.array(list(self.at(t, names).values()))
-                return x * x if form == 'square' else x
-
-            parts = parts_of(curve, float(self.t[0]), float(self.t[-1]))
-            taken.add(values, self.solution.motion, parts)
-            found = [
-                taken.root(i) if form == 'square' else taken.mean(i) for i in range(len(names))
-            ]
-            self._averages.update(((form, n), x) for n, x in zip(names, found, strict=True))
-        return self._averages[form, name]
+            texts = [f'{function}({n})' for n in names]
+            taken = Measurement(self.machine, texts, *window, static=self.static)
+            taken.add(self.solution)
+            found = zip(names, taken.found(), strict=True)
+            self._figures.update({(function, n): x.value for n, x in found})
+        return self._figures[function, name]
 
     @cached_property
-    def _averages(self) -> dict[tuple[str, str], Estimate]:
+    def _figures(self) -> dict[tuple[str, str], float]:
         return {}
 
     @property
@@ -384,11 +380,6 @@ def instant(
     points : as for `cycle`
     still : no more than the instant is wanted, so that a drive without a period needs no duration;
         but where all points of a link coincide it is the motion that shows how large it is
-
-    Raises
-    ------
-    InputError, RunError
-        As `cycle` does.
     """
     if t is not None and t < 0.0:
         raise InputError(f'a run begins at 0 s: there is nothing at {t:g} s')

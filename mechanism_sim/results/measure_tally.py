@@ -16,10 +16,11 @@ from mechanism_sim.numerics.extremes import GLANCES, ExtremeSearch
 from mechanism_sim.numerics.monotone import Monotone, joined, monotone
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.quadrature import Parts, Values, parts_of, where_steep
-from mechanism_sim.results.catalogue import Selection
 from mechanism_sim.results.measure_text import EXTREMES, Figure, as_row
+from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.results.time_integrals import EXACT, Estimate, TimeIntegrals
+from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 
@@ -53,11 +54,18 @@ def _apart(rows: Sequence[R], steep: Collection[str]) -> list[list[R]]:
 class Tally:
     """Figures of what is known at every instant of one window."""
 
-    def __init__(self, machine: Machine, quantities: Selection, figures: Sequence[Figure]) -> None:
-        self._machine, self._quantities = machine, quantities
+    def __init__(
+        self,
+        machine: Machine,
+        quantities: Mapping[str, Quantity],
+        static: bool,
+        figures: Sequence[Figure],
+    ) -> None:
+        self._machine, self._quantities, self._static = machine, quantities, static
         self._arguments = list(dict.fromkeys(f.argument for f in figures))
         self._by_argument = {f.argument: f for f in figures}
-        self._units = {a: f.unit(quantities.units) for a, f in self._by_argument.items()}
+        units = {name: quantity.unit for name, quantity in quantities.items()}
+        self._units = {a: f.unit(units) for a, f in self._by_argument.items()}
         wanted = {f.function for f in figures}
         self._extreme = list(dict.fromkeys(f.argument for f in figures if f.function in EXTREMES))
         self._conditions = [f.argument for f in figures if f.function == 'share']
@@ -88,11 +96,16 @@ class Tally:
         self._first: Array | None = None
         self._last: Array | None = None
 
+    def _seen(self, piece: Piece, k: NDArray[np.intp], dt: Array | Nodes) -> dict[str, Array]:
+        """The quantities (N,) by name, at instants as those of ``curve.at(k, dt)``."""
+        view = View(self._machine, piece.motion, k, dt, piece.balance, static=self._static)
+        return {name: quantity.evaluate(view) for name, quantity in self._quantities.items()}
+
     def _values(
         self, piece: Piece, arguments: Sequence[str], k: NDArray[np.intp], dt: Array | Nodes
     ) -> tuple[Array, dict[str, Array]]:
         """Expressions (C, N) at instants, and the quantities in them by name."""
-        seen = self._quantities.at(piece.motion, piece.balance, k, dt)
+        seen = self._seen(piece, k, dt)
         count = len(next(iter(seen.values())))
         rows = [as_row(numbers(self._by_argument[a].tree, seen), count) for a in arguments]
         return np.array(rows).reshape(len(arguments), count), seen
@@ -177,7 +190,7 @@ class Tally:
         """A part of the text of a figure as a function of time."""
 
         def values(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
-            seen = self._quantities.at(piece.motion, piece.balance, k, dt)
+            seen = self._seen(piece, k, dt)
             return as_row(numbers(node, seen), len(next(iter(seen.values()))))[None]
 
         return values

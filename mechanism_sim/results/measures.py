@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
-from mechanism_sim.results.catalogue import Selection
+from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.measure_series import Series, Turns
 from mechanism_sim.results.measure_tally import Tally, speed_of
 from mechanism_sim.results.measure_text import Bound, Figure, Measure, read_all
@@ -54,6 +55,7 @@ class Measurement:
     ----------
     measures : as they are written, by name or as a list, or read already
     since, until : the window [s] of figures that name none
+    static : whether forces are without those of inertia
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class Measurement:
         since: float = 0.0,
         until: float = math.inf,
         where: str = 'measures',
+        static: bool = False,
     ) -> None:
         given = list(measures) if not isinstance(measures, dict) else measures
         self.measures: list[Measure] = (
@@ -73,7 +76,7 @@ class Measurement:
         self._machine = machine
         figures = list(dict.fromkeys(f for m in self.measures for f in m.figures))
         names = [n for f in figures if not f.of_events for n in _names_of(machine, f)]
-        self._quantities = Selection(machine, names)
+        self._quantities = {name: catalogue(machine).find(name) for name in names}
         self._series = Series(machine, [f for f in figures if f.of_events])
         self._turns = Turns(machine)
         limits = Bound(since), Bound(until)
@@ -91,7 +94,7 @@ class Measurement:
             window.figures.append(f)
             self._figures[f] = window
         for window in self._windows.values():
-            window.open(self._quantities, machine, self._series)
+            window.open(partial(Tally, machine, self._quantities, static), self._series)
         self.units()  # what cannot be added fails before anything runs
 
     def units(self) -> dict[str, str]:
@@ -100,7 +103,8 @@ class Measurement:
 
     def _unit(self, f: Figure) -> str:
         """The unit of a figure."""
-        unit = self._series.unit(f) if f.of_events else f.unit(self._quantities.units)
+        units = {name: quantity.unit for name, quantity in self._quantities.items()}
+        unit = self._series.unit(f) if f.of_events else f.unit(units)
         if f.function == 'integral':
             return product(unit, 's')
         return {'count': '', 'share': '', 'work': 'J'}.get(f.function, unit)
@@ -215,11 +219,11 @@ class Window:
         self._ends: list[float] = []
         self._turn = 0
 
-    def open(self, quantities: Selection, machine: Machine, series: Series) -> None:
-        """Make ready for these figures."""
+    def open(self, new: Callable[[Sequence[Figure]], Tally], series: Series) -> None:
+        """Make ready for these figures, with what makes a tally of some."""
         self._series = series
         timed = [f for f in self.figures if not f.of_events]
-        self._new: Callable[[], Tally] = lambda: Tally(machine, quantities, timed)
+        self._new = partial(new, timed)
         self._tally = self._new()
 
     def add(self, piece: Piece) -> None:

@@ -1,9 +1,13 @@
-"""Ranges of quantities, and the largest loads, of a motion that comes in pieces."""
+"""Where quantities of a run are least and greatest: of its motion, not of samples of it.
+
+A table of 360 rows misses the peaks of a loose bearing altogether.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -22,10 +26,49 @@ from mechanism_sim.scene import Machine
 
 
 class Peak(NamedTuple):
-    """The largest magnitude of something."""
+    """An extreme value of something."""
 
     value: float  #: in the unit of the quantity, with its sign
     time: float  #: [s]
+
+
+Ends = tuple[Peak, Peak]
+"""Least and greatest value."""
+
+
+def largest(ends: Mapping[str, Ends]) -> dict[str, Peak]:
+    """The values with the largest magnitudes by name."""
+    return {name: low if -low.value > high.value else high for name, (low, high) in ends.items()}
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """The least or greatest value of a column of a cycle.
+
+    Attributes
+    ----------
+    value : in the column's SI unit
+    t : when [s]
+    drive : position of the drive then [rad or m]
+    """
+
+    value: float
+    t: float
+    drive: float
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """Both ends of a column's range."""
+
+    least: Extreme
+    greatest: Extreme
+    rounding: float  #: size of its errors: 1e-12 of the greatest of all columns of its kind
+
+    @property
+    def constant(self) -> bool:
+        """Whether they differ by rounding only."""
+        return self.greatest.value - self.least.value <= self.rounding
 
 
 def search_of(wanted: Sequence[Quantity], size: float) -> ExtremeSearch:
@@ -39,6 +82,30 @@ def search_of(wanted: Sequence[Quantity], size: float) -> ExtremeSearch:
     return ExtremeSearch(groups, differences, [quantity.part == 'size' for quantity in wanted])
 
 
+def search(
+    at: Callable[[Array], Mapping[str, Array]],
+    wanted: Sequence[Quantity],
+    spans: tuple[Array, Array],
+    size: float,
+) -> ExtremeSearch:
+    """The search for the extremes of columns, done; limits at events count, from both sides.
+
+    Parameters
+    ----------
+    at : the columns (K,) at any instants (K,) [s]
+    spans : first and last times (m,) [s] of intervals between events
+    """
+
+    def values(t: Array) -> Array:
+        columns = at(t.ravel())
+        return np.array([columns[quantity.name] for quantity in wanted])
+
+    found = search_of(wanted, size)
+    if wanted:
+        found.add(values, *spans)
+    return found
+
+
 class Ranges:
     """Least and greatest values of quantities, and when, of the motion itself.
 
@@ -46,7 +113,7 @@ class Ranges:
     ----------
     names : of quantities
     since : [s] what is earlier does not count
-    shapes : whether to look how long peaks last, as `PeakOutlines` do
+    shapes : of which of them it is to be known how long the peaks last, see `PeakOutlines`
     """
 
     def __init__(
@@ -54,11 +121,12 @@ class Ranges:
         machine: Machine,
         names: Sequence[str],
         since: float = -math.inf,
-        shapes: bool = False,
+        shapes: Collection[str] = (),
     ) -> None:
         self._machine, self._since, self.names = machine, since, [*names]
         self._wanted = [catalogue(machine)[name] for name in names]
         self._search = search_of(self._wanted, machine.mechanism.size)
+        self._shaped = shapes
         self._outlines = PeakOutlines(self._values, len(self.names)) if shapes else None
 
     def add(self, motion: Motion) -> None:
@@ -73,7 +141,7 @@ class Ranges:
         view = View(self._machine, motion, k, dt)
         return np.array([quantity.evaluate(view) for quantity in self._wanted])
 
-    def ends(self) -> dict[str, tuple[Peak, Peak]]:
+    def ends(self) -> dict[str, Ends]:
         """Least and greatest value by name, of what was ever finite."""
         s = self._search
         least, greatest = (
@@ -83,21 +151,32 @@ class Ranges:
         known = zip(self.names, least, greatest, strict=True)
         return {name: (low, high) for name, low, high in known if not math.isnan(low.time)}
 
-    def peaks(self) -> dict[str, Peak]:
-        """The values with the largest magnitudes by name."""
-        return {
-            name: low if -low.value > high.value else high
-            for name, (low, high) in self.ends().items()
-        }
-
     def shapes(self) -> dict[str, PeakShape]:
         """Of the peaks, as far as they are known."""
         found = self._outlines.shapes(self._tops()) if self._outlines else []
         return {name: shape for name, shape in zip(self.names, found, strict=False) if shape}
 
     def _tops(self) -> list[Peak]:
-        peaks = self.peaks()
-        return [peaks.get(name, Peak(0.0, math.nan)) for name in self.names]
+        """The peaks whose shapes are wanted, nothing in place of others."""
+        peaks = largest(self.ends())
+        none = Peak(0.0, math.nan)
+        return [peaks.get(n, none) if n in self._shaped else none for n in self.names]
+
+
+_OF_BEARINGS = ('bearing_force', 'size'), ('bearing_force', 'axial'), ('bearing_moment', 'size')
+
+
+def _bearing_loads(machine: Machine) -> list[str]:
+    """The loads of bearings of shafts, shaft by shaft, and of bearings that tilt."""
+    chosen = [
+        quantity
+        for quantity in catalogue(machine).values()
+        if (quantity.kind, quantity.part) in _OF_BEARINGS
+        or (quantity.kind == 'axial_force' and quantity.of in machine.physics.tilting)
+    ]
+    of = [*dict.fromkeys(quantity.of for quantity in chosen)]
+    chosen.sort(key=lambda q: (of.index(q.of), q.part == 'axial'))
+    return [quantity.name for quantity in chosen]
 
 
 class LoadPeaks:
@@ -105,45 +184,60 @@ class LoadPeaks:
 
     Parameters
     ----------
-    since, shapes : as for `Ranges`
+    since : as for `Ranges`
+    shapes : whether to look how long the peaks last
+    bearings : whether loads of bearings of shafts, and of bearings that tilt, are wanted too
+    others : quantities whose ranges are taken in the same pass
     """
 
-    def __init__(self, machine: Machine, since: float = -math.inf, shapes: bool = False) -> None:
-        physics = machine.physics
+    def __init__(
+        self,
+        machine: Machine,
+        since: float = -math.inf,
+        shapes: bool = False,
+        bearings: bool = False,
+        others: Iterable[str] = (),
+    ) -> None:
+        self.machine, physics = machine, machine.physics
         self._physics, self._since = physics, since
-        self._joints = {joint: f'reaction.{joint}.size' for joint in physics.joints}
-        self._drives = {c: f'drive_torque.{c}' for c in physics.driven}
-        names = [*self._joints.values(), *self._drives.values()] if physics.has_forces else []
-        self._ranges = Ranges(machine, names, since, shapes)
-        self._unbounded: dict[str, float] = {}  # joints, and when their forces have no limit [s]
+        self._joints = {f'reaction.{joint}.size': joint for joint in physics.joints}
+        self._drives = {f'drive_torque.{c}': c for c in physics.driven}
+        self._loads = [*self._joints, *self._drives] if physics.has_forces else []
+        self._loads += _bearing_loads(machine) if bearings else []
+        self._ranges = Ranges(
+            machine, [*self._loads, *others], since, self._loads if shapes else ()
+        )
+        self._unbounded: dict[str, float] = {}  # forces without a limit, and when [s]
 
     def add(self, motion: Motion) -> None:
         """Enter the segments that follow."""
+        self._ranges.add(motion)
         if self._physics.has_forces and len(motion):
-            self._ranges.add(motion)
             for found in self._physics.no_limits(motion):
                 if found.t >= self._since:
-                    self._unbounded |= dict.fromkeys(found.joints, found.t)
+                    names = (f'reaction.{joint}.size' for joint in found.joints)
+                    self._unbounded |= dict.fromkeys(names, found.t)
+
+    def ends(self) -> dict[str, Ends]:
+        """Of all quantities, as `Ranges` has them."""
+        return self._ranges.ends()
+
+    def peaks(self) -> dict[str, Peak]:
+        """The loads by the names of the catalogue, infinite where they have no limit."""
+        found = largest(self._ranges.ends())
+        known = {name: found[name] for name in self._loads if name in found}
+        return known | {name: Peak(math.inf, t) for name, t in self._unbounded.items()}
 
     @property
     def forces(self) -> dict[str, Peak]:
-        """By joint, infinite where it has no limit; empty without motion or forces."""
-        peaks = self._ranges.peaks()
-        found = {joint: peaks[name] for joint, name in self._joints.items() if name in peaks}
-        return found | {joint: Peak(math.inf, t) for joint, t in self._unbounded.items()}
+        """By joint; empty without motion or forces."""
+        return {self._joints[n]: peak for n, peak in self.peaks().items() if n in self._joints}
 
     @property
     def torques(self) -> dict[str, Peak]:
         """By driven coordinate; empty without motion or forces."""
-        peaks = self._ranges.peaks()
-        return {c: peaks[name] for c, name in self._drives.items() if name in peaks}
+        return {self._drives[n]: peak for n, peak in self.peaks().items() if n in self._drives}
 
-    @property
-    def shapes(self) -> tuple[dict[str, PeakShape], dict[str, PeakShape]]:
-        """Of the forces by joint and of the torques by coordinate, as far as they are known."""
-        found = self._ranges.shapes()
-        forces, torques = (
-            {of: found[name] for of, name in names.items() if name in found}
-            for names in (self._joints, self._drives)
-        )
-        return forces, torques
+    def shapes(self) -> dict[str, PeakShape]:
+        """Of the peaks by the names of the catalogue, as far as they are known."""
+        return self._ranges.shapes()

@@ -55,13 +55,7 @@ class SensorRecord:
         return features(samples, self.rate, 1 if self.steady else STRETCHES)
 
     def repeat(self, overrides: dict[str, float], seed: int) -> Array:
-        """Samples (N,) of the same experiment on a machine with other values and other noise.
-
-        Raises
-        ------
-        InputError, RunError
-            If there is no such machine, or its run fails.
-        """
+        """Samples (N,) of the same experiment on a machine with other values and other noise."""
         given = overrides | {f'sensors.{self.sensor}.noise.seed': seed}
         content = self.machine.scene.to_document()
         machine = build(self.machine.name, check_scene(self.machine.name, content, given))

@@ -78,13 +78,7 @@ class Stream(Runner):
         self._compile_time += compiling[0]
 
     def __iter__(self) -> Iterator[Piece]:
-        """Run on to the end, up to the last step before it first, for the snapshot.
-
-        Raises
-        ------
-        RunError
-            If the integration breaks down, or the motion violates a gap.
-        """
+        """Run on to the end, up to the last step before it first, for the snapshot."""
         for final in (False, True):
             pieces = self.to(self._end, [self._count], final)
             while piece := self._next(pieces):
@@ -125,13 +119,7 @@ class Stream(Runner):
 
     @property
     def final(self) -> View:
-        """The machine at the end of what was run.
-
-        Raises
-        ------
-        ValueError
-            Before the first piece.
-        """
+        """The machine at the end of what was run."""
         if self._last is None:
             raise ValueError('nothing has been run yet')
         return self._last.view(self.duration)

@@ -62,13 +62,7 @@ class View:
         balance: EnergyTerms | None = None,
         static: bool = False,
     ) -> Self:
-        """The view at times (N,) [s].
-
-        Raises
-        ------
-        ValueError
-            For a time outside of the motion.
-        """
+        """The view at times (N,) [s]."""
         return cls(machine, motion, *motion.curve.find(t), balance, t, static)
 
     @cached_property

@@ -13,13 +13,18 @@ import pytest
 from scipy import stats
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import MotionDigest, analyze, collect_motion, render
+from mechanism_sim.analysis import MotionDigest, analyze, render
+from mechanism_sim.analysis.crank import Crank
 from mechanism_sim.analysis.details import Wanted, find_details
-from mechanism_sim.analysis.modes import MODES
+from mechanism_sim.analysis.pieces import RecordedPiece
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.analysis.render_details import render_details
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import message_class, serialize
+from mechanism_sim.messages.events import describe
+from mechanism_sim.messages.segments import motion_of
+from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.recording import BagWriter, Qos, read_bag
 from mechanism_sim.sensing.indicators import Moments
 from mechanism_sim.sweep.plan import Extent
@@ -273,7 +278,9 @@ def test_shares_of_modes_are_exact(summary):
 
 def test_modes_have_the_names_of_the_message():
     change = message_class('mechanism_sim/msg/ModeChange')
-    assert {getattr(change, name.upper()): name for name in MODES.values()} == MODES
+    assert {getattr(change, mode.name): mode for mode in Mode} == {
+        mode.value: mode for mode in Mode
+    }
 
 
 def test_largest_forces_and_torque(summary):
@@ -406,29 +413,38 @@ def test_the_digest_sees_every_bit():
     assert len(seen) == 7 + len(hit)
 
 
+def crank_of(messages, driven='crank'):
+    found = Crank(driven, ())
+    for message in messages:
+        names = tuple(message.coordinates), tuple(message.joints)
+        found.add(RecordedPiece(*names, motion_of(message)))
+    return found
+
+
 def test_recorded_motion_is_evaluated_exactly():
-    found = collect_motion(message for _, message in motion())
+    pieces = [motion_of(message) for _, message in motion()]
+    found = PiecewisePolynomial.joined([piece.curve for piece in pieces])
     t = np.linspace(0, END, 1001)
-    assert found.position(t)[:, 0] == pytest.approx(PHASE + SPEED * t, abs=1e-12)
-    assert found.position(t)[:, 1] == pytest.approx(ROCKER(t), abs=1e-13)
-    assert found.velocity(t)[:, 0] == pytest.approx(np.full(1001, SPEED), abs=1e-12)
-    assert found.velocity(t)[:, 1] == pytest.approx(ROCKER.deriv()(t), abs=1e-12)
-    assert found.acceleration(t) == pytest.approx(np.tile([0.0, 6.0], (1001, 1)), abs=1e-12)
-    assert found.position(0.3).shape == (1, 2)
-    assert found.turned(t, 'crank') == pytest.approx(5 * t, abs=1e-14)
-    only = collect_motion((message for _, message in motion(degrees=(2, 9))), ['rocker'])
-    assert np.array_equal(only.position(t), found.position(t)[:, 1:])
-    assert found.modes.tolist() == [[1, 2]] * 4
+    assert found(t)[:, 0] == pytest.approx(PHASE + SPEED * t, abs=1e-12)
+    assert found(t)[:, 1] == pytest.approx(ROCKER(t), abs=1e-13)
+    assert found(t, 1)[:, 0] == pytest.approx(np.full(1001, SPEED), abs=1e-12)
+    assert found(t, 1)[:, 1] == pytest.approx(ROCKER.deriv()(t), abs=1e-12)
+    assert found(t, 2) == pytest.approx(np.tile([0.0, 6.0], (1001, 1)), abs=1e-12)
+    crank = crank_of(message for _, message in motion())
+    assert crank.turned(t) == pytest.approx(5 * t, abs=1e-14)
+    only = crank_of((message for _, message in motion(degrees=(2, 9))), 'rocker')
+    assert np.array_equal(only.curve(t)[:, 0], found(t)[:, 1])
+    assert np.concatenate([piece.modes for piece in pieces]).tolist() == [[1, 2]] * 4
 
 
 def test_a_million_revolutions_lose_no_digits():
     _, message = next(motion(sizes=(1,), degrees=(2,)))
     _, later = next(motion(sizes=(1,), degrees=(2,)))
     later.start, later.turns = np.array([2e5]), np.array([10**6, 0])
-    found = collect_motion([message, later])
-    turned = found.turned([2e5 + 2**-10], 'crank')[0]
+    found = crank_of([message, later])
+    turned = found.turned(np.array([2e5 + 2**-10]))[0]
     assert turned - 10**6 == pytest.approx(5 * 2**-10, abs=2e-10)  # one ulp of a million
-    assert found.gaps() == [(0.1, 2e5)]
+    assert found.summary().gaps == ((0.1, 2e5),)
 
 
 def test_lost_motion_is_a_gap_and_not_an_invention(tmp_path):
@@ -442,22 +458,30 @@ def test_lost_motion_is_a_gap_and_not_an_invention(tmp_path):
     assert found.impacts.table.elsewhere == 2
     assert found.loads.drive_torque.crank_angle is None
     assert 'MISSING' in render(found)
-    recorded = collect_motion(message for _, message, _ in read_bag(path).messages('/motion'))
-    assert recorded.covers([0.05, 0.2, 0.5, 0.7]).tolist() == [True, False, True, False]
-    with pytest.raises(InputError, match=r'the motion at 0\.2 s is not recorded.*with gaps'):
-        recorded.velocity([0.05, 0.2])
+    crank = crank_of(message for _, message, _ in read_bag(path).messages('/motion'))
+    turned = crank.turned(np.array([0.05, 0.2, 0.5, 0.7]))
+    assert np.isfinite(turned).tolist() == [True, False, True, False]
+    assert crank.angle(0.2) is None
 
 
 def test_contradictory_motion_is_refused():
     _, message = next(motion())
     message.segments = 3
     with pytest.raises(InputError, match='contradicts its own counts'):
-        collect_motion([message])
-    with pytest.raises(InputError, match='there is no recorded motion'):
-        collect_motion([])
-    _, message = next(motion())
-    with pytest.raises(InputError, match=r'is of crank, rocker; coupler was wanted'):
-        collect_motion([message], ['coupler'])
+        crank_of([message])
+    assert crank_of([]).summary() is None
+    (_, message), (_, other) = motion()
+    other.coordinates = ['crank', 'slider']
+    with pytest.raises(InputError, match='change on the way'):
+        crank_of([message, other])
+
+
+def test_a_scene_that_makes_another_machine_gives_no_loads_of_the_motion(tmp_path):
+    scene = message_class('std_msgs/msg/String')(data=describe(ms.load_scene('four_bar_nominal')))
+    found = analyze(record(tmp_path / 'run.mcap', whole_run() | {'scene': [(0.0, scene)]}))
+    assert found.motion.revolutions == pytest.approx(3, abs=1e-12)
+    assert found.loads.samples == 3
+    assert [line for line in found.absent if 'recorded by another version' in line]
 
 
 @pytest.mark.parametrize('kept', [*whole_run(), None])

@@ -13,7 +13,6 @@ from running import run as command
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
-from mechanism_sim.analysis.averages import over_turns
 from mechanism_sim.analysis.deviation import Deviation, alpha, deviation, ideal_machine
 from mechanism_sim.analysis.record import Record, machine_of, read_record
 from mechanism_sim.analysis.roses import impact_cycles, impact_rose
@@ -177,7 +176,7 @@ def test_wear_lies_where_the_force_points():
 
 def test_cycle_average_of_an_ideal_machine_is_its_closed_form():
     record = simulated('four_bar_nominal', {'drive.start_angle': '50 deg'}, revolutions=4)
-    turns = over_turns(record, 'velocity.rocker', 24)
+    turns = record.over_turns('velocity.rocker', 24)
     assert turns.values.shape == (3, 24)
     linkage, speed = record.machine.linkage, record.machine.law.coefficients[1]
     _, rates, _ = linkage.motion(turns.angle, np.full(24, speed), np.zeros(24))
@@ -189,7 +188,7 @@ def test_averages_are_samples(rough):
     t = rough.times_at(2 + np.arange(12) / 12)
     columns = rough.piece.sample(t)
     for name in ('energy.dissipated', 'energy.kinetic', f'normal_force.{JOINT}', 'drive_torque'):
-        assert over_turns(rough, name, 12, skip=2).values[0] == pytest.approx(columns[name])
+        assert rough.over_turns(name, 12, skip=2).values[0] == pytest.approx(columns[name])
 
 
 def test_average_of_a_crank_that_turns_backwards_and_speeds_up():
@@ -197,7 +196,7 @@ def test_average_of_a_crank_that_turns_backwards_and_speeds_up():
     record = simulated(
         'four_bar_nominal', {'drive.profile': profile, 'drive.speed': None}, revolutions=6
     )
-    turns = over_turns(record, 'position.rocker', 36)
+    turns = record.over_turns('position.rocker', 36)
     assert len(turns.values) == 6
     _, rocker = record.machine.linkage.positions(-turns.angle)
     off = np.exp(1j * (turns.values - rocker))
@@ -273,7 +272,7 @@ def test_blocks_of_a_trigger_are_turns_and_no_gaps():
     )
     signal = record.signal('rocker_accelerometer')
     assert [len(run) for run in signal.runs[:4]] == [463] * 4
-    turns = over_turns(record, 'rocker_accelerometer')
+    turns = record.over_turns('rocker_accelerometer')
     assert turns.first.tolist() == [1, 2, 3, 4]
     assert turns.values.shape[1] == 463
 

@@ -10,7 +10,7 @@ from running import run, run_json
 from scipy.special import erf
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.loads import BearingPeaks, of_motion
+from mechanism_sim.analysis.loads import load_summary
 from mechanism_sim.results.ranges import LoadPeaks
 
 SPEED = 40.0
@@ -67,7 +67,7 @@ def test_a_peak_between_batches_is_one():
     times = [0.0, 0.03, 0.0495, 0.0498, 0.0502, 0.051, 0.07, 0.1]
     for a, b in itertools.pairwise(times):
         peaks.add(motion.between(a, b))
-    shape = peaks.shapes[1]['wheel']
+    shape = peaks.shapes()['drive_torque.wheel']
     time, half = 0.05 / SPEED, math.sqrt(math.log(2.0))
     assert shape.whole
     assert shape.duration == pytest.approx(2.0 * half * time, rel=1e-8)
@@ -76,10 +76,10 @@ def test_a_peak_between_batches_is_one():
 def test_peaks_of_a_motion_have_their_duration():
     """As `cycle` has them; the summary of a bag is made of the same."""
     machine = ms.load_scene('punch')
-    peaks, bearings = LoadPeaks(machine, shapes=True), BearingPeaks(machine)
+    peaks = LoadPeaks(machine, shapes=True, bearings=True)
     for piece in ms.stream(machine, duration=0.5):
         peaks.add(piece.motion)
-    loads = of_motion(peaks, bearings, lambda _: None)
+    loads = load_summary(peaks.peaks(), peaks.shapes(), lambda _: None)
     found = ms.cycle(machine, samples=36).peaks()
     for peak in (*loads.joints, loads.drive_torque):
         name = f'reaction.{peak.name}.size' if peak.name != 'drive' else 'drive_torque'

@@ -235,7 +235,7 @@ def test_lenses_of_other_plays_show_what_is_between_their_walls(scene):
     arrays = picture.at(t, observed, solution.motion.modes[k].T)
     for i, array in enumerate(arrays):
         lenses = [m for m in array.markers if m.ns == 'lenses']
-        for pair in seen.stage.plays:
+        for pair in seen.plays:
             walls = [lenses.pop(0) for _ in machine.physics.clearances if _.startswith(pair.name)]
             body = lenses.pop(0)
             assert [m.type for m in (*walls, body)] == [*[CUBE] * len(walls), TRIANGLES]
@@ -248,20 +248,20 @@ def test_lenses_of_other_plays_show_what_is_between_their_walls(scene):
                 left = place(walls[0].pose.position)[0] + 0.5 * walls[0].scale.x
                 drawn.insert(0, place(body.pose.position)[0] - half - left)
                 gaps.insert(0, told[f'gap.{pair.name}_left'][i])
-            width = seen.stage.widths[pair.name]
+            width = seen.widths[pair.name]
             magnification = 2.0 * 0.04 * seen.skeleton.size / width
             if sum(gaps) == pytest.approx(width, rel=1e-3) or len(walls) == 1:
                 assert np.array(drawn) / magnification == pytest.approx(gaps, abs=2e-3 * width)
             modes = [told[n][i] for n in told if n.startswith(f'mode.{pair.name}')]
             assert (body.color.r > body.color.b) == any(mode > 1 for mode in modes)
         assert not lenses or machine.bearings
-    assert seen.stage.plays
+    assert seen.plays
 
 
 def test_a_block_with_play_is_where_its_corners_are_and_leans_as_they_do():
     """By the gaps that the solution has; as a marker, a corner that touches is at its wall."""
     machine = ms.load_scene('slider_with_play', {'links.slider.cog': ['15 mm', '10 mm']})
-    stage, solution = preview(machine).stage, ms.simulate(machine)
+    stage, solution = preview(machine), ms.simulate(machine)
     t = np.linspace(0.0, solution.duration, 500)
     k, dt = solution.motion.curve.find(t)
     observed = machine.physics.observe(solution.motion, k, dt)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from running import one_of
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.modes import ModeCollector
+from mechanism_sim.analysis.modes import ModeShares
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
@@ -201,14 +201,8 @@ def test_of_many_impacts_the_hardest_are_drawn(loose, monkeypatch):
 
 
 def test_the_band_shows_how_long_the_pin_flies(loose, monkeypatch):
-    collector = ModeCollector()
-    for change in loose.piece.modes:
-        collector.add(
-            type('ModeChange', (), {
-                'joint': change.joint, 'time': change.t, 'mode': change.mode,
-                'previous_mode': change.previous,
-            })
-        )  # fmt: skip
+    collector = ModeShares()
+    collector.add(loose.piece.modes)
     (told,) = collector.summary(loose.start, loose.end)
     for single in (10**6, 0):
         monkeypatch.setattr(bands, '_SINGLE', single)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -11,15 +10,12 @@ import numpy as np
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.series import Series
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.recording import realtime_factor
 from mechanism_sim.report.charts.chart import SMALL, TIME, Chart, Section
 from mechanism_sim.report.charts.course import Course
 from mechanism_sim.report.charts.lines import OVER_TIME, panels
 from mechanism_sim.report.charts.thinning import Line, thinned
+from mechanism_sim.report.facts import facts
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.solution import Solution
 
 _BLOCK = 2**16  # instants at once
 _TERMS = 'energy.kinetic', 'energy.potential', 'energy.drive_work', 'energy.dissipated'
@@ -85,53 +81,9 @@ def _chart(course: Course, key: str, title: str, found: Sequence[Series]) -> Cha
 
 def solver(course: Course) -> Section:
     """Steps, events, errors and digest of the run as a table."""
-    rows = tuple(_rows(course.record))
+    rows = tuple(facts(course.record))
     text = (
         'Errors are read from the finished polynomials, independently of the loop that made them. '
         'Runs with equal digests are equal bit by bit.'
     )
     return Section('solver', 'Solver', text, (), rows)
-
-
-def _rows(record: Record) -> Iterator[tuple[str, str]]:
-    machine, piece = record.machine, record.piece
-    tolerances = machine.scene.solver
-    steps, span = len(piece.motion), record.end - record.start
-    yield 'level of mechanics', machine.level.value
-    yield 'relative tolerance', f'{tolerances.rtol:g}'
-    yield 'absolute tolerance', f'{tolerances.atol:g}'
-    yield 'simulated time', f'{span:.9g} s'
-    if record.has_turns:
-        yield f'turns of the {machine.main}', f'{abs(record.rate) * span:.6g}'
-    yield 'steps', f'{steps:,}'
-    yield 'mean step', f'{span / steps:.4g} s'
-    yield 'shortest step', f'{piece.motion.curve.duration.min():.4g} s'
-    yield 'impacts', f'{len(piece.impacts):,}'
-    entered = Counter(c.mode for c in piece.modes if c.previous != Mode.UNKNOWN)
-    for mode, count in sorted(entered.items()):
-        yield f'changes to {mode.name.lower().replace("_", " ")}', f'{count:,}'
-    yield from _errors(record)
-    if isinstance(piece, Solution):
-        stats = piece.stats
-        yield 'compilation', f'{stats.compile_time:.3g} s'
-        yield 'CPU time', f'{stats.cpu_time:.3g} s'
-        if stats.wall_time:
-            yield 'real-time factor', f'{realtime_factor(span, stats.wall_time):.3g}'
-    if factor := realtime_factor(span, record.wall_time):
-        yield 'recorded in', f'{record.wall_time:.3g} s'
-        yield 'real-time factor', f'{factor:.3g}'
-    yield 'digest', record.digest()
-
-
-def _errors(record: Record) -> Iterator[tuple[str, str]]:
-    audit = record.audit or Audit(record.machine.physics)
-    if record.audit is None:
-        audit.add(record.piece.motion, record.piece.impacts)
-    if record.machine.physics.clearances:
-        yield 'largest penetration of an open gap', f'{audit.max_penetration:.3g} m'
-    yield 'largest error of a closure', f'{audit.max_closure_error:.3g} m'
-    if audit.energy and np.isfinite(audit.energy.residual):
-        e = audit.energy
-        yield 'energy missing at the end', f'{e.residual:.3g} J'
-        yield 'energy exchanged', f'{e.exchanged:.3g} J'
-        yield 'error of works, estimated', f'{e.error:.2g} J'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mechanism_sim.analysis.parts import PARTS
+from mechanism_sim.analysis.published import PARTS
 from mechanism_sim.messages.part_states import kinds_of
 from mechanism_sim.report.charts.chart import Chart, Section
 from mechanism_sim.report.charts.course import Course
