@@ -182,7 +182,7 @@ class Record:
 
     @property
     def rate(self) -> float:
-        """TurnSegments of the main drive a second, in the mean [Hz]."""
+        """Turns of the main drive a second, in the mean [Hz]."""
         first, last = self.turned(np.array([self.start, self.end]))
         return float((last - first) / (self.end - self.start))
 
