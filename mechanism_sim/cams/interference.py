@@ -11,13 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.laws import spelled
 from mechanism_sim.cams.profiles import Cam, drawing_angles, extent
 from mechanism_sim.cams.touch import Touch
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,11 @@ from typing import ClassVar, Protocol
 import numpy as np
 import scipy
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.piecewise import Piece, Piecewise, from_spline
 from mechanism_sim.errors import InputError
-
-Array = NDArray[np.float64]
 
 TURN = 2.0 * math.pi
 DERIVATIVES = ('displacement', 'velocity', 'acceleration', 'jerk')

@@ -13,7 +13,6 @@ from typing import ClassVar
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.cams.distance import constant
 from mechanism_sim.cams.followers import FlatFaced, Oscillating, OscillatingFlat
@@ -31,8 +30,6 @@ from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.rails import chord
 from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import Charted, Draft, Side, View
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,14 @@ from typing import Literal
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.followers import Follower, Oscillating, Translating
 from mechanism_sim.cams.laws import Jump, Law, check_smoothness, spelled
 from mechanism_sim.cams.touch import Touch
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.extremes import ExtremeSearch
-
-Array = NDArray[np.float64]
 
 #: points of a piece of a law at which an extreme is looked for first
 SAMPLES = 181

@@ -9,9 +9,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.placement import PlacedCam
 from mechanism_sim.cams.touch import Passage, Touch
-from mechanism_sim.planar.view import Array, Course, Told, View
+from mechanism_sim.planar.view import Course, Told, View
 
 
 class CamMode(IntEnum):

@@ -10,11 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-
-Array = NDArray[np.float64]
 
 #: preferred modules [m], [V] 5.7
 MODULES = tuple(

@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.gears.closure import MeshClosure
 from mechanism_sim.gears.involute import rack_teeth
 from mechanism_sim.gears.placement import PlacedMesh, Teeth
@@ -19,7 +20,7 @@ from mechanism_sim.planar.mechanism import Equation, Mechanism, Pose
 from mechanism_sim.planar.points import LinkPoint, rotate
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.touch import TurningTouch
-from mechanism_sim.planar.view import Array, Charted, Draft, ToothLoad, View, circle
+from mechanism_sim.planar.view import Charted, Draft, ToothLoad, View, circle
 
 _FLANK = 14  # points of a drawn flank, its fillet among them
 

@@ -17,6 +17,7 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.contact.chatter import ChatterRule, remaining_time
 from mechanism_sim.contact.impact import ContactImpulse, Hypothesis, jam_margin, shock, stop_slide
 from mechanism_sim.contact.problem import (
@@ -49,14 +50,7 @@ from mechanism_sim.hybrid.clock import Base
 from mechanism_sim.hybrid.dense_output import Status, floats
 from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeChange
 from mechanism_sim.hybrid.switching import Switching, rate_of
-from mechanism_sim.hybrid.system import (
-    FORCE_SCALE,
-    JAMMED,
-    SLIP_SCALE,
-    Array,
-    Guard,
-    System,
-)
+from mechanism_sim.hybrid.system import FORCE_SCALE, JAMMED, SLIP_SCALE, Guard, System
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import charge, kernel
 from mechanism_sim.planar.switches import HOLDS, Switch

@@ -9,10 +9,11 @@ from collections.abc import Sequence
 import heyoka as hy
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import Base, horner
 from mechanism_sim.hybrid.dense_output import floats
-from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.system import System
 from mechanism_sim.planar.switches import HOLDS, REST, SWITCH_MARGIN
 
 _STILL_TURNING, _MOST_TURNS = 1e-6, 1000  # [s] between turns of a switch, so many times in a row

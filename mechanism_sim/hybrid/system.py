@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.contact.problem import Layout
 from mechanism_sim.hybrid.dynamics import ROUGH, Dynamics, Solved
 from mechanism_sim.hybrid.holding import Acting, acting
@@ -30,8 +30,6 @@ from mechanism_sim.planar.reactions import tree_reactions
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import SWITCH_MARGIN, Switch, by_level
-
-Array = NDArray[np.float64]
 
 TINY = 1.0625e-300
 """Keeps a guard off exact zero, from where the integrator would never fire it."""

@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.four_bar import FourBar
-
-Array = NDArray[np.float64]
 
 #: the part of all lengths together below which a difference of lengths counts as zero
 TOLERANCE = 1e-12

@@ -12,9 +12,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
@@ -25,8 +22,6 @@ from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.planar.protocols import ForceLaw
 from mechanism_sim.planar.rails import Foot, rail_of
 from mechanism_sim.planar.view import Side
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

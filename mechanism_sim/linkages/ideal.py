@@ -7,8 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
-from mechanism_sim.linkages.four_bar import Array
 from mechanism_sim.linkages.loops import FourBarLoop
 from mechanism_sim.linkages.passage import Passage
 from mechanism_sim.numerics.polynomials import TWO_PI

@@ -18,6 +18,7 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.configuration import off_line, turned
@@ -27,16 +28,7 @@ from mechanism_sim.planar.loads import Wrench, moment_of
 from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.touch import Touch
-from mechanism_sim.planar.view import (
-    SLOT,
-    Array,
-    Charted,
-    Draft,
-    Told,
-    View,
-    complex_of,
-    points_of,
-)
+from mechanism_sim.planar.view import SLOT, Charted, Draft, Told, View, complex_of, points_of
 
 Pair = tuple[Jet, Jet]
 

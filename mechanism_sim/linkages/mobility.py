@@ -11,12 +11,10 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.configuration import Constraints
 from mechanism_sim.planar.mechanism import HigherPair
-
-Array = NDArray[np.float64]
 
 #: singular values of the constraints below this part of the largest count as zero
 RANK_TOLERANCE = 1e-8

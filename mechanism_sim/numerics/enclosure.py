@@ -23,10 +23,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.expressions import Node, numbers, tree_of
-
-Array = NDArray[np.float64]
 
 _FORETOLD = 8.0  # degree of polynomials of a motion that its Taylor series foretells
 _FAR = {'sin': 2.0, 'cos': 2.0, 'exp': 1.5, 'tanh': 0.7, 'atan': 0.5}

@@ -7,9 +7,8 @@ from itertools import accumulate
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechanism_sim.arrays import Array
 
 COLUMNS = 1024
 """Evaluated at once: inputs, parameters and results then stay in a processor's cache."""

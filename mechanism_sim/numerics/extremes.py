@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.polynomials import (
     Nodes,
     PiecewisePolynomial,
@@ -23,7 +24,6 @@ from mechanism_sim.numerics.polynomials import (
     chebyshev_nodes,
 )
 
-Array = NDArray[np.float64]
 Functions = Callable[[Array], Array]
 Glance = Callable[[slice], Array]
 Values = Callable[[NDArray[np.intp], Array | Nodes], Array]

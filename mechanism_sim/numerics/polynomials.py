@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechanism_sim.arrays import Array
 
 TWO_PI = 2.0 * np.pi
 _GATHERED = 2048  # instants whose coefficients are gathered at once

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.polynomials import (
     Nodes,
     PiecewisePolynomial,
@@ -32,7 +33,6 @@ from mechanism_sim.numerics.polynomials import (
     gauss_nodes,
 )
 
-Array = NDArray[np.float64]
 Values = Callable[[NDArray[np.intp], Array | Nodes], Array]
 """Functions (C, K n) in K segments at times (K, n) [s] after their starts, or at n `Nodes`."""
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.kinematics import Kinematics
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: [-] independence of the constraints (`Kinematics.independence`) below which a branch is fitted

@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.mechanism import (
     Equation,
     HigherPair,
@@ -24,8 +25,6 @@ from mechanism_sim.planar.mechanism import (
     Revolute,
 )
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
@@ -29,8 +29,6 @@ from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismat
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.switches import Switch
 from mechanism_sim.planar.touch import Touch
-
-Array = NDArray[np.float64]
 
 _SHARES = (0.25, 0.5, 0.75, 1.0)  # of the friction, one after the other
 _SOUND = 1e-6

@@ -15,12 +15,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Relation
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
-
-Array = NDArray[np.float64]
 
 _ITERATIONS = 60
 _PATIENCE = 8  # iterations in which what is left open must halve

@@ -6,9 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import heyoka as hy
-import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, dense, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
@@ -23,8 +22,6 @@ from mechanism_sim.planar.mechanism import (
 )
 from mechanism_sim.planar.protocols import ForceLaw, Rubbing
 from mechanism_sim.planar.view import Side
-
-Array = NDArray[np.float64]
 
 
 class MeasuredGap:

@@ -9,13 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.ranges import search_of
 
-Array = NDArray[np.float64]
 Sampler = Callable[[Array], Mapping[str, Array]]
 
 

@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.linkages.four_bar import Branch
 from mechanism_sim.linkages.grashof import change_points
@@ -22,8 +22,6 @@ from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.plan import Plan
 from mechanism_sim.scene.singular_start import begin, neighbours
-
-Array = NDArray[np.float64]
 
 _TRIES = 256
 _RANK = 1e-9

@@ -7,9 +7,10 @@ from itertools import combinations
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.linkages.nominal import NominalPhysics
-from mechanism_sim.planar.kinematics import Array, Kinematics
+from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.unknowns import NO_WORK

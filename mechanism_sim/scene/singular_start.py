@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar import branch
 from mechanism_sim.planar.branch import Branch
@@ -14,8 +14,6 @@ from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.plan import Plan
-
-Array = NDArray[np.float64]
 
 _AWAY = 0.05  # [rad, or lengths of the mechanism] where the motion is no longer singular
 _NEIGHBOURS = 8
