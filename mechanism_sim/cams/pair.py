@@ -7,12 +7,11 @@ follower may leave is `CamPair`; one whose groove holds the roller on both sides
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import heyoka as hy
-import numpy as np
 
 from mechanism_sim.cams.distance import constant
 from mechanism_sim.cams.followers import FlatFaced, Oscillating, OscillatingFlat
@@ -21,11 +20,10 @@ from mechanism_sim.cams.reading import CamReading, read_cam
 from mechanism_sim.cams.shapes import cam_outlines, follower_outline
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.configuration import turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench, moment_of
-from mechanism_sim.planar.mechanism import Equation, Mechanism, Pose
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.rails import chord
 from mechanism_sim.planar.touch import Touch
@@ -105,33 +103,6 @@ class CamPair(PlacedCam):
         share = radius / roller if roller else 1.0
         offset = follower.face_offset if isinstance(follower, OscillatingFlat) else -roller
         return Touch(self.closure(mechanism), name, offset, share=share)
-
-    def equation(self, pose: Callable[[str], Pose]) -> Equation:
-        """How far the follower is from the place where it touches [m]; as an arc if it swings."""
-        law, follower = self.cam.law, pose(self.second)
-        swinging = self.cam.follower
-        angle, by_cam = self._angle(pose(self.first))
-        lowest = self.distance.lowest
-        touching, slope = lowest + float(law(angle)), float(law(angle, 1))
-        if isinstance(swinging, Oscillating | OscillatingFlat):
-            size, sign = swinging.pivot_distance, float(self.swing)
-            place = sign * (follower[2] + self.arm_angle - self.direction - math.pi)
-            value = size * math.remainder(place - touching, 2.0 * math.pi)
-            by_follower = np.array([0.0, 0.0, size * sign])
-        else:
-            size, x = 1.0, np.array(self.world((1.0, 0.0)))
-            point, turning = turned(follower, self.on_second)
-            value = float(x @ (point - self.centre)) - touching
-            by_follower = np.array([*x, x @ turning])
-        return value, {self.first: -size * slope * by_cam, self.second: by_follower}
-
-    def _angle(self, cam: Pose) -> tuple[float, Pose]:
-        """What the law goes over [rad, m], and its derivatives by the pose of the cam."""
-        if not self.distance.slides:
-            return self.sense * cam[2] + self.phase, np.array([0.0, 0.0, self.sense])
-        along = -np.array(self.world((0.0, 1.0)))
-        point, turning = turned(cam, self.on_first)
-        return float(along @ (point - self.centre)), np.array([*along, along @ turning])
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,11 @@ class Mobility(NamedTuple):
         """How many constraints say here what others say already."""
         return self.instantaneous - self.kutzbach
 
+    @property
+    def repeating(self) -> tuple[str, ...]:
+        """The joints that repeat, wherever the mechanism moves, what those before them say."""
+        return self.extra if self.redundancy and self.instantaneous == self.finite else ()
+
 
 def kutzbach(links: int, lower_pairs: int, higher_pairs: int = 0) -> int:
     """Kutzbach's criterion, [V] 1.1.

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.configuration import off_line, turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
-from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.play import Wall
 from mechanism_sim.planar.rails import Foot, rail_of
 from mechanism_sim.planar.view import Draft
@@ -41,13 +40,6 @@ class PinInSlot(HigherPair):
     def bears(self, _: str) -> bool:
         """Pins are at points, slots at cross-sections or along the axis."""
         return True
-
-    def equation(self, pose: Callable[[str], Pose]) -> Equation:
-        """The distance of the pin from the centre line [m]."""
-        slot = pose(self.second)
-        on, pin = turned(slot, self.on_second), turned(pose(self.first), self.on_first)
-        value, by_slot, by_pin = off_line(slot, self.axis, on, pin)
-        return value, {self.first: by_pin, self.second: by_slot}
 
 
 @dataclass(frozen=True)

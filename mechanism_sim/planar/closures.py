@@ -27,6 +27,10 @@ class Closure:
         """Components of the vector from the second link's point to the first's [m]."""
         return list(frames.position(self.mechanism.separation(self.name), self.name))
 
+    def facing(self, _: Frames) -> list[Term]:
+        """Points coincide or they do not."""
+        return []
+
     def wrench(self, _: Frames, forces: Sequence[Term]) -> Wrench:
         """The rows push on the first link."""
         return Wrench(neg(forces[0]), neg(forces[1]))
@@ -66,21 +70,33 @@ class PrismaticClosure:
 
     def values(self, frames: Frames) -> list[Jet]:
         """Distance from the line [m]; sine of the angle by which it turned, times the size [m]."""
-        joint, foot = self._joint, self._foot(frames)
-        at = None if foot else joint.on_first
-        first = self.mechanism.direction(joint.first, joint.angle, at)
-        second = self.mechanism.direction(joint.second, 0.0, joint.on_second)
-        ux, uy = frames.position(first, f'{self.name}.first.x')
-        vx, vy = frames.position(second, f'{self.name}.second.x')
+        foot, ((ux, uy), (vx, vy)) = self._foot(frames), self._directions(frames)
         if foot:
-            away, c, s = foot.away, foot.cosine, foot.sine
-            ux, uy = ux * c - uy * s, uy * c + ux * s
+            away = foot.away
         else:
             x, y = frames.position(self.mechanism.separation(self.name), self.name)
             nx, ny = self._normal(frames)
             away = -(nx * x + ny * y)
         turned: Jet = ux * vy - uy * vx
         return [away, turned * dense(frames.parameters(f'{self.name}.size', self.mechanism.size))]
+
+    def _directions(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
+        """Of the second link's x axis as the first link holds it, and as it is."""
+        joint, foot = self._joint, self._foot(frames)
+        at = None if foot else joint.on_first
+        first = self.mechanism.direction(joint.first, joint.angle, at)
+        second = self.mechanism.direction(joint.second, 0.0, joint.on_second)
+        ux, uy = frames.position(first, f'{self.name}.first.x')
+        held = frames.position(second, f'{self.name}.second.x')
+        if foot:
+            c, s = foot.cosine, foot.sine
+            ux, uy = ux * c - uy * s, uy * c + ux * s
+        return (ux, uy), held
+
+    def facing(self, frames: Frames) -> list[Term]:
+        """The cosine of that angle: half a turn has the same sine as none."""
+        (ux, uy), (vx, vy) = self._directions(frames)
+        return [(ux * vx + uy * vy).value]
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """Force along the normal, and a moment; the rows push on the second link."""
@@ -103,6 +119,10 @@ class HigherClosure(Generic[J]):
     def name(self) -> str:
         """The joint's."""
         return self.joint.name
+
+    def facing(self, _: Frames) -> list[Term]:
+        """Where its row vanishes most kinds are closed."""
+        return []
 
 
 def closures(mechanism: Mechanism, joints: Sequence[str]) -> list[Relation]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Protocol, TypeAlias
@@ -85,12 +85,6 @@ class Prismatic(Connection):
     angle: float = 0.0  #: [rad] of the frame of `second` in that of `first`
 
 
-Pose: TypeAlias = NDArray[np.float64]
-"""Where a link's frame lies: x, y [m] and its angle [rad], shape (3,)."""
-Equation: TypeAlias = tuple[float, dict[str, Pose]]
-"""What a joint's row leaves [m], and its derivatives by the poses of links."""
-
-
 @dataclass(frozen=True)
 class HigherPair(Connection, ABC):
     """A joint that takes one degree of freedom: links touch at a point or along a line.
@@ -138,10 +132,6 @@ class HigherPair(Connection, ABC):
     def bears(self, link: str) -> bool:
         """Whether one of its links may be elastic: then it asks for points and cross-sections."""
         return False
-
-    @abstractmethod
-    def equation(self, pose: Callable[[str], Pose]) -> Equation:
-        """Its row at the poses of links, whatever the tree."""
 
     def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Rubbing:
         """Where it rubs, with a pin of that radius [m].

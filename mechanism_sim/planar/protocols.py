@@ -26,6 +26,12 @@ class Relation(Protocol):
     def values(self, frames: Frames) -> list[Jet]:
         """The components that vanish [m]."""
 
+    def facing(self, frames: Frames) -> list[Term]:
+        """What is positive where it is closed, and negative half a turn, or half a slot, off.
+
+        There the components of some kinds vanish, too.
+        """
+
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """What the first-named does to the second-named link, by the forces along the rows."""
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
@@ -16,7 +17,6 @@ from mechanism_sim.linkages.grashof import change_points
 from mechanism_sim.linkages.loops import FourBarLoop, whole_four_bar
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.branch import SINGULAR
-from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
@@ -27,8 +27,6 @@ _TRIES = 256
 _RANK = 1e-9
 _OPENING = 1e-9
 """Of the largest rate times the size: what rounding may open a loop with."""
-_MEETING = 1e-5
-"""Of the size [1], or [rad]: more than what may be wrong with a wheel's distance."""
 
 
 class Assembly(NamedTuple):
@@ -234,11 +232,16 @@ def closed_near(kinematics: Kinematics, guess: Array, targets: Array | None = No
     """Coordinates (n,) that close all loops, near a guess whose held ones count.
 
     Where Newton's method fails from the guess itself, it starts from others around it, and the
-    nearest of its results is taken. Without `targets` the links must meet there as their joints
-    say: the closure of a Geneva wheel also vanishes half a slot off, that of a guide half a turn.
+    nearest of its results is taken. Without `targets` links must face each other there as their
+    joints say: the closure of a Geneva wheel also vanishes half a slot off, that of a guide half
+    a turn.
     """
+
+    def fits(q: Array, left: Array) -> NDArray[np.bool_]:
+        return (left == 0.0) & (kinematics.faces(q) if targets is None else True)
+
     q, left = kinematics.positions(guess[:, None], targets)
-    if left[0] or not (targets is not None or _meet(kinematics, q[:, 0])):
+    if not fits(q, left)[0]:
         spread = np.random.default_rng(1).standard_normal((len(guess), _TRIES))
         slides = [c in kinematics.mechanism.displacements for c in kinematics.coordinates]
         spread *= np.where(slides, kinematics.mechanism.size, 1.0)[:, None]
@@ -247,35 +250,15 @@ def closed_near(kinematics: Kinematics, guess: Array, targets: Array | None = No
         first, missed = q, left
         q, left = kinematics.positions(guess[:, None] + spread, targets)
         far = np.abs(_wrapped(kinematics, q - guess[:, None])).max(axis=0)
-        order = [i for i in np.argsort(far).tolist() if not left[i]]
-        found = next((i for i in order if targets is not None or _meet(kinematics, q[:, i])), None)
-        if found is None:
+        good = fits(q, left)
+        if not good.any():
             best = int(np.argmin(left))
             near, miss = (
                 (q[:, best], left[best]) if left[best] < missed[0] else (first[:, 0], missed[0])
             )
             raise _refusal(kinematics, near, float(miss), targets)
-        q = q[:, [found]]
+        q = q[:, [int(np.where(good, far, np.inf).argmin())]]
     return guess + _wrapped(kinematics, q - guess[:, None])[:, 0]
-
-
-def _meet(kinematics: Kinematics, q: Array) -> bool:
-    """Whether the links meet in all joints of a mechanism without clearance at closed loops.
-
-    A cam beyond its law has no place where they do: that is refused by its own sentence later.
-    """
-    if kinematics.edges:
-        try:
-            kinematics.edges.check(q[:, None])
-        except RunError:
-            return True
-    joints = Constraints.of(kinematics.mechanism)
-    known = dict(zip(kinematics.coordinates, q.tolist(), strict=True))
-    residual, _ = joints.normalise(poses(kinematics.mechanism, known))
-    # poses are those of undeformed links
-    deformed = sum(abs(known[c]) for c in kinematics.mechanism.deformations)
-    allowed = _MEETING + 10.0 * deformed / kinematics.mechanism.size
-    return bool(np.abs(residual).max(initial=0.0) < allowed)
 
 
 def nearest_rates(

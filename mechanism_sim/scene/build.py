@@ -9,7 +9,9 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.linkages.mobility import mobility
 from mechanism_sim.linkages.nominal import NominalPhysics
+from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
 from mechanism_sim.planar.points import GROUND
@@ -290,11 +292,9 @@ def _shortest(machine: Machine) -> float:
 
 def _redundant(machine: Machine) -> str:
     """Which joints are redundant, if the start tells."""
-    from mechanism_sim.scene.motion_notes import redundant_joints  # noqa: PLC0415 - seldom needed
-
     mechanism = machine.plan.ideal
     start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
-    extra = redundant_joints(mechanism, start)
+    extra = mobility(Constraints.of(mechanism), poses(mechanism, start)).repeating
     return f': {", ".join(extra)} is one' if extra else ''
 
 
