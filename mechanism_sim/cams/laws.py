@@ -129,22 +129,6 @@ class Diagram:
         """As `Law`."""
         return self.function(_within(self, angle, left), order, left)
 
-    def normalised(self, angle: ArrayLike, order: int = 0) -> Array:
-        """What does not depend on sizes ([V] 4.21 to 4.26): of the displacement, u over the lift.
-
-        Of derivatives: times a power of the segment's angle, over its rise, both negative in a
-        return. For the four-spline, [V] 4.62 to 4.65 take half the angle.
-        """
-        u = self(angle, order)
-        if order == 0:
-            return u / self.lift if self.lift else u
-        x, scale = _within(self, angle, left=False), np.zeros(np.shape(angle))
-        for s in self.segments:
-            span = (s.end - s.start) * (1 if s.rise > 0 else -1)
-            if s.rise:
-                scale = np.where((x >= s.start) & (x < s.end), span**order / abs(s.rise), scale)
-        return u * scale
-
     def _span(self, segment: Segment) -> str:
         ends = spelled(segment.start, segment.end, reciprocating=self.reciprocating)
         return f'from {ends}'

@@ -164,19 +164,6 @@ def _smallest_oscillating(law: Law, follower: Oscillating, limit: float) -> floa
     return math.sqrt(a**2 + b**2 - 2.0 * a * b * math.cos(least)) - follower.roller
 
 
-def smallest_flat_base_radius(law: Law, curvature_radius: float = 0.0, tilt: float = 0.0) -> float:
-    """The smallest base radius [m] under a translating flat face.
-
-    Parameters
-    ----------
-    curvature_radius : the least the profile may have [m]; at 0 it just has a cusp
-    tilt : of the face [rad], as in `followers.FlatFaced`
-    """
-    _needs_circle(law)
-    deepest = greatest(law, lambda x: -law(x) - law(x, 2))[1]
-    return curvature_radius + math.cos(tilt) * deepest
-
-
 def _needs_circle(law: Law) -> None:
     if law.reciprocating:
         raise InputError('a reciprocating cam has no base circle')

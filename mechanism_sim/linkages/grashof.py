@@ -188,19 +188,6 @@ def time_ratio(linkage: FourBar) -> float:
     return longer / (2.0 * np.pi - longer)
 
 
-def transmission_angle(linkage: FourBar, th2: Array) -> Array:
-    """Angle between coupler and rocker [rad], 0 to pi, at crank angles (N,): law of cosines.
-
-    The force of the coupler moves the rocker best at pi/2; at 0 and pi it cannot move it. NaN
-    where the linkage cannot be closed.
-    """
-    ground, crank, coupler, rocker = linkage.lengths
-    squared = ground**2 + crank**2 - 2.0 * ground * crank * np.cos(th2)
-    cosine = (coupler**2 + rocker**2 - squared) / (2.0 * coupler * rocker)
-    closed = np.abs(cosine) <= 1.0 + TOLERANCE
-    return np.where(closed, np.arccos(np.clip(cosine, -1.0, 1.0)), np.nan)
-
-
 def transmission_range(linkage: FourBar) -> Range:
     """Least and greatest transmission angle [rad] that the linkage comes to."""
     ground, crank, coupler, rocker = linkage.lengths
