@@ -26,8 +26,8 @@ TOOTH_SYSTEMS = {
 def normalised(law: Diagram, angle: ArrayLike, order: int = 0) -> Array:
     """Displacement over the lift ([V] 4.21 to 4.26), or a derivative by the share of a segment.
 
-    That is times a power of its span, over its rise, both negative in a return. For the four-spline, [V] 4.62 to 4.65 take half
-    the angle.
+    That is times a power of its span, over its rise, both negative in a return. For the
+    four-spline, [V] 4.62 to 4.65 take half the angle.
     """
     u, x = law(angle, order), np.mod(angle, 2.0 * math.pi)
     if order == 0:

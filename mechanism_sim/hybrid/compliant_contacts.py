@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebroots, chebval
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, some
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.observer import Observer
@@ -132,7 +132,7 @@ class Touches:
         p, q, lost = motion.curve.duration[segments] * (series @ _WEIGHTS)
         recovers = np.flatnonzero(motion.modes[segments, gap] == Mode.RECOVERING)
         if len(recovers):
-            parts, powers = parts_of(motion.curve).of(segments[recovers]), recovers >= 0
+            parts, powers = some(parts_of(motion.curve), segments[recovers]), recovers >= 0
             lost[recovers] = integrate(
                 lambda k, dt: self._physics.touch(motion, k, dt).loss[[gap]],
                 parts, powers, in_order=False,
