@@ -34,7 +34,7 @@ from mechanism_sim.planar.joint_friction import ContactFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.scene.contact_keys import Contact, Friction, Play, play_of
-from mechanism_sim.scene.joint_keys import Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, Reference
 from mechanism_sim.scene.kinds._cam_guides import Guide, along, around, find_guide
 from mechanism_sim.scene.kinds.transmission import PhaseKeys
 from mechanism_sim.scene.names import Names
@@ -149,7 +149,7 @@ class GroovePart(Part):
     """A law of force instead of rigid walls."""
 
 
-@register('cam')
+@KINDS.add('cam')
 class CamKeys(PhaseKeys):
     """A cam and its follower."""
 

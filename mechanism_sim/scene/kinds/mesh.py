@@ -19,7 +19,7 @@ from mechanism_sim.planar.joint_friction import TeethFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
 from mechanism_sim.scene.contact_keys import Contact, Friction, Play, play_of
 from mechanism_sim.scene.gears import GearPart, Placed, Wheel, place, read_wheel
-from mechanism_sim.scene.joint_keys import JointKeys, Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, JointKeys, Reference
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Coefficient, Displacement, Length, Part, si
 from mechanism_sim.scene.quantities import Friction as FrictionCoefficient
@@ -75,7 +75,7 @@ class ErrorPart(Part):
     """Of both gears: an error once a turn of each."""
 
 
-@register('mesh')
+@KINDS.add('mesh')
 class MeshKeys(JointKeys):
     """Gears in mesh."""
 
