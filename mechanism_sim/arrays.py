@@ -15,10 +15,10 @@ Columns = TypeVar('Columns', bound=tuple[Any, ...])
 
 def some(columns: Columns, chosen: NDArray[np.intp] | slice) -> Columns:
     """Some of the columns, by the last axis of each array."""
-    return type(columns)(*(x[..., chosen] for x in columns))  # type: ignore[call-arg]
+    return type(columns)(*(x[..., chosen] for x in columns))
 
 
 def joined(parts: Sequence[Columns]) -> Columns:
     """All columns of several, in turn."""
     rows = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
-    return type(parts[0])(*rows)  # type: ignore[call-arg]
+    return type(parts[0])(*rows)

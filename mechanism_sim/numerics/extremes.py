@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +69,8 @@ class _Intervals(NamedTuple):
 
     def halves(self) -> _Intervals:
         """All first halves, then all second ones."""
-        middle, twice = 0.5 * (self.a + self.b), (np.tile(x, 2) for x in self[2:])
+        middle = 0.5 * (self.a + self.b)
+        twice: Any = (np.tile(x, 2) for x in self[2:])
         return _Intervals(np.append(self.a, middle), np.append(middle, self.b), *twice)
 
 

@@ -238,7 +238,7 @@ def closed_near(kinematics: Kinematics, guess: Array, targets: Array | None = No
     """
 
     def fits(q: Array, left: Array) -> NDArray[np.bool_]:
-        return (left == 0.0) & (kinematics.faces(q) if targets is None else True)
+        return np.asarray((left == 0.0) & (kinematics.faces(q) if targets is None else True))
 
     q, left = kinematics.positions(guess[:, None], targets)
     if not fits(q, left)[0]:
