@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
-from mechanism_sim.numerics.evaluation import COLUMNS
+from mechanism_sim.numerics.compiled import COLUMNS
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.numerics.symbolic import Term, add, dense, dot, neg
 from mechanism_sim.planar.equations import Equations
