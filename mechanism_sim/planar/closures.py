@@ -13,7 +13,7 @@ from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
 from mechanism_sim.planar.protocols import Relation
-from mechanism_sim.planar.rails import Foot, rail_of
+from mechanism_sim.planar.rails import Foot, along, rail_of
 
 
 @dataclass(frozen=True)
@@ -45,17 +45,15 @@ class PrismaticClosure:
 
     def _normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """Of the line, 90 degrees counterclockwise from its axis."""
-        joint = self._joint
         if foot := self._foot(frames):
             return foot.normal
-        axis = joint.axis + 0.5 * math.pi
-        normal = self.mechanism.direction(joint.first, axis, joint.on_first)
-        return frames.position(normal, f'{self.name}.normal')
+        line = self._joint.line
+        return along(self.mechanism, frames, line, 0.5 * math.pi, f'{self.name}.normal')
 
     def _foot(self, frames: Frames) -> Foot | None:
         """Where the second link's point is on an elastic rail."""
         j, m = self._joint, self.mechanism
-        rail = rail_of(m, self.name, j.first, j.on_first, j.axis)
+        rail = rail_of(m, self.name, j.line)
         if rail is None:
             return None
         label = f'{self.name}.second'

@@ -178,9 +178,12 @@ def walls(
     pin_radius: float = 0.0,
 ) -> list[Wall]:
     """All walls of a higher pair; `play` [m] is from where its offset is zero."""
-    touch = closure.joint.touch(closure.mechanism, pin_radius) if friction else None
+    own = closure.joint.rubbing_wall if friction else None
+    touch = closure.joint.touch(closure.mechanism, pin_radius) if friction and not own else None
     friction *= touch.share if touch else 1.0
     return [
-        Wall(closure, side, play, restitution, friction, hypothesis, law, touch)
+        own(closure, side, play, restitution, friction, hypothesis, law, pin_radius=pin_radius)
+        if own
+        else Wall(closure, side, play, restitution, friction, hypothesis, law, touch)
         for side in closure.joint.sides
     ]
