@@ -12,10 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from mechanism_sim.arrays import Array
 from mechanism_sim.cams.laws import spelled
 from mechanism_sim.cams.profiles import Cam, drawing_angles, extent
-from mechanism_sim.cams.touch import Touch
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,11 @@ def find_cut_away(cam: Cam, step: float | None = None) -> list[CutAway]:
     """
     x = drawing_angles(cam.law, step or extent(cam.law) / 1440)
     touch, roller = cam.at(x), getattr(cam.follower, 'roller', None)
-    depth = _beyond_faces(touch) if roller is None else roller - _distance(touch)
+    if roller is None:  # how far points of contact stand out beyond some position of the face
+        height = (touch.normal * touch.profile).sum(axis=0)
+        depth = (touch.profile.T @ touch.normal - height).max(axis=1)
+    else:  # and come nearer than the roller's radius to one of its centres
+        depth = roller - scipy.spatial.KDTree(touch.pitch.T).query(touch.profile.T)[0]
     bad = np.flatnonzero(depth > 1e-6 * cam.base_radius)
     found = []
     for run in np.split(bad, np.flatnonzero(np.diff(bad) > 1) + 1):
@@ -67,14 +69,3 @@ def find_cut_away(cam: Cam, step: float | None = None) -> list[CutAway]:
             deep = float(depth[worst])
             found.append(CutAway(start, end, deepest, deep, cam.law.reciprocating))
     return found
-
-
-def _distance(touch: Touch) -> Array:
-    """Of points of contact from the nearest centre of the roller, (N,) [m]."""
-    return np.asarray(scipy.spatial.KDTree(touch.pitch.T).query(touch.profile.T)[0])
-
-
-def _beyond_faces(touch: Touch) -> Array:
-    """How far points of contact stand out beyond some position of the face, (N,) [m]."""
-    height = (touch.normal * touch.profile).sum(axis=0)
-    return np.asarray((touch.profile.T @ touch.normal - height).max(axis=1))

@@ -142,7 +142,10 @@ class CamClosure(HigherClosure[CamPair]):
         by_cam = mul(force, off.gradient.get('cam'))
         about_shaft = mul(by_cam, hy.expression(-float(joint.sense)))
         along = mul(force, off.gradient.get('follower'))
-        rx, ry = self._arm(frames)
+        rx, ry = (
+            jet.value
+            for jet in self._from_camshaft(frames, joint.second, joint.on_second, 'follower')
+        )
         x: Term = along
         y: Term = by_cam
         if isinstance(follower, Oscillating | OscillatingFlat):
@@ -161,7 +164,8 @@ class CamClosure(HigherClosure[CamPair]):
             x = add(mul(rx, y), mul(about_shaft, hy.expression(-mirror))) / ry
         elif not joint.distance.slides:
             y = add(mul(about_shaft, hy.expression(mirror)), mul(ry, x)) / rx
-        wx, wy = self._world(x, y, frames)
+        cx, cy, sx, sy = (jet.value for jet in self._axes(frames))
+        wx, wy = add(mul(x, cx), mul(y, sx)), add(mul(x, cy), mul(y, sy))
         if isinstance(follower, FlatFaced | OscillatingFlat):
             off_point = mul(moment_of((rx, ry), (x, y)), hy.expression(-mirror))
             return Wrench(wx, wy, add(about_shaft, off_point))
@@ -202,11 +206,6 @@ class CamClosure(HigherClosure[CamPair]):
         cx, cy, sx, sy = self._axes(frames)
         return x * cx + y * cy, x * sx + y * sy
 
-    def _arm(self, frames: Frames) -> tuple[Term, Term]:
-        joint = self.joint
-        x, y = self._from_camshaft(frames, joint.second, joint.on_second, 'follower')
-        return x.value, y.value
-
     def _axes(self, frames: Frames) -> list[Jet]:
         """Components of the frame's axes in the world: of x, then of y."""
         joint = self.joint
@@ -216,11 +215,6 @@ class CamClosure(HigherClosure[CamPair]):
             for k, v in enumerate(given)
         ]
         return [constant(term) for term in terms]
-
-    def _world(self, x: Term, y: Term, frames: Frames) -> tuple[Term, Term]:
-        """A vector of the frame of `followers` in the world."""
-        cx, cy, sx, sy = (jet.value for jet in self._axes(frames))
-        return add(mul(x, cx), mul(y, sx)), add(mul(x, cy), mul(y, sy))
 
 
 def _alone(x: Jet, name: str) -> Jet:

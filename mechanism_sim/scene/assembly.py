@@ -115,7 +115,9 @@ def _ranks(kinematics: Kinematics, q: Array, soft: Sequence[str]) -> Array:
     # free of units: rows in the longest link, displacements too
     scaled = J[0] * kinematics.scale / kinematics.mechanism.size
     hard = scaled[[row not in soft for row in kinematics.rows]]
-    return np.array([_rank(x) for x in (scaled[:, kinematics.sought], scaled, hard)])
+    parts = scaled[:, kinematics.sought], scaled, hard
+    sizes = (np.linalg.svd(x, compute_uv=False) if x.size else np.zeros(0) for x in parts)
+    return np.array([int((x > _RANK).sum()) for x in sizes])
 
 
 def closed_four_bar(plan: Plan) -> FourBarLoop | None:
@@ -209,15 +211,12 @@ def _started(plan: Plan, kinematics: Kinematics, q: Array) -> Array:
         if speed <= _OPENING * (np.abs(v).max(initial=0.0) * plan.ideal.size):
             rates[c] = rate
         elif c in plan.given[1] and not plan.clearances:  # the rest follows from the others
+            paces = ', '.join(f'{x} at {w:g}' for x, w in (rates | {c: rate}).items())
             raise InputError(
-                f'initial.velocity cannot be: with {_paces(rates | {c: rate})} the loop closed by '
+                f'initial.velocity cannot be: with {paces} the loop closed by '
                 f'{joint} would open at {speed:.4g} m/s; leave one of them out'
             )
     return nearest_rates(kinematics, q, coordinates, rates, {})
-
-
-def _paces(rates: Mapping[str, float]) -> str:
-    return ', '.join(f'{c} at {rate:g}' for c, rate in rates.items())
 
 
 def opening(kinematics: Kinematics, q: Array, v: Array) -> tuple[str, float]:
@@ -284,12 +283,6 @@ def _wrapped(kinematics: Kinematics, shift: Array) -> Array:
     turning = [i for i in kinematics.sought if kinematics.coordinates[i] not in names]
     shift[turning] -= TWO_PI * np.round(shift[turning] / TWO_PI)
     return shift
-
-
-def _rank(J: Array) -> int:
-    if not J.size:
-        return 0
-    return int((np.linalg.svd(J, compute_uv=False) > _RANK).sum())
 
 
 def _refusal(kinematics: Kinematics, q: Array, miss: float, targets: Array | None) -> InputError:

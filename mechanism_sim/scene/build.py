@@ -193,9 +193,15 @@ def _without_mass(loops: Kinematics, q: Array) -> Array | None:
 
 def _check_joints(machine: Machine) -> None:
     loose = machine.plan.rigid
-    shortest = _shortest(machine) if loose else 0.0
+    places: dict[str, list[tuple[float, float]]] = {}  # of joints, by link
+    for link, at in (point for j in machine.plan.joints for point in j.points):
+        places.setdefault(link, []).append(at)
+    between = [math.dist(a, b) for p in places.values() for a, b in combinations(p, 2)]
+    shortest = min((x for x in between if x > 0.0), default=math.inf)
     for joint, clearance in loose.items():
-        where = f'joints.{joint}.{_key_of_play(machine, joint)}'
+        given = machine.scene.joints[joint]
+        keys = (k for k in ('lift_off', 'groove', 'backlash') if getattr(given, k))
+        where = f'joints.{joint}.{next(keys, "clearance")}'
         if clearance.radial >= shortest:
             raise InputError(
                 f'{where}.radial = {clearance.radial:g} m is larger than the shortest link '
@@ -224,13 +230,6 @@ def _check_joints(machine: Machine) -> None:
                 f'{where}.friction = {clearance.friction:g} is more than 10: for contacts that '
                 "never slip write 'friction: rough'"
             )
-
-
-def _key_of_play(machine: Machine, joint: str) -> str:
-    """The key under which a scene says how loose a joint is."""
-    given = machine.scene.joints[joint]
-    keys = ('lift_off', 'groove', 'backlash')
-    return next((k for k in keys if getattr(given, k)), 'clearance')
 
 
 _OF_FILMS = (
@@ -279,15 +278,6 @@ def _check_contact(where: str, clearance: Play) -> None:
         raise InputError(f"{where}.contact.exponent has no meaning without a 'stiffness' of walls")
     if film and clearance.pin_radius:
         raise InputError(f'{where}.pin_radius: with a film it is contact.radius; leave it out')
-
-
-def _shortest(machine: Machine) -> float:
-    """Smallest distance of two joints of one link [m]."""
-    places: dict[str, list[tuple[float, float]]] = {}
-    for link, at in (point for j in machine.plan.joints for point in j.points):
-        places.setdefault(link, []).append(at)
-    between = [math.dist(a, b) for p in places.values() for a, b in combinations(p, 2)]
-    return min((x for x in between if x > 0.0), default=math.inf)
 
 
 def _redundant(machine: Machine) -> str:

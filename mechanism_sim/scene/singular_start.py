@@ -62,7 +62,10 @@ def begin(
             f'the start is a singular position from which {driven} cannot go on; start beside it, '
             "or give another 'guess'"
         )
-    offs = (_ahead(found, pace) - guess[None, :, None]) / kinematics.scale[:, None]
+    # places (B, n, K) that the branches come to, the way the drive goes
+    shift = np.linspace(0.0, math.copysign(1.0, pace), 64) * found.width[:, None]
+    ahead = found.at(shift)[0].transpose(1, 0, 2)
+    offs = (ahead - guess[None, :, None]) / kinematics.scale[:, None]
     distance = np.linalg.norm(offs[:, kinematics.sought], axis=1).min(axis=1)
     idle, bend = _idle(plan.ideal, found), _bend(found, kinematics.scale)
     left = np.arange(count)
@@ -79,12 +82,6 @@ def begin(
     chosen = found[left]
     place, slope, _ = (x[:, 0, 0] for x in chosen.at(np.zeros((1, 1))))
     return place, slope
-
-
-def _ahead(found: Branch, pace: float) -> Array:
-    """Places (B, n, K) that the branches come to, the way the drive goes."""
-    shift = np.linspace(0.0, math.copysign(1.0, pace), 64) * found.width[:, None]
-    return found.at(shift)[0].transpose(1, 0, 2)
 
 
 def _idle(mechanism: Mechanism, found: Branch) -> Array:
