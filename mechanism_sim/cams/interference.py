@@ -43,17 +43,13 @@ class CutAway:
         )
 
 
-def find_cut_away(cam: Cam, step: float | None = None) -> list[CutAway]:
+def find_cut_away(cam: Cam) -> list[CutAway]:
     """Where the follower, swept over the profile, cuts its points of contact away.
 
     A knife edge never does. What is less deep than a millionth of the base radius does not count.
-
-    Parameters
-    ----------
-    step : between the points of the profile, and between the positions tried [rad] or [m]; without
-        it a 1440th of the turn or stroke
+    Points of the profile, and positions tried, are a 1440th of the turn or stroke apart.
     """
-    x = drawing_angles(cam.law, step or extent(cam.law) / 1440)
+    x = drawing_angles(cam.law, extent(cam.law) / 1440)
     touch, roller = cam.at(x), getattr(cam.follower, 'roller', None)
     if roller is None:  # how far points of contact stand out beyond some position of the face
         height = (touch.normal * touch.profile).sum(axis=0)

@@ -247,18 +247,15 @@ class GenevaClosure(HigherClosure[Geneva]):
 class RackClosure(HigherClosure[SlottedRack]):
     """A slotted rack without play."""
 
-    def _along(self, frames: Frames, x: Jet, y: Jet) -> tuple[Jet, Jet]:
-        """Components along the rack and across it."""
-        p, a = frames.parameters, self.joint.axis
-        c = lift(dense(p(f'{self.name}.axis.x', math.cos(a))))
-        s = lift(dense(p(f'{self.name}.axis.y', math.sin(a))))
-        return x * c + y * s, y * c - x * s
-
-    def _from_centre(self, frames: Frames, link: str, at: tuple[float, float]) -> Pair:
+    def _from_centre(self, frames: Frames, link: str, at: Vector2) -> Pair:
+        """Of a point of a link: components along the rack and across it [m]."""
         label = f'{self.name}.of:{link}'
         x, y = frames.position(self.mechanism.point(link, at), label)
         ox, oy = frames.position({(GROUND, None): self.joint.centre}, f'{self.name}.centre')
-        return self._along(frames, x - ox, y - oy)
+        x, y, p, a = x - ox, y - oy, frames.parameters, self.joint.axis
+        c = lift(dense(p(f'{self.name}.axis.x', math.cos(a))))
+        s = lift(dense(p(f'{self.name}.axis.y', math.sin(a))))
+        return x * c + y * s, y * c - x * s
 
     def engaged(self, frames: Frames) -> Term:
         """1 while the pin is on the right of the axis through the crank's centre."""

@@ -203,9 +203,8 @@ class Evaluation:
         out = np.empty((self._rows, count))
         for first in range(0, count, COLUMNS):
             block = np.ascontiguousarray(inputs[:, first : first + COLUMNS])
-            out[:, first : first + COLUMNS] = self._function(block, pars=self._pars(block))
+            width, pars = block.shape[1], self._repeated
+            if width < COLUMNS:
+                pars = np.repeat(self._parameters, width, axis=1)
+            out[:, first : first + COLUMNS] = self._function(block, pars=pars)
         return [out[group] for group in self._groups]
-
-    def _pars(self, block: Array) -> Array:
-        width = block.shape[1]
-        return self._repeated if width == COLUMNS else np.repeat(self._parameters, width, axis=1)

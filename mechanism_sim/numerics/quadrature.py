@@ -183,7 +183,6 @@ def integrate(
     in_order: bool = True,
     alike: bool = False,
     smooth: Rule = SMOOTH,
-    relative: float | None = None,
     foretold: bool = False,
     beside: Array | None = None,
     corners: bool = False,
@@ -199,8 +198,6 @@ def integrate(
         rounding
     alike : whether the functions are of one kind, so that the largest of them tells it for all
     smooth : `SMOOTH` or `SECOND`
-    relative : error that is aimed at, of the integral of the magnitude; `RELATIVE` or `FORETOLD`
-        if not given
     foretold : whether functions vary as fast as the steps of the motion say, and nothing else:
         then coefficients go on to fall as they do
     beside : (m,) mean magnitudes so far of functions that these are compared with
@@ -218,7 +215,7 @@ def integrate(
         largest = np.zeros(0) if largest is None else largest
         none = np.zeros((len(largest), 0))
         return Integrals(none, none, largest, none, none)
-    relative = relative or (FORETOLD if foretold else RELATIVE)
+    relative = FORETOLD if foretold else RELATIVE
     width = parts.end - parts.begin
     whole = _apply(values, parts, powers, smooth)
     if foretold:
