@@ -79,8 +79,10 @@ class Distance:
 
     def value(self, frames: Frames, angle: Jet, place: Jet) -> Jet:
         """D [m] at an angle [rad, m] of the cam and a place [m, rad] of the follower."""
-        laws = self._laws(frames, angle)
-        at = self._touching(frames, laws[0])
+        count = 1 if isinstance(self.cam.follower, FlatFaced) else 3 if self.exact else 2
+        laws = displacement(self.cam.law, self.name, angle, frames, count)
+        # the place at which the follower touches
+        at = laws[0] + constant(frames.parameters(f'{self.name}.lowest', self.lowest))
         off = place - at
         if self.swings:  # of any number of turns, and nowhere zero but where the follower touches
             t = 2.0 * hy.tan(0.5 * off.value)
@@ -110,15 +112,6 @@ class Distance:
             return off * across
         bend = self._bend(path, along, laws, square, speed)
         return off * (across + off * bend * 0.5)
-
-    def _laws(self, frames: Frames, angle: Jet) -> list[Jet]:
-        count = 1 if isinstance(self.cam.follower, FlatFaced) else 3 if self.exact else 2
-        return displacement(self.cam.law, self.name, angle, frames, count)
-
-    def _touching(self, frames: Frames, u: Jet) -> Jet:
-        """The place at which the follower touches."""
-        lowest = frames.parameters(f'{self.name}.lowest', self.lowest)
-        return u + constant(lowest)
 
     def _path(self, frames: Frames, at: Jet) -> tuple[Pair, Pair, Pair]:
         """Centre of the roller and its two derivatives by the follower's place."""

@@ -13,15 +13,13 @@ from typing import NamedTuple
 import heyoka as hy
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.laws import Eccentric, Law, Raised
 from mechanism_sim.cams.piecewise import Piece, Piecewise
 from mechanism_sim.numerics.symbolic import dense, polynomial
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
-
-Array = NDArray[np.float64]
 
 _LONGEST = 0.5 * math.pi  # [rad] of a row: beyond, its own place would be ambiguous
 

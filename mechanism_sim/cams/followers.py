@@ -11,13 +11,12 @@ from math import inf
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.laws import Law
 from mechanism_sim.cams.touch import Passage, Touch, angle_between, cross, turned
 from mechanism_sim.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 class _Rolling(ABC):

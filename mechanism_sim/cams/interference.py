@@ -11,13 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from mechanism_sim.cams.laws import spelled
 from mechanism_sim.cams.profiles import Cam, drawing_angles, extent
-from mechanism_sim.cams.touch import Touch
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -47,19 +43,19 @@ class CutAway:
         )
 
 
-def find_cut_away(cam: Cam, step: float | None = None) -> list[CutAway]:
+def find_cut_away(cam: Cam) -> list[CutAway]:
     """Where the follower, swept over the profile, cuts its points of contact away.
 
     A knife edge never does. What is less deep than a millionth of the base radius does not count.
-
-    Parameters
-    ----------
-    step : between the points of the profile, and between the positions tried [rad] or [m]; without
-        it a 1440th of the turn or stroke
+    Points of the profile, and positions tried, are a 1440th of the turn or stroke apart.
     """
-    x = drawing_angles(cam.law, step or extent(cam.law) / 1440)
+    x = drawing_angles(cam.law, extent(cam.law) / 1440)
     touch, roller = cam.at(x), getattr(cam.follower, 'roller', None)
-    depth = _beyond_faces(touch) if roller is None else roller - _distance(touch)
+    if roller is None:  # how far points of contact stand out beyond some position of the face
+        height = (touch.normal * touch.profile).sum(axis=0)
+        depth = (touch.profile.T @ touch.normal - height).max(axis=1)
+    else:  # and come nearer than the roller's radius to one of its centres
+        depth = roller - scipy.spatial.KDTree(touch.pitch.T).query(touch.profile.T)[0]
     bad = np.flatnonzero(depth > 1e-6 * cam.base_radius)
     found = []
     for run in np.split(bad, np.flatnonzero(np.diff(bad) > 1) + 1):
@@ -69,14 +65,3 @@ def find_cut_away(cam: Cam, step: float | None = None) -> list[CutAway]:
             deep = float(depth[worst])
             found.append(CutAway(start, end, deepest, deep, cam.law.reciprocating))
     return found
-
-
-def _distance(touch: Touch) -> Array:
-    """Of points of contact from the nearest centre of the roller, (N,) [m]."""
-    return np.asarray(scipy.spatial.KDTree(touch.pitch.T).query(touch.profile.T)[0])
-
-
-def _beyond_faces(touch: Touch) -> Array:
-    """How far points of contact stand out beyond some position of the face, (N,) [m]."""
-    height = (touch.normal * touch.profile).sum(axis=0)
-    return np.asarray((touch.profile.T @ touch.normal - height).max(axis=1))

@@ -10,38 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 import scipy
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.piecewise import Piece, Piecewise, from_spline
 from mechanism_sim.errors import InputError
 
-Array = NDArray[np.float64]
-
 TURN = 2.0 * math.pi
 DERIVATIVES = ('displacement', 'velocity', 'acceleration', 'jerk')
-
-
-class Law(Protocol):
-    """A displacement as a function of the cam angle: periodic, unless the cam reciprocates."""
-
-    @property
-    def reciprocating(self) -> bool:
-        """Whether it goes over the displacement of a cam [m] instead of its angle [rad]."""
-
-    @property
-    def breaks(self) -> Array:
-        """Angles (n,) where derivatives may jump, over a turn or stroke, both ends among them."""
-
-    def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
-        """The displacement (order 0) or a derivative by the angle at angles of any shape.
-
-        At a break it is the limit from the right, or from the left if `left`.
-        """
 
 
 @dataclass(frozen=True)
@@ -123,28 +104,15 @@ class Diagram:
 
     @property
     def breaks(self) -> Array:
-        """Ends of segments, and joints of the pieces of their curves."""
+        """Angles (n,) where derivatives may jump, over a turn or stroke, both ends among them."""
         return self.function.breaks
 
     def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
-        """As `Law`."""
-        return self.function(_within(self, angle, left), order, left)
+        """The displacement (order 0) or a derivative by the angle at angles of any shape.
 
-    def normalised(self, angle: ArrayLike, order: int = 0) -> Array:
-        """What does not depend on sizes ([V] 4.21 to 4.26): of the displacement, u over the lift.
-
-        Of derivatives: times a power of the segment's angle, over its rise, both negative in a
-        return. For the four-spline, [V] 4.62 to 4.65 take half the angle.
+        At a break it is the limit from the right, or from the left if `left`.
         """
-        u = self(angle, order)
-        if order == 0:
-            return u / self.lift if self.lift else u
-        x, scale = _within(self, angle, left=False), np.zeros(np.shape(angle))
-        for s in self.segments:
-            span = (s.end - s.start) * (1 if s.rise > 0 else -1)
-            if s.rise:
-                scale = np.where((x >= s.start) & (x < s.end), span**order / abs(s.rise), scale)
-        return u * scale
+        return self.function(_within(self, angle, left), order, left)
 
     def _span(self, segment: Segment) -> str:
         ends = spelled(segment.start, segment.end, reciprocating=self.reciprocating)
@@ -200,7 +168,7 @@ class Measured:
         return self.function.breaks
 
     def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
-        """As `Law`."""
+        """As `Diagram`."""
         return self.function(_within(self, angle, left), order, left)
 
 
@@ -230,7 +198,7 @@ class Eccentric:
         return np.array([0.0, TURN])
 
     def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
-        """As `Law`, for orders 0 to 3."""
+        """As `Diagram`, for orders 0 to 3."""
         R, d, g = self.radius, self.eccentricity, np.asarray(angle, dtype=float)
         # q^2 = R^2 - d^2 cos^2 g, differentiated again and again
         q = np.sqrt(R**2 - (d * np.cos(g)) ** 2)
@@ -266,9 +234,13 @@ class Raised:
         return np.array([0.0, TURN])
 
     def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
-        """As `Law`, for all orders."""
+        """As `Diagram`, for all orders."""
         wave = np.sin(np.asarray(angle, dtype=float) + order * math.pi / 2)
         return np.asarray(self.eccentricity * (wave + (order == 0)))
+
+
+Law: TypeAlias = Diagram | Measured | Eccentric | Raised
+"""A displacement as a function of the cam angle: periodic, unless the cam reciprocates."""
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,12 @@ follower may leave is `CamPair`; one whose groove holds the roller on both sides
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
 import heyoka as hy
-import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.cams.distance import constant
 from mechanism_sim.cams.followers import FlatFaced, Oscillating, OscillatingFlat
@@ -23,17 +21,14 @@ from mechanism_sim.cams.reading import CamReading, read_cam
 from mechanism_sim.cams.shapes import cam_outlines, follower_outline
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.configuration import turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench, moment_of
-from mechanism_sim.planar.mechanism import Equation, Mechanism, Pose
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.rails import chord
 from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import Draft, Side, View
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -105,33 +100,6 @@ class CamPair(PlacedCam):
         offset = follower.face_offset if isinstance(follower, OscillatingFlat) else -roller
         return Touch(self.closure(mechanism), name, offset, share=share)
 
-    def equation(self, pose: Callable[[str], Pose]) -> Equation:
-        """How far the follower is from the place where it touches [m]; as an arc if it swings."""
-        law, follower = self.cam.law, pose(self.second)
-        swinging = self.cam.follower
-        angle, by_cam = self._angle(pose(self.first))
-        lowest = self.distance.lowest
-        touching, slope = lowest + float(law(angle)), float(law(angle, 1))
-        if isinstance(swinging, Oscillating | OscillatingFlat):
-            size, sign = swinging.pivot_distance, float(self.swing)
-            place = sign * (follower[2] + self.arm_angle - self.direction - math.pi)
-            value = size * math.remainder(place - touching, 2.0 * math.pi)
-            by_follower = np.array([0.0, 0.0, size * sign])
-        else:
-            size, x = 1.0, np.array(self.world((1.0, 0.0)))
-            point, turning = turned(follower, self.on_second)
-            value = float(x @ (point - self.centre)) - touching
-            by_follower = np.array([*x, x @ turning])
-        return value, {self.first: -size * slope * by_cam, self.second: by_follower}
-
-    def _angle(self, cam: Pose) -> tuple[float, Pose]:
-        """What the law goes over [rad, m], and its derivatives by the pose of the cam."""
-        if not self.distance.slides:
-            return self.sense * cam[2] + self.phase, np.array([0.0, 0.0, self.sense])
-        along = -np.array(self.world((0.0, 1.0)))
-        point, turning = turned(cam, self.on_first)
-        return float(along @ (point - self.centre)), np.array([*along, along @ turning])
-
 
 @dataclass(frozen=True)
 class GroovePair(CamPair):
@@ -170,7 +138,10 @@ class CamClosure(HigherClosure[CamPair]):
         by_cam = mul(force, off.gradient.get('cam'))
         about_shaft = mul(by_cam, hy.expression(-float(joint.sense)))
         along = mul(force, off.gradient.get('follower'))
-        rx, ry = self._arm(frames)
+        rx, ry = (
+            jet.value
+            for jet in self._from_camshaft(frames, joint.second, joint.on_second, 'follower')
+        )
         x: Term = along
         y: Term = by_cam
         if isinstance(follower, Oscillating | OscillatingFlat):
@@ -189,7 +160,8 @@ class CamClosure(HigherClosure[CamPair]):
             x = add(mul(rx, y), mul(about_shaft, hy.expression(-mirror))) / ry
         elif not joint.distance.slides:
             y = add(mul(about_shaft, hy.expression(mirror)), mul(ry, x)) / rx
-        wx, wy = self._world(x, y, frames)
+        cx, cy, sx, sy = (jet.value for jet in self._axes(frames))
+        wx, wy = add(mul(x, cx), mul(y, sx)), add(mul(x, cy), mul(y, sy))
         if isinstance(follower, FlatFaced | OscillatingFlat):
             off_point = mul(moment_of((rx, ry), (x, y)), hy.expression(-mirror))
             return Wrench(wx, wy, add(about_shaft, off_point))
@@ -230,11 +202,6 @@ class CamClosure(HigherClosure[CamPair]):
         cx, cy, sx, sy = self._axes(frames)
         return x * cx + y * cy, x * sx + y * sy
 
-    def _arm(self, frames: Frames) -> tuple[Term, Term]:
-        joint = self.joint
-        x, y = self._from_camshaft(frames, joint.second, joint.on_second, 'follower')
-        return x.value, y.value
-
     def _axes(self, frames: Frames) -> list[Jet]:
         """Components of the frame's axes in the world: of x, then of y."""
         joint = self.joint
@@ -244,11 +211,6 @@ class CamClosure(HigherClosure[CamPair]):
             for k, v in enumerate(given)
         ]
         return [constant(term) for term in terms]
-
-    def _world(self, x: Term, y: Term, frames: Frames) -> tuple[Term, Term]:
-        """A vector of the frame of `followers` in the world."""
-        cx, cy, sx, sy = (jet.value for jet in self._axes(frames))
-        return add(mul(x, cx), mul(y, sx)), add(mul(x, cy), mul(y, sy))
 
 
 def _alone(x: Jet, name: str) -> Jet:

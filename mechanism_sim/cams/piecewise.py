@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 import scipy
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from mechanism_sim.arrays import Array
 
 
 @dataclass(frozen=True)

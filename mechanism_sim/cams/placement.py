@@ -8,15 +8,13 @@ from functools import cached_property
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.distance import Distance
 from mechanism_sim.cams.profiles import Cam
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.planar.view import Side
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,14 @@ from typing import Literal
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.followers import Follower, Oscillating, Translating
 from mechanism_sim.cams.laws import Jump, Law, check_smoothness, spelled
 from mechanism_sim.cams.touch import Touch
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.extremes import ExtremeSearch
-
-Array = NDArray[np.float64]
 
 #: points of a piece of a law at which an extreme is looked for first
 SAMPLES = 181
@@ -163,19 +162,6 @@ def _smallest_oscillating(law: Law, follower: Oscillating, limit: float) -> floa
             f'{math.degrees(limit):g} deg'
         )
     return math.sqrt(a**2 + b**2 - 2.0 * a * b * math.cos(least)) - follower.roller
-
-
-def smallest_flat_base_radius(law: Law, curvature_radius: float = 0.0, tilt: float = 0.0) -> float:
-    """The smallest base radius [m] under a translating flat face.
-
-    Parameters
-    ----------
-    curvature_radius : the least the profile may have [m]; at 0 it just has a cusp
-    tilt : of the face [rad], as in `followers.FlatFaced`
-    """
-    _needs_circle(law)
-    deepest = greatest(law, lambda x: -law(x) - law(x, 2))[1]
-    return curvature_radius + math.cos(tilt) * deepest
 
 
 def _needs_circle(law: Law) -> None:

@@ -9,9 +9,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.placement import PlacedCam
 from mechanism_sim.cams.touch import Passage, Touch
-from mechanism_sim.planar.view import Array, Course, Told, View
+from mechanism_sim.planar.view import Course, Told, View
 
 
 class CamMode(IntEnum):
@@ -88,25 +89,18 @@ def _touching(
     return x0 + c * x - s * y, y0 + s * x + c * y, touch.rate * rate, touch.sliding * rate
 
 
-def _course(joint: PlacedCam, view: View) -> Course:
-    """Where the cam is, as its law counts."""
+def _cam(joint: PlacedCam, view: View) -> tuple[Course, Array]:
+    """Where the cam is, and the torque or force on it, as its law counts."""
     if joint.distance.slides:
         x, y = joint.world((0.0, -1.0))
         p, v, a = (x * px + y * py for px, py in view.path(joint.first, joint.on_first))
         place = p - (x * joint.centre[0] + y * joint.centre[1])
-        return Course(place, v, a, np.zeros_like(place))
+        force = -(x * view.force[0] + y * view.force[1])
+        return Course(place, v, a, np.zeros_like(place)), force
     turn, sense = view.turning(joint.first, joint.on_first), joint.sense
     place, *rest = (sense * x for x in turn)
-    return Course(place + joint.phase, *rest)
-
-
-def _cam(joint: PlacedCam, view: View) -> tuple[Course, Array]:
-    """Where the cam is, and the torque or force on it, as its law counts."""
-    course = _course(joint, view)
-    if joint.distance.slides:
-        x, y = joint.world((0.0, -1.0))
-        return course, -(x * view.force[0] + y * view.force[1])
-    return course, joint.sense * view.moment_on_first(np.array(joint.centre)[:, None])
+    torque = sense * view.moment_on_first(np.array(joint.centre)[:, None])
+    return Course(place + joint.phase, *rest), torque
 
 
 def _follower(joint: PlacedCam, view: View, lift: Array) -> Course:

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.followers import FlatFaced, OscillatingFlat
 from mechanism_sim.cams.placement import PlacedCam
 from mechanism_sim.cams.profiles import drawing_angles, extent
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.view import circle
-
-Array = NDArray[np.float64]
 
 _PARTS = 720  # of a turn or stroke
 _FACE = 0.5  # thickness of a face, in units of the drawing's symbols

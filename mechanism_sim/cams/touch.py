@@ -15,11 +15,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.laws import Law
-
-Array = NDArray[np.float64]
 
 
 class Touch(NamedTuple):

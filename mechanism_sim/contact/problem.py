@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.contact.chatter import ends, remaining_time
 from mechanism_sim.contact.impact import impulses_of_one, simultaneous_impulses
 from mechanism_sim.numerics.complementarity import (
@@ -19,7 +20,6 @@ from mechanism_sim.numerics.complementarity import (
     FORWARD,
     OPEN,
     STICK,
-    Array,
     Indices,
     largest,
     solve_contacts,

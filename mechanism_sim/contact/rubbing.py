@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.contact.problem import ContactProblem
-from mechanism_sim.numerics.complementarity import Array, Indices
+from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import kernel
 
 _SWEEPS, _SETTLED = 10_000, 1e-15

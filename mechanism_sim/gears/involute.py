@@ -10,24 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-
-Array = NDArray[np.float64]
-
-#: preferred modules [m], [V] 5.7
-MODULES = tuple(
-    1e-3 * m for m in (1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 32, 40, 50)
-)
-
-#: diametral pitches in general use [teeth per inch], coarse (below 20) and fine, as of AGMA
-DIAMETRAL_PITCHES = (
-    *(2.0, 2.25, 2.5, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 16.0),
-    *(20.0, 24.0, 32.0, 40.0, 48.0, 64.0, 80.0, 96.0, 120.0, 150.0, 200.0),
-)
-
-INCH = 0.0254
 
 
 @dataclass(frozen=True)
@@ -45,21 +30,7 @@ class ToothSystem:
             raise InputError('an addendum is positive and no longer than the dedendum')
 
 
-#: [V] table 5.1, by name: pressure angle in degrees, with "deep" for a dedendum of 1.35 modules
-TOOTH_SYSTEMS = {
-    **{f'full {a:g}': ToothSystem(math.radians(a)) for a in (20, 22.5, 25)},
-    **{f'full {a:g} deep': ToothSystem(math.radians(a), 1.0, 1.35) for a in (20, 22.5, 25)},
-    'stub 20': ToothSystem(math.radians(20), 0.8, 1.0),
-}
-
-FULL_DEPTH = TOOTH_SYSTEMS['full 20']
-
-
-def module_of(diametral_pitch: float) -> float:
-    """Module [m] of a diametral pitch P_d [teeth per inch], [V] eqs. 5.26, 5.27."""
-    if not diametral_pitch > 0.0:
-        raise InputError('a diametral pitch is positive')
-    return INCH / diametral_pitch
+FULL_DEPTH = ToothSystem(math.radians(20))
 
 
 def inv(angle: float) -> float:

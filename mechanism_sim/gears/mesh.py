@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.gears.closure import MeshClosure
 from mechanism_sim.gears.involute import rack_teeth
 from mechanism_sim.gears.placement import PlacedMesh, Teeth
 from mechanism_sim.gears.reading import GearReading, read_mesh
 from mechanism_sim.gears.spring import MeshSpring
-from mechanism_sim.planar.configuration import off_line, turned
-from mechanism_sim.planar.mechanism import Equation, Mechanism, Pose
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import LinkPoint, rotate
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.touch import TurningTouch
-from mechanism_sim.planar.view import Array, Draft, ToothLoad, View, circle
+from mechanism_sim.planar.view import Draft, ToothLoad, View, circle
 
 _FLANK = 14  # points of a drawn flank, its fillet among them
 
@@ -143,30 +143,3 @@ class GearMesh(PlacedMesh):
     def bears(self, link: str) -> bool:
         """A gear turns with the cross-section at its centre."""
         return link in self.ends and not self.is_rack(link)
-
-    def equation(self, pose: Callable[[str], Pose]) -> Equation:
-        """The offset [m] at the poses of links; errors of the teeth count too."""
-        carrier = pose(self.carrier)
-        u, by = -self.phase, {self.first: np.zeros(3), self.second: np.zeros(3)}
-        by.setdefault(self.carrier, np.zeros(3))
-        slopes, values = [], []
-        for link, wave in zip(self.ends, self.waves, strict=True):
-            if self.is_rack(link) and self.guide:
-                g = self.guide
-                on, p = turned(carrier, g.on_first), turned(pose(link), g.on_second)
-                value, by_carrier, by_link = off_line(carrier, g.axis - 0.5 * math.pi, on, p)
-            else:
-                value, by_link = pose(link)[2] - carrier[2], np.array([0.0, 0.0, 1.0])
-                by_carrier = -by_link
-            u += wave * value
-            values.append(value)
-            slopes.append((link, self.per_phase * wave, by_link, by_carrier))
-        h = self.per_phase * math.remainder(u, 2.0 * math.pi)
-        for member, (link, slope, by_link, by_carrier) in enumerate(slopes):
-            for e in (e for e in self.errors if e.member == member):
-                turn = e.order * (values[member] - e.start)
-                h += e.amplitude * math.sin(turn)
-                slope += e.order * e.amplitude * math.cos(turn)  # noqa: PLW2901 - of this row
-            by[link] = by[link] + slope * by_link
-            by[self.carrier] = by[self.carrier] + slope * by_carrier
-        return h, by

@@ -241,9 +241,3 @@ def path_with_rack(pinion: Gear, out: float = 0.0) -> Path:
     if pinion.undercut:
         start = max(start, pinion.tangent(pinion.form_radius) - reach)
     return Path(start, pinion.tangent(pinion.tip_radius) - reach)
-
-
-def contact_ratio_with_rack(pinion: Gear) -> float:
-    """Contact ratio of a gear and its rack."""
-    start, end = path_with_rack(pinion)
-    return (end - start) / pinion.base_pitch

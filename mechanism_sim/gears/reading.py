@@ -9,10 +9,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.gears.placement import PlacedMesh
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import Vector2
-from mechanism_sim.planar.view import Array, Told, View
+from mechanism_sim.planar.view import Told, View
 
 
 class MeshMode(IntEnum):

@@ -17,12 +17,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.gears.forces import WormPair
 from mechanism_sim.gears.involute import Gear
 from mechanism_sim.gears.reading import GearReading
 from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.planar.view import Array, Draft, ToothLoad, View, circle
+from mechanism_sim.planar.view import Draft, ToothLoad, View, circle
 
 _FEWEST = 8  # teeth that are drawn as involutes
 UNIT = WormPair(1, 1, 1.0, math.pi / 4)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from types import MappingProxyType
 from typing import ClassVar
 
 import heyoka as hy
-import numpy as np
 
 from mechanism_sim.gears.reading import GearReading, read_ratio
 from mechanism_sim.numerics.symbolic import Term, dense, mul
@@ -18,7 +17,7 @@ from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench
-from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.view import Side, View
 
@@ -61,16 +60,6 @@ class Transmission(HigherPair):
     def bears(self, link: str) -> bool:
         """What turns does so with the cross-section at its point."""
         return link in (self.first, self.second)
-
-    def equation(self, pose: Callable[[str], Pose]) -> Equation:
-        """How far the second is off, times one metre [m]."""
-        p, q = self.waves
-        angles = [pose(link)[2] - pose(self.carrier)[2] for link in (self.first, self.second)]
-        off = math.remainder(p * angles[0] + q * (angles[1] - self.phase), 2.0 * math.pi) / q
-        unit = np.array([0.0, 0.0, 1.0])
-        by = {self.first: p / q * unit, self.second: unit}
-        by[self.carrier] = by.get(self.carrier, 0.0 * unit) - (p / q + 1.0) * unit
-        return off, by
 
 
 @dataclass(frozen=True)

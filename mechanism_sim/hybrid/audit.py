@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode, StopReason
 from mechanism_sim.hybrid.physics import Physics
-from mechanism_sim.hybrid.system import Array
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.quadrature import (
     SECOND,

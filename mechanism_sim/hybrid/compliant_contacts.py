@@ -10,11 +10,12 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebroots, chebval
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array, some
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics
-from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_coefficients, chebyshev_nodes
 from mechanism_sim.numerics.quadrature import integrate, parts_of
 
@@ -135,7 +136,7 @@ class Touches:
         p, q, lost = motion.curve.duration[segments] * (series @ _WEIGHTS)
         recovers = np.flatnonzero(motion.modes[segments, gap] == Mode.RECOVERING)
         if len(recovers):
-            parts, powers = parts_of(motion.curve).of(segments[recovers]), recovers >= 0
+            parts, powers = some(parts_of(motion.curve), segments[recovers]), recovers >= 0
             lost[recovers] = integrate(
                 lambda k, dt: self._physics.touch(motion, k, dt).loss[[gap]],
                 parts, powers, in_order=False,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.contact.chatter import ChatterRule
 from mechanism_sim.contact.impact import Hypothesis
 from mechanism_sim.contact.problem import (
@@ -27,7 +28,7 @@ from mechanism_sim.hybrid.dense_output import Status
 from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeChange
 from mechanism_sim.hybrid.guards import FORCE_SCALE, SLIP_SCALE
 from mechanism_sim.hybrid.present_state import PresentState
-from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import kernel
 

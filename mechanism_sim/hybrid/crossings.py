@@ -13,8 +13,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.system import Array
 from mechanism_sim.planar.branch import SAMPLES, limits
 
 Segments = NDArray[np.intp]

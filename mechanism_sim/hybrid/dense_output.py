@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.clock import Base
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial, exact_sum, shift_powers
 from mechanism_sim.planar.drive import TWO_PI
 

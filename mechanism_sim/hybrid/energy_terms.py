@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.audit import Work, work_in
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.hybrid.physics import Physics
-from mechanism_sim.hybrid.system import Array
 from mechanism_sim.numerics.quadrature import Parts
 
 

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.contact.chatter import ChatterRule
 from mechanism_sim.contact.problem import ContactProblem
 from mechanism_sim.errors import RunError
@@ -35,7 +36,7 @@ from mechanism_sim.hybrid.present_state import PresentState
 from mechanism_sim.hybrid.singular import AHEAD, BESIDE, HERE, SingularPositions
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.step_check import StepCheck
-from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.system import System
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.protocols import Directed
 

@@ -8,11 +8,11 @@ from contextlib import suppress
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.contact.impact import ContactImpulse, jam_margin, shock, stop_slide
 from mechanism_sim.contact.problem import ROUGH, enter, push
 from mechanism_sim.hybrid.contact_state import SLIDING, ContactState
 from mechanism_sim.hybrid.guards import JAMMED
-from mechanism_sim.hybrid.system import Array
 
 _SIGNS = {int(mode): sign for sign, mode in SLIDING.items()}
 

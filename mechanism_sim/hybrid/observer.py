@@ -13,10 +13,11 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.runtime_parameters import symbols as signs_of
-from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
 from mechanism_sim.planar.joint_friction import with_friction

@@ -9,10 +9,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.crossings import Crossings
 from mechanism_sim.hybrid.dense_output import Motion, instants
 from mechanism_sim.hybrid.observer import Instants, Observer, TouchTerms
-from mechanism_sim.hybrid.system import Array
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
 from mechanism_sim.planar.protocols import EndGap

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 import heyoka as hy
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.clock import Base, horner
 from mechanism_sim.hybrid.dense_output import floats
-from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.system import System
 
 
 class PresentState:

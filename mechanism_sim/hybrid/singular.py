@@ -15,11 +15,12 @@ import heyoka as hy
 import numpy as np
 from numpy.polynomial import polynomial
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.dense_output import floats
 from mechanism_sim.hybrid.guards import WATCH_SCALE
-from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.polynomials import shift_powers
 
 AHEAD = 3.0

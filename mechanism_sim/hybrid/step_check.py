@@ -13,8 +13,9 @@ import heyoka as hy
 import numpy as np
 from numpy.polynomial import polynomial
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.guards import WATCH_SCALE
-from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.enclosure import FEW, Course, Reach, reach_of
 from mechanism_sim.numerics.polynomials import chebyshev_nodes, shift_powers
 from mechanism_sim.planar.steep_loads import ResolvedLoads, SteepLoads

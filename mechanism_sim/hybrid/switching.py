@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.contact.problem import ContactProblem
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.present_state import PresentState, rate_of
-from mechanism_sim.hybrid.system import Array
 from mechanism_sim.planar.switches import HOLDS, REST, SWITCH_MARGIN, Switch
 
 _STILL_TURNING, _MOST_TURNS = 1e-6, 1000  # [s] between turns of a switch, so many times in a row

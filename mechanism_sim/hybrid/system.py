@@ -12,9 +12,8 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import heyoka as hy
-import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.contact.problem import Layout
 from mechanism_sim.hybrid.dynamics import Dynamics
 from mechanism_sim.hybrid.guards import TINY, WATCH_SCALE, guard_functions, guards_of
@@ -29,8 +28,6 @@ from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import by_level
-
-Array = NDArray[np.float64]
 
 
 class System:

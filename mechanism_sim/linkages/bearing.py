@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.contact.film import JournalMotion, ShortBearing
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
@@ -16,8 +16,6 @@ from mechanism_sim.planar.loads import Load, Wrench, contact_wrench
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Point
 from mechanism_sim.planar.protocols import ForceLaw
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

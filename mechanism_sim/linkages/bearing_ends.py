@@ -17,8 +17,8 @@ from typing import Any, ClassVar
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.bearing import BearingClearance
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
@@ -28,8 +28,6 @@ from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.play import ENDS, STOPS, MeasuredGap, end_name
 from mechanism_sim.planar.points import GROUND, Point, Vector2
 from mechanism_sim.planar.protocols import ForceLaw
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

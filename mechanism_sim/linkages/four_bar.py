@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechanism_sim.arrays import Array
+
 Branch = Literal['open', 'crossed']
 
 

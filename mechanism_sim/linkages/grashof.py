@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.four_bar import FourBar
-
-Array = NDArray[np.float64]
 
 #: the part of all lengths together below which a difference of lengths counts as zero
 TOLERANCE = 1e-12
@@ -187,19 +186,6 @@ def time_ratio(linkage: FourBar) -> float:
     stroke = (stretched - folded) % (2.0 * np.pi)
     longer = max(stroke, 2.0 * np.pi - stroke)
     return longer / (2.0 * np.pi - longer)
-
-
-def transmission_angle(linkage: FourBar, th2: Array) -> Array:
-    """Angle between coupler and rocker [rad], 0 to pi, at crank angles (N,): law of cosines.
-
-    The force of the coupler moves the rocker best at pi/2; at 0 and pi it cannot move it. NaN
-    where the linkage cannot be closed.
-    """
-    ground, crank, coupler, rocker = linkage.lengths
-    squared = ground**2 + crank**2 - 2.0 * ground * crank * np.cos(th2)
-    cosine = (coupler**2 + rocker**2 - squared) / (2.0 * coupler * rocker)
-    closed = np.abs(cosine) <= 1.0 + TOLERANCE
-    return np.where(closed, np.arccos(np.clip(cosine, -1.0, 1.0)), np.nan)
 
 
 def transmission_range(linkage: FourBar) -> Range:

@@ -12,9 +12,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
@@ -23,10 +20,8 @@ from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.planar.play import SIDES, MeasuredGap, corner_name
 from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.planar.protocols import ForceLaw
-from mechanism_sim.planar.rails import Foot, rail_of
+from mechanism_sim.planar.rails import Foot, along, rail_of
 from mechanism_sim.planar.view import Side
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -59,14 +54,12 @@ class GuideClearance(MeasuredGap):
         return joint
 
     def _along(self, frames: Frames, angle: float, what: str) -> tuple[Jet, Jet]:
-        joint = self._guide
-        direction = self.mechanism.direction(joint.first, joint.axis + angle, joint.on_first)
-        return frames.position(direction, f'{self.joint}.{what}')
+        return along(self.mechanism, frames, self._guide.line, angle, f'{self.joint}.{what}')
 
     def _foot(self, frames: Frames) -> Foot | None:
         """Where the corner is along an elastic link, if the guide goes along it."""
         j, m = self._guide, self.mechanism
-        rail = rail_of(m, self.joint, j.first, j.on_first, j.axis)
+        rail = rail_of(m, self.joint, j.line)
         if rail is None:
             return None
         corner = frames.position(m.point(j.second, self.corner), f'{self.name}.corner')

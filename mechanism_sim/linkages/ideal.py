@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
-from mechanism_sim.linkages.four_bar import Array
 from mechanism_sim.linkages.loops import FourBarLoop
 from mechanism_sim.linkages.passage import Passage
 from mechanism_sim.numerics.polynomials import TWO_PI
@@ -19,83 +19,8 @@ from mechanism_sim.planar.switched_functions import Edges
 _EPS = float(np.finfo(float).eps)
 
 
-class IdealMotion(Protocol):
-    """Positions, rates and accelerations of all n coordinates from those of p driven ones."""
-
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names of all coordinates."""
-
-    @property
-    def driven(self) -> list[int]:
-        """Which of them are driven."""
-
-    @property
-    def sliding(self) -> list[int]:
-        """Which of them are displacements."""
-
-    @property
-    def edges(self) -> Edges | None:
-        """Where its closures change; None if they do not."""
-
-    def follow(
-        self, last: Array, times: Array, driven: Array, now: Array, slope: Array | None
-    ) -> tuple[Array, Array | None]:
-        """Coordinates a little after others.
-
-        Parameters
-        ----------
-        last : (n,)
-        times : (N,) [s] since then
-        driven : (p, N) the driven coordinates then
-        now : (3, p) the driven coordinates, their rates and accelerations at `last`
-        slope : (n,) what an earlier call gave for `last`
-
-        Returns
-        -------
-        q (n, N), and near a singular position the direction (n,) of the branch at the last one.
-
-        Raises
-        ------
-        RunError
-            If the loops cannot be closed there.
-        """
-
-    def motion(
-        self,
-        near: Array,
-        v: Array,
-        a: Array,
-        along: tuple[Array, Array] | None = None,
-        rows: Array | None = None,
-    ) -> tuple[Array, Array, Array, Passage | None]:
-        """Coordinates, rates and accelerations (n, N) near others.
-
-        Parameters
-        ----------
-        near : (n, N)
-        v, a : (p, N) rates and accelerations of the driven coordinates
-        along : rates and accelerations (n, N) of all, near enough to tell branches apart where
-            the position is singular
-        rows : (k, N) values of the switches, if not those at these places
-
-        `rows` are the values of the switches, if not those at these places.
-
-        Raises
-        ------
-        RunError
-            If the loops cannot be closed there.
-        """
-
-    def rounding(self, q: Array) -> float:
-        """How well [rad, or parts of its size] coordinates (n, N) are determined."""
-
-    def left_open(self, q: Array) -> float:
-        """Largest distance [m] by which loops are open at coordinates (n, N)."""
-
-
 class FourBarMotion:
-    """A four-bar, in closed form."""
+    """The same as `LinkageMotion` of a four-bar, in closed form."""
 
     sliding: list[int] = []  # noqa: RUF012 - a list, because it is an index
     edges = None
@@ -152,7 +77,14 @@ class FourBarMotion:
 
 
 class LinkageMotion:
-    """Any linkage, by Newton's method on its closures."""
+    """Positions, rates and accelerations of all n coordinates from those of p driven ones.
+
+    Of any linkage, by Newton's method on its closures.
+
+    Attributes
+    ----------
+    driven, sliding : which of the coordinates are driven, and which are displacements
+    """
 
     def __init__(self, kinematics: Kinematics) -> None:
         self.kinematics = kinematics
@@ -170,6 +102,18 @@ class LinkageMotion:
         self, last: Array, times: Array, driven: Array, now: Array, slope: Array | None
     ) -> tuple[Array, Array | None]:
         """Coordinates (n, N) a little later: from where the last ones point, or on their branch.
+
+        Parameters
+        ----------
+        last : (n,)
+        times : (N,) [s] since then
+        driven : (p, N) the driven coordinates then
+        now : (3, p) the driven coordinates, their rates and accelerations at `last`
+        slope : (n,) what an earlier call gave for `last`
+
+        Returns
+        -------
+        q (n, N), and near a singular position the direction (n,) of the branch at the last one.
 
         Raises
         ------
@@ -283,7 +227,16 @@ class LinkageMotion:
         along: tuple[Array, Array] | None = None,
         rows: Array | None = None,
     ) -> tuple[Array, Array, Array, Passage | None]:
-        """Coordinates, rates and accelerations, by Newton's method or on their branch."""
+        """Coordinates, rates and accelerations (n, N), by Newton's method or on their branch.
+
+        Parameters
+        ----------
+        near : (n, N) coordinates
+        v, a : (p, N) rates and accelerations of the driven coordinates
+        along : rates and accelerations (n, N) of all, near enough to tell branches apart where
+            the position is singular
+        rows : (k, N) values of the switches, if not those at these places
+        """
         kinematics, passage = self.kinematics, None
         q, rates, accelerations = near.copy(), np.empty_like(near), np.empty_like(near)
         rest = np.ones(near.shape[1], dtype=bool)
@@ -317,12 +270,15 @@ class LinkageMotion:
         return q, rates, accelerations, passage
 
     def rounding(self, q: Array) -> float:
-        """What rounding leaves open, by the independence of the closures."""
+        """How well [rad, or parts of its size] coordinates (n, N) are determined."""
         return _rounding(self.kinematics.independence(q))
 
     def left_open(self, q: Array) -> float:
         """Largest distance from zero of a closure [m]."""
         return float(np.abs(self.kinematics.closure(q)[0]).max(initial=0.0))
+
+
+IdealMotion: TypeAlias = FourBarMotion | LinkageMotion
 
 
 def _rounding(independence: Array) -> float:

@@ -10,7 +10,7 @@ the slot: the motion goes on without an impact.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Annotated, ClassVar, NamedTuple
@@ -19,18 +19,17 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.configuration import off_line, turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, moment_of
-from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import (
     SLOT,
-    Array,
     Draft,
     Told,
     View,
@@ -129,18 +128,6 @@ class Geneva(HigherPair):
         """Where the pin touches its slot."""
         return Touch(self.closure(mechanism), f'{self.name}.friction', radius, at_pin=True)
 
-    def equation(self, pose: Callable[[str], Pose]) -> Equation:
-        """Distance of the pin from the nearest slot, or of the locked wheel from its place [m]."""
-        wheel = pose(self.second)
-        pin, centre = turned(pose(self.first), self.on_first), turned(wheel, self.on_second)
-        between, z = 2.0 * math.pi / self.slots, pin[0] - centre[0]
-        if math.hypot(*z) >= self.entry:
-            too_far = math.remainder(wheel[2] - self.towards - 0.5 * between, between)
-            return self.entry * too_far, {self.second: np.array([0.0, 0.0, self.entry])}
-        nearest = between * round((math.atan2(z[1], z[0]) - wheel[2]) / between)
-        value, by_wheel, by_pin = off_line(wheel, nearest, centre, pin)
-        return value, {self.first: by_pin, self.second: by_wheel}
-
 
 @dataclass(frozen=True)
 class SlottedRack(HigherPair):
@@ -191,18 +178,6 @@ class SlottedRack(HigherPair):
         """Where the pin touches its slot."""
         return Touch(self.closure(mechanism), f'{self.name}.friction', radius, at_pin=True)
 
-    def equation(self, pose: Callable[[str], Pose]) -> Equation:
-        """Distance of the pin from the nearest slot, or of the locked rack from its place [m]."""
-        a, turning_a = turned(pose(self.first), self.on_first)
-        b, turning_b = turned(pose(self.second), self.on_second)
-        u = np.array([math.cos(self.axis), math.sin(self.axis)])
-        by_rack = np.array([*u, u @ turning_b])
-        if u[0] * (a[1] - self.centre[1]) - u[1] * (a[0] - self.centre[0]) >= 0.0:
-            off = math.remainder(u @ (b - self.centre) - 0.5 * self.pitch, self.pitch)
-            return off, {self.second: by_rack}
-        off = math.remainder(u @ (a - b), self.pitch)
-        return off, {self.first: np.array([*u, u @ turning_a]), self.second: -by_rack}
-
 
 @dataclass(frozen=True)
 class GenevaClosure(HigherClosure[Geneva]):
@@ -225,15 +200,24 @@ class GenevaClosure(HigherClosure[Geneva]):
         ``(r/N) sin(N (phi - psi))`` with the pin at polar coordinates r, phi about the wheel's
         centre; ``(R/N) sin(N (psi - towards))`` with the slots' mouths at R.
         """
-        joint, p = self.joint, frames.parameters
-        x, y = self._pin(frames)
-        wheel = frames.angle(self.mechanism.frame(joint.second)[0])
-        radius, angle = _polar(x, y)
-        slot = radius * _sine(angle - wheel, joint.slots)
-        towards = lift(dense(p(f'{self.name}.towards', joint.towards)))
-        entry = lift(dense(p(f'{self.name}.entry', joint.entry)))
-        locked = _sine(wheel - towards, joint.slots) * entry
+        radius, beside, turned = self._off(frames)
+        slot = radius * _sine(beside, self.joint.slots)
+        entry = lift(dense(frames.parameters(f'{self.name}.entry', self.joint.entry)))
+        locked = _sine(turned, self.joint.slots) * entry
         return _either(self.engaged(frames), slot, locked)
+
+    def _off(self, frames: Frames) -> tuple[Jet, Jet, Jet]:
+        """Radius r [m]; angles of the pin off a slot, and of the wheel off its locked place."""
+        wheel = frames.angle(self.mechanism.frame(self.joint.second)[0])
+        radius, angle = _polar(*self._pin(frames))
+        towards = lift(dense(frames.parameters(f'{self.name}.towards', self.joint.towards)))
+        return radius, angle - wheel, wheel - towards
+
+    def facing(self, frames: Frames) -> list[Term]:
+        """Cosines whose sines are the offset: on a slot, or, locked, in the middle of two."""
+        n, (_, *off), on = self.joint.slots, self._off(frames), self.engaged(frames)
+        slot, locked = (hy.cos(n * x.value) for x in off)
+        return [on * slot - (1.0 - on) * locked]
 
     def values(self, frames: Frames) -> list[Jet]:
         """The offset [m]."""
@@ -275,18 +259,15 @@ class GenevaClosure(HigherClosure[Geneva]):
 class RackClosure(HigherClosure[SlottedRack]):
     """A slotted rack without play."""
 
-    def _along(self, frames: Frames, x: Jet, y: Jet) -> tuple[Jet, Jet]:
-        """Components along the rack and across it."""
-        p, a = frames.parameters, self.joint.axis
-        c = lift(dense(p(f'{self.name}.axis.x', math.cos(a))))
-        s = lift(dense(p(f'{self.name}.axis.y', math.sin(a))))
-        return x * c + y * s, y * c - x * s
-
-    def _from_centre(self, frames: Frames, link: str, at: tuple[float, float]) -> Pair:
+    def _from_centre(self, frames: Frames, link: str, at: Vector2) -> Pair:
+        """Of a point of a link: components along the rack and across it [m]."""
         label = f'{self.name}.of:{link}'
         x, y = frames.position(self.mechanism.point(link, at), label)
         ox, oy = frames.position({(GROUND, None): self.joint.centre}, f'{self.name}.centre')
-        return self._along(frames, x - ox, y - oy)
+        x, y, p, a = x - ox, y - oy, frames.parameters, self.joint.axis
+        c = lift(dense(p(f'{self.name}.axis.x', math.cos(a))))
+        s = lift(dense(p(f'{self.name}.axis.y', math.sin(a))))
+        return x * c + y * s, y * c - x * s
 
     def engaged(self, frames: Frames) -> Term:
         """1 while the pin is on the right of the axis through the crank's centre."""
@@ -296,17 +277,28 @@ class RackClosure(HigherClosure[SlottedRack]):
 
     def values(self, frames: Frames) -> list[Jet]:
         """How far the pin, or the locked rack, is off its place along the rack [m]."""
-        joint = self.joint
-        pin, _ = self._from_centre(frames, joint.first, joint.on_first)
-        slot, _ = self._from_centre(frames, joint.second, joint.on_second)
-        wave = dense(frames.parameters(f'{self.name}.wave', 2.0 * math.pi / joint.pitch))
+        wave, *off = self._off(frames)
 
         def periodic(x: Jet) -> Jet:
             argument = wave * dense(x.value)
             c, s = hy.cos(argument), hy.sin(argument)
             return x.chain(s / wave, c, -(wave * s))
 
-        return [_either(self.engaged(frames), periodic(pin - slot), periodic(slot))]
+        return [_either(self.engaged(frames), *map(periodic, off))]
+
+    def _off(self, frames: Frames) -> tuple[Term, Jet, Jet]:
+        """The slots' wave number [1/m]; how far the pin is off one, and the rack off its place."""
+        joint = self.joint
+        pin, _ = self._from_centre(frames, joint.first, joint.on_first)
+        slot, _ = self._from_centre(frames, joint.second, joint.on_second)
+        wave = dense(frames.parameters(f'{self.name}.wave', 2.0 * math.pi / joint.pitch))
+        return wave, pin - slot, slot
+
+    def facing(self, frames: Frames) -> list[Term]:
+        """Cosines whose sines are the offset: on a slot, or, locked, in the middle of two."""
+        (wave, *off), on = self._off(frames), self.engaged(frames)
+        slot, locked = (hy.cos(wave * dense(x.value)) for x in off)
+        return [on * slot - (1.0 - on) * locked]
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """Along the rack: at the pin, or, locked, at the slot's own point."""

@@ -11,12 +11,10 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.configuration import Constraints
 from mechanism_sim.planar.mechanism import HigherPair
-
-Array = NDArray[np.float64]
 
 #: singular values of the constraints below this part of the largest count as zero
 RANK_TOLERANCE = 1e-8
@@ -42,6 +40,11 @@ class Mobility(NamedTuple):
     def redundancy(self) -> int:
         """How many constraints say here what others say already."""
         return self.instantaneous - self.kutzbach
+
+    @property
+    def repeating(self) -> tuple[str, ...]:
+        """The joints that repeat, wherever the mechanism moves, what those before them say."""
+        return self.extra if self.redundancy and self.instantaneous == self.finite else ()
 
 
 def kutzbach(links: int, lower_pairs: int, higher_pairs: int = 0) -> int:

@@ -16,12 +16,12 @@ import scipy
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, ModeChange
 from mechanism_sim.hybrid.physics import each_instant, outside, rows
 from mechanism_sim.hybrid.snapshot import Snapshot
-from mechanism_sim.linkages.four_bar import Array
 from mechanism_sim.linkages.ideal import IdealMotion
 from mechanism_sim.linkages.passage import Passage, with_limits
 from mechanism_sim.linkages.piece_ends import HiddenEdges, LoadsOnPieces, Piece
@@ -87,14 +87,13 @@ class NominalRun:
         first: Array,
         size: float,
         edges: Edges | None = None,
-        start: float = 0.0,
         slope: Array | None = None,
         turns: Sequence[int] | None = None,
         steep: SteepLoads | None = None,
     ) -> None:
         self.steps = 0
         self.events = 0
-        self._time = Fraction(start)
+        self._time = Fraction(0)
         self._ideal = ideal
         self._edges = edges
         names, parameters = ideal.coordinates, steep.parameters if steep else ()
@@ -233,8 +232,9 @@ class NominalRun:
                         if seen:
                             continue
                     share = 1.0
-                    if not resolved and h > SHORTEST * self._width():
-                        share = self._resolved(piece)
+                    if self._loads and not resolved and h > SHORTEST * self._width():
+                        rates = [abs(local[1]) for _, local in self._local if len(local) > 1]
+                        share = self._loads.share(piece, max(rates, default=0.0))
                     if share == 1.0:
                         break
                     h, resolved = share * h, True
@@ -280,12 +280,6 @@ class NominalRun:
             coefficients[i] = 0.0
             coefficients[i, : len(local)] = local
         return coefficients
-
-    def _resolved(self, piece: Piece) -> float:
-        """Share of a piece on which its nodes tell all of its loads."""
-        assert self._loads is not None  # noqa: S101 - nobody asks otherwise
-        rates = [abs(local[1]) for _, local in self._local if len(local) > 1]
-        return self._loads.share(piece, max(rates, default=0.0))
 
     def _before_switch(self, h: float, looked: Sequence[float] = ()) -> float:
         """The next h [s], or as much of it as ends where another row of a switch begins.

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.branch import SAMPLES, SINGULAR, Branch, crossing, limits
 from mechanism_sim.planar.inverse_dynamics import Observation, power
 from mechanism_sim.planar.kinematics import Kinematics
-
-Array = NDArray[np.float64]
 
 _SHORTER = 4  # halvings of the time in which forces are compared beside a singular position
 

@@ -9,13 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.enclosure import MUCH, Course, falls, reach_of
 from mechanism_sim.planar.steep_loads import ResolvedLoads, SteepLoads
 from mechanism_sim.planar.switched_functions import GuardRanges
-
-Array = NDArray[np.float64]
 
 _FLOOR = 1e-12  # of what moves the lightest link as fast as the drives: no load
 

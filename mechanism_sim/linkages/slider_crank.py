@@ -14,9 +14,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -40,13 +37,6 @@ class SliderCrank:
         if self.rod == self.crank:
             return 'both'
         return 'crank' if self.crank < self.rod else 'rod'
-
-    def position(self, th2: ArrayLike) -> Array:
-        """Where the slider is [m]; NaN where the rod does not reach its line."""
-        th2 = np.asarray(th2, np.float64)
-        across = self.offset - self.crank * np.sin(th2)
-        with np.errstate(invalid='ignore'):
-            return np.asarray(self.crank * np.cos(th2) + np.sqrt(self.rod**2 - across**2))
 
     def crank_limits(self) -> tuple[float, float]:
         """Least and greatest sine of the crank angle at which the rod reaches the line.
@@ -87,15 +77,6 @@ class SliderCrank:
         stretched, folded = self.dead_points()
         longer = np.pi + abs(folded - stretched - np.pi)
         return float(longer / (2.0 * np.pi - longer))
-
-    def transmission_angle(self, th2: ArrayLike) -> Array:
-        """Angle between the rod and the normal of the slider's line [rad], 0 to pi.
-
-        The force of the rod moves the slider best at pi/2; at 0 and pi it cannot move it.
-        """
-        across = (self.offset - self.crank * np.sin(np.asarray(th2, np.float64))) / self.rod
-        with np.errstate(invalid='ignore'):
-            return np.asarray(np.arccos(across))
 
     def transmission_range(self) -> tuple[float, float]:
         """Least and greatest transmission angle [rad] that the linkage comes to."""

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.configuration import off_line, turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
-from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose
+from mechanism_sim.planar.mechanism import HigherPair, Line, Mechanism
 from mechanism_sim.planar.play import Wall
-from mechanism_sim.planar.rails import Foot, rail_of
+from mechanism_sim.planar.rails import Foot, along, rail_of
 from mechanism_sim.planar.view import Draft
 
 
@@ -34,20 +33,23 @@ class PinInSlot(HigherPair):
         way = draft.within(self.second, pin)
         draft.rail('slot', (self.second, self.on_second), self.axis, way)
 
+    @property
+    def line(self) -> Line:
+        """The centre line of the slot."""
+        return Line(self.second, self.on_second, self.axis)
+
     def closure(self, mechanism: Mechanism) -> SlotClosure:
         """The pin stays on the centre line."""
         return SlotClosure(self, mechanism)
 
+    @property
+    def rubbing_wall(self) -> type[Wall]:
+        """Along which the pin's surface slides."""
+        return SlotWall
+
     def bears(self, _: str) -> bool:
         """Pins are at points, slots at cross-sections or along the axis."""
         return True
-
-    def equation(self, pose: Callable[[str], Pose]) -> Equation:
-        """The distance of the pin from the centre line [m]."""
-        slot = pose(self.second)
-        on, pin = turned(slot, self.on_second), turned(pose(self.first), self.on_first)
-        value, by_slot, by_pin = off_line(slot, self.axis, on, pin)
-        return value, {self.first: by_pin, self.second: by_slot}
 
 
 @dataclass(frozen=True)
@@ -56,17 +58,14 @@ class SlotClosure(HigherClosure[PinInSlot]):
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """Across the slot, 90 degrees counterclockwise from its axis."""
-        joint = self.joint
         if foot := self.foot(frames):
             return foot.normal
-        axis = joint.axis + 0.5 * math.pi
-        normal = self.mechanism.direction(joint.second, axis, joint.on_second)
-        return frames.position(normal, f'{self.name}.normal')
+        return along(self.mechanism, frames, self.joint.line, 0.5 * math.pi, f'{self.name}.normal')
 
     def foot(self, frames: Frames) -> Foot | None:
         """Where the pin is along an elastic link, if the slot goes along it."""
         j, m = self.joint, self.mechanism
-        rail = rail_of(m, self.name, j.second, j.on_second, j.axis)
+        rail = rail_of(m, self.name, j.line)
         if rail is None:
             return None
         label = f'{self.name}.first'
@@ -100,14 +99,13 @@ class SlotWall(Wall):
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """From the centre line to the wall."""
-        joint, way = self.closure.joint, 0.5 if self.side == 'left' else -0.5
+        m, line, left = self.closure.mechanism, self.closure.joint.line, self.side == 'left'
         if foot := self._foot(frames):
-            (x, y), left = foot.normal, self.side == 'left'
+            x, y = foot.normal
             return (x, y) if left else (-x, -y)
-        across = self.closure.mechanism.direction(
-            joint.second, getattr(joint, 'axis', 0.0) + way * math.pi, joint.on_second
-        )
-        return frames.position(across, f'{self.name}.normal')
+        assert line is not None  # noqa: S101 - that of the slot
+        side = 0.5 * math.pi if left else -0.5 * math.pi
+        return along(m, frames, line, side, f'{self.name}.normal')
 
     def slip(self, frames: Frames) -> Jet:
         """Velocity of the pin's surface along the wall, in the direction of the normal turned.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
@@ -20,8 +21,6 @@ from ros_interfaces.classes import (
     uint8_array,
 )
 from ros_interfaces.stamps import stamp
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.export.ideal import frame_of
 from mechanism_sim.export.palette import ACCENT, INK, PAPER, colour, rgb, tint
 from mechanism_sim.export.shapes import OPEN, Shape, Style
@@ -18,7 +18,6 @@ from mechanism_sim.messages import ColorRGBA, Marker, MarkerArray, Point
 from mechanism_sim.planar.points import Vector2
 from mechanism_sim.planar.view import Kind
 
-Array = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
 """Red, green, blue, and how opaque, 0 to 1 each."""
 

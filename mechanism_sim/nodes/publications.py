@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.messages import (
@@ -35,7 +35,6 @@ from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine
 from ros_interfaces.layout import Layout
 
-Array = NDArray[np.float64]
 ENERGIES = 'kinetic_energy', 'potential_energy', 'drive_work', 'dissipated'
 
 

@@ -17,9 +17,13 @@ from contextlib import contextmanager
 from copy import copy
 from functools import lru_cache
 from hashlib import sha256
+from itertools import accumulate
+from typing import Any
 
 import heyoka as hy
+import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.memory import give_back
 from mechanism_sim.numerics.code_cache import compiled
 
@@ -167,3 +171,40 @@ def integrator(
     """
     states, rates = zip(*equations, strict=True)
     return copy(_integrator(states, _Terms([*rates, *guards]), tolerance, compact, flag))
+
+
+COLUMNS = 1024
+"""Evaluated at once: inputs, parameters and results then stay in a processor's cache."""
+
+
+class Evaluation:
+    """A compiled function whose parameters are the same for all columns.
+
+    heyoka wants the parameters of every column; they are repeated once and kept.
+
+    Parameters
+    ----------
+    function : of heyoka, of v variables
+    parameters : values of ``par[]``; what the function does not use may follow
+    sizes : of the groups into which its results are split
+    """
+
+    def __init__(self, function: Any, parameters: Sequence[float], sizes: Sequence[int]) -> None:
+        self._function = function
+        self._parameters = np.array(parameters[: function.nparams])[:, None]
+        self._repeated = np.repeat(self._parameters, COLUMNS, axis=1)
+        self._rows = sum(sizes)
+        ends = list(accumulate(sizes))
+        self._groups = [slice(e - size, e) for e, size in zip(ends, sizes, strict=True)]
+
+    def __call__(self, inputs: Array) -> list[Array]:
+        """The groups of results, (size, N) each, at `inputs` (v, N)."""
+        count = inputs.shape[1]
+        out = np.empty((self._rows, count))
+        for first in range(0, count, COLUMNS):
+            block = np.ascontiguousarray(inputs[:, first : first + COLUMNS])
+            width, pars = block.shape[1], self._repeated
+            if width < COLUMNS:
+                pars = np.repeat(self._parameters, width, axis=1)
+            out[:, first : first + COLUMNS] = self._function(block, pars=pars)
+        return [out[group] for group in self._groups]

@@ -16,9 +16,9 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.kernels import kernel
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _PIVOT = 1e-11  # least pivot, the entries being about 1

@@ -9,11 +9,9 @@ from typing import Literal
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.polynomials import TWO_PI, shift_powers
-
-Array = NDArray[np.float64]
 
 _WIDEST = 0.25 * TWO_PI
 """Of the intervals of a curve that repeats every turn."""

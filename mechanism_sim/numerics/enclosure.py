@@ -23,10 +23,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.expressions import Node, numbers, tree_of
-
-Array = NDArray[np.float64]
 
 _FORETOLD = 8.0  # degree of polynomials of a motion that its Taylor series foretells
 _FAR = {'sin': 2.0, 'cos': 2.0, 'exp': 1.5, 'tanh': 0.7, 'atan': 0.5}
@@ -143,11 +142,6 @@ def _power(x: Ball, n: float) -> Ball:
     return _rising(f)(x) if n % 2.0 == 1.0 else _above_zero(f)(x)
 
 
-def _distance(y: Ball, x: Ball) -> Any:
-    """The least distance of the point (x, y) from the origin."""
-    return hy.sqrt(y.least * y.least + x.least * x.least)
-
-
 def _direction(y: Ball, x: Ball) -> Ball:
     """Of the angle of the point (x, y), seen from the origin: a disk about it spans an arc."""
     angle = hy.atan2(y.middle, x.middle)
@@ -160,11 +154,6 @@ def _direction(y: Ball, x: Ball) -> Ball:
     return Ball(angle, hy.select(inside, arc, hy.pi))
 
 
-def _hull_slope(x: Ball) -> Any:
-    y = hy.tanh(x.least)
-    return 1.0 - y * y
-
-
 _UNARY: dict[str, tuple[Callable[[Ball], Ball], Callable[[Ball], Any]]] = {
     'sin': (_wave(hy.sin, hy.cos), lambda _: hy.expression(1.0)),
     'cos': (_wave(hy.cos, hy.sin), lambda _: hy.expression(1.0)),
@@ -172,7 +161,7 @@ _UNARY: dict[str, tuple[Callable[[Ball], Ball], Callable[[Ball], Any]]] = {
     'exp': (_rising(hy.exp), lambda x: hy.exp(x.ends[1])),
     'log': (_above_zero(hy.log), lambda x: 1.0 / x.least),
     'sqrt': (_above_zero(hy.sqrt), lambda x: 0.5 / hy.sqrt(x.least)),
-    'tanh': (_rising(hy.tanh), _hull_slope),
+    'tanh': (_rising(hy.tanh), lambda x: 1.0 - hy.tanh(x.least) * hy.tanh(x.least)),
     'atan': (_rising(hy.atan), lambda x: 1.0 / (1.0 + x.least * x.least)),
 }
 """By name: the enclosure, and the largest slope in it."""
@@ -294,7 +283,9 @@ def _backward(
         elif kind == 'power':
             slopes = [abs(n) * (a.size if n >= 1.0 else a.least) ** (n - 1.0)]
         elif kind == 'atan2':
-            slopes = [1.0 / _distance(a, balls[args[1]])] * 2
+            # over the least distance of the point from the origin
+            y, x = a.least, balls[args[1]].least
+            slopes = [1.0 / hy.sqrt(y * y + x * x)] * 2
         else:
             slopes = [_UNARY[kind][1](a)]
         for i, slope in zip(args, slopes, strict=True):

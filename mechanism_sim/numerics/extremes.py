@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array, joined, some
 from mechanism_sim.numerics.polynomials import (
     Nodes,
     PiecewisePolynomial,
@@ -23,7 +24,6 @@ from mechanism_sim.numerics.polynomials import (
     chebyshev_nodes,
 )
 
-Array = NDArray[np.float64]
 Functions = Callable[[Array], Array]
 Glance = Callable[[slice], Array]
 Values = Callable[[NDArray[np.intp], Array | Nodes], Array]
@@ -65,53 +65,13 @@ class _Intervals(NamedTuple):
     wanted: NDArray[np.bool_]  #: (2 C, K) which heights may be exceeded there
     error: Array  #: (C, K) of the interpolants of what they are halves of
     stalled: NDArray[np.int8]  #: (C, K) how many times in turn halving did not lessen it
-
-    def of(self, chosen: NDArray[np.intp]) -> _Intervals:
-        """Some of them."""
-        return _Intervals(
-            self.a[chosen],
-            self.b[chosen],
-            self.wanted[:, chosen],
-            self.error[:, chosen],
-            self.stalled[:, chosen],
-        )
+    bound: Array  #: (2 C, K) what heights there cannot exceed
 
     def halves(self) -> _Intervals:
         """All first halves, then all second ones."""
         middle = 0.5 * (self.a + self.b)
-        return _Intervals(
-            np.append(self.a, middle),
-            np.append(middle, self.b),
-            np.tile(self.wanted, 2),
-            np.tile(self.error, 2),
-            np.tile(self.stalled, 2),
-        )
-
-    def joined(self, more: _Intervals) -> _Intervals:
-        """These and others."""
-        return _Intervals(
-            np.append(self.a, more.a),
-            np.append(self.b, more.b),
-            np.append(self.wanted, more.wanted, axis=1),
-            np.append(self.error, more.error, axis=1),
-            np.append(self.stalled, more.stalled, axis=1),
-        )
-
-
-class _Pending(NamedTuple):
-    """Intervals that are to be halved, and what heights (2 C, K) there cannot exceed."""
-
-    intervals: _Intervals
-    bound: Array
-
-    def of(self, chosen: NDArray[np.intp]) -> _Pending:
-        """Some of them."""
-        return _Pending(self.intervals.of(chosen), self.bound[:, chosen])
-
-    def joined(self, more: _Pending) -> _Pending:
-        """These and others."""
-        bound = np.append(self.bound, more.bound, axis=1)
-        return _Pending(self.intervals.joined(more.intervals), bound)
+        twice: Any = (np.tile(x, 2) for x in self[2:])
+        return _Intervals(np.append(self.a, middle), np.append(middle, self.b), *twice)
 
 
 class ExtremeSearch:
@@ -235,19 +195,19 @@ class ExtremeSearch:
 
     def _look_through(self, functions: Functions, a: Array, b: Array) -> None:
         count = len(self._group)
-        wanted = np.ones((2 * count, len(a)), bool)
-        error, stalled = np.full((count, len(a)), np.inf), np.zeros((count, len(a)), np.int8)
-        pending = self._examine(functions, _Intervals(a, b, wanted, error, stalled))
+        every = np.full((2 * count, len(a)), np.inf)
+        stalled = np.zeros((count, len(a)), np.int8)
+        wanted = every > 0.0
+        pending = self._examine(functions, _Intervals(a, b, wanted, every[:count], stalled, every))
         for _ in range(_ROUNDS):
             excess = (pending.bound - self._limit[:, None]).max(axis=0, initial=-np.inf)
             order = np.argsort(-excess, kind='stable')[: int((excess > 0.0).sum())]
             if not len(order):
                 return
-            halved = pending.intervals.of(order[:_MOST])
-            found = self._examine(functions, halved.halves())
-            pending = pending.of(order[_MOST:]).joined(found)
+            found = self._examine(functions, some(pending, order[:_MOST]).halves())
+            pending = joined([some(pending, order[_MOST:]), found])
 
-    def _examine(self, functions: Functions, x: _Intervals) -> _Pending:
+    def _examine(self, functions: Functions, x: _Intervals) -> _Intervals:
         """Look into intervals; those remain that are to be halved."""
         values = self._enter(functions, x.a, x.b)
         c = chebyshev_coefficients(values[:, :, 2:-2])
@@ -267,8 +227,8 @@ class ExtremeSearch:
             height + 2.0 * error[pairs.row % len(error), pairs.interval], self._highest[pairs.row]
         )
         bound[done] = -np.inf
-        left = _Intervals(x.a, x.b, bound > -np.inf, error, stalled)
-        return _Pending(left, bound).of(np.flatnonzero(left.wanted.any(axis=0)))
+        left = _Intervals(x.a, x.b, bound > -np.inf, error, stalled, bound)
+        return some(left, np.flatnonzero(left.wanted.any(axis=0)))
 
     def _enter(self, functions: Functions, a: Array, b: Array) -> Array:
         """The functions at both ends, close to these, and at the nodes between: (C, K, n + 4)."""

@@ -19,7 +19,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechanism_sim.arrays import Array
+
 ComplexArray = NDArray[np.complex128]
 Functions = Callable[[Array], Array]
 """Values (C, N) of C functions at times (N,) [s]."""

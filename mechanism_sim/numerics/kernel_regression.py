@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechanism_sim.arrays import Array
 
 _LENGTHS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # over the median distance of two samples
 _RIDGES = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)

@@ -14,10 +14,9 @@ import scipy
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.polynomials import gauss_nodes
 from mechanism_sim.numerics.quadrature import Parts, Values
-
-Array = NDArray[np.float64]
 
 RELATIVE = 1e-10
 """Error of the interpolants that is aimed at, of the largest magnitude so far."""

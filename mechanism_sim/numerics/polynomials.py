@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechanism_sim.arrays import Array
 
 TWO_PI = 2.0 * np.pi
 _GATHERED = 2048  # instants whose coefficients are gathered at once

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array, joined, some
 from mechanism_sim.numerics.polynomials import (
     Nodes,
     PiecewisePolynomial,
@@ -32,7 +33,6 @@ from mechanism_sim.numerics.polynomials import (
     gauss_nodes,
 )
 
-Array = NDArray[np.float64]
 Values = Callable[[NDArray[np.intp], Array | Nodes], Array]
 """Functions (C, K n) in K segments at times (K, n) [s] after their starts, or at n `Nodes`."""
 
@@ -80,12 +80,6 @@ class Parts(NamedTuple):
     end: Array  #: (m,) [s] likewise
     whole: NDArray[np.bool_]  #: (m,) whether it is all of the segment
 
-    def of(self, chosen: NDArray[np.intp] | slice) -> Parts:
-        """Some of them."""
-        return Parts(
-            self.segment[chosen], self.begin[chosen], self.end[chosen], self.whole[chosen]
-        )
-
 
 def parts_of(curve: PiecewisePolynomial, since: float = -np.inf, until: float = np.inf) -> Parts:
     """What each segment holds of the time from `since` to `until` [s].
@@ -132,8 +126,8 @@ def where_steep(argument: Values, name: str, parts: Parts) -> Parts:
             else:
                 varies = (high + step > -_NOTHING) & (low - step < _INFINITE)
                 steep = (varies if name == 'exp' else near < _CONSTANT) & (high - low > _STEADY)
-        done.append(parts.of(np.flatnonzero(~steep)))
-        parts = parts.of(np.flatnonzero(steep))
+        done.append(some(parts, np.flatnonzero(~steep)))
+        parts = some(parts, np.flatnonzero(steep))
         if not len(parts.segment):
             break
         middle, none = 0.5 * (parts.begin + parts.end), np.zeros(2 * len(parts.begin), bool)
@@ -143,9 +137,8 @@ def where_steep(argument: Values, name: str, parts: Parts) -> Parts:
             np.append(middle, parts.end),
             none,
         )
-    every = [np.concatenate(x) for x in zip(*done, parts, strict=True)]
-    order = np.lexsort((every[1], every[0]))
-    return Parts(*(x[order] for x in every))
+    every = joined([*done, parts])
+    return some(every, np.lexsort((every.begin, every.segment)))
 
 
 class Rule(NamedTuple):
@@ -190,7 +183,6 @@ def integrate(
     in_order: bool = True,
     alike: bool = False,
     smooth: Rule = SMOOTH,
-    relative: float | None = None,
     foretold: bool = False,
     beside: Array | None = None,
     corners: bool = False,
@@ -206,8 +198,6 @@ def integrate(
         rounding
     alike : whether the functions are of one kind, so that the largest of them tells it for all
     smooth : `SMOOTH` or `SECOND`
-    relative : error that is aimed at, of the integral of the magnitude; `RELATIVE` or `FORETOLD`
-        if not given
     foretold : whether functions vary as fast as the steps of the motion say, and nothing else:
         then coefficients go on to fall as they do
     beside : (m,) mean magnitudes so far of functions that these are compared with
@@ -225,7 +215,7 @@ def integrate(
         largest = np.zeros(0) if largest is None else largest
         none = np.zeros((len(largest), 0))
         return Integrals(none, none, largest, none, none)
-    relative = relative or (FORETOLD if foretold else RELATIVE)
+    relative = FORETOLD if foretold else RELATIVE
     width = parts.end - parts.begin
     whole = _apply(values, parts, powers, smooth)
     if foretold:
@@ -257,7 +247,7 @@ def integrate(
         chosen = np.flatnonzero(wanted.any(axis=0))
         if not len(chosen):
             break
-        parent, first = parent.of(chosen), interval[chosen]
+        parent, first = some(parent, chosen), interval[chosen]
         wanted, width = np.tile(wanted[:, chosen], n), np.tile(width[chosen] / n, n)
         begin, interval = np.tile(begin[chosen], n), np.tile(first, n)
         begin += np.repeat(np.arange(n), len(chosen)) * width
@@ -305,7 +295,7 @@ def _confirmed(
     if not len(chosen):
         return whole
     other = SMOOTH if smooth is SECOND else SECOND
-    again = _apply(values, parts.of(chosen), powers[chosen], other)
+    again = _apply(values, some(parts, chosen), powers[chosen], other)
     differ = np.full(limit.shape, np.inf)
     differ[:, chosen] = np.abs(again.value - whole.value[:, chosen])
     agree = np.where(differ <= limit, np.maximum(sharper, differ), np.inf)
@@ -322,10 +312,6 @@ class _Applied(NamedTuple):
     tail: Array  #: what is not resolved, as large as the function where nothing is
     first: Array  #: what is resolved first, and what next, of Gauss's rule
     middle: Array
-
-    def of(self, chosen: NDArray[np.intp]) -> _Applied:
-        """Some of the intervals."""
-        return _Applied(*(x[:, chosen] for x in self))
 
     def sharper(self, foretold: bool = False) -> _Applied:
         """The same with errors that are smaller where coefficients fall geometrically.
@@ -351,10 +337,10 @@ def _apply(values: Values, parts: Parts, powers: NDArray[np.bool_], smooth: Rule
     found: list[tuple[NDArray[np.intp], _Applied]] = []
     for rule, of_rule in ((smooth, ~powers), (POWERS, powers)):
         for at_nodes in (True, False):
-            which = np.flatnonzero(of_rule & (parts.whole == at_nodes))
-            for first in range(0, len(which), _BLOCK):
-                some = which[first : first + _BLOCK]
-                own = parts.of(some)
+            every = np.flatnonzero(of_rule & (parts.whole == at_nodes))
+            for first in range(0, len(every), _BLOCK):
+                which = every[first : first + _BLOCK]
+                own = some(parts, which)
                 width = own.end - own.begin
                 places: Array | Nodes = rule.places
                 if not at_nodes:
@@ -362,15 +348,12 @@ def _apply(values: Values, parts: Parts, powers: NDArray[np.bool_], smooth: Rule
                     places = own.begin[:, None] + inside
                 with np.errstate(invalid='ignore', over='ignore'):
                     x = np.asarray(values(own.segment, places), float)
-                    found.append((some, _applied(x, width, rule)))
+                    found.append((which, _applied(x, width, rule)))
     if len(found) == 1:
         return found[0][1]
-    order = np.concatenate([some for some, _ in found])
-    rows = (np.concatenate(x, axis=1) for x in zip(*(x for _, x in found), strict=True))
-    if (order[1:] < order[:-1]).any():
-        order = order.argsort()
-        rows = (x[:, order] for x in rows)
-    return _Applied(*rows)
+    order = np.concatenate([which for which, _ in found])
+    applied = joined([x for _, x in found])
+    return some(applied, order.argsort()) if (order[1:] < order[:-1]).any() else applied
 
 
 def _applied(x: Array, width: Array, rule: Rule) -> _Applied:

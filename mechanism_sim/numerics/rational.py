@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from mechanism_sim.arrays import Array
+
 ComplexArray = NDArray[np.complex128]
 
 _LOST = 1e-16, 10.0

@@ -11,9 +11,9 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
-Array: TypeAlias = NDArray[np.float64]
+from mechanism_sim.arrays import Array
+
 Shape: TypeAlias = Literal['rectangle', 'circle', 'any']
 
 _NODES = 4

@@ -8,11 +8,10 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.polynomial import Legendre, legendre
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.beam_sections import Taper, nodes
 
-Array: TypeAlias = NDArray[np.float64]
 Ends: TypeAlias = Literal['pinned', 'clamped']
 Functions: TypeAlias = Literal['modal', 'polynomial']
 Way: TypeAlias = Literal['pinned', 'clamped', 'fixed']

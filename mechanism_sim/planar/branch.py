@@ -16,9 +16,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.kinematics import Kinematics
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: [-] independence of the constraints (`Kinematics.independence`) below which a branch is fitted
@@ -172,7 +172,9 @@ def _fitted(
         u = np.concatenate([-x * width, x * width])
         sign = np.repeat([-1.0, 1.0], count)
         place = np.tile(q + even, 2) + np.tile(slope, 2) * u + sign * np.tile(odd, 2)
-        place[kinematics.held] = _along(np.tile(drive, 2), u)
+        place[kinematics.held] = np.tile(drive[0], 2) + u * (
+            np.tile(drive[1], 2) + 0.5 * u * np.tile(drive[2], 2)
+        )
         independence = kinematics.independence(place)
         sure = independence > np.tile(least, 2)
         if sure.any():
@@ -207,12 +209,6 @@ def _fitted(
     centre = np.einsum('m,tmc->ct', chebyshev.chebvander(0.0, _DEGREE)[0], solved)
     good &= kinematics.open_beyond_rounding(centre, OPEN) == 0.0
     return solved.transpose(0, 2, 1), good
-
-
-def _along(drive: Array, u: Array) -> Array:
-    """The held coordinates (p, N) at shifts (N,) of the parameter."""
-    along: Array = drive[0] + u * (drive[1] + 0.5 * u * drive[2])
-    return along
 
 
 def limits(values: Array, determinant: Array, independence: Array) -> Array:

@@ -13,7 +13,7 @@ from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
 from mechanism_sim.planar.protocols import Relation
-from mechanism_sim.planar.rails import Foot, rail_of
+from mechanism_sim.planar.rails import Foot, along, rail_of
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,10 @@ class Closure:
     def values(self, frames: Frames) -> list[Jet]:
         """Components of the vector from the second link's point to the first's [m]."""
         return list(frames.position(self.mechanism.separation(self.name), self.name))
+
+    def facing(self, _: Frames) -> list[Term]:
+        """Points coincide or they do not."""
+        return []
 
     def wrench(self, _: Frames, forces: Sequence[Term]) -> Wrench:
         """The rows push on the first link."""
@@ -41,17 +45,15 @@ class PrismaticClosure:
 
     def _normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """Of the line, 90 degrees counterclockwise from its axis."""
-        joint = self._joint
         if foot := self._foot(frames):
             return foot.normal
-        axis = joint.axis + 0.5 * math.pi
-        normal = self.mechanism.direction(joint.first, axis, joint.on_first)
-        return frames.position(normal, f'{self.name}.normal')
+        line = self._joint.line
+        return along(self.mechanism, frames, line, 0.5 * math.pi, f'{self.name}.normal')
 
     def _foot(self, frames: Frames) -> Foot | None:
         """Where the second link's point is on an elastic rail."""
         j, m = self._joint, self.mechanism
-        rail = rail_of(m, self.name, j.first, j.on_first, j.axis)
+        rail = rail_of(m, self.name, j.line)
         if rail is None:
             return None
         label = f'{self.name}.second'
@@ -66,21 +68,33 @@ class PrismaticClosure:
 
     def values(self, frames: Frames) -> list[Jet]:
         """Distance from the line [m]; sine of the angle by which it turned, times the size [m]."""
-        joint, foot = self._joint, self._foot(frames)
-        at = None if foot else joint.on_first
-        first = self.mechanism.direction(joint.first, joint.angle, at)
-        second = self.mechanism.direction(joint.second, 0.0, joint.on_second)
-        ux, uy = frames.position(first, f'{self.name}.first.x')
-        vx, vy = frames.position(second, f'{self.name}.second.x')
+        foot, ((ux, uy), (vx, vy)) = self._foot(frames), self._directions(frames)
         if foot:
-            away, c, s = foot.away, foot.cosine, foot.sine
-            ux, uy = ux * c - uy * s, uy * c + ux * s
+            away = foot.away
         else:
             x, y = frames.position(self.mechanism.separation(self.name), self.name)
             nx, ny = self._normal(frames)
             away = -(nx * x + ny * y)
         turned: Jet = ux * vy - uy * vx
         return [away, turned * dense(frames.parameters(f'{self.name}.size', self.mechanism.size))]
+
+    def _directions(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
+        """Of the second link's x axis as the first link holds it, and as it is."""
+        joint, foot = self._joint, self._foot(frames)
+        at = None if foot else joint.on_first
+        first = self.mechanism.direction(joint.first, joint.angle, at)
+        second = self.mechanism.direction(joint.second, 0.0, joint.on_second)
+        ux, uy = frames.position(first, f'{self.name}.first.x')
+        held = frames.position(second, f'{self.name}.second.x')
+        if foot:
+            c, s = foot.cosine, foot.sine
+            ux, uy = ux * c - uy * s, uy * c + ux * s
+        return (ux, uy), held
+
+    def facing(self, frames: Frames) -> list[Term]:
+        """The cosine of that angle: half a turn has the same sine as none."""
+        (ux, uy), (vx, vy) = self._directions(frames)
+        return [(ux * vx + uy * vy).value]
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """Force along the normal, and a moment; the rows push on the second link."""
@@ -103,6 +117,10 @@ class HigherClosure(Generic[J]):
     def name(self) -> str:
         """The joint's."""
         return self.joint.name
+
+    def facing(self, _: Frames) -> list[Term]:
+        """Where its row vanishes most kinds are closed."""
+        return []
 
 
 def closures(mechanism: Mechanism, joints: Sequence[str]) -> list[Relation]:

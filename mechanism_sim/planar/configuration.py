@@ -7,35 +7,27 @@ fewer coordinates of the tree.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.planar.mechanism import (
-    Equation,
-    HigherPair,
-    Joint,
-    Mechanism,
-    Prismatic,
-    Revolute,
-)
+from mechanism_sim.arrays import Array
+from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Constraints:
-    """The equations of joints between links, ``residual(poses) = 0``.
+    """The closures of joints between links that all float, ``residual(poses) = 0`` [m].
 
-    A revolute joint gives two rows: its point of the first link less that of the second [m]. A
-    prismatic joint gives two: the distance of its point of the second link from the line [m], and
-    the angle by which the second link is turned too far [rad]. A higher pair gives one [m], such
-    as the distance of a pin from its slot.
+    A revolute joint gives two rows, its point of the first link less that of the second. A
+    prismatic joint gives two: the distance of its point of the second link from the line, and the
+    sine of the angle by which the second link is turned too far, times `size`. A higher pair gives
+    one, such as the distance of a pin from its slot.
     """
 
     links: tuple[str, ...]  #: the moving links, in the order of poses
@@ -47,22 +39,24 @@ class Constraints:
         return cls(tuple(body.name for body in mechanism.bodies), mechanism.joints)
 
     @cached_property
+    def _floating(self) -> Kinematics:
+        """The closures, with all joints cut: coordinates are where the links' frames lie."""
+        bodies = tuple(Body(link, 1.0, 1.0, (0.0, 0.0)) for link in self.links)
+        mechanism = Mechanism(bodies, self.joints, tuple(j.name for j in self.joints))
+        return Kinematics(mechanism, closures(mechanism, mechanism.cut), ())
+
+    @property
     def rows(self) -> tuple[str, ...]:
         """Name of the joint of each row."""
-        counts = {Revolute: 2, Prismatic: 2}
-        return tuple(j.name for j in self.joints for _ in range(counts.get(type(j), 1)))
+        return tuple(self._floating.rows)
 
-    @cached_property
+    @property
     def size(self) -> float:
-        """Longest distance between two joints of one link, or from its origin [m]; 1 if none."""
-        points: dict[str, list[Vector2]] = {}
-        for link, at in (point for j in self.joints for point in j.points):
-            points.setdefault(link, [(0.0, 0.0)]).append(at)
-        longest = (math.dist(a, b) for some in points.values() for a in some for b in some)
-        return max(longest, default=0.0) or 1.0
+        """That of the mechanism [m]."""
+        return self._floating.mechanism.size
 
     def linearise(self, poses: Array) -> tuple[Array, Array]:
-        """What the equations leave, and its derivatives.
+        """What the closures leave, and its derivatives.
 
         Parameters
         ----------
@@ -70,104 +64,31 @@ class Constraints:
 
         Returns
         -------
-        residual : (m,) [m], of angles [rad]
+        residual : (m,) [m]
         jacobian : (m, 3 n) columns x, y, angle of the first link, then of the second
         """
-        place = {link: i for i, link in enumerate(self.links)}
-        residual = np.zeros(len(self.rows))
-        jacobian = np.zeros((len(self.rows), len(self.links), 3))
-        i = 0
-
-        def pose(link: str) -> Array:
-            return np.zeros(3) if link == GROUND else poses[place[link]]
-
-        for j in self.joints:
-            for value, gradients in _equations(j, pose):
-                residual[i] = value
-                for link, gradient in gradients.items():
-                    if link != GROUND:
-                        jacobian[i, place[link]] += gradient
-                i += 1
-        return residual, jacobian.reshape(len(self.rows), 3 * len(self.links))
+        n = len(self.links)
+        residual, jacobian = self._floating.closure(
+            np.concatenate([poses[:, 2], poses[:, :2].ravel()])[:, None]
+        )
+        columns = [i for k in range(n) for i in (n + 2 * k, n + 2 * k + 1, k)]
+        return residual[0], jacobian[0][:, columns]
 
     def normalise(self, poses: Array) -> tuple[Array, Array]:
         """As `linearise`, with every length measured in `size`: free of units."""
         residual, jacobian = self.linearise(poses)
-        unit = np.where(self._turns, 1.0, self.size)
-        return residual / unit, jacobian * self.scale.ravel() / unit[:, None]
+        return residual / self.size, jacobian * self.scale.ravel() / self.size
 
     @property
     def scale(self) -> Array:
         """What a unit of each normalised coordinate is (n, 3) [m, m, rad]."""
         return np.tile([self.size, self.size, 1.0], (len(self.links), 1))
 
-    @cached_property
-    def _turns(self) -> NDArray[np.bool_]:
-        """Which rows are angles."""
-        kinds = {Revolute: (False, False), Prismatic: (False, True)}
-        return np.array([t for j in self.joints for t in kinds.get(type(j), (False,))], dtype=bool)
-
 
 def poses(mechanism: Mechanism, q: Mapping[str, float]) -> Array:
     """Poses (n, 3) [m, rad] of the links of a mechanism at coordinates `q`."""
     links = [body.name for body in mechanism.bodies]
     return np.array([(*mechanism.locate(x, q), mechanism.angle(x, q)) for x in links])
-
-
-def turned(pose: Array, at: Vector2) -> tuple[Array, Array]:
-    """A point of a link in the world, and its derivative by the angle."""
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
-    arm = np.array([cosine * at[0] - sine * at[1], sine * at[0] + cosine * at[1]])
-    return pose[:2] + arm, np.array([-arm[1], arm[0]])
-
-
-def _equations(joint: Joint, pose: Callable[[str], Array]) -> Iterator[Equation]:
-    """The rows of a joint at the poses of links."""
-    if isinstance(joint, HigherPair):
-        yield joint.equation(pose)
-        return
-    first, second = pose(joint.first), pose(joint.second)
-    (a, turning_a), (b, turning_b) = turned(first, joint.on_first), turned(second, joint.on_second)
-    if isinstance(joint, Revolute):
-        for k, along in enumerate(np.eye(2)):
-            by_first = np.array([*along, turning_a[k]])
-            by_second = -np.array([*along, turning_b[k]])
-            yield float(a[k] - b[k]), {joint.first: by_first, joint.second: by_second}
-        return
-    value, by_first, by_second = off_line(first, joint.axis, (a, turning_a), (b, turning_b))
-    yield value, {joint.first: by_first, joint.second: by_second}
-    too_far = second[2] - first[2] - joint.angle
-    unit = np.array([0.0, 0.0, 1.0])
-    yield math.remainder(too_far, 2.0 * math.pi), {joint.first: -unit, joint.second: unit}
-
-
-def off_line(
-    carrier: Array, axis: float, on: tuple[Array, Array], p: tuple[Array, Array]
-) -> tuple[float, Array, Array]:
-    """Distance of a point from a line along `axis` that a link carries.
-
-    Parameters
-    ----------
-    carrier : pose (3,) of the link
-    axis : direction of the line in the link's frame [rad]
-    on, p : a point of the line and the other point, each with its derivative by the angle of its
-        link, as of `turned`
-
-    Returns
-    -------
-    The distance [m], to the left of the line; its derivatives by the poses of the link and of the
-    link of the other point (3,).
-    """
-    angle = carrier[2] + axis
-    along = np.array([math.cos(angle), math.sin(angle)])
-    normal = np.array([-along[1], along[0]])
-    away = p[0] - on[0]
-    by_angle = -along @ away - normal @ on[1]
-    return (
-        float(normal @ away),
-        np.array([*-normal, by_angle]),
-        np.array([*normal, normal @ p[1]]),
-    )
 
 
 def converted(ideal: Mechanism, loose: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:

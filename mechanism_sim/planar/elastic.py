@@ -29,8 +29,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import legendre
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.beam_sections import Taper
-from mechanism_sim.planar.beam_shapes import Array, Ends, Functions, gauss, shapes, tapered
+from mechanism_sim.planar.beam_shapes import Ends, Functions, gauss, shapes, tapered
 from mechanism_sim.planar.points import Vector2
 
 ROUNDING = 1e-13

@@ -10,10 +10,11 @@ from functools import reduce
 
 import heyoka as hy
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.points import GROUND, Point, Vector2, factors
-from mechanism_sim.planar.switches import Array, Switch, Table
+from mechanism_sim.planar.switches import Switch, Table
 
 
 @dataclass

@@ -13,16 +13,14 @@ from dataclasses import replace
 import heyoka as hy
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.loads import Wrench, together
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Gap, Relation
 from mechanism_sim.planar.reactions import generalized_forces, tree_reactions
 from mechanism_sim.planar.switched_functions import SwitchedFunction
-
-Array = NDArray[np.float64]
 
 
 class JointImpulses:

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
-from mechanism_sim.numerics.evaluation import COLUMNS
+from mechanism_sim.numerics.compiled import COLUMNS
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.numerics.symbolic import Term, add, dense, dot, neg
 from mechanism_sim.planar.equations import Equations
@@ -24,8 +25,6 @@ from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
 from mechanism_sim.planar.switches import REST
 from mechanism_sim.planar.unknowns import Effort, UnknownLoad, Unknowns
 from mechanism_sim.planar.virtual_work import generalised
-
-Array = NDArray[np.float64]
 
 
 class Observation(NamedTuple):

@@ -15,22 +15,21 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Load, Wrench, moment_of, together
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND, Vector2
+from mechanism_sim.planar.rails import along
 from mechanism_sim.planar.switches import Switch
 from mechanism_sim.planar.touch import Touch
-
-Array = NDArray[np.float64]
 
 _SHARES = (0.25, 0.5, 0.75, 1.0)  # of the friction, one after the other
 _SOUND = 1e-6
@@ -223,12 +222,9 @@ class LineFriction(JointFriction):
         return isinstance(self.joint, Prismatic)
 
     def _direction(self, frames: Frames, angle: float, what: str) -> tuple[Jet, Jet]:
-        joint: Any = self.joint  # both kinds have an axis
-        link, at = self.joint.first, self.joint.on_first
-        if not self._guided:
-            link, at = joint.second, joint.on_second
-        direction = self.mechanism.direction(link, joint.axis + angle, at)
-        return frames.position(direction, f'{self.name}.{what}')
+        line = self.joint.line
+        assert line is not None  # noqa: S101 - something slides along it
+        return along(self.mechanism, frames, line, angle, f'{self.name}.{what}')
 
     def _along(self, frames: Frames) -> tuple[Jet, Jet]:
         return self._direction(frames, 0.0, 'along')

@@ -15,12 +15,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Relation
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
-
-Array = NDArray[np.float64]
 
 _ITERATIONS = 60
 _PATIENCE = 8  # iterations in which what is left open must halve
@@ -31,6 +30,7 @@ class _Closures:
     """The expressions of closures, compiled when they are first asked for."""
 
     def __init__(self, mechanism: Mechanism, relations: Sequence[Relation]) -> None:
+        self._relations = relations
         self._frames = Frames(mechanism.coordinates, Parameters())
         values = [(relation.name, relation.values(self._frames)) for relation in relations]
         self.rows = [name for name, jets in values for _ in jets]
@@ -49,6 +49,13 @@ class _Closures:
         """Second time derivatives without accelerations, of coordinates and rates."""
         frames, curvatures = self._frames, [jet.curvature for jet in self._jets]
         return SwitchedFunction(frames, [curvatures], [*frames.q.values(), *frames.v.values()])
+
+    @cached_property
+    def facing(self) -> SwitchedFunction | None:
+        """What is positive where links face each other as their joints say; None if they must."""
+        frames = self._frames
+        found = [x for relation in self._relations for x in relation.facing(frames)]
+        return SwitchedFunction(frames, [found], [*frames.q.values()]) if found else None
 
     @cached_property
     def edges(self) -> Edges | None:
@@ -110,6 +117,11 @@ class Kinematics:
             return np.zeros((count, 0)), np.zeros((count, 0, n))
         values, slopes = self._closures.position(q, rows)
         return values.T, slopes.reshape(-1, n, count).transpose(2, 0, 1)
+
+    def faces(self, q: Array) -> NDArray[np.bool_]:
+        """Whether (N,) closed loops are none that close half a turn, or half a slot, off."""
+        facing = self._closures.facing
+        return facing(q)[0].min(axis=0) > 0.0 if facing else np.ones(q.shape[1], bool)
 
     def positions(self, guess: Array, targets: Array | None = None) -> tuple[Array, Array]:
         """Coordinates that close all loops, near a guess whose held rows count.

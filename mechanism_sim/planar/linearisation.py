@@ -14,8 +14,8 @@ from typing import NamedTuple
 import heyoka as hy
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, dot, mul, neg
 from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.equations import Equations
@@ -28,8 +28,6 @@ from mechanism_sim.planar.reactions import generalized_forces, tree_reactions
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.planar.virtual_work import generalised
-
-Array = NDArray[np.float64]
 
 _STEPS = 100
 _FREE = 1e-11  # stiffness, against the largest, below which a coordinate is not held

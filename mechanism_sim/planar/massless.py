@@ -7,12 +7,10 @@ with inertia turns. That is a matter of geometry: how large masses are does not 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Point, Vector2
-
-Array = NDArray[np.float64]
 
 NO_MASS = 1e-7
 """Of the largest motion or closure: what moves less along a direction does not move."""

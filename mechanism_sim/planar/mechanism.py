@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, ClassVar, Protocol, TypeAlias
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,14 @@ class Body:
         return math.sqrt(2.0 * self.inertia / self.mass) if self.mass else 0.0
 
 
+class Line(NamedTuple):
+    """A straight line of a link."""
+
+    link: str
+    on: Vector2  #: [m] a point of it, in the link's frame
+    axis: float  #: [rad] its direction there
+
+
 @dataclass(frozen=True)
 class Connection:
     """Two links that meet, at a point of each."""
@@ -68,6 +76,11 @@ class Connection:
     def points(self) -> tuple[LinkPoint, LinkPoint]:
         """Both links, each with its point."""
         return (self.first, self.on_first), (self.second, self.on_second)
+
+    @property
+    def line(self) -> Line | None:
+        """The straight line along which it lets one of its links slide."""
+        return None
 
 
 @dataclass(frozen=True)
@@ -85,11 +98,10 @@ class Prismatic(Connection):
     axis: float = 0.0  #: [rad] direction of the line in the frame of `first`
     angle: float = 0.0  #: [rad] of the frame of `second` in that of `first`
 
-
-Pose: TypeAlias = NDArray[np.float64]
-"""Where a link's frame lies: x, y [m] and its angle [rad], shape (3,)."""
-Equation: TypeAlias = tuple[float, dict[str, Pose]]
-"""What a joint's row leaves [m], and its derivatives by the poses of links."""
+    @property
+    def line(self) -> Line:
+        """That of `first`."""
+        return Line(self.first, self.on_first, self.axis)
 
 
 @dataclass(frozen=True)
@@ -140,10 +152,6 @@ class HigherPair(Connection, ABC):
         """Whether one of its links may be elastic: then it asks for points and cross-sections."""
         return False
 
-    @abstractmethod
-    def equation(self, pose: Callable[[str], Pose]) -> Equation:
-        """Its row at the poses of links, whatever the tree."""
-
     def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Rubbing:
         """Where it rubs, with a pin of that radius [m].
 
@@ -153,6 +161,11 @@ class HigherPair(Connection, ABC):
             If it has no friction.
         """
         raise TypeError(f'{self.name} has no friction')
+
+    @property
+    def rubbing_wall(self) -> type | None:
+        """Of walls that rub, a class of its own if they do so unlike others, see `planar.play`."""
+        return None
 
     def elements(self, _: Mechanism) -> Sequence[ForceElement]:
         """The forces of an elastic pair."""

@@ -4,28 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import heyoka as hy
 import numpy as np
 
 from mechanism_sim.numerics.curves import Curve
 from mechanism_sim.planar.frames import Frames
-
-
-class Characteristic(Protocol):
-    """Torque over speed of a motor's shaft."""
-
-    @property
-    def name(self) -> str:
-        """In words."""
-
-    @property
-    def starting(self) -> float:
-        """Torque at rest [N m]."""
-
-    def torque(self, frames: Frames, key: str, speed: hy.expression) -> hy.expression:
-        """Torque [N m] at a speed [rad/s]; `key` begins the names of its parameters."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +26,7 @@ class PointsOfTorque:
         return float(self.curve(np.zeros(1))[0])
 
     def torque(self, frames: Frames, key: str, speed: hy.expression) -> hy.expression:
-        """The curve through the points."""
+        """Torque [N m] at a speed [rad/s]; `key` begins the names of its parameters."""
         return frames.lookup(key, speed, self.curve.breaks, self.curve.rows, self.curve.cyclic)
 
 
@@ -109,7 +93,7 @@ class Motor:
     """A motor that turns a link through a gear without losses."""
 
     coordinate: str
-    characteristic: Characteristic
+    characteristic: PointsOfTorque | InductionMotor  #: torque over speed of its shaft
     ratio: float = 1.0  #: turns of its shaft in one of the link
 
     @property

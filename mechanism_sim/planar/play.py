@@ -6,9 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import heyoka as hy
-import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, dense, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
@@ -23,8 +22,6 @@ from mechanism_sim.planar.mechanism import (
 )
 from mechanism_sim.planar.protocols import ForceLaw, Rubbing
 from mechanism_sim.planar.view import Side
-
-Array = NDArray[np.float64]
 
 
 class MeasuredGap:
@@ -181,9 +178,12 @@ def walls(
     pin_radius: float = 0.0,
 ) -> list[Wall]:
     """All walls of a higher pair; `play` [m] is from where its offset is zero."""
-    touch = closure.joint.touch(closure.mechanism, pin_radius) if friction else None
+    own = closure.joint.rubbing_wall if friction else None
+    touch = closure.joint.touch(closure.mechanism, pin_radius) if friction and not own else None
     friction *= touch.share if touch else 1.0
     return [
-        Wall(closure, side, play, restitution, friction, hypothesis, law, touch)
+        own(closure, side, play, restitution, friction, hypothesis, law, pin_radius=pin_radius)
+        if own
+        else Wall(closure, side, play, restitution, friction, hypothesis, law, touch)
         for side in closure.joint.sides
     ]

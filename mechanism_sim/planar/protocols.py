@@ -9,15 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load, Wrench
-
-Array = NDArray[np.float64]
 
 
 class Relation(Protocol):
@@ -29,6 +25,12 @@ class Relation(Protocol):
 
     def values(self, frames: Frames) -> list[Jet]:
         """The components that vanish [m]."""
+
+    def facing(self, frames: Frames) -> list[Term]:
+        """What is positive where it is closed, and negative half a turn, or half a slot, off.
+
+        There the components of some kinds vanish, too.
+        """
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """What the first-named does to the second-named link, by the forces along the rows."""

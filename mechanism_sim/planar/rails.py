@@ -26,7 +26,7 @@ import heyoka as hy
 from mechanism_sim.numerics.symbolic import add, dense, mul, polynomial
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.mechanism import Line, Mechanism
 from mechanism_sim.planar.points import Vector2, rotate
 
 Pair = tuple[Jet, Jet]
@@ -124,18 +124,19 @@ class Rail:
         return Foot(away, cosine, sine, way, slip)
 
 
-def rail_of(mechanism: Mechanism, name: str, link: str, on: Vector2, axis: float) -> Rail | None:
+def rail_of(mechanism: Mechanism, name: str, line: Line) -> Rail | None:
     """The rail that a line of a link is if that is elastic and the line goes along its axis.
 
     Any other line is straight, and goes with the cross-section at its point.
-
-    Parameters
-    ----------
-    on, axis : a point [m] and the direction [rad] of the line in the link's frame
     """
-    if link not in mechanism.beams or abs(math.sin(axis)) > PARALLEL:
+    if line.link not in mechanism.beams or abs(math.sin(line.axis)) > PARALLEL:
         return None
-    return Rail(name, mechanism, link, on[1], math.copysign(1.0, math.cos(axis)))
+    return Rail(name, mechanism, line.link, line.on[1], math.copysign(1.0, math.cos(line.axis)))
+
+
+def along(mechanism: Mechanism, frames: Frames, line: Line, angle: float, label: str) -> Pair:
+    """The unit vector at an angle [rad] to a line that is straight, in the world."""
+    return frames.position(mechanism.direction(line.link, line.axis + angle, line.on), label)
 
 
 def chord(mechanism: Mechanism, frames: Frames, link: str, a: Vector2, b: Vector2) -> Jet:

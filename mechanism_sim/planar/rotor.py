@@ -23,13 +23,12 @@ from typing import NamedTuple, TypeAlias
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.points import GROUND, Point
 
-Array: TypeAlias = NDArray[np.float64]
 Rows: TypeAlias = tuple[tuple[float, ...], ...]
 SLOPE = 'tilt'
 

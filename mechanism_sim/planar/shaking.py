@@ -14,8 +14,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.loads import moment_of
@@ -24,8 +24,6 @@ from mechanism_sim.planar.points import GROUND, Point
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
 from mechanism_sim.planar.virtual_work import located
-
-Array = NDArray[np.float64]
 
 
 class ShakingForce:

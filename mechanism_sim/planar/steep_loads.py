@@ -8,8 +8,9 @@ from functools import cached_property, lru_cache
 import heyoka as hy
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.enclosure import Array, Course, Enclosure, Reach
+from mechanism_sim.numerics.enclosure import Course, Enclosure, Reach
 from mechanism_sim.numerics.polynomials import chebyshev_coefficients
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames

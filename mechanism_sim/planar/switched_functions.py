@@ -7,16 +7,14 @@ from typing import NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import compiled
+from mechanism_sim.numerics.compiled import Evaluation
 from mechanism_sim.numerics.enclosure import Ranges
-from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.switches import REST, SWITCH_MARGIN, Switch, Table, by_level
-
-Array = NDArray[np.float64]
 
 
 class SwitchedFunction:

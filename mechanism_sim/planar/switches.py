@@ -14,9 +14,8 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
-
-Array = NDArray[np.float64]
 
 SWITCH_MARGIN = 1e-12
 """How far past zero a switch turns over: as far the other way is the next time."""

@@ -14,15 +14,13 @@ from typing import Protocol
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, mul
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.loads import Load
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.virtual_work import generalised
-
-Array = NDArray[np.float64]
 
 NO_WORK = 1e-9
 """Virtual power per size, per rate of the drive and per size of the machine: below, it is none."""

@@ -11,9 +11,9 @@ from typing import Literal, NamedTuple, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.points import LinkPoint, Vector2
 
-Array = NDArray[np.float64]
 Kind = Literal[
     'frame', 'belt', 'wheel', 'cam', 'rail', 'support', 'link', 'slot', 'slider', 'bushing', 'pin',
     'cog', 'point', 'drive',

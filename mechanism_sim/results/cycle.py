@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.peak_shapes import PeakShape, peak_shape
@@ -34,8 +35,6 @@ from mechanism_sim.results.strokes import Swing, find_swings
 from mechanism_sim.results.view import View
 from mechanism_sim.scene import Level, Machine, span
 from mechanism_sim.tables import Table
-
-Array = NDArray[np.float64]
 
 _OF_MOTION = 'energy.kinetic', 'energy.drive_work', 'energy.dissipated'
 _MOMENT = 1e-6

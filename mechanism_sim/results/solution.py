@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.audit import Energy
 from mechanism_sim.hybrid.dense_output import Motion
@@ -16,7 +17,6 @@ from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.plotting import Rich
 from mechanism_sim.hybrid.snapshot import Snapshot
-from mechanism_sim.hybrid.system import Array
 from mechanism_sim.results.catalogue import Catalogue, catalogue
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.results.view import View

@@ -10,27 +10,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.linkages.four_bar import Branch
 from mechanism_sim.linkages.grashof import change_points
 from mechanism_sim.linkages.loops import FourBarLoop, whole_four_bar
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.branch import SINGULAR
-from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.plan import Plan
 from mechanism_sim.scene.singular_start import begin, neighbours
 
-Array = NDArray[np.float64]
-
 _TRIES = 256
 _RANK = 1e-9
 _OPENING = 1e-9
 """Of the largest rate times the size: what rounding may open a loop with."""
-_MEETING = 1e-5
-"""Of the size [1], or [rad]: more than what may be wrong with a wheel's distance."""
 
 
 class Assembly(NamedTuple):
@@ -119,7 +115,9 @@ def _ranks(kinematics: Kinematics, q: Array, soft: Sequence[str]) -> Array:
     # free of units: rows in the longest link, displacements too
     scaled = J[0] * kinematics.scale / kinematics.mechanism.size
     hard = scaled[[row not in soft for row in kinematics.rows]]
-    return np.array([_rank(x) for x in (scaled[:, kinematics.sought], scaled, hard)])
+    parts = scaled[:, kinematics.sought], scaled, hard
+    sizes = (np.linalg.svd(x, compute_uv=False) if x.size else np.zeros(0) for x in parts)
+    return np.array([int((x > _RANK).sum()) for x in sizes])
 
 
 def closed_four_bar(plan: Plan) -> FourBarLoop | None:
@@ -213,15 +211,12 @@ def _started(plan: Plan, kinematics: Kinematics, q: Array) -> Array:
         if speed <= _OPENING * (np.abs(v).max(initial=0.0) * plan.ideal.size):
             rates[c] = rate
         elif c in plan.given[1] and not plan.clearances:  # the rest follows from the others
+            paces = ', '.join(f'{x} at {w:g}' for x, w in (rates | {c: rate}).items())
             raise InputError(
-                f'initial.velocity cannot be: with {_paces(rates | {c: rate})} the loop closed by '
+                f'initial.velocity cannot be: with {paces} the loop closed by '
                 f'{joint} would open at {speed:.4g} m/s; leave one of them out'
             )
     return nearest_rates(kinematics, q, coordinates, rates, {})
-
-
-def _paces(rates: Mapping[str, float]) -> str:
-    return ', '.join(f'{c} at {rate:g}' for c, rate in rates.items())
 
 
 def opening(kinematics: Kinematics, q: Array, v: Array) -> tuple[str, float]:
@@ -236,11 +231,16 @@ def closed_near(kinematics: Kinematics, guess: Array, targets: Array | None = No
     """Coordinates (n,) that close all loops, near a guess whose held ones count.
 
     Where Newton's method fails from the guess itself, it starts from others around it, and the
-    nearest of its results is taken. Without `targets` the links must meet there as their joints
-    say: the closure of a Geneva wheel also vanishes half a slot off, that of a guide half a turn.
+    nearest of its results is taken. Without `targets` links must face each other there as their
+    joints say: the closure of a Geneva wheel also vanishes half a slot off, that of a guide half
+    a turn.
     """
+
+    def fits(q: Array, left: Array) -> NDArray[np.bool_]:
+        return np.asarray((left == 0.0) & (kinematics.faces(q) if targets is None else True))
+
     q, left = kinematics.positions(guess[:, None], targets)
-    if left[0] or not (targets is not None or _meet(kinematics, q[:, 0])):
+    if not fits(q, left)[0]:
         spread = np.random.default_rng(1).standard_normal((len(guess), _TRIES))
         slides = [c in kinematics.mechanism.displacements for c in kinematics.coordinates]
         spread *= np.where(slides, kinematics.mechanism.size, 1.0)[:, None]
@@ -249,35 +249,15 @@ def closed_near(kinematics: Kinematics, guess: Array, targets: Array | None = No
         first, missed = q, left
         q, left = kinematics.positions(guess[:, None] + spread, targets)
         far = np.abs(_wrapped(kinematics, q - guess[:, None])).max(axis=0)
-        order = [i for i in np.argsort(far).tolist() if not left[i]]
-        found = next((i for i in order if targets is not None or _meet(kinematics, q[:, i])), None)
-        if found is None:
+        good = fits(q, left)
+        if not good.any():
             best = int(np.argmin(left))
             near, miss = (
                 (q[:, best], left[best]) if left[best] < missed[0] else (first[:, 0], missed[0])
             )
             raise _refusal(kinematics, near, float(miss), targets)
-        q = q[:, [found]]
+        q = q[:, [int(np.where(good, far, np.inf).argmin())]]
     return guess + _wrapped(kinematics, q - guess[:, None])[:, 0]
-
-
-def _meet(kinematics: Kinematics, q: Array) -> bool:
-    """Whether the links meet in all joints of a mechanism without clearance at closed loops.
-
-    A cam beyond its law has no place where they do: that is refused by its own sentence later.
-    """
-    if kinematics.edges:
-        try:
-            kinematics.edges.check(q[:, None])
-        except RunError:
-            return True
-    joints = Constraints.of(kinematics.mechanism)
-    known = dict(zip(kinematics.coordinates, q.tolist(), strict=True))
-    residual, _ = joints.normalise(poses(kinematics.mechanism, known))
-    # poses are those of undeformed links
-    deformed = sum(abs(known[c]) for c in kinematics.mechanism.deformations)
-    allowed = _MEETING + 10.0 * deformed / kinematics.mechanism.size
-    return bool(np.abs(residual).max(initial=0.0) < allowed)
 
 
 def nearest_rates(
@@ -303,12 +283,6 @@ def _wrapped(kinematics: Kinematics, shift: Array) -> Array:
     turning = [i for i in kinematics.sought if kinematics.coordinates[i] not in names]
     shift[turning] -= TWO_PI * np.round(shift[turning] / TWO_PI)
     return shift
-
-
-def _rank(J: Array) -> int:
-    if not J.size:
-        return 0
-    return int((np.linalg.svd(J, compute_uv=False) > _RANK).sum())
 
 
 def _refusal(kinematics: Kinematics, q: Array, miss: float, targets: Array | None) -> InputError:

@@ -7,9 +7,12 @@ from itertools import combinations
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.linkages.mobility import mobility
 from mechanism_sim.linkages.nominal import NominalPhysics
-from mechanism_sim.planar.kinematics import Array, Kinematics
+from mechanism_sim.planar.configuration import Constraints, poses
+from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.unknowns import NO_WORK
@@ -190,9 +193,15 @@ def _without_mass(loops: Kinematics, q: Array) -> Array | None:
 
 def _check_joints(machine: Machine) -> None:
     loose = machine.plan.rigid
-    shortest = _shortest(machine) if loose else 0.0
+    places: dict[str, list[tuple[float, float]]] = {}  # of joints, by link
+    for link, at in (point for j in machine.plan.joints for point in j.points):
+        places.setdefault(link, []).append(at)
+    between = [math.dist(a, b) for p in places.values() for a, b in combinations(p, 2)]
+    shortest = min((x for x in between if x > 0.0), default=math.inf)
     for joint, clearance in loose.items():
-        where = f'joints.{joint}.{_key_of_play(machine, joint)}'
+        given = machine.scene.joints[joint]
+        keys = (k for k in ('lift_off', 'groove', 'backlash') if getattr(given, k))
+        where = f'joints.{joint}.{next(keys, "clearance")}'
         if clearance.radial >= shortest:
             raise InputError(
                 f'{where}.radial = {clearance.radial:g} m is larger than the shortest link '
@@ -221,13 +230,6 @@ def _check_joints(machine: Machine) -> None:
                 f'{where}.friction = {clearance.friction:g} is more than 10: for contacts that '
                 "never slip write 'friction: rough'"
             )
-
-
-def _key_of_play(machine: Machine, joint: str) -> str:
-    """The key under which a scene says how loose a joint is."""
-    given = machine.scene.joints[joint]
-    keys = ('lift_off', 'groove', 'backlash')
-    return next((k for k in keys if getattr(given, k)), 'clearance')
 
 
 _OF_FILMS = (
@@ -278,22 +280,11 @@ def _check_contact(where: str, clearance: Play) -> None:
         raise InputError(f'{where}.pin_radius: with a film it is contact.radius; leave it out')
 
 
-def _shortest(machine: Machine) -> float:
-    """Smallest distance of two joints of one link [m]."""
-    places: dict[str, list[tuple[float, float]]] = {}
-    for link, at in (point for j in machine.plan.joints for point in j.points):
-        places.setdefault(link, []).append(at)
-    between = [math.dist(a, b) for p in places.values() for a, b in combinations(p, 2)]
-    return min((x for x in between if x > 0.0), default=math.inf)
-
-
 def _redundant(machine: Machine) -> str:
     """Which joints are redundant, if the start tells."""
-    from mechanism_sim.scene.motion_notes import redundant_joints  # noqa: PLC0415 - seldom needed
-
     mechanism = machine.plan.ideal
     start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
-    extra = redundant_joints(mechanism, start)
+    extra = mobility(Constraints.of(mechanism), poses(mechanism, start)).repeating
     return f': {", ".join(extra)} is one' if extra else ''
 
 

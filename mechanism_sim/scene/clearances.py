@@ -11,7 +11,6 @@ from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
 from mechanism_sim.linkages.bearing_ends import axial_stops, bearing_ends
 from mechanism_sim.linkages.guide import corners
-from mechanism_sim.linkages.slot import PinInSlot, SlotWall
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
 from mechanism_sim.planar.play import walls
 from mechanism_sim.planar.points import GROUND, Vector2
@@ -32,18 +31,10 @@ def gaps_and_films(
         if isinstance(joint, HigherPair):
             films += joint.elements(mechanism)
             if not joint.elastic:
-                closure, law = joint.closure(mechanism), force_law(c)
-                if isinstance(joint, PinInSlot) and c.friction:
-                    gaps += [
-                        SlotWall(closure, side, c.radial, c.restitution, c.friction,
-                                 c.hypothesis, law, pin_radius=c.pin_radius)
-                        for side in joint.sides
-                    ]  # fmt: skip
-                else:
-                    gaps += walls(
-                        closure, c.radial, c.restitution, c.friction, c.hypothesis, law,
-                        c.pin_radius,
-                    )  # fmt: skip
+                gaps += walls(
+                    joint.closure(mechanism), c.radial, c.restitution, c.friction, c.hypothesis,
+                    force_law(c), c.pin_radius,
+                )  # fmt: skip
         elif isinstance(joint, Prismatic) and isinstance(c, Clearance):
             gaps += corners(
                 mechanism, name, c.length or 0.0, c.height or 0.0, c.radial, c.restitution,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.clock import take_off_turns
@@ -99,7 +97,12 @@ def read_laws(
         assert t is not None  # noqa: S101 - one of the three is there
         return (TorqueLaw(c, (t.constant, t.per_angle, t.per_speed)),), begin, turns
     if drive.profile:
-        _check_times(f'{where}.profile.points', drive.profile.points)
+        for (before, _), (after, _) in pairwise(drive.profile.points):
+            if after <= before:
+                raise InputError(
+                    f'{where}.profile.points: times must rise, but {after:g} s follows '
+                    f'{before:g} s'
+                )
         points = [
             (t, names.measure(f'{where}.profile.points', p, straight, ('rad/s', 'm/s')))
             for t, p in drive.profile.points
@@ -112,13 +115,6 @@ def read_laws(
             f'{c}'
         )
     return (DriveLaw(c, (value, speed), straight=straight, turns=turns),), begin, turns
-
-
-def _check_times(where: str, points: Sequence[tuple[float, Any]]) -> None:
-    """Refuse a profile whose times do not rise."""
-    for (before, _), (after, _) in pairwise(points):
-        if after <= before:
-            raise InputError(f'{where}: times must rise, but {after:g} s follows {before:g} s')
 
 
 def _check_commands(where: str, commands: Commands | None, reason: str) -> None:

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.beam_sections import Taper
 from mechanism_sim.planar.elastic import Beam, Damping
 from mechanism_sim.planar.mechanism import (
@@ -17,7 +16,6 @@ from mechanism_sim.planar.mechanism import (
     HigherPair,
     Joint,
     Mechanism,
-    Prismatic,
     bending_guides,
 )
 from mechanism_sim.planar.points import Vector2
@@ -62,12 +60,8 @@ def _check(names: Names, joint: Joint, body: Body, driven: Mapping[str, DrivePar
             f'{where}: this {kind} needs the whole of {link}, which is elastic: make it rigid, or '
             'put a rigid link between'
         )
-    line = isinstance(joint, Prismatic | PinInSlot) and (
-        joint.second if isinstance(joint, PinInSlot) else joint.first,
-        joint.axis,
-    )
-    friction = names.scene.joints[joint.name].friction
-    along = line and line[0] == link and abs(math.sin(line[1])) <= PARALLEL
+    line, friction = joint.line, names.scene.joints[joint.name].friction
+    along = line and line.link == link and abs(math.sin(line.axis)) <= PARALLEL
     if along and friction and friction.coefficient:
         raise InputError(
             f'{where}.friction: along the elastic link {link} only what has play rubs: give the '

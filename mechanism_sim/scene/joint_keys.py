@@ -1,13 +1,13 @@
 """Kinds of joints: their keys, how they are read, what can be said of them.
 
-A kind is a file in `mechanism_sim.scene.kinds` with a class of keys that `register` makes known;
+A kind is a file in `mechanism_sim.scene.kinds` with a class of keys that `KINDS.add` makes known;
 whatever lists kinds or keys finds it there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, Any, ClassVar, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -17,6 +17,7 @@ from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.contact_keys import Clearance, Friction, Play
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Part
+from mechanism_sim.scene.registry import Registry
 
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
 """Two points, ``LINK.POINT``, or names of what a joint connects."""
@@ -91,20 +92,8 @@ class JointKeys(Part):
         return []
 
 
-KINDS: dict[str, type[JointKeys]] = {}
+KINDS = Registry[type[JointKeys]]()
 """All kinds of joints by name: the key whose value is what such a joint connects."""
-
-Kind = TypeVar('Kind', bound=type[JointKeys])
-
-
-def register(name: str) -> Callable[[Kind], Kind]:
-    """Make the keys of a kind of joints known by its name."""
-
-    def add(keys: Kind) -> Kind:
-        KINDS[name] = keys
-        return keys
-
-    return add
 
 
 def keys_of(joint: JointKeys) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.grashof import (
@@ -37,7 +37,7 @@ def motion_notes(
     mechanism: Mechanism, q: Mapping[str, float], driven: Collection[str]
 ) -> list[str]:
     """Mobility at the coordinates `q`, and what its four-bars and slider-cranks can do."""
-    notes = [mobility_note(mechanism, q), *redundancy_note(mechanism, q)]
+    notes = [*mobility_notes(mechanism, q)]
     found: list[tuple[tuple[str, str, str], FourBar | SliderCrank]] = [
         *four_bars(mechanism, driven).items(),
         *slider_cranks(mechanism, driven).items(),
@@ -87,8 +87,8 @@ def _notes_of_swung(
     ]
 
 
-def mobility_note(mechanism: Mechanism, q: Mapping[str, float]) -> str:
-    """Degrees of freedom at coordinates, and why they are not as many as Kutzbach counts."""
+def mobility_notes(mechanism: Mechanism, q: Mapping[str, float]) -> Iterator[str]:
+    """Degrees of freedom at coordinates, why Kutzbach counts others, and joints to leave out."""
     seen = mobility(Constraints.of(mechanism), poses(mechanism, q))
     alike = seen.finite == seen.kutzbach
     text = f'mobility: {seen.finite}, {"as" if alike else "where"} Kutzbach counts'
@@ -98,26 +98,14 @@ def mobility_note(mechanism: Mechanism, q: Mapping[str, float]) -> str:
         text += f'; {seen.instantaneous} at the start, which is a singular position'
     if seen.redundant:
         text += f'; {seen.redundancy} redundant among {", ".join(seen.redundant)}'
-    return Limit(text) if seen.redundant or seen.instantaneous > seen.finite else text
-
-
-def redundant_joints(mechanism: Mechanism, q: Mapping[str, float]) -> tuple[str, ...]:
-    """The joints that repeat, wherever the mechanism moves, what those named before them say."""
-    seen = mobility(Constraints.of(mechanism), poses(mechanism, q))
-    return seen.extra if seen.redundancy and seen.instantaneous == seen.finite else ()
-
-
-def redundancy_note(mechanism: Mechanism, q: Mapping[str, float]) -> list[str]:
-    """Which joints could be left out."""
-    extra = redundant_joints(mechanism, q)
-    if not extra:
-        return []
-    one = len(extra) == 1
-    return [
-        f'{", ".join(extra)} {"is" if one else "are"} redundant beside the joints named before: '
-        f'as {"a slot it leaves" if one else "slots they leave"} the motion as it is, and the '
-        'forces are determined'
-    ]
+    yield Limit(text) if seen.redundant or seen.instantaneous > seen.finite else text
+    if extra := seen.repeating:
+        one = len(extra) == 1
+        yield (
+            f'{", ".join(extra)} {"is" if one else "are"} redundant beside the joints named '
+            f'before: as {"a slot it leaves" if one else "slots they leave"} the motion as it is, '
+            'and the forces are determined'
+        )
 
 
 def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:

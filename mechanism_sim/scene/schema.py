@@ -445,7 +445,7 @@ class Linkage(AnyScene):
     """Accelerometers, encoders and others, by name."""
 
 
-LOAD_SECTIONS = tuple(kind.section for kind in LOADS.values())
+LOAD_SECTIONS = tuple(LOADS.values())
 
 
 class Scene(*LOAD_SECTIONS, Linkage):  # type: ignore[misc]

@@ -1,15 +1,15 @@
 """Kinds of sensors: their keys, what they are mounted on, what can be said of them.
 
-A kind is a file in `mechanism_sim.scene.sensors` with a class of keys that `register` makes known;
-whatever lists kinds or keys finds it there. The parts of the chain behind a sensor, which kinds
-share, are here.
+A kind is a file in `mechanism_sim.scene.sensors` with a class of keys that `SENSORS.add` makes
+known; whatever lists kinds or keys finds it there. The parts of the chain behind a sensor, which
+kinds share, are here.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from typing import Annotated, Any, ClassVar, TypeVar
+from collections.abc import Iterable
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -23,6 +23,7 @@ from mechanism_sim.scene.quantities import (
     Time,
     si,
 )
+from mechanism_sim.scene.registry import Registry
 from mechanism_sim.sensing.channel import Source
 from mechanism_sim.units import Measure, to_si_of
 
@@ -271,20 +272,8 @@ def seated(data: Any) -> Any:
     return {**data, 'sensors': {**data['sensors'], **found}} if found else data
 
 
-SENSORS: dict[str, type[SensorKeys]] = {}
-"""All kinds of sensors by name."""
-
-Kind = TypeVar('Kind', bound=type[SensorKeys])
-
-
-def register(name: str) -> Callable[[Kind], Kind]:
-    """Make the keys of a kind of sensors known by its name, the value of ``kind``."""
-
-    def add(keys: Kind) -> Kind:
-        SENSORS[name] = keys
-        return keys
-
-    return add
+SENSORS = Registry[type[SensorKeys]]()
+"""All kinds of sensors by name, the value of ``kind``."""
 
 
 def sensor_keys_of(sensor: SensorKeys) -> list[str]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar import branch
 from mechanism_sim.planar.branch import Branch
@@ -14,8 +14,6 @@ from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.plan import Plan
-
-Array = NDArray[np.float64]
 
 _AWAY = 0.05  # [rad, or lengths of the mechanism] where the motion is no longer singular
 _NEIGHBOURS = 8
@@ -64,7 +62,10 @@ def begin(
             f'the start is a singular position from which {driven} cannot go on; start beside it, '
             "or give another 'guess'"
         )
-    offs = (_ahead(found, pace) - guess[None, :, None]) / kinematics.scale[:, None]
+    # places (B, n, K) that the branches come to, the way the drive goes
+    shift = np.linspace(0.0, math.copysign(1.0, pace), 64) * found.width[:, None]
+    ahead = found.at(shift)[0].transpose(1, 0, 2)
+    offs = (ahead - guess[None, :, None]) / kinematics.scale[:, None]
     distance = np.linalg.norm(offs[:, kinematics.sought], axis=1).min(axis=1)
     idle, bend = _idle(plan.ideal, found), _bend(found, kinematics.scale)
     left = np.arange(count)
@@ -81,12 +82,6 @@ def begin(
     chosen = found[left]
     place, slope, _ = (x[:, 0, 0] for x in chosen.at(np.zeros((1, 1))))
     return place, slope
-
-
-def _ahead(found: Branch, pace: float) -> Array:
-    """Places (B, n, K) that the branches come to, the way the drive goes."""
-    shift = np.linspace(0.0, math.copysign(1.0, pace), 64) * found.width[:, None]
-    return found.at(shift)[0].transpose(1, 0, 2)
 
 
 def _idle(mechanism: Mechanism, found: Branch) -> Array:

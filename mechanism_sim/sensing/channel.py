@@ -8,10 +8,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, polynomials, silent
 from mechanism_sim.numerics.polynomials import Nodes, exact_sum
-from mechanism_sim.numerics.rational import Array, Modes, Rational
+from mechanism_sim.numerics.rational import Modes, Rational
 from mechanism_sim.sensing.chain import Instrument, half_sine
 from mechanism_sim.sensing.sampling import Digitizer, Sampler
 

@@ -11,11 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.sensing.spectra import envelope, power
-
-Array = NDArray[np.float64]
 
 FEWEST = 4096
 """Fewest samples of a stretch."""

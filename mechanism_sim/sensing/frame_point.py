@@ -8,9 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.numerics.rational import Array, Modes, Rational
+from mechanism_sim.numerics.rational import Modes, Rational
 from mechanism_sim.planar.points import Vector2
 from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.residues import through

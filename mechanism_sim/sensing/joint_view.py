@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.planar.inverse_dynamics import Observation
@@ -17,8 +18,6 @@ from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism
 from mechanism_sim.planar.play import wall_name
 from mechanism_sim.planar.points import GROUND, Point, Vector2, trace
 from mechanism_sim.planar.view import Course, Side
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

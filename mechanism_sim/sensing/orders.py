@@ -17,9 +17,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.sensing.spectra import Spectrum, amplitude
-
-Array = NDArray[np.float64]
 
 _DEGREE = 5
 _MOST = 4096  # samples a turn, unless told

@@ -9,13 +9,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Vector2, factors, product
 from mechanism_sim.sensing.channel import DirectSource
-
-Array = NDArray[np.float64]
 
 _ROUNDING = 1e-13
 """Of the speed of a point: steps of it that are smaller are none."""

@@ -13,11 +13,10 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import ArrayLike, NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.sensing.chain import Instrument, Trigger
-
-Array = NDArray[np.float64]
 
 _TOUCH = 1e-12
 """[turns] nearer than this to an angle is on it: a drive may rest there."""

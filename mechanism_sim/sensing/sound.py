@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact
@@ -26,8 +26,6 @@ from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute
 from mechanism_sim.planar.play import is_stop, joint_of_gap
 from mechanism_sim.planar.points import GROUND
-
-Array = NDArray[np.float64]
 
 HEARING = 20e-6  #: [Pa] to which sound pressure levels refer
 _FAINT = 1e-7  # of its start, to which a click is followed

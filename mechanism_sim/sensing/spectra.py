@@ -14,9 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechanism_sim.arrays import Array
 
 _SHORTEST = 256  # samples of a segment, unless told or fewer
 _FEWEST = 16  # segments of which a kurtosis is worth looking at

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.numerics.rational import Array, Modes, Rational
+from mechanism_sim.numerics.rational import Modes, Rational
 from mechanism_sim.planar.mechanism import Mechanism
 
 _ROUNDING = 1e-13

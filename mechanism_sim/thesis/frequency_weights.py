@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 
-Array = NDArray[np.float64]
 Band = tuple[float, float]
 Weight = Callable[[Array], NDArray[np.complex128] | Array]
 """From frequencies (K,) [Hz] to factors (K,)."""

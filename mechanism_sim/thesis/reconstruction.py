@@ -9,12 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import integrate, signal
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 def crank_pin(

@@ -9,12 +9,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.fourier import spectrum
 
 _PARTS = 128  # of a period, in each of which a function is looked at 16 times
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 #: the terms left out are below 1e-17 for nodes whose distances times t are less than one

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mechanism_sim.numerics.rational import Array
+from mechanism_sim.arrays import Array
 from mechanism_sim.planar.points import Vector2
 from mechanism_sim.vibration.residues import Receptance, receptance
 from mechanism_sim.vibration.systems import System

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.physics import Physics, outside
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
-
-Array = NDArray[np.float64]
 
 
 class JointForces:

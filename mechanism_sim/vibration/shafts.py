@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from mechanism_sim.arrays import Array
 
 ROUNDING = 1e-12  # of a stiffness
 

@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, Response, polynomials
-from mechanism_sim.numerics.rational import Array, Modes
+from mechanism_sim.numerics.rational import Modes
 from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.shaking import Forces, Shaking
 

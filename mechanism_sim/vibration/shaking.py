@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.physics import Physics, outside, rows
@@ -18,8 +19,6 @@ from mechanism_sim.numerics.polynomials import (
 )
 from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.vibration.frame import Frame
-
-Array = NDArray[np.float64]
 
 _UNRESOLVED = 1e-6
 """Of the largest force: higher harmonics of a piece must be smaller."""

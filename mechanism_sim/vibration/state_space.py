@@ -10,7 +10,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from mechanism_sim.arrays import Array
+
 ComplexArray = NDArray[np.complex128]
 
 

@@ -16,11 +16,11 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.vibration import state_space
 from mechanism_sim.vibration.single import FreeResponse, Oscillator
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 #: what is smaller, against the largest of its kind, is rounding

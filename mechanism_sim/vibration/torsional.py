@@ -7,11 +7,10 @@ A disk on a shaft is an oscillator whose mass is a moment of inertia, [V] eqs. 6
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.vibration.systems import System, chain
-
-Array = NDArray[np.float64]
 
 
 def disk_inertia(mass: ArrayLike, diameter: ArrayLike) -> Array:

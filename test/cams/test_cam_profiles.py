@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
+from textbook import smallest_flat_base_radius
 
 from mechanism_sim.cams.curves import (
     CYCLOIDAL,
@@ -23,7 +24,6 @@ from mechanism_sim.cams.profiles import (
     Cam,
     find_flaws,
     smallest_base_radius,
-    smallest_flat_base_radius,
 )
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.outlines import cam_outline
@@ -472,7 +472,6 @@ SUNK = Measured(np.arange(8) * math.pi / 4, 0.02 * np.sin(np.arange(8) * math.pi
         (lambda: Cam(stroke(), OscillatingFlat(0.2), 0.04), 'does not turn one way all along'),
         (lambda: CAMS['sliding, knife'].at(0.2), r'200 mm lies beyond .* from -20 to 170 mm'),
         (lambda: smallest_base_radius(stroke(), Translating(), 0.5), 'has no base circle'),
-        (lambda: smallest_flat_base_radius(stroke()), 'has no base circle'),
     ],
 )
 def test_what_does_not_fit_is_refused(make, said):

@@ -8,10 +8,11 @@ import numpy as np
 import pint
 import pytest
 from book_trains import gear_box
+from textbook import TOOTH_SYSTEMS
 from willis import Mesh, Train
 
 from mechanism_sim.gears.forces import WormPair
-from mechanism_sim.gears.involute import TOOTH_SYSTEMS, Gear, inv
+from mechanism_sim.gears.involute import Gear, inv
 from mechanism_sim.gears.pair import Pair
 
 M = 2e-3

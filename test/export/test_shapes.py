@@ -11,6 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from matplotlib.path import Path as Outline
 from running import ROOT
+from textbook import TOOTH_SYSTEMS
 
 import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
@@ -20,7 +21,7 @@ from mechanism_sim.export.shapes import OPEN, area, circle, simplified
 from mechanism_sim.export.skeleton import skeleton_of
 from mechanism_sim.export.stage import stage_of
 from mechanism_sim.export.triangles import triangles
-from mechanism_sim.gears.involute import TOOTH_SYSTEMS, Fillet, Gear
+from mechanism_sim.gears.involute import Fillet, Gear
 from mechanism_sim.nodes.markers import painted
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from conjugacy import find_contacts
 from scipy.interpolate import make_interp_spline
+from textbook import TOOTH_SYSTEMS
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.gears.involute import TOOTH_SYSTEMS, Gear
+from mechanism_sim.gears.involute import Gear
 from mechanism_sim.gears.pair import Pair
 
 M = 2e-3

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
+from textbook import TOOTH_SYSTEMS
 
-from mechanism_sim.gears.involute import TOOTH_SYSTEMS, Gear
+from mechanism_sim.gears.involute import Gear
 from mechanism_sim.gears.pair import Pair
 
 M = 2e-3

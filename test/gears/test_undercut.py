@@ -5,10 +5,11 @@ import re
 
 import numpy as np
 import pytest
+from textbook import TOOTH_SYSTEMS
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.gears.involute import TOOTH_SYSTEMS, Gear, rounded_up
+from mechanism_sim.gears.involute import Gear, rounded_up
 from mechanism_sim.gears.pair import Pair, path_with_rack
 from mechanism_sim.scene.check import check
 

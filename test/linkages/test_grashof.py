@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize_scalar
+from textbook import slider_position, slider_transmission_angle, transmission_angle
 
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.grashof import (
@@ -23,7 +24,6 @@ from mechanism_sim.linkages.grashof import (
     rocker_limits,
     swing,
     time_ratio,
-    transmission_angle,
     transmission_range,
 )
 from mechanism_sim.linkages.slider_crank import SliderCrank
@@ -336,7 +336,7 @@ def test_transmission_angle_is_the_angle_between_coupler_and_rocker():
 def test_slider_cranks_turn_and_end_where_their_motion_does(crank, rod, offset):
     s = SliderCrank(crank, rod, offset)
     th2 = np.linspace(-np.pi, np.pi, 721)
-    reached = np.isfinite(s.position(th2))
+    reached = np.isfinite(slider_position(s, th2))
     spare = abs(rod - crank) - abs(offset)
     if abs(spare) > 1e-9:
         assert (s.turns == 'crank') == reached.all()
@@ -348,12 +348,12 @@ def test_slider_cranks_turn_and_end_where_their_motion_does(crank, rod, offset):
     inside = (sine > low + 1e-9) & (sine < high - 1e-9)
     assert reached[inside].all()
     assert not reached[(sine < low - 1e-9) | (sine > high + 1e-9)].any()
-    angles = s.transmission_angle(np.arcsin(np.linspace(low, high, 101)))[1:-1]
+    angles = slider_transmission_angle(s, np.arcsin(np.linspace(low, high, 101)))[1:-1]
     least, greatest = s.transmission_range()
     assert least <= angles.min() + 1e-7
     assert greatest >= angles.max() - 1e-7
     # the rod swept instead of the crank: the same linkage with the two exchanged
-    swept = np.isfinite(SliderCrank(rod, crank, offset).position(th2)).all()
+    swept = np.isfinite(slider_position(SliderCrank(rod, crank, offset), th2)).all()
     if abs(spare) > 1e-9:
         assert (s.turns == 'rod') == swept
 
@@ -363,14 +363,14 @@ def test_stroke_and_time_ratio_of_a_slider_crank_by_its_motion(crank, longer, pa
     rod = crank + longer
     s = SliderCrank(crank, rod, part * longer)
     th2 = np.linspace(0.0, 2.0 * np.pi, 2001)
-    x = s.position(th2)
+    x = slider_position(s, th2)
 
     def extreme(sign, near):
         found = minimize_scalar(
-            lambda t: sign * s.position(t), bounds=(near - 0.01, near + 0.01), method='bounded',
-            options={'xatol': 1e-11},
+            lambda t: sign * slider_position(s, t), bounds=(near - 0.01, near + 0.01),
+            method='bounded', options={'xatol': 1e-11},
         )  # fmt: skip
-        return found.x, float(s.position(found.x))
+        return found.x, float(slider_position(s, found.x))
 
     (far_at, far), (near_at, near) = extreme(-1.0, th2[x.argmax()]), extreme(1.0, th2[x.argmin()])
     assert s.stroke == pytest.approx(far - near, abs=1e-9)
@@ -391,7 +391,7 @@ def test_slider_crank_of_the_book():
     assert s.time_ratio == pytest.approx(1.0)
     # rod square to the slider's line at most by asin(r2/r3)
     assert np.pi / 2.0 - s.transmission_range()[0] == pytest.approx(np.arcsin(0.25))
-    at = brentq(lambda t: float(s.transmission_angle(t)) - np.pi / 2.0, -0.5, 0.6)
+    at = brentq(lambda t: float(slider_transmission_angle(s, t)) - np.pi / 2.0, -0.5, 0.6)
     assert at == pytest.approx(0.0, abs=1e-12)
 
 

@@ -133,6 +133,21 @@ def test_a_slotted_rack_moves_by_two_radii_in_half_a_turn():
 
 
 @pytest.mark.parametrize(
+    ('name', 'moved', 'off', 'starts'),
+    [('geneva', 'wheel', math.pi / 4.0, ('180 deg', '20 deg')),
+     ('linear_intermittent', 'rack', 0.04, ('90 deg', '250 deg'))],
+)  # fmt: skip
+def test_links_that_are_half_a_slot_off_close_their_loop_but_do_not_face(name, moved, off, starts):
+    for start in starts:  # locked, and in a slot
+        machine = ms.load_scene(name, {'drive.start_angle': start})
+        kinematics = machine.plan.kinematics(machine.plan.prescribed)
+        both = np.repeat(machine.assembly.q[:, None], 2, axis=1)
+        both[kinematics.coordinates.index(moved), 1] += off
+        assert np.abs(kinematics.closure(both)[0]).max() < 1e-15
+        assert kinematics.faces(both).tolist() == [True, False]
+
+
+@pytest.mark.parametrize(
     ('keys', 'words'),
     [
         ({'distance': 0.08}, ['0.0707106781', '0.08']),

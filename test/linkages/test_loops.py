@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from textbook import slider_position
 
 import mechanism_sim as ms
 from mechanism_sim.linkages.loops import four_bars, slider_cranks
@@ -40,7 +41,7 @@ def test_a_slider_crank_moves_by_the_dimensions_that_are_found(seed):
     turned = angle if seed % 2 else -angle  # the slider in the world
     for th2 in np.linspace(0.0, 6.0, 7):
         a = 0.4 * np.exp(1j * (along + th2)) + complex(*pivot)
-        x = found.position(th2)
+        x = slider_position(found, th2)
         b = (x + 1j * found.offset) * np.exp(1j * along) + complex(*pivot)
         poses = {
             'crank': (*pivot, along + th2 - np.pi / 2.0),

@@ -5,7 +5,7 @@ import pytest
 
 import mechanism_sim as ms
 from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.evaluation import Evaluation
+from mechanism_sim.numerics.compiled import Evaluation
 from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.frames import Frames, Parameters
 

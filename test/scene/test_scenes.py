@@ -15,7 +15,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Level, Machine, span
 from mechanism_sim.scene.check import check, render
 from mechanism_sim.scene.files import check_scene, read_scene
-from mechanism_sim.scene.motion_notes import mobility_note
+from mechanism_sim.scene.motion_notes import mobility_notes
 from mechanism_sim.study.parameters import parameters
 
 LOOSE, FILE = 'four_bar_clearance', 'four_bar_clearance.yaml'
@@ -328,7 +328,7 @@ def test_check_says_how_a_four_bar_moves():
 
 def test_check_tells_a_singular_position_from_more_freedom():
     parallel = four_bar(400, 100, 400, 100, '120 deg').plan.ideal
-    assert mobility_note(parallel, dict.fromkeys(parallel.coordinates, 0.0)) == (
+    assert next(mobility_notes(parallel, dict.fromkeys(parallel.coordinates, 0.0))) == (
         'mobility: 1, as Kutzbach counts; 2 at the start, which is a singular position; '
         '1 redundant among ground_crank, crank_coupler, coupler_rocker, rocker_ground'
     )

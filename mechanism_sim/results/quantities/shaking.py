@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import add, dense
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import Observation
@@ -20,8 +20,6 @@ from mechanism_sim.results.quantities.motion import tracks
 from mechanism_sim.results.quantity import Quantity, Shown, vector
 from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine
-
-Array = NDArray[np.float64]
 
 
 def of_frame(machine: Machine) -> Iterator[Quantity]:

@@ -15,7 +15,7 @@ from mechanism_sim.gears.belt import Belt
 from mechanism_sim.planar.joint_friction import FlankFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.contact_keys import Friction, Play
-from mechanism_sim.scene.joint_keys import Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, Reference
 from mechanism_sim.scene.kinds.transmission import PhaseKeys, carrier_of
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Length, si
@@ -23,7 +23,7 @@ from mechanism_sim.scene.quantities import Length, si
 _LARGEST = 10_000  # of the whole numbers whose ratio the radii have
 
 
-@register('belt')
+@KINDS.add('belt')
 class BeltKeys(PhaseKeys):
     """A belt or a chain."""
 

@@ -16,7 +16,7 @@ from mechanism_sim.planar.joint_friction import FlankFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.contact_keys import Friction
 from mechanism_sim.scene.gears import MOST_TEETH
-from mechanism_sim.scene.joint_keys import Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, Reference
 from mechanism_sim.scene.kinds.transmission import CarrierKeys, carrier_of
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle, Displacement, Length, Position
@@ -37,7 +37,7 @@ class SpatialKeys(CarrierKeys):
     """Where both of such a pair lie along their shafts; in the plane of the machine without it."""
 
 
-@register('bevel')
+@KINDS.add('bevel')
 class BevelKeys(SpatialKeys):
     """Straight bevel gears."""
 

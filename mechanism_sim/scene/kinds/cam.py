@@ -34,7 +34,7 @@ from mechanism_sim.planar.joint_friction import ContactFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.scene.contact_keys import Contact, Friction, Play, play_of
-from mechanism_sim.scene.joint_keys import Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, Reference
 from mechanism_sim.scene.kinds._cam_guides import Guide, along, around, find_guide
 from mechanism_sim.scene.kinds.transmission import PhaseKeys
 from mechanism_sim.scene.names import Names
@@ -149,7 +149,7 @@ class GroovePart(Part):
     """A law of force instead of rigid walls."""
 
 
-@register('cam')
+@KINDS.add('cam')
 class CamKeys(PhaseKeys):
     """A cam and its follower."""
 
@@ -261,7 +261,12 @@ class _Reader:
         self._check_guide(guide)
         self._slides, phase = not carrier.swings, joint.phase
         if self._slides:
-            self._check_straight()
+            for key in ('phase', 'sense'):
+                if getattr(joint, key):
+                    raise InputError(
+                        f'{self.where}.{key} has no meaning for a cam that slides: its law goes '
+                        'over the displacement along its guide'
+                    )
             centre, direction, sense = along(carrier, guide)
             phase = -sense * carrier.angle
             x, y = rotate((centre[0] - carrier.at[0], centre[1] - carrier.at[1]), -carrier.angle)
@@ -346,15 +351,6 @@ class _Reader:
             if radius is not None and not radius < joint.roller:
                 raise InputError(
                     f'{where}.{key} is that of the pin of a roller, and less than the roller'
-                )
-
-    def _check_straight(self) -> None:
-        """Keys that only cams that turn have."""
-        for key in ('phase', 'sense'):
-            if getattr(self.joint, key):
-                raise InputError(
-                    f'{self.where}.{key} has no meaning for a cam that slides: its law goes over '
-                    'the displacement along its guide'
                 )
 
     def _check_guide(self, guide: Guide) -> None:

@@ -9,12 +9,12 @@ from pydantic import Field
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.indexing import Geneva
-from mechanism_sim.scene.joint_keys import Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, Reference
 from mechanism_sim.scene.kinds.prismatic import PinKeys
 from mechanism_sim.scene.names import Names
 
 
-@register('geneva')
+@KINDS.add('geneva')
 class GenevaKeys(PinKeys):
     """A Geneva wheel."""
 

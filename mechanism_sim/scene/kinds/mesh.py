@@ -19,7 +19,7 @@ from mechanism_sim.planar.joint_friction import TeethFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
 from mechanism_sim.scene.contact_keys import Contact, Friction, Play, play_of
 from mechanism_sim.scene.gears import GearPart, Placed, Wheel, place, read_wheel
-from mechanism_sim.scene.joint_keys import JointKeys, Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, JointKeys, Reference
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Coefficient, Displacement, Length, Part, si
 from mechanism_sim.scene.quantities import Friction as FrictionCoefficient
@@ -75,7 +75,7 @@ class ErrorPart(Part):
     """Of both gears: an error once a turn of each."""
 
 
-@register('mesh')
+@KINDS.add('mesh')
 class MeshKeys(JointKeys):
     """Gears in mesh."""
 
@@ -125,7 +125,8 @@ class MeshKeys(JointKeys):
             one.gear.base_pitch, placed.pressure_angle, placed.towards, placed.reach,
             placed.facing, placed.guide, bearings=placed.bearings, play=play,
             errors=self._errors(where, placed, one.gear.base_pitch), elasticity=elasticity,
-            wheels=(Teeth(one.name, one.gear), _teeth(one, two)),
+            wheels=(Teeth(one.name, one.gear),
+                    Teeth(two.name, one.gear if two.part.rack else two.gear, two.part.rack)),
             sliding_arm=sliding_arm(placed.path, one.gear.base_pitch),
             contact_ratio=(placed.path.end - placed.path.start) / one.gear.base_pitch,
             helix_angle=math.atan(abs(math.tan(one.part.helix_angle)) * abs(placed.reach)
@@ -217,11 +218,6 @@ class MeshKeys(JointKeys):
             f'ratio {joint.contact_ratio:.4g}, tooth frequency {frequency:.6g} Hz at the '
             f'start{soft}',
         ]
-
-
-def _teeth(one: Wheel, two: Wheel) -> Teeth:
-    """The second, or the rack that is the second."""
-    return Teeth(two.name, one.gear, rack=True) if two.part.rack else Teeth(two.name, two.gear)
 
 
 def check_bearings(joints: tuple[Joint, ...], closing: Collection[str]) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from mechanism_sim.planar.joint_friction import ContactFriction, LineFriction
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.scene.contact_keys import Clearance, Friction
-from mechanism_sim.scene.joint_keys import JointKeys, Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, JointKeys, Reference
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle
 
@@ -35,7 +35,7 @@ class PinKeys(JointKeys):
         return [ContactFriction(joint.name, mechanism, given.coefficient, joint.touch(mechanism))]
 
 
-@register('prismatic')
+@KINDS.add('prismatic')
 class PrismaticKeys(AxisKeys):
     """A guide."""
 

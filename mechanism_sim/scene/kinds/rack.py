@@ -7,13 +7,13 @@ import math
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.indexing import SlottedRack
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.joint_keys import Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, Reference
 from mechanism_sim.scene.kinds.prismatic import PinKeys
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Length
 
 
-@register('rack')
+@KINDS.add('rack')
 class RackKeys(PinKeys):
     """A slotted rack."""
 

@@ -11,12 +11,12 @@ from mechanism_sim.planar.joint_friction import JournalFriction
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.scene.clearances import leaning
 from mechanism_sim.scene.contact_keys import Clearance, Friction, Misalignment
-from mechanism_sim.scene.joint_keys import JointKeys, Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, JointKeys, Reference
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Position
 
 
-@register('revolute')
+@KINDS.add('revolute')
 class RevoluteKeys(JointKeys):
     """A pin, or a shaft."""
 

@@ -14,7 +14,7 @@ from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import SLOPE, Lump, Rotor, Rows, Support
 from mechanism_sim.scene.elastic_keys import MATERIALS
-from mechanism_sim.scene.joint_keys import JointKeys, Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, JointKeys, Reference
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import (
     POSITIVE,
@@ -93,7 +93,7 @@ class RotorShaftPart(Part):
     """Internal damping over stiffness: it turns with the shaft."""
 
 
-@register('rotor')
+@KINDS.add('rotor')
 class RotorKeys(JointKeys):
     """Disks on a shaft that gives way."""
 

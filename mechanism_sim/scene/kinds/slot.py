@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.scene.contact_keys import Clearance
-from mechanism_sim.scene.joint_keys import Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, Reference
 from mechanism_sim.scene.kinds.prismatic import AxisKeys
 from mechanism_sim.scene.names import Names
 
 
-@register('slot')
+@KINDS.add('slot')
 class SlotKeys(AxisKeys):
     """A pin in a slot."""
 

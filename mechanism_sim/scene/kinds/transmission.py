@@ -9,7 +9,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.gears import MOST_TEETH
-from mechanism_sim.scene.joint_keys import JointKeys, Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, JointKeys, Reference
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle, Quantity
 
@@ -44,7 +44,7 @@ class CarrierKeys(PhaseKeys):
     """Of a transmission, bevel or worm pair: the link from which angles count; else the ground."""
 
 
-@register('transmission')
+@KINDS.add('transmission')
 class TransmissionKeys(CarrierKeys):
     """A ratio of angles."""
 

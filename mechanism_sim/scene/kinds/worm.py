@@ -12,14 +12,14 @@ from mechanism_sim.gears.spatial import WormDrive
 from mechanism_sim.planar.joint_friction import FlankFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.contact_keys import Friction
-from mechanism_sim.scene.joint_keys import Reference, register
+from mechanism_sim.scene.joint_keys import KINDS, Reference
 from mechanism_sim.scene.kinds.bevel import SpatialKeys, needed, placed, pressure_angle_of
 from mechanism_sim.scene.kinds.transmission import carrier_of
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle, Length
 
 
-@register('worm')
+@KINDS.add('worm')
 class WormKeys(SpatialKeys):
     """A worm and its wheel on shafts at 90 degrees."""
 

@@ -21,7 +21,7 @@ from mechanism_sim.linkages.forces import (
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.expressions import parse, unit_hint, unit_of
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.load_keys import Elements, LoadKind, register
+from mechanism_sim.scene.load_keys import LOADS, ElementKeys, Elements
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Part, Quantity, si_of
 from mechanism_sim.units import Measure, alike, to_si, to_si_of
@@ -71,7 +71,7 @@ class DuringPart(Part):
     """Only while the coordinate increases, or only while it decreases; else both."""
 
 
-class LoadPart(Part):
+class LoadPart(ElementKeys):
     """A force at a point of a link, a torque on it, or both."""
 
     at: str
@@ -89,36 +89,37 @@ class LoadPart(Part):
     unknown: bool = False
     """Whether only the direction is given, by `force` or `torque`, and the size is to be found."""
 
+    def read(self, places: Names, name: str, tree: Mechanism) -> Elements:
+        """An applied force, or one whose size follows from the motion."""
+        where = f'loads.{name}'
+        point = places.find(f'{where}.at', self.at)
+        other = places.find(f'{where}.reaction', self.reaction) if self.reaction else None
+        if other and other[0] == point[0]:
+            raise InputError(f'{where}: at and reaction name one link, {other[0]}')
+        if self.unknown:
+            unknown = _unknown(name, self, point, other)
+            return lambda mechanism: [unknown(mechanism)]
+        for part, unit in zip((*self.force, self.torque), ('N', 'N', 'N m'), strict=True):
+            if isinstance(part, str):
+                check_formula(places, where, part, unit, tree)
+        during = _range(places, f'{where}.during', self.during, tree) if self.during else None
+        guided = {c: tree.tree_joints[c].name for c in tree.sliding}
+        tables = {n: table.curve for n, table in places.scene.tables.items()}
 
+        return lambda mechanism: [
+            AppliedForce(
+                where, mechanism, point, self.force, self.torque, self.frame == 'link', during,
+                guided, tables, other,
+            )
+        ]  # fmt: skip
+
+
+@LOADS.add('loads')
 class Loads(Part):
     """The loads of a scene."""
 
     loads: dict[str, LoadPart] = Field({})
     """Forces and torques on links, by name."""
-
-
-def _read(places: Names, name: str, load: LoadPart, tree: Mechanism) -> Elements:
-    where = f'loads.{name}'
-    point = places.find(f'{where}.at', load.at)
-    other = places.find(f'{where}.reaction', load.reaction) if load.reaction else None
-    if other and other[0] == point[0]:
-        raise InputError(f'{where}: at and reaction name one link, {other[0]}')
-    if load.unknown:
-        unknown = _unknown(name, load, point, other)
-        return lambda mechanism: [unknown(mechanism)]
-    for part, unit in zip((*load.force, load.torque), ('N', 'N', 'N m'), strict=True):
-        if isinstance(part, str):
-            check_formula(places, where, part, unit, tree)
-    during = _range(places, f'{where}.during', load.during, tree) if load.during else None
-    guided = {c: tree.tree_joints[c].name for c in tree.sliding}
-    tables = {n: table.curve for n, table in places.scene.tables.items()}
-
-    return lambda mechanism: [
-        AppliedForce(
-            where, mechanism, point, load.force, load.torque, load.frame == 'link', during,
-            guided, tables, other,
-        )
-    ]  # fmt: skip
 
 
 def _unknown(
@@ -224,6 +225,3 @@ def _range(places: Names, where: str, given: DuringPart, tree: Mechanism) -> Cyc
             )
     way = {None: 0, 'forward': 1, 'backward': -1}[given.moving]
     return CycleRange(c, begin, end, straight, way)
-
-
-register(LoadKind(Loads, _read))

@@ -11,7 +11,7 @@ from mechanism_sim.linkages.forces import Spring, TorsionSpring
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.scene.joint_keys import Reference
-from mechanism_sim.scene.load_keys import Elements, LoadKind, register
+from mechanism_sim.scene.load_keys import LOADS, ElementKeys, Elements
 from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.quantities import Angle, Part, si, si_of
 from mechanism_sim.units import Measure
@@ -20,7 +20,7 @@ Stiffness = Annotated[Measure, si_of('N/m', 'N m/rad')]
 Damping = Annotated[Measure, si_of('N s/m', 'N m s/rad')]
 
 
-class SpringPart(Part):
+class SpringPart(ElementKeys):
     """Between two points, or, with an angular stiffness, between two links."""
 
     between: Reference
@@ -34,42 +34,40 @@ class SpringPart(Part):
     free_angle: Angle | None = None
     """Where a torsion spring turns nothing; else 0."""
 
+    def read(self, places: Names, name: str, tree: Mechanism) -> Elements:
+        """A straight spring, or a torsion spring."""
+        where = f'springs.{name}'
+        (a, on_a), (b, on_b) = (places.find(f'springs.{name}.between', p) for p in self.between)
+        stiffness, damping = self.stiffness, self.damping
+        if a == b:
+            raise InputError(f'{where}.between names one link twice')
+        kinds = {m.unit.endswith('rad') for m in (stiffness, damping) if m.unit}
+        if len(kinds) != 1:
+            raise InputError(
+                f"{where}: give stiffness and damping both per length ('200 N/m', '5 N s/m') or "
+                "both per angle ('3 N m/rad', '0.1 N m s/rad')"
+            )
+        (torsional,) = kinds
+        if torsional and self.free_length is not None:
+            raise InputError(f'{where}: a torsion spring has a free_angle')
+        if not torsional and self.free_angle is not None:
+            raise InputError(f'{where}: a straight spring has a free_length')
+        if min(stiffness.value, damping.value) < 0.0:
+            raise InputError(f'{where}: stiffness and damping cannot be negative')
 
+        def made(mechanism: Mechanism) -> list[ForceElement]:
+            key, k, c = f'springs.{name}', stiffness.value, damping.value
+            if torsional:
+                return [TorsionSpring(key, mechanism, a, b, k, self.free_angle or 0.0, c)]
+            free = self.free_length or 0.0
+            return [Spring(key, mechanism, (a, on_a), (b, on_b), k, free, c)]
+
+        return made
+
+
+@LOADS.add('springs')
 class Springs(Part):
     """The springs of a scene."""
 
     springs: dict[str, SpringPart] = Field({})
     """With their dampers, by name."""
-
-
-def _read(places: Names, name: str, spring: SpringPart, _: Mechanism) -> Elements:
-    where = f'springs.{name}'
-    (a, on_a), (b, on_b) = (places.find(f'springs.{name}.between', p) for p in spring.between)
-    stiffness, damping = spring.stiffness, spring.damping
-    if a == b:
-        raise InputError(f'{where}.between names one link twice')
-    kinds = {m.unit.endswith('rad') for m in (stiffness, damping) if m.unit}
-    if len(kinds) != 1:
-        raise InputError(
-            f"{where}: give stiffness and damping both per length ('200 N/m', '5 N s/m') or both "
-            "per angle ('3 N m/rad', '0.1 N m s/rad')"
-        )
-    (torsional,) = kinds
-    if torsional and spring.free_length is not None:
-        raise InputError(f'{where}: a torsion spring has a free_angle')
-    if not torsional and spring.free_angle is not None:
-        raise InputError(f'{where}: a straight spring has a free_length')
-    if min(stiffness.value, damping.value) < 0.0:
-        raise InputError(f'{where}: stiffness and damping cannot be negative')
-
-    def made(mechanism: Mechanism) -> list[ForceElement]:
-        key, k, c = f'springs.{name}', stiffness.value, damping.value
-        if torsional:
-            return [TorsionSpring(key, mechanism, a, b, k, spring.free_angle or 0.0, c)]
-        free = spring.free_length or 0.0
-        return [Spring(key, mechanism, (a, on_a), (b, on_b), k, free, c)]
-
-    return made
-
-
-register(LoadKind(Springs, _read))

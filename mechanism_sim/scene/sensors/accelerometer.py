@@ -8,19 +8,19 @@ from typing import Any, Literal
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.quantities import Offset
 from mechanism_sim.scene.sensor_keys import (
+    SENSORS,
     Integrator,
     OnLinkKeys,
     ShockKeys,
     Transducer,
     check_link,
-    register,
 )
 from mechanism_sim.sensing.channel import Source
 from mechanism_sim.sensing.frame_point import PointOnFrame
 from mechanism_sim.sensing.point import PointOnLink
 
 
-@register('accelerometer')
+@SENSORS.add('accelerometer')
 class AccelerometerKeys(OnLinkKeys, ShockKeys):
     """An accelerometer, with as much of its chain as matters."""
 

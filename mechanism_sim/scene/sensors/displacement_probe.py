@@ -8,7 +8,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
-from mechanism_sim.scene.sensor_keys import AnalogueKeys, InJointKeys, check_joint, register
+from mechanism_sim.scene.sensor_keys import SENSORS, AnalogueKeys, InJointKeys, check_joint
 from mechanism_sim.sensing.channel import DirectSource
 
 
@@ -34,7 +34,7 @@ class Probe(DirectSource):
         return np.asarray(x * np.cos(angle) + y * np.sin(angle))
 
 
-@register('displacement_probe')
+@SENSORS.add('displacement_probe')
 class ProbeKeys(InJointKeys, AnalogueKeys):
     """A probe in a bushing that sees the pin, such as an eddy-current probe in a bearing."""
 

@@ -15,7 +15,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.quantities import Angle
-from mechanism_sim.scene.sensor_keys import OnLinkKeys, register
+from mechanism_sim.scene.sensor_keys import SENSORS, OnLinkKeys
 from mechanism_sim.scene.sensors._places import angle_between, check_between
 from mechanism_sim.sensing.chain import Trigger
 from mechanism_sim.sensing.channel import DirectSource
@@ -95,7 +95,7 @@ class Encoder(DirectSource):
             self._passed = times[0], int(turns) + more, self._index
 
 
-@register('encoder')
+@SENSORS.add('encoder')
 class EncoderKeys(OnLinkKeys):
     """An incremental encoder with two tracks, sampled as often as `sample_rate` says."""
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from mechanism_sim.scene.quantities import Offset
-from mechanism_sim.scene.sensor_keys import AnalogueKeys, OnLinkKeys, register
+from mechanism_sim.scene.sensor_keys import SENSORS, AnalogueKeys, OnLinkKeys
 from mechanism_sim.sensing.imu import Attitude
 
 
-@register('gyroscope')
+@SENSORS.add('gyroscope')
 class GyroscopeKeys(OnLinkKeys, AnalogueKeys):
     """A gyroscope; at an impact what it reads jumps."""
 

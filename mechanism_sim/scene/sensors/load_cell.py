@@ -14,7 +14,7 @@ from mechanism_sim.hybrid.physics import Physics, outside
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.sensor_keys import InJointKeys, ShockKeys, check_joint, register
+from mechanism_sim.scene.sensor_keys import SENSORS, InJointKeys, ShockKeys, check_joint
 from mechanism_sim.sensing.channel import DirectSource
 from mechanism_sim.vibration.shaking import VelocitySteps
 
@@ -67,7 +67,7 @@ class LoadCell(DirectSource):
         return np.asarray(x * np.cos(angle) + y * np.sin(angle))
 
 
-@register('load_cell')
+@SENSORS.add('load_cell')
 class LoadCellKeys(InJointKeys, ShockKeys):
     """A load cell between a joint and its second link."""
 

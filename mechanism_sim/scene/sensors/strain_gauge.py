@@ -10,7 +10,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.quantities import Offset
-from mechanism_sim.scene.sensor_keys import AnalogueKeys, OnLinkKeys, check_link, register
+from mechanism_sim.scene.sensor_keys import SENSORS, AnalogueKeys, OnLinkKeys, check_link
 from mechanism_sim.sensing.channel import DirectSource
 
 
@@ -33,7 +33,7 @@ class Gauge(DirectSource):
         return np.asarray(self._shares @ q[self._used])
 
 
-@register('strain_gauge')
+@SENSORS.add('strain_gauge')
 class StrainKeys(OnLinkKeys, AnalogueKeys):
     """A strain gauge along an elastic link, of no length of its own."""
 

@@ -13,7 +13,7 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.sensor_keys import OnLinkKeys, register
+from mechanism_sim.scene.sensor_keys import SENSORS, OnLinkKeys
 from mechanism_sim.scene.sensors._places import angle_between, check_between
 from mechanism_sim.sensing.chain import Trigger
 from mechanism_sim.sensing.channel import DirectSource
@@ -57,7 +57,7 @@ class Tachometer(DirectSource):
         return speed[None]
 
 
-@register('tachometer')
+@SENSORS.add('tachometer')
 class TachometerKeys(OnLinkKeys):
     """A pickup that marks of a link pass; the samples are a speed without a sign."""
 
