@@ -143,8 +143,8 @@ def _fit(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.measurements import measurements  # noqa: PLC0415
     from mechanism_sim.report import identification as report  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.study.identification import ROUNDS, Identification  # noqa: PLC0415
-    from mechanism_sim.study.parameters import OF_JOINT, parameters, ranges  # noqa: PLC0415
+    from mechanism_sim.studies.identification import ROUNDS, Identification  # noqa: PLC0415
+    from mechanism_sim.studies.parameters import OF_JOINT, parameters, ranges  # noqa: PLC0415
 
     counts = options.rounds.split(',') if options.rounds else ROUNDS
     if not all(str(n).strip().isdecimal() and int(n) >= 16 for n in counts):

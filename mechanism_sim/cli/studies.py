@@ -75,7 +75,7 @@ def add(command: Command) -> None:
 
 def _periodic(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.study.periodic import find_periodic  # noqa: PLC0415
+    from mechanism_sim.studies.periodic import find_periodic  # noqa: PLC0415
 
     if options.longest < 1 or options.transient < 1:
         raise InputError('--longest and --transient must be at least 1')
@@ -96,7 +96,7 @@ def _periodic(options: argparse.Namespace) -> int:
 
 def _statistics(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.study.statistics import statistics  # noqa: PLC0415
+    from mechanism_sim.studies.statistics import statistics  # noqa: PLC0415
 
     machine = read_machine(options)
     turns = math.floor(turns_of(options, machine, 200) * (1.0 + 1e-12))
@@ -108,7 +108,7 @@ def _statistics(options: argparse.Namespace) -> int:
 
 def _lift_off(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.study.lift_off import lift_offs  # noqa: PLC0415
+    from mechanism_sim.studies.lift_off import lift_offs  # noqa: PLC0415
 
     machine = read_machine(options)
     with progress.busy('find', options.json) as say:
@@ -141,8 +141,8 @@ def _find(options: argparse.Namespace) -> int:
 def _find_value(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report import find as report  # noqa: PLC0415
-    from mechanism_sim.study.find import find, read_goal  # noqa: PLC0415
-    from mechanism_sim.study.parameters import ranges  # noqa: PLC0415
+    from mechanism_sim.studies.find import find, read_goal  # noqa: PLC0415
+    from mechanism_sim.studies.parameters import ranges  # noqa: PLC0415
 
     goal = read_goal(options.so_that, options.minimise)
     file = figures.check_picture('--output', options.output) if options.output else None
@@ -202,8 +202,8 @@ def _teeth(options: argparse.Namespace) -> int:
 def _sweep(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
-    from mechanism_sim.sweep.plan import read_plan  # noqa: PLC0415
-    from mechanism_sim.sweep.run import SweepInterrupted, sweep  # noqa: PLC0415
+    from mechanism_sim.studies.plan import read_plan  # noqa: PLC0415
+    from mechanism_sim.studies.sweep import SweepInterrupted, sweep  # noqa: PLC0415
     from mechanism_sim.tables import default_ending  # noqa: PLC0415
 
     if options.effects:

@@ -9,7 +9,7 @@ import numpy as np
 from mechanism_sim.export.palette import INK
 from mechanism_sim.report.charts.chart import Axis, Chart, Curve, Mark, Panel
 from mechanism_sim.strict_json import plain
-from mechanism_sim.study.find import Finding, within_limits
+from mechanism_sim.studies.find import Finding, within_limits
 from mechanism_sim.units import for_people
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mechanism_sim import strict_json
-from mechanism_sim.study.identification import Result
+from mechanism_sim.studies.identification import Result
 
 _UNLIKE = 0.01
 

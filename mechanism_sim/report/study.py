@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 
 from mechanism_sim.strict_json import plain
-from mechanism_sim.study.lift_off import LiftOff
-from mechanism_sim.study.periodic import Response
-from mechanism_sim.study.statistics import Statistics
+from mechanism_sim.studies.lift_off import LiftOff
+from mechanism_sim.studies.periodic import Response
+from mechanism_sim.studies.statistics import Statistics
 from mechanism_sim.units import for_people
 
 _STABLE = {

@@ -15,10 +15,10 @@ from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.report.charts.chart import DASHES, MARKERS, Axis, Chart, Curve, Panel
 from mechanism_sim.report.figures import check_picture
 from mechanism_sim.strict_json import plain
-from mechanism_sim.sweep.effects import effects, exceedances, measures_of
-from mechanism_sim.sweep.plan import REPEAT, Plan
-from mechanism_sim.sweep.row import Value
-from mechanism_sim.sweep.run import Summary, has_failed
+from mechanism_sim.studies.effects import effects, exceedances, measures_of
+from mechanism_sim.studies.plan import REPEAT, Plan
+from mechanism_sim.studies.row import Value
+from mechanism_sim.studies.sweep import Summary, has_failed
 from mechanism_sim.units import for_people
 
 _PANELS = (

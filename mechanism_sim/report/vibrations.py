@@ -13,9 +13,9 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, Curve, Mark, Panel, whole
 from mechanism_sim.report.charts.lines import colours
 from mechanism_sim.strict_json import plain
-from mechanism_sim.study.harmonics import Harmonics
-from mechanism_sim.study.modes import CriticalSpeed, Mode, Station
-from mechanism_sim.study.response import FrequencyResponse
+from mechanism_sim.studies.harmonics import Harmonics
+from mechanism_sim.studies.modes import CriticalSpeed, Mode, Station
+from mechanism_sim.studies.response import FrequencyResponse
 
 _UNDAMPED = 1e-9  # damping ratio up to which there is none but for rounding
 _SHOWN = 1e-6  # of the largest amplitude: an error that six digits show

@@ -14,7 +14,7 @@ from rattling import CycloidalLaw, EccentricLaw, GrooveCam, SprungFollower
 
 import mechanism_sim as ms
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.study.lift_off import lift_offs
+from mechanism_sim.studies.lift_off import lift_offs
 from test.grid.case import variant
 
 TURN = 2 * math.pi

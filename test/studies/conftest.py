@@ -9,6 +9,6 @@ import pytest
 def in_this_process(monkeypatch):
     """Runs of a sweep need no processes."""
     monkeypatch.setattr(
-        'mechanism_sim.sweep.run.run_local',
+        'mechanism_sim.studies.sweep.run_local',
         lambda tasks, _, work: (work(task) for task in tasks),
     )

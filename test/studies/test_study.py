@@ -14,8 +14,8 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import batches, quotient, ratio
 from mechanism_sim.report.study import periodic as periodic_text
-from mechanism_sim.study.periodic import Response, Section, find_periodic
-from mechanism_sim.study.statistics import statistics
+from mechanism_sim.studies.periodic import Response, Section, find_periodic
+from mechanism_sim.studies.statistics import statistics
 from mechanism_sim.thesis.losses import losses
 from mechanism_sim.thesis.starts import starts
 

@@ -1,6 +1,6 @@
 """The vibration of a scene under what shakes it by itself: turning drives, loads over time.
 
-Linear about the static equilibrium, as in `mechanism_sim.study.response`.
+Linear about the static equilibrium, as in `mechanism_sim.studies.response`.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from mechanism_sim.numerics.fourier import spectrum
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.scene import Machine
-from mechanism_sim.study import frames
-from mechanism_sim.study.modes import (
+from mechanism_sim.studies import frames
+from mechanism_sim.studies.modes import (
     LinearMachine,
     derivatives,
     kept,
@@ -29,7 +29,7 @@ from mechanism_sim.study.modes import (
     steady_rates,
     turning,
 )
-from mechanism_sim.study.response import (
+from mechanism_sim.studies.response import (
     DERIVATIVES,
     FrequencyResponse,
     Source,

@@ -15,10 +15,10 @@ from typing import Any, Self
 
 from mechanism_sim import output, strict_json, tables
 from mechanism_sim.errors import InputError
-from mechanism_sim.sweep.figures import FIGURES
-from mechanism_sim.sweep.labels import label_columns
-from mechanism_sim.sweep.plan import Plan
-from mechanism_sim.sweep.row import RunResult, Value
+from mechanism_sim.studies.figures import FIGURES
+from mechanism_sim.studies.labels import label_columns
+from mechanism_sim.studies.plan import Plan
+from mechanism_sim.studies.row import RunResult, Value
 from mechanism_sim.tables import Column
 
 _RULING = ('mechanism_sim', 'heyoka', 'numpy')

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 
 from mechanism_sim import output, tables
 from mechanism_sim.errors import InputError
-from mechanism_sim.study.workers import run_local
-from mechanism_sim.sweep.cluster import run_on_cluster
-from mechanism_sim.sweep.plan import Plan, Run
-from mechanism_sim.sweep.row import DONE, Task, Value, compute
-from mechanism_sim.sweep.store import Journal, journal_of, write_table
+from mechanism_sim.studies.cluster import run_on_cluster
+from mechanism_sim.studies.journal import Journal, journal_of, write_table
+from mechanism_sim.studies.plan import Plan, Run
+from mechanism_sim.studies.row import DONE, Task, Value, compute
+from mechanism_sim.studies.workers import run_local
 
 if TYPE_CHECKING:
-    from mechanism_sim.sweep.shards import Shard
+    from mechanism_sim.studies.shards import Shard
 
 Show = Callable[[int, int], None]
 """Called with the number of finished runs, and of those that failed."""
@@ -91,7 +91,7 @@ def sweep(
     into = _window_folder(plan, table, windows, fresh)
     cut: dict[int, Shard] = {}
     if into:
-        from mechanism_sim.sweep.shards import name_of, shards  # noqa: PLC0415 - seldom needed
+        from mechanism_sim.studies.shards import name_of, shards  # noqa: PLC0415 - seldom needed
 
         if restart:
             for run in plan.runs:
@@ -141,7 +141,7 @@ def _windows_in(cut: Mapping[int, Shard]) -> int:
     """How many windows there are."""
     if not cut:
         return 0
-    from mechanism_sim.sweep.shards import windows_in  # noqa: PLC0415 - seldom needed
+    from mechanism_sim.studies.shards import windows_in  # noqa: PLC0415 - seldom needed
 
     return windows_in(cut.values())
 
@@ -182,7 +182,7 @@ def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) ->
         return None
     folder = Path(windows) if windows else table.with_suffix('.windows')
     folder = output.make_folder(folder.resolve(), "the windows' folder ")
-    from mechanism_sim.sweep.shards import name_of  # noqa: PLC0415 - seldom needed
+    from mechanism_sim.studies.shards import name_of  # noqa: PLC0415 - seldom needed
 
     own = set() if fresh else {name_of(run) for run in plan.runs}
     for file in sorted(folder.glob('*.parquet')):

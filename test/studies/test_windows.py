@@ -23,9 +23,9 @@ from mechanism_sim import ending
 from mechanism_sim.errors import InputError
 from mechanism_sim.recording import read_bag
 from mechanism_sim.sensing.channel import Block
-from mechanism_sim.sweep.plan import read_plan
-from mechanism_sim.sweep.run import SweepInterrupted, sweep
-from mechanism_sim.sweep.windows import Cutter, Windows
+from mechanism_sim.studies.plan import read_plan
+from mechanism_sim.studies.sweep import SweepInterrupted, sweep
+from mechanism_sim.studies.windows import Cutter, Windows
 
 SENSOR = 'sensors.rocker_accelerometer'
 SWEEP = f"""

@@ -14,7 +14,7 @@ from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Block
-from mechanism_sim.sweep.schema import WindowsPart
+from mechanism_sim.studies.schema import WindowsPart
 
 
 @dataclass(frozen=True)

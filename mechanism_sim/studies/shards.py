@@ -20,10 +20,10 @@ from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Channel
-from mechanism_sim.sweep.file_errors import file_errors
-from mechanism_sim.sweep.labels import label_columns
-from mechanism_sim.sweep.plan import Plan, Run
-from mechanism_sim.sweep.windows import Cutter, Windows
+from mechanism_sim.studies.file_errors import file_errors
+from mechanism_sim.studies.labels import label_columns
+from mechanism_sim.studies.plan import Plan, Run
+from mechanism_sim.studies.windows import Cutter, Windows
 from mechanism_sim.tables import field_type
 
 SIGNAL = 'signal'

@@ -6,7 +6,7 @@ from collections.abc import Generator, Sequence
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.packages import needed
-from mechanism_sim.sweep.row import RunResult, Task, compute
+from mechanism_sim.studies.row import RunResult, Task, compute
 
 
 def run_on_cluster(tasks: Sequence[Task], address: str) -> Generator[RunResult, None, None]:

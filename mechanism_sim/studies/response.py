@@ -1,6 +1,6 @@
 """Steady response of a scene to harmonic forces and base motions.
 
-Linear about the static equilibrium, as in `mechanism_sim.study.modes`.
+Linear about the static equilibrium, as in `mechanism_sim.studies.modes`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from mechanism_sim.planar.linearisation import Excitation
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.names import scene_errors
-from mechanism_sim.study import frames
-from mechanism_sim.study.modes import LinearMachine, derivatives, kept, linearised, turning
+from mechanism_sim.studies import frames
+from mechanism_sim.studies.modes import LinearMachine, derivatives, kept, linearised, turning
 
 ComplexArray = NDArray[np.complex128]
 

@@ -30,13 +30,13 @@ from mechanism_sim.scene.files import (
 )
 from mechanism_sim.scene.quantities import Part
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.sweep.figures import RESERVED, Column, of_sensors, own_columns
-from mechanism_sim.sweep.schema import DesignPart, SweepFile
-from mechanism_sim.sweep.windows import Windows
+from mechanism_sim.studies.figures import RESERVED, Column, of_sensors, own_columns
+from mechanism_sim.studies.schema import DesignPart, SweepFile
+from mechanism_sim.studies.windows import Windows
 from mechanism_sim.units import Measure, to_si, to_si_like, to_si_text
 
 if TYPE_CHECKING:
-    from mechanism_sim.sweep.design import Factor
+    from mechanism_sim.studies.design import Factor
 
 SCENE, REPEAT = 'scene', 'repeat'
 """Columns that are no values of a scene."""
@@ -234,7 +234,7 @@ def _drawn(file: str, sweep: SweepFile) -> tuple[list[Factor], list[dict[str, fl
         if sweep.design != DesignPart():
             raise InputError(f"{file}: 'design' needs 'vary', which says what varies")
         return [], [{}]
-    from mechanism_sim.sweep import design  # noqa: PLC0415 - statistics are slow to import
+    from mechanism_sim.studies import design  # noqa: PLC0415 - statistics are slow to import
 
     try:
         factors = [design.factor(path, given) for path, given in sweep.vary.items()]

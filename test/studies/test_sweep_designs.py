@@ -22,10 +22,10 @@ from running import ROOT
 from mechanism_sim import tables
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
-from mechanism_sim.sweep.design import factor, points
-from mechanism_sim.sweep.effects import effects, exceedances
-from mechanism_sim.sweep.plan import read_plan
-from mechanism_sim.sweep.run import sweep
+from mechanism_sim.studies.design import factor, points
+from mechanism_sim.studies.effects import effects, exceedances
+from mechanism_sim.studies.plan import read_plan
+from mechanism_sim.studies.sweep import sweep
 
 G, MASS = 9.81, 2.0
 SCENE = """

@@ -14,8 +14,8 @@ from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.report.identification import render, unlike
 from mechanism_sim.results.sensor_record import SensorRecord
 from mechanism_sim.scene.files import read_scene
-from mechanism_sim.study.identification import Identification
-from mechanism_sim.study.parameters import NAMES, parameters, ranges
+from mechanism_sim.studies.identification import Identification
+from mechanism_sim.studies.parameters import NAMES, parameters, ranges
 
 SCENE = 'bearing_run_up'
 JOINT = 'joints.coupler_rocker.clearance'

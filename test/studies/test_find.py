@@ -10,7 +10,7 @@ from running import run
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.report.find import text
-from mechanism_sim.study.find import find, read_goal
+from mechanism_sim.studies.find import find, read_goal
 
 SPEED, ARM = 12.0, 0.25
 

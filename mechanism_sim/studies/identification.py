@@ -33,8 +33,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.kernel_regression import KernelRegression
 from mechanism_sim.results.sensor_record import SensorRecord
-from mechanism_sim.study.parameters import Parameter
-from mechanism_sim.study.workers import run_local
+from mechanism_sim.studies.parameters import Parameter
+from mechanism_sim.studies.workers import run_local
 
 Progress = Callable[[int, int], None]
 """Called with the numbers of simulations finished and failed."""

@@ -12,9 +12,9 @@ import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.sweep.design import INDICES
-from mechanism_sim.sweep.plan import Plan
-from mechanism_sim.sweep.row import Value
+from mechanism_sim.studies.design import INDICES
+from mechanism_sim.studies.plan import Plan
+from mechanism_sim.studies.row import Value
 
 CLASSES = 8
 """Into which the values of a factor are put, at most."""

@@ -20,7 +20,7 @@ from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.results.run import Runner
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
-from mechanism_sim.study.modes import Mode, Roots, Station, about, derivatives
+from mechanism_sim.studies.modes import Mode, Roots, Station, about, derivatives
 
 _TURNS = 400  # after which a machine that has not settled is given up
 _NEAR = 1e-2  # change from turn to turn from which Newton's method takes over

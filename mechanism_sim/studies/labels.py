@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mechanism_sim.sweep.plan import Plan
+from mechanism_sim.studies.plan import Plan
 from mechanism_sim.tables import Column
 
 

@@ -21,11 +21,11 @@ import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
-from mechanism_sim.study.statistics import statistics
-from mechanism_sim.sweep.plan import Extent, read_plan
-from mechanism_sim.sweep.row import DONE, Task, compute
-from mechanism_sim.sweep.run import SweepInterrupted, sweep
-from mechanism_sim.sweep.store import write_table
+from mechanism_sim.studies.journal import write_table
+from mechanism_sim.studies.plan import Extent, read_plan
+from mechanism_sim.studies.row import DONE, Task, compute
+from mechanism_sim.studies.statistics import statistics
+from mechanism_sim.studies.sweep import SweepInterrupted, sweep
 
 SWEEP = f"""
 scene: four_bar_clearance

@@ -21,14 +21,14 @@ from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.study.statistics import Tally
-from mechanism_sim.sweep.bags import RunBag
-from mechanism_sim.sweep.figures import FIGURES
-from mechanism_sim.sweep.file_errors import FileError
-from mechanism_sim.sweep.plan import Extent
+from mechanism_sim.studies.figures import FIGURES
+from mechanism_sim.studies.file_errors import FileError
+from mechanism_sim.studies.plan import Extent
+from mechanism_sim.studies.run_bag import RunBag
+from mechanism_sim.studies.statistics import Tally
 
 if TYPE_CHECKING:
-    from mechanism_sim.sweep.shards import Channels, Shard, ShardWriter
+    from mechanism_sim.studies.shards import Channels, Shard, ShardWriter
 
 Value = float | int | str | None
 DONE = 'done'
@@ -137,7 +137,7 @@ def _writers(task: Task) -> list[tuple[type[ShardWriter], Shard]]:
     """What writes the windows of a run; most have none."""
     if not task.shards:
         return []
-    from mechanism_sim.sweep.shards import ShardWriter  # noqa: PLC0415 - seldom needed
+    from mechanism_sim.studies.shards import ShardWriter  # noqa: PLC0415 - seldom needed
 
     return [(ShardWriter, shard) for shard in task.shards]
 

@@ -20,7 +20,7 @@ from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
-from mechanism_sim.study.parameters import Parameter, parameters
+from mechanism_sim.studies.parameters import Parameter, parameters
 from mechanism_sim.units import to_si_like
 
 _ROUNDING = 1e-12
