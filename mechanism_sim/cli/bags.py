@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +12,12 @@ from mechanism_sim.cli.options import (
     print_json,
     print_result,
     quantity,
+    read_workers,
     refuse_options,
     skip_option,
     skipped_time,
     skipped_turns,
+    workers_options,
 )
 from mechanism_sim.cli.source import namespace_option, warn_if_incomplete
 from mechanism_sim.errors import InputError
@@ -63,7 +64,7 @@ def _recover(options: argparse.Namespace) -> int:
     return print_result(options, recover(options.bag), Recovery.to_json, render_recovery, echo)
 
 
-_FIT = 'scene', 'set', 'range', 'joint', 'sensor', 'seed', 'rounds', 'workers'
+_FIT = 'scene', 'set', 'range', 'joint', 'sensor', 'seed', 'rounds', 'workers', 'dask'
 _DETAILS = (
     'spectrum', 'orders', 'envelope', 'average', 'impacts-on', 'wear', 'deviation', 'against',
     'band', 'pin-radius', 'plots', 'namespace',
@@ -150,9 +151,9 @@ def _fit(options: argparse.Namespace) -> int:
     if not all(str(n).strip().isdecimal() and int(n) >= 16 for n in counts):
         raise InputError(f"--rounds '{options.rounds}': write numbers from 16 on, as 128,48,48,48")
     rounds = [int(n) for n in counts]
-    workers = os.cpu_count() or 1 if options.workers is None else options.workers
-    if workers < 1 or options.seed < 0:
-        raise InputError('--workers must be at least 1, --seed at least 0')
+    workers = read_workers(options)
+    if options.seed < 0:
+        raise InputError('--seed must be at least 0')
     with progress.busy('reading', options.json):
         signals = measurements(
             options.bags,
@@ -167,7 +168,7 @@ def _fit(options: argparse.Namespace) -> int:
     wanted = parameters(
         first.machine, options.fit.split(','), first.sensor, options.joint, ranges(options.ranges)
     )
-    with progress.count('fit', sum(rounds), quiet=options.json) as show:
+    with progress.count('fit', sum(rounds), quiet=options.json) as show, workers:
         found = Identification(signals, wanted, options.seed, workers, show).find(rounds)
     return print_result(options, found, report.to_json, report.render)
 
@@ -225,7 +226,7 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
     option(more, '--sensor', 'S', 'the sensor, where there are several')
     option(more, '--seed', 'N', 'of the random numbers of the search', 0)
     option(more, '--rounds', 'N,...', 'simulations in each round; 128,48,48,48 if not given')
-    option(more, '--workers', 'N', 'processes; one for each core if not given', int)
+    workers_options(more)
 
 
 def _detail_options(sub: argparse.ArgumentParser) -> None:

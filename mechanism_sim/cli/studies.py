@@ -18,12 +18,14 @@ from mechanism_sim.cli.options import (
     quantity,
     read_machine,
     read_measures,
+    read_workers,
     refuse_options,
     scene_options,
     skip_option,
     skipped_turns,
     tables_option,
     turns_of,
+    workers_options,
 )
 from mechanism_sim.errors import InputError
 
@@ -50,6 +52,7 @@ def add(command: Command) -> None:
     )
     option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     option(sub, '-o --output', 'FILE', 'draw the curve')
+    workers_options(sub, '1')
     flag(sub, '--lift-off', 'instead: from which speed on followers leave their cams')
     _teeth_options(sub)
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
@@ -63,8 +66,7 @@ def add(command: Command) -> None:
     )
     measure_option(sub)
     tables_option(sub)
-    option(sub, '--workers', 'N', 'processes; one for each core if not given', int)
-    option(sub, '--dask', 'ADDRESS', 'run on the cluster of this Dask scheduler')
+    workers_options(sub)
     option(sub, '--bags', 'DIR', 'folder in which to record every run, too')
     option(sub, '--windows', 'DIR', 'folder for windows of signals; TABLE.windows if not given')
     flag(sub, '--restart', 'forget what is computed already')
@@ -116,7 +118,10 @@ def _lift_off(options: argparse.Namespace) -> int:
     return print_result(options, found, study.lift_offs_json, study.lift_offs)
 
 
-_SEARCH = 'vary', 'so-that', 'minimise', 'values', 'duration', 'revolutions', 'output'
+_SEARCH = (
+    'vary', 'so-that', 'minimise', 'values', 'duration', 'revolutions', 'output', 'workers',
+    'dask',
+)  # fmt: skip
 _SCENE = 'set', 'tables-from', 'rtol', 'atol'
 _TEETH = 'stages', 'tolerance', 'teeth-range', 'centre-distance', 'modules'
 
@@ -148,11 +153,12 @@ def _find_value(options: argparse.Namespace) -> int:
     file = figures.check_picture('--output', options.output) if options.output else None
     if options.values < 2:
         raise InputError('--values must be at least 2')
+    workers = read_workers(options, 1)
     ((path, limits),) = ranges([options.vary or ''], '--vary').items()
     machine = read_machine(options)
-    with progress.busy('find', options.json) as say:
+    with progress.count('find', options.values, options.json) as show:
         finding = find(
-            machine, (path, *limits), goal, options.values, lambda n: say(f'{n} cycles'),
+            machine, (path, *limits), goal, options.values, workers, show,
             duration=options.duration,
             **({} if options.revolutions is None else {'periods': options.revolutions}),
         )  # fmt: skip

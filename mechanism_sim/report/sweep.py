@@ -17,8 +17,8 @@ from mechanism_sim.report.figures import check_picture
 from mechanism_sim.strict_json import plain
 from mechanism_sim.studies.effects import effects, exceedances, measures_of
 from mechanism_sim.studies.plan import REPEAT, Plan
-from mechanism_sim.studies.row import Value
-from mechanism_sim.studies.sweep import Summary, has_failed
+from mechanism_sim.studies.runs import Row, has_failed
+from mechanism_sim.studies.sweep import Summary
 from mechanism_sim.units import for_people
 
 _PANELS = (
@@ -29,7 +29,7 @@ _PANELS = (
 _MOST_ROWS, _MOST_TICKS = 40, 8
 
 
-def render(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> str:
+def render(summary: Summary, plan: Plan, rows: Sequence[Row]) -> str:
     """The outcome of a sweep for people: its figures if they are few, its failures, its table."""
     lines = _few(plan, rows) if len(rows) <= _MOST_ROWS else []
     lines += _spreads(plan, rows)
@@ -52,7 +52,7 @@ def render(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> st
     )
 
 
-def _few(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
+def _few(plan: Plan, rows: Sequence[Row]) -> list[str]:
     """A line for each run: its measures, or its impacts, and what was swept."""
     measures = [c for c in plan.own if c.name in _measure_names(plan)]
     table: list[list[str]] = []
@@ -91,12 +91,12 @@ def _given(value: Any, unit: str) -> str:
     return f'{scale * value:.6g} {shown}'
 
 
-def _largest(rows: Sequence[dict[str, Value]], name: str) -> float:
+def _largest(rows: Sequence[Row], name: str) -> float:
     """The largest size of a figure in all rows."""
     return max((abs(x) for row in rows if math.isfinite(x := _number(row, name))), default=0.0)
 
 
-def _of_impulses(rows: Sequence[dict[str, Value]]) -> tuple[float, str]:
+def _of_impulses(rows: Sequence[Row]) -> tuple[float, str]:
     """The scale and the unit in which impulses are read."""
     large = max((abs(_number(row, 'impulse')) for row in rows), default=0.0)
     return (1.0, 'N s') if large >= 1.0 else (1e3, 'mN s')
@@ -110,7 +110,7 @@ def _text(value: float) -> str:
     return f'{value:.6g}' if math.isfinite(value) else 'none'
 
 
-def _spreads(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
+def _spreads(plan: Plan, rows: Sequence[Row]) -> list[str]:
     """How measures are distributed over the runs, what does it, and who exceeds limits."""
     measures = [c for c in plan.own if c.name in _measure_names(plan)]
     if not measures or len(rows) < 2:
@@ -154,7 +154,7 @@ def _spreads(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
     return lines
 
 
-def to_json(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> dict[str, Any]:
+def to_json(summary: Summary, plan: Plan, rows: Sequence[Row]) -> dict[str, Any]:
     """The outcome as JSON: the summary, and effects and shares of what was measured."""
     if not plan.measures:
         return dict(vars(summary))
@@ -165,12 +165,12 @@ def to_json(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> d
     }
 
 
-def _mean_text(row: dict[str, Value], name: str, scale: float) -> str:
+def _mean_text(row: Row, name: str, scale: float) -> str:
     mean, half = _number(row, name) * scale, _number(row, f'{name}_half_width') * scale
     return f'{mean:.4g} +- {half:<7.2g}' if math.isfinite(mean) else 'none'
 
 
-def _number(row: dict[str, Value], name: str) -> float:
+def _number(row: Row, name: str) -> float:
     value = row.get(name)
     return float(value) if isinstance(value, int | float) else math.nan
 
@@ -203,7 +203,7 @@ def chart_of(plan: Plan, file: str | None, over: str | None) -> Asked | None:
     return Asked(path, chosen)
 
 
-def sweep_chart(asked: Asked, plan: Plan, rows: Sequence[dict[str, Value]]) -> Chart:
+def sweep_chart(asked: Asked, plan: Plan, rows: Sequence[Row]) -> Chart:
     """Impulses, impacts and I_n over a swept value, a line for each of the other values.
 
     Bars are 95 % confidence intervals; repetitions are put together.
@@ -219,10 +219,10 @@ def sweep_chart(asked: Asked, plan: Plan, rows: Sequence[dict[str, Value]]) -> C
     return Chart('sweep', '', tuple(panels), columns=len(panels), width=9.5)
 
 
-Lines = dict[str, dict[float, list[dict[str, Value]]]]
+Lines = dict[str, dict[float, list[Row]]]
 
 
-def _lines(asked: Asked, plan: Plan, rows: Sequence[dict[str, Value]]) -> Lines:
+def _lines(asked: Asked, plan: Plan, rows: Sequence[Row]) -> Lines:
     """Finished rows by line of the picture and by place on it."""
     lines: Lines = {}
     for run, row in zip(plan.runs, rows, strict=True):
@@ -236,9 +236,7 @@ def _lines(asked: Asked, plan: Plan, rows: Sequence[dict[str, Value]]) -> Lines:
     return lines
 
 
-def _curve(
-    places: dict[float, list[dict[str, Value]]], name: str, scale: float, label: str, k: int
-) -> Curve:
+def _curve(places: dict[float, list[Row]], name: str, scale: float, label: str, k: int) -> Curve:
     xs = sorted(places)
     means = [[_number(row, name) * scale for row in places[x]] for x in xs]
     halves = [[_number(row, f'{name}_half_width') * scale for row in places[x]] for x in xs]
@@ -259,7 +257,7 @@ def _axis(asked: Asked, plan: Plan) -> Axis:
     return Axis(words, 'SI')
 
 
-def effects_chart(plan: Plan, rows: Sequence[dict[str, Value]]) -> Chart:
+def effects_chart(plan: Plan, rows: Sequence[Row]) -> Chart:
     """Main effects: a row for each measure, a column for each factor, means with errors.
 
     Bars are two standard errors of a mean; the share is that of the variance which the factor

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.studies.design import INDICES
 from mechanism_sim.studies.plan import Plan
-from mechanism_sim.studies.row import Value
+from mechanism_sim.studies.runs import Row
 
 CLASSES = 8
 """Into which the values of a factor are put, at most."""
@@ -72,7 +72,7 @@ def measures_of(plan: Plan) -> list[str]:
     return names or ['impulse', 'impacts', 'I_n']
 
 
-def effects(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[Effect]:
+def effects(plan: Plan, rows: Sequence[Row]) -> list[Effect]:
     """The effect of every swept value on every measure; none of what never varies."""
     found = []
     for measure in measures_of(plan):
@@ -94,7 +94,7 @@ def effects(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[Effect]:
     return found
 
 
-def exceedances(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[Exceedance]:
+def exceedances(plan: Plan, rows: Sequence[Row]) -> list[Exceedance]:
     """Which share of the runs exceeds each limit of the sweep."""
     found = []
     for name, limit in plan.limits.items():

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,13 +15,14 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.expressions import sides
 from mechanism_sim.results.cycle import cycle
-from mechanism_sim.results.measure_text import read
-from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.measure_text import Measure, read
+from mechanism_sim.results.measures import Measured, Measurement
 from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.parameters import Parameter, parameters
+from mechanism_sim.studies.runs import Call, Row, Rows, Show, Workers, has_failed
 from mechanism_sim.units import to_si_like
 
 _ROUNDING = 1e-12
@@ -92,7 +94,8 @@ def find(
     vary: tuple[str, str, str],
     goal: Goal,
     samples: int = 17,
-    progress: Callable[[int], Any] = lambda _: None,
+    workers: Workers | None = None,
+    show: Show | None = None,
     **how: Any,
 ) -> Finding:
     """Vary a number of a scene between two limits until a figure of its cycle is as wanted.
@@ -103,57 +106,43 @@ def find(
     Parameters
     ----------
     vary : dotted path, lowest and highest value as in a scene file
-    progress : told the number of cycles so far
+    workers : that compute cycles; this process if not given
+    show : called with the numbers of values finished and failed, of those at which it is computed
     how : arguments of `cycle`: ``duration`` [s], ``periods``
     """
     path, low, high = vary
     (parameter,) = parameters(machine, [path], '', limits={path: (low, high)})
-    content, count = machine.scene.to_document(), 0
-    units: list[str] = []
     text = machine.scene.measures.get(goal.name, goal.name)
-    taken = read(text, goal.name)
-
-    def figure(place: float) -> float:
-        nonlocal count
-        value = parameter.value(place)
-        changed = build(machine.name, check_scene(machine.name, content, {path: value}))
-        one = cycle(changed, **how)
-        count += 1
-        progress(count)
-        limits = float(one.t[0]), float(one.t[-1])
-        measured = Measurement(changed, [taken], *limits)
-        measured.add(one.solution)
-        (found,) = measured.found()
-        units.append(found.unit)
-        if not math.isfinite(found.value):
-            why = f': {found.resolution}' if found.resolution != EXACT else ''
-            raise RunError(f"'{text}' has no finite value{why}")
-        return found.value
-
+    measure, content = read(text, goal.name), machine.scene.to_document()
+    curve = _Curve(machine.name, content, parameter, measure, text, how)
     ends = parameter.to_scale(parameter.low), parameter.to_scale(parameter.high)
     places: Array = np.linspace(ends[0], ends[1], samples)
-    figures, failed = np.full(samples, np.nan), []
-    for k, place in enumerate(places):
-        try:
-            figures[k] = figure(place)
-        except (InputError, RunError) as error:
-            failed.append((parameter.value(place), str(error)))
-    if not np.isfinite(figures).any():
-        raise InputError(
-            f'{machine.name}: no cycle between these limits of {path}: {failed[0][1]}'
+    with workers or Workers(1) as pool:
+        tasks = [Call(str(k), curve.point, (place,)) for k, place in enumerate(places.tolist())]
+        known = pool.do(tasks, Rows(), show)
+        rows = [known[task.key] for task in tasks]
+        figures: Array = np.array([row.get('figure', math.nan) for row in rows])
+        failed = tuple(
+            (parameter.value(place), row['status'])
+            for place, row in zip(places.tolist(), rows, strict=True)
+            if has_failed(row)
         )
-    unit = units[0]
-    wanted = None if goal.wanted is None else _quantity(goal.wanted, unit)
-    found = (
-        _crossings(figure, parameter, places, figures, wanted)
-        if wanted is not None
-        else [_least(figure, parameter, places, figures)]
-    )
-    curve = [*zip(map(parameter.value, places), figures.tolist(), strict=True)]
-    curve += [(one.value, one.figure) for one in found]
-    return Finding(
-        parameter, goal, unit, wanted, tuple(sorted(curve)), tuple(found), tuple(failed)
-    )
+        if len(failed) == samples:
+            why = f'no cycle between these limits of {path}: {failed[0][1]}'
+            raise InputError(f'{machine.name}: {why}')
+        unit = next(row['unit'] for row in rows if not has_failed(row))
+        wanted = None if goal.wanted is None else _quantity(goal.wanted, unit)
+        found = [
+            Found(row['value'], row['figure'], row.get('jump', False))
+            for row in pool.do_all(curve.searches(places, figures, wanted))
+        ]
+    if wanted is not None:
+        hits = np.flatnonzero(figures == wanted)
+        found += [Found(parameter.value(places[k]), float(figures[k])) for k in hits]
+    shown = [*zip(map(parameter.value, places), figures.tolist(), strict=True)]
+    shown += [(one.value, one.figure) for one in found]
+    found.sort(key=lambda one: one.value)
+    return Finding(parameter, goal, unit, wanted, tuple(sorted(shown)), tuple(found), failed)
 
 
 def _quantity(text: str, unit: str) -> float:
@@ -163,49 +152,77 @@ def _quantity(text: str, unit: str) -> float:
         raise InputError(f'the wanted value {text} {error}') from error
 
 
-def _crossings(
-    figure: Callable[[float], float],
-    parameter: Parameter,
-    places: Array,
-    figures: Array,
-    wanted: float,
-) -> list[Found]:
-    """Where the figure takes the wanted value."""
-    off = figures - wanted
-    span = np.nanmax(figures) - np.nanmin(figures)
-    found = [
-        Found(parameter.value(places[k]), float(figures[k])) for k in np.flatnonzero(off == 0.0)
-    ]
-    for k in np.flatnonzero(off[:-1] * off[1:] < 0.0):
+@dataclass(frozen=True)
+class _Curve:
+    """The figure of a cycle over a parameter."""
+
+    name: str
+    content: dict[str, Any]
+    parameter: Parameter
+    measure: Measure
+    text: str
+    how: dict[str, Any]
+
+    def at(self, place: float) -> Measured:
+        """The figure at a place on the parameter's scale."""
+        values = {self.parameter.path: self.parameter.value(place)}
+        machine = build(self.name, check_scene(self.name, self.content, values))
+        one = cycle(machine, **self.how)
+        measured = Measurement(machine, [self.measure], float(one.t[0]), float(one.t[-1]))
+        measured.add(one.solution)
+        (found,) = measured.found()
+        if not math.isfinite(found.value):
+            why = f': {found.resolution}' if found.resolution != EXACT else ''
+            raise RunError(f"'{self.text}' has no finite value{why}")
+        return found
+
+    def point(self, place: float) -> Row:
+        """The figure at a place, and its unit."""
+        found = self.at(place)
+        return {'figure': found.value, 'unit': found.unit}
+
+    def crossing(self, low: float, high: float, wanted: float, span: float) -> Row:
+        """Where the figure takes the wanted value between two places, by Brent's method.
+
+        Parameters
+        ----------
+        span : of the figures of the whole curve
+        """
         root = scipy.optimize.brentq(
-            lambda x: figure(x) - wanted, places[k], places[k + 1],
-            xtol=_ROUNDING * max(abs(places[k]), abs(places[k + 1])), rtol=4 * _ROUNDING,
+            lambda x: self.at(x).value - wanted, low, high,
+            xtol=_ROUNDING * max(abs(low), abs(high)), rtol=4 * _ROUNDING,
         )  # fmt: skip
-        there = figure(root)
-        found.append(Found(parameter.value(root), there, bool(abs(there - wanted) > _JUMP * span)))
-    return sorted(found, key=lambda one: one.value)
+        there = self.at(root).value
+        jump = bool(abs(there - wanted) > _JUMP * span)
+        return {'value': self.parameter.value(root), 'figure': there, 'jump': jump}
 
+    def least(self, low: float, high: float, best: float, figure: float) -> Row:
+        """Where the figure is least, to about half of the digits of the value.
 
-def _least(
-    figure: Callable[[float], float],
-    parameter: Parameter,
-    places: Array,
-    figures: Array,
-) -> Found:
-    """Where the figure is least, to about half of the digits of the value."""
-    k = int(np.nanargmin(figures))
-    ends = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
-    best = Found(parameter.value(places[k]), float(figures[k]))
-    try:
-        exact = {'xatol': 1e-8 * abs(ends[1] - ends[0])}
-        result = scipy.optimize.minimize_scalar(
-            figure, bounds=ends, method='bounded', options=exact
-        )
-    except (InputError, RunError):
-        return best
-    if result.fun < best.figure:
-        return Found(parameter.value(float(result.x)), float(result.fun))
-    return best
+        Parameters
+        ----------
+        best, figure : what is known already, and holds if a cycle fails between the places
+        """
+        exact = {'xatol': 1e-8 * abs(high - low)}
+        with suppress(InputError, RunError):
+            result = scipy.optimize.minimize_scalar(
+                lambda x: self.at(x).value, bounds=(low, high), method='bounded', options=exact
+            )
+            if result.fun < figure:
+                best, figure = float(result.x), float(result.fun)
+        return {'value': self.parameter.value(best), 'figure': figure}
+
+    def searches(self, places: Array, figures: Array, wanted: float | None) -> list[Call]:
+        """What is to be found between places: each crossing of a value, or the least."""
+        if wanted is not None:
+            off, span = figures - wanted, float(np.nanmax(figures) - np.nanmin(figures))
+            crossed = np.flatnonzero(off[:-1] * off[1:] < 0.0)
+            ends = [(float(places[k]), float(places[k + 1])) for k in crossed]
+            return [Call(str(x), self.crossing, (*x, wanted, span)) for x in ends]
+        k = int(np.nanargmin(figures))
+        low, high = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
+        known = map(float, (low, high, places[k], figures[k]))
+        return [Call('least', self.least, tuple(known))]
 
 
 def within_limits(finding: Finding) -> tuple[float, float]:

@@ -23,21 +23,18 @@ signal is like any of them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import qmc
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.kernel_regression import KernelRegression
 from mechanism_sim.results.sensor_record import SensorRecord
 from mechanism_sim.studies.parameters import Parameter
-from mechanism_sim.studies.workers import run_local
-
-Progress = Callable[[int, int], None]
-"""Called with the numbers of simulations finished and failed."""
+from mechanism_sim.studies.runs import Call, Row, Rows, Show, Workers, has_failed
 
 ROUNDS = (128, 48, 48, 48)
 """Simulations of each round; those of earlier rounds that lie in the box serve again."""
@@ -125,7 +122,8 @@ class Identification:
     measurements : of one machine under one or several drives, or by several sensors
     parameters : to be found
     seed : of places and noise; the same seed gives the same numbers
-    workers : processes; with 1 all is done in this one
+    workers : that simulate; this process if not given
+    show : called with the numbers of simulations finished and failed
     """
 
     def __init__(
@@ -133,12 +131,12 @@ class Identification:
         measurements: Sequence[SensorRecord],
         parameters: Sequence[Parameter],
         seed: int = 0,
-        workers: int = 1,
-        progress: Progress | None = None,
+        workers: Workers | None = None,
+        show: Show | None = None,
     ) -> None:
         self.measurements, self.parameters = tuple(measurements), tuple(parameters)
-        self.simulations = self.failed = 0
-        self._workers, self._progress = workers, progress or (lambda *_: None)
+        self._made = Rows()
+        self._workers, self._show = workers or Workers(1), show
         self._random = np.random.default_rng(seed)
         self.low = np.array([p.to_scale(p.low) for p in parameters])
         self.high = np.array([p.to_scale(p.high) for p in parameters])
@@ -157,28 +155,18 @@ class Identification:
         seeds = self._random.integers(1 << 31, size=(count, len(self.measurements)))
         # what a machine has compiled cannot be sent to another process
         bare = tuple(replace(m, machine=replace(m.machine)) for m in self.measurements)
+        first = len(self._made.rows)
         tasks = [
-            (bare, self._overrides(place), row.tolist())
-            for place, row in zip(places, seeds, strict=True)
+            Call(str(first + k), _simulate, (bare, self._overrides(place), row.tolist()))
+            for k, (place, row) in enumerate(zip(places, seeds, strict=True))
         ]
-        found: list[Array | None] = [None] * count
-        reasons = []
-        numbered = list(enumerate(tasks))
-        work: Iterable[tuple[int, Array | str]] = map(_compute, numbered)
-        if self._workers > 1:
-            work = run_local(numbered, self._workers, _compute, '--workers 1 takes the least')
-        for k, outcome in work:
-            if isinstance(outcome, str):
-                reasons.append(outcome)
-            else:
-                found[k] = outcome
-            self._progress(self.simulations + k + 1, self.failed + len(reasons))
-        self.simulations += count
-        self.failed += len(reasons)
+        rows = self._workers.do(tasks, self._made, self._show)
+        mine = [rows[task.key] for task in tasks]
+        reasons = [row['status'] for row in mine if has_failed(row)]
         if len(reasons) > _MOST_FAILED * count:
             raise RunError(f'{len(reasons)} of {count} simulations failed, one so: {reasons[0]}')
-        kept = [k for k, one in enumerate(found) if one is not None]
-        return Design(places[kept], np.array([found[k] for k in kept]))
+        kept = [k for k, row in enumerate(mine) if not has_failed(row)]
+        return Design(places[kept], np.array([mine[k]['features'] for k in kept]))
 
     def find(self, rounds: Sequence[int] = ROUNDS, design: Design | None = None) -> Result:
         """Estimates from so many simulations in each round.
@@ -202,7 +190,7 @@ class Identification:
             if closer.likeness < _LOST <= found.likeness:
                 break
             found = closer
-        return replace(found, simulations=self.simulations, failed=self.failed)
+        return replace(found, simulations=len(self._made.rows), failed=self._made.failed)
 
     def _outcome(self, near: Design, fits: Sequence[KernelRegression], observed: Array) -> Result:
         """Estimates by these simulations."""
@@ -218,7 +206,12 @@ class Identification:
         misfit, likeness = _likeness(near, fits, observed)
         correlation = np.atleast_2d(np.corrcoef(may_be.T))
         return Result(
-            tuple(estimates), correlation, self.simulations, self.failed, misfit, likeness
+            tuple(estimates),
+            correlation,
+            len(self._made.rows),
+            self._made.failed,
+            misfit,
+            likeness,
         )
 
     def _overrides(self, place: Array) -> dict[str, float]:
@@ -283,18 +276,10 @@ def _likeness(
     return misfit, float((np.sqrt(((off / spread) ** 2).mean(axis=1)) >= misfit).mean())
 
 
-_Task = tuple[Sequence[SensorRecord], dict[str, float], Sequence[int]]
-
-
-def _compute(numbered: tuple[int, _Task]) -> tuple[int, Array | str]:
-    """Features of simulations of all measurements with the same values, or why there are none."""
-    k, (measurements, overrides, seeds) = numbered
-    try:
-        return k, np.concatenate(
-            [
-                m.features_of(m.repeat(overrides, seed))
-                for m, seed in zip(measurements, seeds, strict=True)
-            ]
-        )
-    except (InputError, RunError) as error:
-        return k, str(error)
+def _simulate(
+    measurements: Sequence[SensorRecord], overrides: dict[str, float], seeds: Sequence[int]
+) -> Row:
+    """Features of all measurements made again with the same values."""
+    pairs = zip(measurements, seeds, strict=True)
+    found = [m.features_of(m.repeat(overrides, seed)) for m, seed in pairs]
+    return {'features': np.concatenate(found).tolist()}

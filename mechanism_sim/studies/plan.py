@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim import tables
 from mechanism_sim.catalogue import config_folder, sweep_names
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.numerics.batch_means import BATCHES
@@ -30,9 +31,11 @@ from mechanism_sim.scene.files import (
 )
 from mechanism_sim.scene.quantities import Part
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.studies.figures import RESERVED, Column, of_sensors, own_columns
+from mechanism_sim.studies.columns import FIGURES, RESERVED, Figure, of_sensors, own_columns
+from mechanism_sim.studies.runs import Row
 from mechanism_sim.studies.schema import DesignPart, SweepFile
 from mechanism_sim.studies.windows import Windows
+from mechanism_sim.tables import Column
 from mechanism_sim.units import Measure, to_si, to_si_like, to_si_text
 
 if TYPE_CHECKING:
@@ -111,7 +114,7 @@ class Plan:
     bags: bool
     windows: Windows | None
     units: Mapping[str, str] = field(default_factory=dict)
-    own: tuple[Column, ...] = ()
+    own: tuple[Figure, ...] = ()
     measures: tuple[str, ...] = ()
     factors: tuple[Factor, ...] = ()
     design: DesignPart | None = None
@@ -130,6 +133,35 @@ class Plan:
         if self.windows:  # what measures does not rule the motion, but the windows
             content += [vars(self.windows), [_measurement_keys(run.scene) for run in self.runs]]
         return _hash(content)
+
+    def labels(self) -> list[Column]:
+        """The columns ``run`` and those of the swept values, a value for each run.
+
+        The unit of a number that is written without one is ``SI``.
+        """
+        columns = [Column('run', [run.index for run in self.runs])]
+        for name in self.columns:
+            values: list[Any] = [run.values[name] for run in self.runs]
+            kinds = {type(v) for v in values if v is not None}
+            if len(kinds) != 1:  # several, or none
+                kinds, values = {str}, [None if v is None else str(v) for v in values]
+            unit = self.units.get(name, 'SI') if kinds == {float} else ''
+            columns.append(Column(name, values, unit))
+        return columns
+
+    def write(self, file: Path, rows: Sequence[Row]) -> None:
+        """Write the table, a row for each run in the order of the plan, all at once.
+
+        Columns: `labels`, `FIGURES`, those of the scene's own joints, drives and measures,
+        ``steps``, ``digest``, ``status``, with units and meanings.
+        """
+        last = (Figure(name, '', '') for name in ('steps', 'digest', 'status'))
+        figures = [
+            Column(name, [row.get(name) for row in rows], unit, meaning)
+            for name, unit, meaning in (*FIGURES, *self.own, *last)
+        ]
+        about = {'sweep': self.name, 'title': self.title}
+        tables.write(file, [*self.labels(), *figures], about)
 
 
 def read_plan(
@@ -157,7 +189,7 @@ def read_plan(
         n.startswith('sensors.') for m in taken for f in m.figures for n in f.names
     )
     factors, drawn = _drawn(path.name, file)
-    own: dict[str, Column] = {}
+    own: dict[str, Figure] = {}
     limits: dict[str, float] = {}
     measured: set[str] = set()
     listed, total = file.runs or [{}], math.prod(map(len, grid)) * len(drawn) * file.repeat
@@ -246,7 +278,7 @@ def _drawn(file: str, sweep: SweepFile) -> tuple[list[Factor], list[dict[str, fl
     return factors, [dict(zip(paths, row, strict=True)) for row in rows.tolist()]
 
 
-def _limits(file: str, sweep: SweepFile, own: Mapping[str, Column]) -> dict[str, float]:
+def _limits(file: str, sweep: SweepFile, own: Mapping[str, Figure]) -> dict[str, float]:
     """The limits in the units of their measures."""
     found = {}
     for name, text in sweep.limits.items():

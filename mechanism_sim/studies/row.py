@@ -3,40 +3,34 @@
 from __future__ import annotations
 
 import math
-import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.ranges import LoadPeaks
-from mechanism_sim.results.simulate import stream
+from mechanism_sim.results.run import Observer
+from mechanism_sim.results.simulate import Stream, stream
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.studies.figures import FIGURES
-from mechanism_sim.studies.file_errors import FileError
+from mechanism_sim.studies.columns import FIGURES
 from mechanism_sim.studies.plan import Extent
 from mechanism_sim.studies.run_bag import RunBag
+from mechanism_sim.studies.runs import Row
 from mechanism_sim.studies.statistics import Tally
 
 if TYPE_CHECKING:
-    from mechanism_sim.studies.shards import Channels, Shard, ShardWriter
-
-Value = float | int | str | None
-DONE = 'done'
+    from mechanism_sim.studies.shards import Channels, Shard
 
 
 @dataclass(frozen=True)
 class Task:
-    """Input of a worker for one motion; `bag` is a file to record it in.
+    """One motion of a sweep; `bag` is a file to record it in.
 
     Runs that differ in their sensors only share a motion, and write a shard each.
     """
@@ -49,103 +43,89 @@ class Task:
     shards: tuple[Shard, ...] = ()
     measures: tuple[str, ...] = ()
 
+    def row(self) -> Row:
+        """Make the run: its figures, its steps and its digest."""
+        machine = Machine(self.name, self.scene)
+        figures = _Figures(machine, self)
+        run = stream(machine, duration=figures.edges[-1])
+        observers: list[Observer] = [figures.add]
+        with ExitStack() as files:
+            if self.bag:
+                bag = files.enter_context(RunBag(self.bag, machine, figures.edges[-1]))
+                observers.append(lambda p: bag.add(p.motion, p.impacts, p.modes))
+            channels: Channels = {}
+            writers = []
+            for shard in self.shards:
+                from mechanism_sim.studies.shards import ShardWriter  # noqa: PLC0415 - rare
 
-class RunResult(NamedTuple):
-    """A row, the key of its run, and what it cost [s of CPU]."""
+                writer = ShardWriter(shard, self.name, figures.since, channels)
+                writers.append(files.enter_context(writer))
+                observers.append(writer.add)
+            run.finish(observers)
+            for writer in writers:
+                writer.finish()
+        return figures.row(run)
 
-    key: str
-    row: dict[str, Value]
-    cpu: float
 
+class _Figures:
+    """What a row holds, of a run that comes in pieces.
 
-def compute(task: Task) -> RunResult:
-    """Make a run; the row of one that fails holds the reason.
-
-    Raises
-    ------
-    FileError
-        If its bag or its windows cannot be written.
+    Attributes
+    ----------
+    edges : ends of the intervals that are counted [s]
+    since : when the first of them begins of which figures are made [s]
     """
-    cpu = time.process_time()
-    try:
-        row = _measure(Machine(task.name, task.scene), task)
-    except FileError:
-        raise
-    except (InputError, RunError) as error:
-        row = {'status': str(error)}
-    return RunResult(task.key, row, time.process_time() - cpu)
 
+    def __init__(self, machine: Machine, task: Task) -> None:
+        self.edges, self._skip = task.extent.edges(machine)
+        self.since = self.edges[self._skip]
+        self._whole = bool(task.extent.revolutions)
+        self._main = machine.physics.coordinates.index(machine.main)
+        self._crank = np.full(len(self.edges), math.nan)  # its angle at the edges [rad]
+        self._tally, self._digest = Tally(self.edges), MotionDigest()
+        self._peaks = LoadPeaks(machine, self.since)
+        self._struck: dict[str, list[float]] = {joint: [] for joint in machine.physics.clearances}
+        self._taken = Measurement(machine, task.measures, self.since) if task.measures else None
 
-def _measure(machine: Machine, task: Task) -> dict[str, Value]:
-    extent = task.extent
-    edges, skip = extent.edges(machine)
-    physics, peaks = machine.physics, LoadPeaks(machine, edges[skip])
-    tally, digest = Tally(edges), MotionDigest()
-    crank = np.full(len(edges), math.nan)
-    largest = 0.0
-    struck: dict[str, list[float]] = {joint: [] for joint in physics.clearances}
-    taken = Measurement(machine, task.measures, edges[skip]) if task.measures else None
-    run = stream(machine, duration=edges[-1])
-    with ExitStack() as files:
-        bag = files.enter_context(RunBag(task.bag, machine, edges[-1])) if task.bag else None
-        channels: Channels = {}
-        writers = _writers(task)
-        cut = [
-            files.enter_context(write(s, task.name, edges[skip], channels)) for write, s in writers
+    def add(self, piece: Piece) -> None:
+        """Enter the piece that follows."""
+        motion, curve = piece.motion, piece.motion.curve
+        if self._taken:
+            self._taken.add(piece)
+        self._peaks.add(motion)
+        self._tally.add(piece)
+        if len(curve):
+            # the last edge may be the end but for rounding
+            inside = (self.edges >= curve.start[0]) & (self.edges <= curve.end * (1.0 + 1e-12))
+            at = np.minimum(self.edges[inside], curve.end)
+            self._crank[inside] = curve(at)[:, self._main]
+        self._digest.add(motion, piece.impacts)
+        for impact in piece.impacts:
+            if impact.t >= self.since:
+                self._struck[impact.joint].append(impact.normal_impulse)
+
+    def row(self, run: Stream) -> Row:
+        """The figures of the whole run."""
+        turned = np.abs(np.diff(self._crank))[self._skip :] / (2.0 * np.pi)
+        if self._whole:
+            turned = np.ones_like(turned)  # but for rounding
+        found = [x for m in self._tally.means(self._skip, turned) for x in (m.mean, m.half_width)]
+        forces, largest = (
+            self._peaks.forces,
+            {j: max(x, default=0.0) for j, x in self._struck.items()},
+        )
+        found += [
+            turned.sum(),
+            max(largest.values(), default=0.0),
+            max((peak.value for peak in forces.values()), default=math.nan),
+            run.max_penetration,
+            run.energy.residual if run.energy else math.nan,
         ]
-        for piece in run:
-            motion, impacts = piece.motion, piece.impacts
-            if bag:
-                bag.add(motion, impacts, piece.modes)
-            for shard in cut:
-                shard.add(motion)
-            if taken:
-                taken.add(piece)
-            peaks.add(motion)
-            tally.add(piece)
-            _follow(crank, edges, motion, physics.coordinates.index(machine.main))
-            digest.add(motion, impacts)
-            for i in impacts:
-                if i.t >= edges[skip]:
-                    largest = max(largest, i.normal_impulse)
-                    struck[i.joint].append(i.normal_impulse)
-        for shard in cut:
-            shard.finish()
-    turned = np.abs(np.diff(crank))[skip:] / (2.0 * np.pi)
-    if extent.revolutions:
-        turned = np.ones_like(turned)  # but for rounding
-    kept, width = tally.table[skip:].T, np.diff(edges)[skip:]
-    pairs = [*zip(kept, (turned, turned, turned, width, turned), strict=True), (kept[1], kept[0])]
-    figures = [x for pair in pairs for x in ratio(*pair)]
-    residual = run.energy.residual if run.energy else math.nan
-    force = max((peak.value for peak in peaks.forces.values()), default=math.nan)
-    figures += [turned.sum(), largest, force, run.max_penetration, residual]
-    row: dict[str, Value] = {
-        column.name: float(x) if math.isfinite(x) else None
-        for column, x in zip(FIGURES, figures, strict=True)
-    }
-    own = {f'largest_force.{joint}': peak.value for joint, peak in peaks.forces.items()}
-    own |= {f'largest_torque.{c}': peak.value for c, peak in peaks.torques.items()}
-    own |= {f'impacts.{joint}': float(len(x)) for joint, x in struck.items()}
-    own |= {f'largest_impulse.{joint}': max(x, default=0.0) for joint, x in struck.items()}
-    own |= {m.name: m.value for m in (taken.found() if taken else ())}
-    row |= {name: float(x) if math.isfinite(x) else None for name, x in own.items()}
-    return row | {'steps': run.stats.steps, 'digest': digest.hexdigest(), 'status': DONE}
-
-
-def _writers(task: Task) -> list[tuple[type[ShardWriter], Shard]]:
-    """What writes the windows of a run; most have none."""
-    if not task.shards:
-        return []
-    from mechanism_sim.studies.shards import ShardWriter  # noqa: PLC0415 - seldom needed
-
-    return [(ShardWriter, shard) for shard in task.shards]
-
-
-def _follow(crank: Array, edges: Array, motion: Motion, index: int) -> None:
-    """Enter the crank's angle [rad] at the edges that a batch of steps holds."""
-    curve = motion.curve
-    if len(curve):
-        # the last edge may be the end but for rounding
-        inside = (edges >= curve.start[0]) & (edges <= curve.end * (1.0 + 1e-12))
-        crank[inside] = curve(np.minimum(edges[inside], curve.end))[:, index]
+        figures = {figure.name: x for figure, x in zip(FIGURES, found, strict=True)}
+        figures |= {f'largest_force.{joint}': peak.value for joint, peak in forces.items()}
+        figures |= {f'largest_torque.{c}': x.value for c, x in self._peaks.torques.items()}
+        figures |= {f'impacts.{joint}': len(x) for joint, x in self._struck.items()}
+        figures |= {f'largest_impulse.{joint}': x for joint, x in largest.items()}
+        figures |= {m.name: m.value for m in (self._taken.found() if self._taken else ())}
+        row: Row = {k: float(x) if math.isfinite(x) else None for k, x in figures.items()}
+        return row | {'steps': run.stats.steps, 'digest': self._digest.hexdigest()}

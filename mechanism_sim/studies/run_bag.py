@@ -17,7 +17,7 @@ from mechanism_sim.messages import events, message_class, serialize
 from mechanism_sim.messages.segments import pack
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.scene import Machine
-from mechanism_sim.studies.file_errors import file_errors
+from mechanism_sim.studies.runs import file_errors
 
 _RESULTS = Qos('reliable', 'volatile', 'keep_all', 1000)
 _LATCHED = Qos('reliable', 'transient_local', 'keep_last', 1)

@@ -15,14 +15,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Channel
-from mechanism_sim.studies.file_errors import file_errors
-from mechanism_sim.studies.labels import label_columns
 from mechanism_sim.studies.plan import Plan, Run
+from mechanism_sim.studies.runs import file_errors
 from mechanism_sim.studies.windows import Cutter, Windows
 from mechanism_sim.tables import field_type
 
@@ -57,7 +56,7 @@ def shards(plan: Plan, folder: Path) -> dict[int, Shard]:
     """The file of every run of a sweep that asks for windows, by the number of the run."""
     if plan.windows is None:
         return {}
-    columns, size = label_columns(plan), plan.windows.samples
+    columns, size = plan.labels(), plan.windows.samples
     kind = pa.list_(pa.from_numpy_dtype(np.dtype(plan.windows.type)), size)
     fields = [
         *(_field(c.name, field_type(pa, c.values) or pa.string(), c.unit) for c in columns),
@@ -135,8 +134,9 @@ class ShardWriter:
                 column_encoding={f'{SIGNAL}.list.element': 'BYTE_STREAM_SPLIT'},
             )
 
-    def add(self, motion: Motion) -> None:
-        """Measure a batch of steps, and write the windows that it completes."""
+    def add(self, piece: Piece) -> None:
+        """Measure the piece that follows, and write the windows that it completes."""
+        motion = piece.motion
         if len(motion):
             self._curves.append(motion.curve)
         for sensor in self._sensors:

@@ -16,15 +16,13 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics.batch_means import BATCHES, ratio
-from mechanism_sim.results.means import Mean, impact_means
+from mechanism_sim.results.means import Mean
 from mechanism_sim.results.measure_text import Measure
 from mechanism_sim.results.measures import Measurement, per_turn
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
-
-NAMES = ('impacts', 'impulse', 'losses of contact', 'share of flight', 'dissipated')
-UNITS = ('', 'N s', '', '', 'J')
+from mechanism_sim.studies.columns import MEANS
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,7 @@ class Tally:
 
     def __init__(self, edges: Array) -> None:
         self.edges = edges
-        self.table = np.zeros((len(edges) - 1, len(NAMES)))
+        self.table = np.zeros((len(edges) - 1, len(MEANS) - 1))
 
     def add(self, piece: Piece) -> None:
         """Enter the piece that follows."""
@@ -78,6 +76,21 @@ class Tally:
     def _intervals(self, t: Array | Sequence[float]) -> NDArray[np.intp]:
         k = np.searchsorted(self.edges, np.asarray(t, dtype=float), side='right') - 1
         return np.clip(k, 0, len(self.table) - 1)
+
+    def means(self, skip: int, turned: Array | None = None) -> list[Mean]:
+        """`MEANS` of the intervals after the first `skip`.
+
+        Parameters
+        ----------
+        turned : revolutions of the crank in each of these; one if not given
+        """
+        kept, width = self.table[skip:].T, np.diff(self.edges)[skip:]
+        turns = np.ones(len(width)) if turned is None else turned
+        sums, per = (*kept, kept[1]), (turns, turns, turns, width, turns, kept[0])
+        return [
+            Mean(figure.name, figure.unit, *ratio(x, n))
+            for figure, x, n in zip(MEANS, sums, per, strict=True)
+        ]
 
 
 def statistics(
@@ -114,16 +127,9 @@ def statistics(
     tally = Tally(np.arange(revolutions + 1.0) * T)
     observers = [tally.add, *([taken.add] if taken else [])]
     stream(machine, duration=revolutions * T, progress=progress, observers=observers).finish()
-    kept = tally.table[skip:]
-    kept[:, 3] /= T
-    one = np.ones(len(kept))
-    means = tuple(
-        Mean(name, unit, *ratio(column, one))
-        for name, unit, column in zip(NAMES, UNITS, kept.T, strict=True)
-    )
-    I_n = impact_means(kept[:, 0], kept[:, 1])[2]
+    *means, I_n = tally.means(skip)
     own = tuple(
         Mean(name, unit, *ratio(x, np.ones(len(x))))
         for name, unit, x in (taken.found_each_turn() if taken else ())
     )
-    return Statistics(revolutions, skip, means, I_n.mean, I_n.half_width, own)
+    return Statistics(revolutions, skip, tuple(means), I_n.mean, I_n.half_width, own)

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Callable, Mapping
-from contextlib import closing
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mechanism_sim import output, tables
 from mechanism_sim.errors import InputError
-from mechanism_sim.studies.cluster import run_on_cluster
-from mechanism_sim.studies.journal import Journal, journal_of, write_table
+from mechanism_sim.studies.journal import Journal, journal_of
 from mechanism_sim.studies.plan import Plan, Run
-from mechanism_sim.studies.row import DONE, Task, Value, compute
-from mechanism_sim.studies.workers import run_local
+from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.runs import Row, Show, Workers, has_failed
 
 if TYPE_CHECKING:
     from mechanism_sim.studies.shards import Shard
 
-Show = Callable[[int, int], None]
-"""Called with the number of finished runs, and of those that failed."""
+_LOST = 'the same command goes on from the finished runs, --workers 1 takes the least memory'
 
 
 @dataclass(frozen=True)
@@ -54,7 +50,7 @@ def sweep(
     windows: str | None = None,
     restart: bool = False,
     show: Show | None = None,
-) -> tuple[Summary, list[dict[str, Value]]]:
+) -> tuple[Summary, list[Row]]:
     """Make the runs of a sweep that are not made yet, and write its table.
 
     Parameters
@@ -72,21 +68,12 @@ def sweep(
 
     Raises
     ------
-    InputError
-        If the table or its journal cannot be written or are of something else.
-    RunError
-        If the workers cannot go on.
     SweepInterrupted
         At SIGINT and SIGTERM.
     """
     tables.check_file('-o', table)
-    if workers is not None and (workers < 1 or dask):
-        raise InputError(
-            '--workers must be at least 1'
-            if workers < 1
-            else '--workers and --dask exclude each other: a cluster has workers of its own'
-        )
-    began, cpu = time.perf_counter(), 0.0
+    makers = Workers(workers, dask, apart=True, lost=_LOST)
+    began = time.perf_counter()
     fresh = not restart and not journal_of(table).exists()
     into = _window_folder(plan, table, windows, fresh)
     cut: dict[int, Shard] = {}
@@ -96,41 +83,31 @@ def sweep(
         if restart:
             for run in plan.runs:
                 (into / name_of(run)).unlink(missing_ok=True)
-    with Journal(table, plan, restart) as journal:
+    with Journal(table, plan.fingerprint, restart) as journal:
         cut = shards(plan, into) if into else {}
         unique = _tasks(plan, _bag_folder(plan, table, bags), cut)
         tasks = [t for key, t in unique.items() if not _is_complete(t, journal.rows.get(key))]
-        finished = kept = len(unique) - len(tasks)
-        failed = sum(map(has_failed, journal.rows.values()))
-        cores = len(os.sched_getaffinity(0))
-        source = (
-            run_on_cluster(tasks, dask) if dask else run_local(tasks, workers or cores, compute)
-        )
+        for task in tasks:  # one without its windows is made anew
+            journal.rows.pop(task.key, None)
         try:
-            with closing(source) as results:
-                for one in results:
-                    journal.add(one)
-                    finished += 1
-                    cpu += one.cpu
-                    failed += has_failed(one.row)
-                    if show:
-                        show(finished, failed)
+            with makers:
+                makers.do(tasks, journal, show)
         except KeyboardInterrupt:
             raise SweepInterrupted(
-                f'interrupted after {finished} of {plan.size} runs, which are kept in '
+                f'interrupted after {len(journal.rows)} of {plan.size} runs, which are kept in '
                 f"'{journal.path}'; the same command goes on from there"
             ) from None
         rows = [journal.rows[run.key] for run in plan.runs]
-        write_table(table, plan, rows)
+        plan.write(table, rows)
     summary = Summary(
         plan.name,
         str(table),
         len(rows),
         sum(map(has_failed, rows)),
         len(tasks),
-        kept,
+        len(unique) - len(tasks),
         time.perf_counter() - began,
-        cpu,
+        journal.cpu,
         _windows_in(cut),
         str(into) if into else None,
     )
@@ -146,7 +123,7 @@ def _windows_in(cut: Mapping[int, Shard]) -> int:
     return windows_in(cut.values())
 
 
-def _is_complete(task: Task, row: dict[str, Value] | None) -> bool:
+def _is_complete(task: Task, row: Row | None) -> bool:
     """Whether a run need not be made: its row is known, and so are its windows if it has any."""
     if row is None:
         return False
@@ -192,8 +169,3 @@ def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) ->
                 'choose another folder by --windows, or remove it'
             )
     return folder
-
-
-def has_failed(row: dict[str, Value]) -> bool:
-    """Whether a row is that of a run that failed."""
-    return row['status'] != DONE

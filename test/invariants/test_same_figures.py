@@ -17,8 +17,9 @@ from mechanism_sim.results.cycle import cycle
 from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.results.measures import EXACT, Measurement, measure
 from mechanism_sim.studies.plan import Extent
-from mechanism_sim.studies.row import Task, compute
+from mechanism_sim.studies.row import Task
 from mechanism_sim.studies.run_bag import RunBag
+from mechanism_sim.studies.runs import compute
 from mechanism_sim.studies.statistics import statistics
 
 SAME = {'rel': 1e-12, 'abs': 1e-13}

@@ -17,7 +17,8 @@ from mechanism_sim.results.run import Batch, Runner, run
 from mechanism_sim.studies.floquet import station
 from mechanism_sim.studies.periodic import find_periodic
 from mechanism_sim.studies.plan import Extent
-from mechanism_sim.studies.row import Task, compute
+from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.runs import compute
 from mechanism_sim.studies.statistics import statistics
 
 PACKAGE = Path(ms.__file__).parent

@@ -27,7 +27,8 @@ from mechanism_sim.sensing.sound import (
     strikes,
 )
 from mechanism_sim.studies.plan import Extent
-from mechanism_sim.studies.row import Task, compute
+from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.runs import compute
 
 
 def command(*options):

@@ -11,6 +11,7 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.report.find import text
 from mechanism_sim.studies.find import find, read_goal
+from mechanism_sim.studies.runs import Workers
 
 SPEED, ARM = 12.0, 0.25
 
@@ -40,6 +41,15 @@ def test_every_crossing_is_found_to_rounding():
     assert finding.unit == 'N m'
     for value, figure in finding.curve:
         assert figure == pytest.approx(0.5 * SPEED + 2.0 * 9.81 * abs(value), rel=1e-12)
+
+
+def test_processes_change_nothing():
+    goal = read_goal('highest(drive_torque) = 10 N m', None)
+    vary, shown = ('links.bar.cog', '-0.4 m', '0.4 m'), []
+    alone = find(rotor(), vary, goal, 4)
+    with_two = find(rotor(), vary, goal, 4, Workers(2), lambda *x: shown.append(x))
+    assert with_two == alone
+    assert shown == [(1, 0), (2, 0), (3, 0), (4, 0)]
 
 
 def test_loads_that_act_during_a_part_of_the_turn_are_varied_as_well():

@@ -16,6 +16,7 @@ from mechanism_sim.results.sensor_record import SensorRecord
 from mechanism_sim.scene.files import read_scene
 from mechanism_sim.studies.identification import Identification
 from mechanism_sim.studies.parameters import NAMES, parameters, ranges
+from mechanism_sim.studies.runs import Workers
 
 SCENE = 'bearing_run_up'
 JOINT = 'joints.coupler_rocker.clearance'
@@ -82,12 +83,13 @@ def test_a_seed_fixes_everything_and_processes_change_nothing():
     steady = {'drive': {'speed': '600 rpm'}}
     signal = recorded(TRUTH, steady, 5000)
     names = wanted(signal, *LIMITS, **LIMITS)
-    alone, twice, other = (
-        Identification([signal], names, seed, workers)
-        for seed, workers in ((3, 1), (3, 2), (4, 1))
-    )
-    first = alone.explore(alone.low, alone.high, 4)
-    same = twice.explore(twice.low, twice.high, 4)
+    with Workers(2) as both:
+        alone, twice, other = (
+            Identification([signal], names, seed, workers)
+            for seed, workers in ((3, None), (3, both), (4, None))
+        )
+        first = alone.explore(alone.low, alone.high, 4)
+        same = twice.explore(twice.low, twice.high, 4)
     assert np.array_equal(first.places, same.places)
     assert np.array_equal(first.features, same.features)
     assert not np.isclose(first.places, other.explore(other.low, other.high, 4).places).any()

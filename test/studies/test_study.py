@@ -15,6 +15,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import batches, quotient, ratio
 from mechanism_sim.report.study import periodic as periodic_text
 from mechanism_sim.studies.periodic import Response, Section, find_periodic
+from mechanism_sim.studies.runs import Workers
 from mechanism_sim.studies.statistics import statistics
 from mechanism_sim.thesis.losses import losses
 from mechanism_sim.thesis.starts import starts
@@ -95,7 +96,7 @@ def test_statistics_count_what_the_solution_counts():
     assert means['dissipated'].mean * 40 == pytest.approx(lost)
     t = np.linspace(20 * T, 60 * T, 200001)
     open_share = np.mean(solution.sample(t)['gap.coupler_rocker'] > 1e-12)
-    assert means['share of flight'].mean == pytest.approx(open_share, abs=5e-3)
+    assert means['share_of_flight'].mean == pytest.approx(open_share, abs=5e-3)
 
 
 @pytest.mark.slow
@@ -130,6 +131,11 @@ def test_start_angles_say_how_long_a_seated_pin_follows():
     assert found[3].impacts == len(other.impacts)
     angle = other.sample(lost)['position.crank'][0]
     assert found[3].lost_at == pytest.approx(angle % (2.0 * np.pi))
+
+
+def test_starts_are_the_same_in_two_processes():
+    machine = loose(0.5, 'seated')
+    assert starts(machine, 3, 1.0, Workers(2)) == starts(machine, 3, 1.0)
 
 
 def test_contact_is_lost_where_the_thesis_has_its_disturbance():

@@ -21,9 +21,9 @@ import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
-from mechanism_sim.studies.journal import write_table
 from mechanism_sim.studies.plan import Extent, read_plan
-from mechanism_sim.studies.row import DONE, Task, compute
+from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.runs import DONE, compute
 from mechanism_sim.studies.statistics import statistics
 from mechanism_sim.studies.sweep import SweepInterrupted, sweep
 
@@ -432,14 +432,14 @@ def test_swept_parts_and_missing_values_have_their_place_in_the_table(tmp_path):
         '  joints.coupler_rocker.clearance.friction: [0.1, rough]\n'
     )
     plan = plan_of(tmp_path, text.replace('[null, {', '[{restitution: 1, radial: 1 mm}, {'))
-    write_table(tmp_path / 't.parquet', plan, [{'status': DONE}] * 4)
+    plan.write(tmp_path / 't.parquet', [{'status': DONE}] * 4)
     table = pq.read_table(tmp_path / 't.parquet')
     parts = table.column('joints.coupler_rocker.clearance').to_pylist()
     assert [json.loads(part)['radial'] for part in parts] == [1e-3, 1e-3, 1e-4, 1e-4]
     friction = table.column('joints.coupler_rocker.clearance.friction').to_pylist()
     assert friction == [0.1, np.inf, 0.1, np.inf]
     without = plan_of(tmp_path, text.rpartition('  joints')[0])
-    write_table(tmp_path / 't.parquet', without, [{'status': DONE}] * 2)
+    without.write(tmp_path / 't.parquet', [{'status': DONE}] * 2)
     parts = pq.read_table(tmp_path / 't.parquet').column('joints.coupler_rocker.clearance')
     assert parts.to_pylist()[0] is None
 
