@@ -31,10 +31,10 @@ from mechanism_sim.scene.files import (
 )
 from mechanism_sim.scene.quantities import Part
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.studies import windows
 from mechanism_sim.studies.columns import FIGURES, RESERVED, Figure, of_sensors, own_columns
 from mechanism_sim.studies.runs import Row
-from mechanism_sim.studies.schema import DesignPart, SweepFile
-from mechanism_sim.studies.windows import Windows
+from mechanism_sim.studies.schema import DesignPart, SweepFile, WindowsPart
 from mechanism_sim.tables import Column
 from mechanism_sim.units import Measure, to_si, to_si_like, to_si_text
 
@@ -91,6 +91,11 @@ class Run:
     key: str
     measures: tuple[str, ...] = ()
 
+    @property
+    def stem(self) -> str:
+        """Of the names of its files."""
+        return f'run_{self.index:05d}'
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -112,7 +117,7 @@ class Plan:
     columns: tuple[str, ...]
     runs: tuple[Run, ...]
     bags: bool
-    windows: Windows | None
+    windows: WindowsPart | None
     units: Mapping[str, str] = field(default_factory=dict)
     own: tuple[Figure, ...] = ()
     measures: tuple[str, ...] = ()
@@ -131,7 +136,8 @@ class Plan:
         content: list[Any] = [self.columns, [[run.key, dict(run.values)] for run in self.runs]]
         content += [self.measures] if self.measures else []
         if self.windows:  # what measures does not rule the motion, but the windows
-            content += [vars(self.windows), [_measurement_keys(run.scene) for run in self.runs]]
+            measured = [_measurement_keys(run.scene) for run in self.runs]
+            content += [self.windows.model_dump(), measured]
         return _hash(content)
 
     def labels(self) -> list[Column]:
@@ -179,7 +185,6 @@ def read_plan(
     file = checked(path.name, SweepFile, read_yaml(path, 'sweep'))
     extent = _extent(path.name, file)
     columns = _columns(path.name, file)
-    windows = Windows.of(file.windows) if file.windows else None
     bases: dict[str, tuple[Path, dict[str, Any]]] = {}
     runs: list[Run] = []
     grid = [[(key, value) for value in values] for key, values in file.grid.items()]
@@ -213,16 +218,16 @@ def read_plan(
                         machine.start_of_crank[0] + repetition * file.nudge
                     )
                 nudged = machine.scene
-                read = [] if windows else of_sensors(machine, taken)
+                read = [] if file.windows else of_sensors(machine, taken)
                 if scene not in measured:
                     measured.add(scene)
                     for column in own_columns(machine, [*taken, *read]):
                         own.setdefault(column.name, column)
                     limits |= _limits(path.name, file, own)
                 span(machine, extent.revolutions, extent.duration)
-                if windows:
+                if file.windows:
                     edges, skipped = extent.edges(machine)
-                    windows.check(machine, edges[skipped], edges[-1])
+                    windows.check(file.windows, machine, edges[skipped], edges[-1])
                     nudged = windows.with_seed(nudged, len(runs), columns)
                 values = {c: _value(nudged, c) for c in columns if c not in (SCENE, REPEAT)}
                 values |= {SCENE: base.stem} if SCENE in columns else {}
@@ -239,7 +244,7 @@ def read_plan(
     units = _units(columns, runs) | {f.path: f.unit for f in factors}
     design = file.design if factors else None
     return Plan(
-        path.stem, file.title, extent, columns, tuple(runs), file.bags, windows, units,
+        path.stem, file.title, extent, columns, tuple(runs), file.bags, file.windows, units,
         tuple(own.values()), kept, tuple(factors), design, limits,
     )  # fmt: skip
 

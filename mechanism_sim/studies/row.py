@@ -56,9 +56,7 @@ class Task:
             channels: Channels = {}
             writers = []
             for shard in self.shards:
-                from mechanism_sim.studies.shards import ShardWriter  # noqa: PLC0415 - rare
-
-                writer = ShardWriter(shard, self.name, figures.since, channels)
+                writer = shard.writer(self.name, figures.since, channels)
                 writers.append(files.enter_context(writer))
                 observers.append(writer.add)
             run.finish(observers)

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from mechanism_sim.scene.quantities import Angle, Part, Time
+from mechanism_sim.scene.schema import Scene
 
 Count = Annotated[int, Field(strict=True, ge=1)]
 
@@ -24,6 +25,15 @@ class WindowsPart(Part):
     """Windows of every sensor in every run, exactly; without it as many as there are."""
     type: Literal['float32', 'float64'] = 'float32'
     """Of the samples in the file."""
+
+    @property
+    def hop(self) -> int:
+        """Samples from the start of a window to that of the next."""
+        return max(1, round(self.samples * (1.0 - self.overlap)))
+
+    def sensors_of(self, scene: Scene) -> tuple[str, ...]:
+        """The sensors of a scene that windows are cut from."""
+        return tuple(dict.fromkeys(self.sensors or scene.sensors))
 
 
 class DesignPart(Part):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,9 +20,10 @@ from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Channel
-from mechanism_sim.studies.plan import Plan, Run
+from mechanism_sim.studies.plan import Plan
 from mechanism_sim.studies.runs import file_errors
-from mechanism_sim.studies.windows import Cutter, Windows
+from mechanism_sim.studies.schema import WindowsPart
+from mechanism_sim.studies.windows import Cutter
 from mechanism_sim.tables import field_type
 
 SIGNAL = 'signal'
@@ -47,15 +48,23 @@ class Shard:
 
     file: Path
     scene: Scene
-    windows: Windows
+    windows: WindowsPart
     labels: Mapping[str, Any]
     schema: pa.Schema
 
+    @property
+    def count(self) -> int:
+        """How many windows there are by now."""
+        return int(pq.read_metadata(self.file).num_rows) if self.file.exists() else 0
+
+    def writer(self, name: str, since: float, channels: Channels) -> ShardWriter:
+        """What writes its windows, see there."""
+        return ShardWriter(self, name, since, channels)
+
 
 def shards(plan: Plan, folder: Path) -> dict[int, Shard]:
-    """The file of every run of a sweep that asks for windows, by the number of the run."""
-    if plan.windows is None:
-        return {}
+    """The file of every run of a sweep with windows, by the number of the run."""
+    assert plan.windows  # noqa: S101 - it has some
     columns, size = plan.labels(), plan.windows.samples
     kind = pa.list_(pa.from_numpy_dtype(np.dtype(plan.windows.type)), size)
     fields = [
@@ -72,27 +81,17 @@ def shards(plan: Plan, folder: Path) -> dict[int, Shard]:
     ]
     schema = pa.schema(fields, {'sweep': plan.name, 'title': plan.title})
 
-    def shard(run: Run, windows: Windows) -> Shard:
-        labels = {c.name: c.values[run.index] for c in columns}
-        return Shard(folder / name_of(run), run.scene, windows, labels, schema)
-
-    return {run.index: shard(run, plan.windows) for run in plan.runs}
+    found = {}
+    for run in plan.runs:
+        labels, file = {c.name: c.values[run.index] for c in columns}, f'{run.stem}.parquet'
+        found[run.index] = Shard(folder / file, run.scene, plan.windows, labels, schema)
+    return found
 
 
 def _field(name: str, kind: Any, unit: str = '', meaning: str = '') -> Any:
     """A field of a table, with its unit and what it means as metadata."""
     about = {k: v for k, v in (('unit', unit), ('meaning', meaning)) if v}
     return pa.field(name, kind, metadata=about or None)
-
-
-def name_of(run: Run) -> str:
-    """The file of a run in the folder of the windows."""
-    return f'run_{run.index:05d}.parquet'
-
-
-def windows_in(files: Iterable[Shard]) -> int:
-    """How many windows there are in the files that exist."""
-    return sum(pq.read_metadata(s.file).num_rows for s in files if s.file.exists())
 
 
 class ShardWriter:
@@ -117,7 +116,7 @@ class ShardWriter:
         scene, windows = machine.scene, shard.windows
         self._main = machine.mechanism.coordinates.index(machine.main)
         self._sensors = [
-            _Sensor(shard, machine, n, since, channels) for n in windows.select_sensors(scene)
+            _Sensor(shard, machine, n, since, channels) for n in windows.sensors_of(scene)
         ]
         self._rows: list[dict[str, Any]] = []
         self._signals: list[np.ndarray[Any, Any]] = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -74,19 +73,10 @@ def sweep(
     tables.check_file('-o', table)
     makers = Workers(workers, dask, apart=True, lost=_LOST)
     began = time.perf_counter()
-    fresh = not restart and not journal_of(table).exists()
-    into = _window_folder(plan, table, windows, fresh)
-    cut: dict[int, Shard] = {}
-    if into:
-        from mechanism_sim.studies.shards import name_of, shards  # noqa: PLC0415 - seldom needed
-
-        if restart:
-            for run in plan.runs:
-                (into / name_of(run)).unlink(missing_ok=True)
+    into = _window_folder(plan, table, windows, restart)
     with Journal(table, plan.fingerprint, restart) as journal:
-        cut = shards(plan, into) if into else {}
-        unique = _tasks(plan, _bag_folder(plan, table, bags), cut)
-        tasks = [t for key, t in unique.items() if not _is_complete(t, journal.rows.get(key))]
+        every = _tasks(plan, _bag_folder(plan, table, bags), into)
+        tasks = [task for task in every if not _is_complete(task, journal.rows.get(task.key))]
         for task in tasks:  # one without its windows is made anew
             journal.rows.pop(task.key, None)
         try:
@@ -105,22 +95,13 @@ def sweep(
         len(rows),
         sum(map(has_failed, rows)),
         len(tasks),
-        len(unique) - len(tasks),
+        len(every) - len(tasks),
         time.perf_counter() - began,
         journal.cpu,
-        _windows_in(cut),
+        sum(shard.count for task in every for shard in task.shards),
         str(into) if into else None,
     )
     return summary, rows
-
-
-def _windows_in(cut: Mapping[int, Shard]) -> int:
-    """How many windows there are."""
-    if not cut:
-        return 0
-    from mechanism_sim.studies.shards import windows_in  # noqa: PLC0415 - seldom needed
-
-    return windows_in(cut.values())
 
 
 def _is_complete(task: Task, row: Row | None) -> bool:
@@ -130,16 +111,21 @@ def _is_complete(task: Task, row: Row | None) -> bool:
     return has_failed(row) or all(shard.file.exists() for shard in task.shards)
 
 
-def _tasks(plan: Plan, bags: Path | None, cut: Mapping[int, Shard]) -> dict[str, Task]:
-    """What is to be computed, by key: a motion for all runs that differ in their sensors only."""
+def _tasks(plan: Plan, bags: Path | None, windows: Path | None) -> list[Task]:
+    """What is to be computed: a motion for all runs that differ in their sensors only."""
+    cut: dict[int, Shard] = {}
+    if windows:
+        from mechanism_sim.studies.shards import shards  # noqa: PLC0415 - pyarrow is slow to load
+
+        cut = shards(plan, windows)
     sharing: dict[str, list[Run]] = {}
     for run in plan.runs:
         sharing.setdefault(run.key, []).append(run)
-    tasks = {}
+    tasks = []
     for key, (run, *others) in sharing.items():
-        bag = bags / f'run_{run.index:05d}.mcap' if bags else None
+        bag = bags / f'{run.stem}.mcap' if bags else None
         files = tuple(cut[r.index] for r in (run, *others)) if cut else ()
-        tasks[key] = Task(key, run.name, run.scene, plan.extent, bag, files, run.measures)
+        tasks.append(Task(key, run.name, run.scene, plan.extent, bag, files, run.measures))
     return tasks
 
 
@@ -151,21 +137,23 @@ def _bag_folder(plan: Plan, table: Path, bags: str | None) -> Path | None:
     return output.make_folder(folder.resolve(), "the bags' folder ")
 
 
-def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) -> Path | None:
-    """Where windows are to be written, if there are any."""
+def _window_folder(plan: Plan, table: Path, windows: str | None, restart: bool) -> Path | None:
+    """Where windows are to be written, if there are any; what is there of this sweep stays."""
     if not plan.windows:
         if windows:
             raise InputError(f"--windows {windows}: the sweep has no key 'windows'")
         return None
     folder = Path(windows) if windows else table.with_suffix('.windows')
     folder = output.make_folder(folder.resolve(), "the windows' folder ")
-    from mechanism_sim.studies.shards import name_of  # noqa: PLC0415 - seldom needed
-
-    own = set() if fresh else {name_of(run) for run in plan.runs}
-    for file in sorted(folder.glob('*.parquet')):
-        if file.name not in own:
+    own = {f'{run.stem}.parquet' for run in plan.runs}
+    begun = restart or journal_of(table).exists()
+    there = sorted(folder.glob('*.parquet'))
+    for file in there:
+        if not begun or file.name not in own:
             raise InputError(
                 f"'{file}' is not of this sweep, but readers of the folder would read it too: "
                 'choose another folder by --windows, or remove it'
             )
+    for file in there if restart else ():
+        file.unlink()
     return folder

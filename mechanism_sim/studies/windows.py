@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,84 +16,55 @@ from mechanism_sim.sensing.channel import Block
 from mechanism_sim.studies.schema import WindowsPart
 
 
-@dataclass(frozen=True)
-class Windows:
-    """What is cut from the signals of every run.
+def check(windows: WindowsPart, machine: Machine, since: float, end: float) -> None:
+    """Refuse what a run from `since` to `end` [s] cannot give.
 
-    Attributes
-    ----------
-    sensors : whose signals; none stands for all of the scene
-    samples : of a window
-    hop : samples from the start of a window to that of the next
-    per_run : windows of every sensor; ``None`` for as many as there are
-    type : of the samples in a file, as NumPy calls it
+    How many windows a trigger gives shows in the run only.
     """
-
-    sensors: tuple[str, ...]
-    samples: int
-    hop: int
-    per_run: int | None
-    type: str
-
-    @classmethod
-    def of(cls, part: WindowsPart) -> Windows:
-        """The windows of a sweep file."""
-        hop = max(1, round(part.samples * (1.0 - part.overlap)))
-        sensors = tuple(dict.fromkeys(part.sensors or ()))
-        return cls(sensors, part.samples, hop, part.per_run, part.type)
-
-    def select_sensors(self, scene: Scene) -> tuple[str, ...]:
-        """The sensors of a scene that windows are cut from."""
-        return self.sensors or tuple(scene.sensors)
-
-    def check(self, machine: Machine, since: float, end: float) -> None:
-        """Refuse what a run from `since` to `end` [s] cannot give.
-
-        How many windows a trigger gives shows in the run only.
-        """
-        known = list(machine.scene.sensors)
-        if not known:
-            raise InputError(f'{machine.name} has no sensors to cut windows from')
-        for name in self.select_sensors(machine.scene):
-            if name not in known:
+    known = list(machine.scene.sensors)
+    if not known:
+        raise InputError(f'{machine.name} has no sensors to cut windows from')
+    wanted = windows.per_run or 1
+    for name in windows.sensors_of(machine.scene):
+        if name not in known:
+            raise InputError(
+                f"windows: {machine.name} has no sensor '{name}'{nearest(name, known)}; "
+                f'its sensors are: {", ".join(known)}'
+            )
+        sensor = machine.scene.sensors[name]
+        if sensor.trigger is None:
+            rate = sensor.sample_rate
+            # jitter may throw the last sample out of the run
+            samples = math.ceil(end * rate) - bool(sensor.adc.jitter)
+            count = (samples - windows.samples) // windows.hop + 1
+            count -= math.ceil(since * rate / windows.hop)
+            if count < wanted:
                 raise InputError(
-                    f"windows: {machine.name} has no sensor '{name}'{nearest(name, known)}; "
-                    f'its sensors are: {", ".join(known)}'
+                    f"windows: sensor '{name}' gives {max(count, 0)} of {windows.samples} "
+                    f'samples between {since:g} s and {end:g} s, not {wanted}: '
+                    'run longer, or ask for fewer or shorter ones'
                 )
-            sensor = machine.scene.sensors[name]
-            if sensor.trigger is None:
-                count = self._count(sensor.sample_rate, since, end, bool(sensor.adc.jitter))
-                if count < (self.per_run or 1):
-                    raise InputError(
-                        f"windows: sensor '{name}' gives {max(count, 0)} of {self.samples} "
-                        f'samples between {since:g} s and {end:g} s, not {self.per_run or 1}: '
-                        'run longer, or ask for fewer or shorter ones'
-                    )
-            elif sensor.trigger.samples is not None and sensor.trigger.samples < self.samples:
-                raise InputError(
-                    f"windows: sensor '{name}' takes {sensor.trigger.samples} samples at a "
-                    f'trigger, so that windows of {self.samples} do not fit'
-                )
+        elif sensor.trigger.samples is not None and sensor.trigger.samples < windows.samples:
+            raise InputError(
+                f"windows: sensor '{name}' takes {sensor.trigger.samples} samples at a "
+                f'trigger, so that windows of {windows.samples} do not fit'
+            )
 
-    def _count(self, rate: float, since: float, end: float, jitter: bool) -> int:
-        """Windows of a sensor without trigger; jitter may throw the last sample out of the run."""
-        samples = math.ceil(end * rate) - jitter
-        return (samples - self.samples) // self.hop + 1 - math.ceil(since * rate / self.hop)
 
-    def with_seed(self, scene: Scene, index: int, swept: Collection[str]) -> Scene:
-        """The scene with noise of its own for run number `index`.
+def with_seed(scene: Scene, index: int, swept: Collection[str]) -> Scene:
+    """The scene with noise of its own for run number `index`.
 
-        The seed follows from that of the scene and the number; random numbers differ between
-        sensors of one seed anyway. Seeds that are `swept` stay.
-        """
-        sensors = dict(scene.sensors)
-        for name, sensor in scene.sensors.items():
-            if f'sensors.{name}.noise.seed' in swept:
-                continue
-            word = np.random.SeedSequence([sensor.noise.seed, index]).generate_state(1)
-            noise = sensor.noise.model_copy(update={'seed': int(word[0])})
-            sensors[name] = sensor.model_copy(update={'noise': noise})
-        return scene.model_copy(update={'sensors': sensors})
+    The seed follows from that of the scene and the number; random numbers differ between
+    sensors of one seed anyway. Seeds that are `swept` stay.
+    """
+    sensors = dict(scene.sensors)
+    for name, sensor in scene.sensors.items():
+        if f'sensors.{name}.noise.seed' in swept:
+            continue
+        word = np.random.SeedSequence([sensor.noise.seed, index]).generate_state(1)
+        noise = sensor.noise.model_copy(update={'seed': int(word[0])})
+        sensors[name] = sensor.model_copy(update={'noise': noise})
+    return scene.model_copy(update={'sensors': sensors})
 
 
 class Window(NamedTuple):
@@ -115,7 +85,7 @@ class Cutter:
     since : [s] windows that begin earlier are left out
     """
 
-    def __init__(self, windows: Windows, rate: float, since: float) -> None:
+    def __init__(self, windows: WindowsPart, rate: float, since: float) -> None:
         self._windows, self._rate, self._since = windows, rate, since
         self._start = 0.0  # of the record
         self._index = 0  # of the first sample that is kept

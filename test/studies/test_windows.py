@@ -24,8 +24,9 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.recording import read_bag
 from mechanism_sim.sensing.channel import Block
 from mechanism_sim.studies.plan import read_plan
+from mechanism_sim.studies.schema import WindowsPart
 from mechanism_sim.studies.sweep import SweepInterrupted, sweep
-from mechanism_sim.studies.windows import Cutter, Windows
+from mechanism_sim.studies.windows import Cutter
 
 SENSOR = 'sensors.rocker_accelerometer'
 SWEEP = f"""
@@ -349,7 +350,7 @@ def test_the_example_learns_from_motions_it_was_not_asked_about(tmp_path):
 def test_a_cutter_gives_the_same_windows_however_the_signal_comes():
     rng = np.random.default_rng(1)
     x = rng.standard_normal(1000)
-    windows = Windows((), 64, 40, None, 'float64')
+    windows = WindowsPart(samples=64, overlap=0.375, type='float64')
     edges = [0, *np.sort(rng.choice(np.arange(1, 1000), 20, replace=False)), 1000]
     blocks = [Block(a / 100.0, x[a:b], 0, False) for a, b in itertools.pairwise(edges)]
     found = list(Cutter(windows, 100.0, 1.0).cut(blocks))
