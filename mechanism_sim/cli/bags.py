@@ -142,8 +142,7 @@ def _analyze(options: argparse.Namespace) -> int:
 
 def _fit(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.measurements import measurements  # noqa: PLC0415
-    from mechanism_sim.report import identification as report  # noqa: PLC0415
-    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.report import progress, studies  # noqa: PLC0415
     from mechanism_sim.studies.identification import ROUNDS, Identification  # noqa: PLC0415
     from mechanism_sim.studies.parameters import OF_JOINT, parameters, ranges  # noqa: PLC0415
 
@@ -170,7 +169,7 @@ def _fit(options: argparse.Namespace) -> int:
     )
     with progress.count('fit', sum(rounds), quiet=options.json) as show, workers:
         found = Identification(signals, wanted, options.seed, workers, show).find(rounds)
-    return print_result(options, found, report.to_json, report.render)
+    return print_result(options, found, studies.fit_json, studies.fit_text)
 
 
 def _details(options: argparse.Namespace, wanted: Any) -> Any:

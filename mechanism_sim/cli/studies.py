@@ -76,7 +76,7 @@ def add(command: Command) -> None:
 
 
 def _periodic(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress, study  # noqa: PLC0415
+    from mechanism_sim.report import progress, studies  # noqa: PLC0415
     from mechanism_sim.studies.periodic import find_periodic  # noqa: PLC0415
 
     if options.longest < 1 or options.transient < 1:
@@ -85,19 +85,19 @@ def _periodic(options: argparse.Namespace) -> int:
     with progress.busy('periodic', options.json) as say:
         response = find_periodic(machine, options.longest, options.transient, progress=say)
     if options.json:
-        print_json(study.periodic_json(response))
+        print_json(studies.periodic_json(response))
     elif response is None:
         print(
             f'no response that repeats within {options.longest} revolutions after '
             f"{options.transient}; 'mechanism-sim statistics' gives its means"
         )
     else:
-        print(study.periodic(response))
+        print(studies.periodic(response))
     return 0
 
 
 def _statistics(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress, study  # noqa: PLC0415
+    from mechanism_sim.report import progress, studies  # noqa: PLC0415
     from mechanism_sim.studies.statistics import statistics  # noqa: PLC0415
 
     machine = read_machine(options)
@@ -105,17 +105,17 @@ def _statistics(options: argparse.Namespace) -> int:
     with progress.bar('statistics', turns * machine.period, quiet=options.json) as show:
         skip = skipped_turns(options, 20)
         found = statistics(machine, turns, skip, show, read_measures(options, machine))
-    return print_result(options, found, study.statistics_json, study.statistics)
+    return print_result(options, found, studies.statistics_json, studies.statistics)
 
 
 def _lift_off(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress, study  # noqa: PLC0415
+    from mechanism_sim.report import progress, studies  # noqa: PLC0415
     from mechanism_sim.studies.lift_off import lift_offs  # noqa: PLC0415
 
     machine = read_machine(options)
     with progress.busy('find', options.json) as say:
         found = lift_offs(machine, say)
-    return print_result(options, found, study.lift_offs_json, study.lift_offs)
+    return print_result(options, found, list, studies.lift_offs)
 
 
 _SEARCH = (
@@ -144,8 +144,7 @@ def _find(options: argparse.Namespace) -> int:
 
 
 def _find_value(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import figures, progress  # noqa: PLC0415
-    from mechanism_sim.report import find as report  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress, studies  # noqa: PLC0415
     from mechanism_sim.studies.find import find, read_goal  # noqa: PLC0415
     from mechanism_sim.studies.parameters import ranges  # noqa: PLC0415
 
@@ -163,8 +162,8 @@ def _find_value(options: argparse.Namespace) -> int:
             **({} if options.revolutions is None else {'periods': options.revolutions}),
         )  # fmt: skip
     if file:
-        figures.save(figures.paint(report.chart(finding, machine.scene.title)), file)
-    return print_result(options, finding, report.to_json, report.text)
+        figures.save(figures.paint(studies.finding_chart(finding, machine.scene.title)), file)
+    return print_result(options, finding, studies.finding_json, studies.finding_text)
 
 
 def _teeth_options(sub: argparse.ArgumentParser) -> None:

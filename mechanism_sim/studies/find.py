@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -223,9 +222,3 @@ class _Curve:
         low, high = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
         known = map(float, (low, high, places[k], figures[k]))
         return [Call('least', self.least, tuple(known))]
-
-
-def within_limits(finding: Finding) -> tuple[float, float]:
-    """The least and the greatest figure that the curve shows."""
-    figures: Sequence[float] = [y for _, y in finding.curve if np.isfinite(y)]
-    return min(figures), max(figures)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import heyoka as hy
 import scipy
@@ -26,13 +25,6 @@ _FACTOR = 1.15  # between the speeds that are tried
 _RANGE = 100.0  # times slower and faster than the scene's
 
 
-class Least(NamedTuple):
-    """The least force of a contact over a turn, negative where it would have to pull."""
-
-    force: float  #: [N]
-    angle: float  #: [rad] of the drive
-
-
 @dataclass(frozen=True)
 class LiftOff:
     """A cam that its follower can leave.
@@ -40,15 +32,18 @@ class LiftOff:
     Attributes
     ----------
     joint : its name
-    least : at the speed of the scene
-    speed : of the drive from which on contact is lost [rad/s]; None: at no speed that was tried
-    begin : where it is lost first
+    least_force : over a turn at the speed of the scene [N], negative where it would have to pull
+    least_force_at : angle of the drive there [rad]
+    lift_off_speed : of the drive from which on contact is lost [rad/s]; None: at no speed that was
+        tried
+    lift_off_at : angle of the drive where it is lost first [rad]
     """
 
     joint: str
-    least: Least
-    speed: float | None
-    begin: Least | None
+    least_force: float
+    least_force_at: float
+    lift_off_speed: float | None = None
+    lift_off_at: float | None = None
 
 
 def lift_offs(machine: Machine, progress: Callable[[str], None] = lambda _: None) -> list[LiftOff]:
@@ -96,10 +91,6 @@ class _Cycle:
         self._motion = machine.nominal(laws, loads=True).motion(self.period)
         self._physics = NominalPhysics(machine.ideal, self.mechanism, None)
 
-    def angle(self, t: float) -> float:
-        """Of the drive [rad] at a time of the scene's speed."""
-        return self.start + self.speed * t
-
     def at(self, times: Array) -> Observation:
         """The motion without forces, at times (N,) [s] of the scene's speed."""
         return self._physics.observe(self._motion, *self._motion.curve.find(times))
@@ -127,25 +118,26 @@ class _Cycle:
 
         return force
 
-    def least(self, pair: CamPair, factor: float) -> Least:
-        """The least contact force of a turn."""
+    def least(self, pair: CamPair, factor: float) -> tuple[float, float]:
+        """The least contact force of a turn [N], and the angle of the drive there [rad]."""
         force, search = self.force(pair, factor), ExtremeSearch(['force'])
         spans = self._motion.curve.spans(0.0, self.period)
         search.add(lambda t: force(t.ravel())[None], *spans)
-        return Least(float(search.least[0]), self.angle(float(search.least_time[0])))
+        return float(search.least[0]), self.start + self.speed * float(search.least_time[0])
 
 
 def _lift_off(cycle: _Cycle, pair: CamPair) -> LiftOff:
-    least = cycle.least(pair, 1.0)
-    low = 1.0 / _RANGE
-    if cycle.least(pair, low).force <= 0.0:
-        return LiftOff(pair.name, least, None, None)
-    high = low
-    while cycle.least(pair, high).force > 0.0:
+    def force(factor: float) -> float:
+        return cycle.least(pair, factor)[0]
+
+    known = LiftOff(pair.name, *cycle.least(pair, 1.0))
+    low = high = 1.0 / _RANGE
+    if force(low) <= 0.0:
+        return known
+    while force(high) > 0.0:
         low, high = high, _FACTOR * high
         if high > _RANGE:
-            return LiftOff(pair.name, least, None, None)
-    factor = scipy.optimize.brentq(
-        lambda x: cycle.least(pair, x).force, low, high, xtol=1e-15, rtol=1e-15
-    )
-    return LiftOff(pair.name, least, factor * abs(cycle.speed), cycle.least(pair, factor))
+            return known
+    factor = scipy.optimize.brentq(force, low, high, xtol=1e-15, rtol=1e-15)
+    _, angle = cycle.least(pair, factor)
+    return replace(known, lift_off_speed=factor * abs(cycle.speed), lift_off_at=angle)

@@ -9,7 +9,7 @@ from running import run
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.report.find import text
+from mechanism_sim.report.studies import finding_text as text
 from mechanism_sim.studies.find import find, read_goal
 from mechanism_sim.studies.runs import Workers
 

@@ -11,7 +11,7 @@ from mechanism_sim.analysis.measurements import measurements
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import SensorBlock, float64_array, serialize
 from mechanism_sim.recording import BagWriter, Qos
-from mechanism_sim.report.identification import render, unlike
+from mechanism_sim.report.studies import fit_text, unlike
 from mechanism_sim.results.sensor_record import SensorRecord
 from mechanism_sim.scene.files import read_scene
 from mechanism_sim.studies.identification import Identification
@@ -56,7 +56,7 @@ def test_clearance_is_found_and_an_idle_parameter_is_not():
     assert found.simulations == 40
     assert found.failed == 0
     assert not unlike(found)
-    assert 'the signal does not tell' in render(found)
+    assert 'the signal does not tell' in fit_text(found)
 
 
 @pytest.mark.slow
@@ -66,7 +66,7 @@ def test_a_noise_floor_that_the_scene_does_not_know_is_noticed_or_found():
     limits = {'radial': ('0.12 mm', '0.25 mm')}
     mistaken = Identification([signal], wanted(signal, 'radial', **limits), seed=2).find((24,))
     assert unlike(mistaken)
-    assert 'not to be trusted' in render(mistaken)
+    assert 'not to be trusted' in fit_text(mistaken)
     limits['noise'] = ('2 m/s^2', '50 m/s^2')
     found = Identification([signal], wanted(signal, 'radial', 'noise', **limits), seed=2).find(
         (32,)

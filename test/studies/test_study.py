@@ -13,7 +13,7 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import batches, quotient, ratio
-from mechanism_sim.report.study import periodic as periodic_text
+from mechanism_sim.report.studies import periodic as periodic_text
 from mechanism_sim.studies.periodic import Response, Section, find_periodic
 from mechanism_sim.studies.runs import Workers
 from mechanism_sim.studies.statistics import statistics
