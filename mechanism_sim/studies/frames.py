@@ -8,24 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.numerics.fourier import spectrum
+from mechanism_sim.numerics.fourier import Spectrum, spectrum
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
-from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.periodic_forces import SteadyVibration, known_harmonics
 from mechanism_sim.vibration.shaking import Shaking
 
 ComplexArray = NDArray[np.complex128]
 
 _LONGER = 1.95  # periods that are run, to compare the forces in them
-_LOOKS = np.array([0.0, 0.1373, 0.2914, 0.4435, 0.6181, 0.7772, 0.9103])  # of a period
+LOOKS = np.array([0.0, 0.1373, 0.2914, 0.4435, 0.6181, 0.7772, 0.9103])  # of a period
 _PLAIN, _LOADED = 32, 512
 """Parts of a period, without and with loads, in each of which forces are looked at 16 times."""
 
@@ -60,21 +60,64 @@ def load_on(machine: Machine, option: str, place: str, direction: float | None) 
     return np.concatenate([frame.motion_of(at).T @ push, np.zeros(3 - frame.freedom)])
 
 
-def receptance(machine: Machine, name: str, w: Array) -> ComplexArray:
-    """Displacements per force (N, n, n) of a frame at angular frequencies w (N,) [rad/s]."""
-    frame: Frame = machine.frame(name)
-    each = np.asarray(w, float)[:, None, None]
-    Z = np.asarray(frame.K + 1j * each * frame.C - each**2 * frame.M, complex)
-    size = np.sqrt(np.diag(frame.M))
-    scaled = np.abs(np.linalg.eigvals(Z / np.outer(size, size))).min(axis=1)
-    singular = scaled <= 1e-13 * np.abs(frame.K / np.outer(size, size)).max()
-    if singular.any():
-        f = w[singular][0] / (2.0 * np.pi)
-        raise InputError(
-            f'{machine.name}: at {f:.9g} Hz is a resonance of the frame {name} without damping, '
-            "where no steady response exists: give its mounts 'damping'"
-        )
-    return np.linalg.inv(Z)
+class Vibrating(NamedTuple):
+    """What vibrates: ``M z'' + C z' + K z = F``, all (n, n).
+
+    Attributes
+    ----------
+    machine : its name
+    what : of it, behind "a resonance", where it is a part
+    advice : what to do about a resonance
+    """
+
+    M: Array
+    C: Array
+    K: Array
+    machine: str
+    what: str
+    advice: str
+
+    def impedance(self, w: Array) -> ComplexArray:
+        """Forces per displacement (N, n, n) at frequencies w (N,) [rad/s]; refuses resonances."""
+        each, size = w[:, None, None], np.sqrt(np.abs(np.diag(self.M)))
+        Z = np.asarray(self.K + 1j * each * self.C - each**2 * self.M, complex)
+        scale = np.outer(size, size) if size.all() else np.ones_like(self.M)
+        values = np.linalg.svd(Z / scale, compute_uv=False)
+        M, C, K = (np.abs(x / scale).max(initial=0.0) for x in self[:3])
+        singular = values.min(axis=1, initial=np.inf) <= 1e-14 * (K + w * C + w**2 * M)
+        if singular.any():
+            raise InputError(
+                f'{self.machine}: at {w[singular][0] / (2.0 * np.pi):.9g} Hz is a resonance'
+                f'{self.what} without damping, where no steady response exists: {self.advice}'
+            )
+        return Z
+
+    def under(
+        self, forces: Spectrum, period: float, count: int, B: Array, rounding: float = 0.0,
+        impulses: Array | None = None,
+    ) -> SteadyVibration:  # fmt: skip
+        """The vibration ``B z`` in `count` harmonics under forces that repeat after a period [s].
+
+        Parameters
+        ----------
+        rounding : size of a mean that is none
+        impulses : see `SteadyVibration`
+        """
+        F = forces.amplitudes[:, :count].T
+        w = 2.0 * np.pi / period * np.arange(1.0, count + 1.0)
+        excited, z = F.any(axis=1), np.zeros((count, len(self.M)), complex)
+        Z = self.impedance(w[excited])
+        z[excited] = np.linalg.solve(Z, F[excited][:, :, None])[:, :, 0]
+        push = np.where(np.abs(forces.mean) > rounding, forces.mean, 0.0)
+        mean = B @ np.linalg.lstsq(self.K, push)[0]
+        frequency, moved = 2.0 * np.pi / period, np.asarray(z @ B.T, complex)
+        return SteadyVibration(forces, frequency, self[:3], B, mean, moved, impulses)
+
+
+def system(machine: Machine, name: str) -> Vibrating:
+    """A frame by itself."""
+    frame, advice = machine.frame(name), "give its mounts 'damping'"
+    return Vibrating(frame.M, frame.C, frame.K, machine.name, f' of the frame {name}', advice)
 
 
 def harmonics_of(
@@ -99,7 +142,7 @@ def harmonics_of(
         def forces(t: Array, shaking: Shaking = shaking) -> Array:
             return shaking.read(motion, *motion.curve.find(t))
 
-        looks = period * _LOOKS
+        looks = period * LOOKS
         size = float(np.abs(seen := forces(looks)).max())
         if np.abs(forces(period + looks) - seen).max() > 1e-9 * size:
             raise InputError(
@@ -117,21 +160,9 @@ def harmonics_of(
             mean=one.mean + steps[sudden].sum(axis=0) / period,
             amplitudes=one.amplitudes + 2.0 / period * (steps[sudden].T @ turned),
         ).without(1e-13 * size)
-        F = one.amplitudes[:, :count].T
-        shaken = F.any(axis=1)
-        u = np.zeros_like(F)
-        if shaken.any():
-            at = receptance(machine, name, w[:count][shaken])
-            u[shaken] = np.einsum('kij,kj->ki', at, F[shaken])
-        found[name] = SteadyVibration(
-            one,
-            2.0 * np.pi / period,
-            (frame.M, frame.C, frame.K),
-            np.eye(frame.freedom),
-            np.asarray(np.linalg.solve(frame.K, one.mean)),
-            u,
-            np.abs(steps[sudden]).sum(axis=0),
-        )
+        impulses = np.abs(steps[sudden]).sum(axis=0)
+        own = np.eye(frame.freedom)
+        found[name] = system(machine, name).under(one, period, count, own, impulses=impulses)
     return found
 
 

@@ -34,7 +34,6 @@ from mechanism_sim.studies.response import (
     FrequencyResponse,
     Source,
     frame_units,
-    refuse_resonance,
     unit_of,
 )
 from mechanism_sim.vibration.excitation import FourierSeries
@@ -48,7 +47,6 @@ _SAMPLES = np.linspace(0.0, 1.0, 5)  # of a part in which a formula is enclosed
 _BEYOND = 1.1  # times the range of these: how far what moves may go in it
 _HALVINGS, _MOST = 40, 1 << 15
 _BISECTIONS = 50  # in which an edge is located to rounding
-_LOOKS = np.array([0.0, 0.1373, 0.2914, 0.4435, 0.6181, 0.7772, 0.9103])  # of a period
 
 
 @dataclass(frozen=True)
@@ -197,20 +195,8 @@ def _harmonics(
     more = more or known_harmonics(count)
     found = spectrum(excitation, excitation.edges(more), more, np.full(len(one.B.T), rounding))
     found = found.without(rounding)
-    F = found.amplitudes[:, :count].T
-    matrices = _at_speed(one, driven, rates).matrices
-    M, C, K = matrices
-    w = 2.0 * np.pi / length * np.arange(1.0, count + 1.0)
-    each = w[:, None, None]
-    Z = np.asarray(K + 1j * each * C - each**2 * M, complex)
-    excited = F.any(axis=1)
-    refuse_resonance(one, Z[excited], w[excited])
-    z = np.zeros((count, len(K)), complex)
-    z[excited] = np.linalg.solve(Z[excited], F[excited][:, :, None])[:, :, 0]
-    mean = np.linalg.lstsq(K, np.where(np.abs(found.mean) > rounding, found.mean, 0.0))[0]
     quiet = found._replace(rest=np.where(found.rest > rounding, found.rest, 0.0))
-    amplitudes = np.asarray(z @ one.B.T, complex)
-    return SteadyVibration(quiet, 2.0 * np.pi / length, matrices, one.B, one.B @ mean, amplitudes)
+    return _at_speed(one, driven, rates).system.under(quiet, length, count, one.B, rounding)
 
 
 def _at_speed(one: LinearMachine, driven: list[int], rates: Array) -> LinearMachine:
@@ -286,7 +272,7 @@ class _Excitation:
         self._turns = max(1.0, float(pace) * length / (2.0 * np.pi))
         self._mesh = self._followed() if self._others else None
         self.scale = float(
-            np.abs(self(length * _LOOKS)).max()
+            np.abs(self(length * frames.LOOKS)).max()
             + np.abs(one.linear.K @ np.diag(one.at.q)).max(initial=0.0)
         )
 
@@ -335,7 +321,7 @@ class _Excitation:
 
     def check_period(self) -> None:
         """Refuse a period after which the forces are not what they were, at several instants."""
-        machine, t = self._one.machine, self._length * _LOOKS
+        machine, t = self._one.machine, self._length * frames.LOOKS
         if np.abs(self(t + self._length) - self(t)).max() > 1e-9 * self.scale:
             raise InputError(
                 f'{machine.name}: after {self._length:.6g} s the forces on the free coordinates '

@@ -22,6 +22,7 @@ from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.linearisation import Excitation, Linear, Linearisation, Point
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
+from mechanism_sim.studies.frames import Vibrating
 from mechanism_sim.vibration import state_space
 from mechanism_sim.vibration.systems import ROUNDING, System
 
@@ -183,6 +184,12 @@ class LinearMachine:
         """Mass, damping and stiffness (f, f) of the independent coordinates."""
         M, C, K = (self.B.T @ x @ self.B for x in (self.linear.M, self.linear.C, self.linear.K))
         return M, C, K
+
+    @property
+    def system(self) -> Vibrating:
+        """The independent coordinates by themselves."""
+        advice = "leave the frequency out, or give a spring 'damping'"
+        return Vibrating(*self.matrices, self.machine.name, '', advice)
 
     def modes(self) -> list[Mode]:
         """The slowest first."""
