@@ -15,7 +15,7 @@ from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.report.charts.chart import DASHES, MARKERS, Axis, Chart, Curve, Panel
 from mechanism_sim.report.figures import check_picture
 from mechanism_sim.strict_json import plain
-from mechanism_sim.studies.effects import effects, exceedances, measures_of
+from mechanism_sim.studies.effects import effects, exceedances, measures_of, number
 from mechanism_sim.studies.plan import REPEAT, Plan
 from mechanism_sim.studies.runs import Row, has_failed
 from mechanism_sim.studies.sweep import Summary
@@ -54,7 +54,7 @@ def render(summary: Summary, plan: Plan, rows: Sequence[Row]) -> str:
 
 def _few(plan: Plan, rows: Sequence[Row]) -> list[str]:
     """A line for each run: its measures, or its impacts, and what was swept."""
-    measures = [c for c in plan.own if c.name in _measure_names(plan)]
+    measures = plan.measured
     table: list[list[str]] = []
     heads = ['run']
     scale, unit = _of_impulses(rows)
@@ -67,7 +67,7 @@ def _few(plan: Plan, rows: Sequence[Row]) -> list[str]:
         if has_failed(row):
             continue
         if measures:
-            figures = [_text(_number(row, name) * by) for name, _, by in shown]
+            figures = [_text(number(row, name) * by) for name, _, by in shown]
         else:
             figures = [
                 _mean_text(row, name, by)
@@ -93,17 +93,13 @@ def _given(value: Any, unit: str) -> str:
 
 def _largest(rows: Sequence[Row], name: str) -> float:
     """The largest size of a figure in all rows."""
-    return max((abs(x) for row in rows if math.isfinite(x := _number(row, name))), default=0.0)
+    return max((abs(x) for row in rows if math.isfinite(x := number(row, name))), default=0.0)
 
 
 def _of_impulses(rows: Sequence[Row]) -> tuple[float, str]:
     """The scale and the unit in which impulses are read."""
-    large = max((abs(_number(row, 'impulse')) for row in rows), default=0.0)
+    large = max((abs(number(row, 'impulse')) for row in rows), default=0.0)
     return (1.0, 'N s') if large >= 1.0 else (1e3, 'mN s')
-
-
-def _measure_names(plan: Plan) -> set[str]:
-    return {text.partition(' = ')[0] for text in plan.measures}
 
 
 def _text(value: float) -> str:
@@ -112,7 +108,7 @@ def _text(value: float) -> str:
 
 def _spreads(plan: Plan, rows: Sequence[Row]) -> list[str]:
     """How measures are distributed over the runs, what does it, and who exceeds limits."""
-    measures = [c for c in plan.own if c.name in _measure_names(plan)]
+    measures = plan.measured
     if not measures or len(rows) < 2:
         return []
     lines = []
@@ -120,7 +116,7 @@ def _spreads(plan: Plan, rows: Sequence[Row]) -> list[str]:
         ['', 'unit', 'least', '5 %', 'median', '95 %', 'greatest', 'mean', 'deviation']
     ]
     for c in measures:
-        y = np.array([_number(row, c.name) for row in rows])
+        y = np.array([number(row, c.name) for row in rows])
         y = y[np.isfinite(y)]
         if len(y) > 1:
             unit, scale = for_people(c.unit, float(np.abs(y).max()))
@@ -145,7 +141,7 @@ def _spreads(plan: Plan, rows: Sequence[Row]) -> list[str]:
             table.append(row)
         lines += ['main effects: greatest less least mean', *text_table.lines(table, 3)]
     for x in exceedances(plan, rows):
-        unit = {c.name: c.unit for c in measures}[x.measure]
+        (unit,) = (c.unit for c in measures if c.name == x.measure)
         unit, scale = for_people(unit, _largest(rows, x.measure))
         lines.append(
             f'{x.measure} > {scale * x.limit:.6g} {unit}: {x.beyond} of {x.runs} runs, '
@@ -166,13 +162,8 @@ def to_json(summary: Summary, plan: Plan, rows: Sequence[Row]) -> dict[str, Any]
 
 
 def _mean_text(row: Row, name: str, scale: float) -> str:
-    mean, half = _number(row, name) * scale, _number(row, f'{name}_half_width') * scale
+    mean, half = number(row, name) * scale, number(row, f'{name}_half_width') * scale
     return f'{mean:.4g} +- {half:<7.2g}' if math.isfinite(mean) else 'none'
-
-
-def _number(row: Row, name: str) -> float:
-    value = row.get(name)
-    return float(value) if isinstance(value, int | float) else math.nan
 
 
 @dataclass(frozen=True)
@@ -238,8 +229,8 @@ def _lines(asked: Asked, plan: Plan, rows: Sequence[Row]) -> Lines:
 
 def _curve(places: dict[float, list[Row]], name: str, scale: float, label: str, k: int) -> Curve:
     xs = sorted(places)
-    means = [[_number(row, name) * scale for row in places[x]] for x in xs]
-    halves = [[_number(row, f'{name}_half_width') * scale for row in places[x]] for x in xs]
+    means = [[number(row, name) * scale for row in places[x]] for x in xs]
+    halves = [[number(row, f'{name}_half_width') * scale for row in places[x]] for x in xs]
     y = np.array([sum(m) / len(m) for m in means])
     error = np.array([math.hypot(*h) / len(h) for h in halves])
     return Curve(np.array(xs), y, label, '', k, k % len(DASHES), marker=MARKERS[k % len(MARKERS)],

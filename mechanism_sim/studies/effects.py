@@ -68,15 +68,14 @@ class Exceedance:
 
 def measures_of(plan: Plan) -> list[str]:
     """The figures whose effects are wanted: the measures, or those of a row without any."""
-    names = [text.partition(' = ')[0] for text in plan.measures]
-    return names or ['impulse', 'impacts', 'I_n']
+    return plan.measure_names or ['impulse', 'impacts', 'I_n']
 
 
 def effects(plan: Plan, rows: Sequence[Row]) -> list[Effect]:
     """The effect of every swept value on every measure; none of what never varies."""
     found = []
     for measure in measures_of(plan):
-        y = np.array([_number(row.get(measure)) for row in rows])
+        y = np.array([number(row, measure) for row in rows])
         indices = _indices(plan, y)
         for factor in plan.columns:
             x = np.array([run.values[factor] for run in plan.runs], object)
@@ -98,7 +97,7 @@ def exceedances(plan: Plan, rows: Sequence[Row]) -> list[Exceedance]:
     """Which share of the runs exceeds each limit of the sweep."""
     found = []
     for name, limit in plan.limits.items():
-        y = np.array([_number(row.get(name)) for row in rows])
+        y = np.array([number(row, name) for row in rows])
         y = y[np.isfinite(y)]
         if not len(y):
             continue
@@ -113,7 +112,9 @@ def exceedances(plan: Plan, rows: Sequence[Row]) -> list[Exceedance]:
     return found
 
 
-def _number(value: Any) -> float:
+def number(row: Row, name: str) -> float:
+    """A figure of a row; not a number where there is none."""
+    value = row.get(name)
     return float(value) if isinstance(value, int | float) else math.nan
 
 

@@ -142,13 +142,7 @@ class Identification:
         self.high = np.array([p.to_scale(p.high) for p in parameters])
 
     def explore(self, low: Array, high: Array, count: int) -> Design:
-        """So many simulations spread over a box on the parameters' scales.
-
-        Raises
-        ------
-        RunError
-            If a quarter of them fails.
-        """
+        """So many simulations spread over a box on the parameters' scales."""
         sobol = qmc.Sobol(len(low), rng=self._random)
         unit = sobol.random_base2(math.ceil(math.log2(count)))[:count]
         places = low + (high - low) * unit

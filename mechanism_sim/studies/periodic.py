@@ -87,11 +87,6 @@ class Section:
         """The state later, the impacts on the way, and the sum of their impulses [N s].
 
         Newton's method goes by way of states that nearly penetrate: those are not audited.
-
-        Raises
-        ------
-        RunError
-            If the run fails.
         """
         run = self._run
         run.restart(replace(state, turns=(0,) * len(state.turns)))
@@ -137,13 +132,6 @@ def find_periodic(
     Returns
     -------
     ``None`` if the motion does not come back after the transient, or Newton's method does not end.
-
-    Raises
-    ------
-    InputError
-        If the crank has no constant speed, or there is neither clearance nor elasticity.
-    RunError
-        If a run fails.
     """
     section = Section(machine)
     progress(f'{transient} revolutions until it has settled')

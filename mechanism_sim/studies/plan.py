@@ -131,6 +131,16 @@ class Plan:
         return len({run.key for run in self.runs})
 
     @property
+    def measure_names(self) -> list[str]:
+        """The columns of the measures."""
+        return [text.partition(' = ')[0] for text in self.measures]
+
+    @property
+    def measured(self) -> list[Figure]:
+        """The measures, as figures of a row."""
+        return [figure for figure in self.own if figure.name in self.measure_names]
+
+    @property
     def fingerprint(self) -> str:
         """Of what is to be computed, in a few letters."""
         content: list[Any] = [self.columns, [[run.key, dict(run.values)] for run in self.runs]]

@@ -164,13 +164,7 @@ class Workers:
         self._submit: Callable[[Task], Any] | None = None
 
     def do(self, tasks: Sequence[Task], rows: Rows, show: Show | None = None) -> dict[str, Row]:
-        """Add the rows of tasks as they are finished, and return all.
-
-        Raises
-        ------
-        RunError
-            If a process dies or the cluster loses a run, or a file cannot be written.
-        """
+        """Add the rows of tasks as they are finished, and return all."""
         for finished in self._results(tasks):
             rows.add(finished)
             if show:

@@ -104,11 +104,6 @@ class ShardWriter:
     name : of the scene
     since : [s] windows that begin earlier are left out
     channels : those of other shards of this motion, which may serve this one too; it adds its own
-
-    Raises
-    ------
-    FileError
-        From any method: nothing can be written there.
     """
 
     def __init__(self, shard: Shard, name: str, since: float, channels: Channels) -> None:

@@ -104,13 +104,6 @@ def statistics(
 
     The confidence intervals are those of 20 batch means: right if a batch is much longer than the
     memory of the motion. Flight counts each loose joint by itself.
-
-    Raises
-    ------
-    InputError
-        If the crank has no constant speed, there is no clearance, or too few revolutions.
-    RunError
-        If the run fails.
     """
     if machine.torque_driven or not machine.clearances or not np.isfinite(machine.period):
         raise InputError(

@@ -124,7 +124,7 @@ def study(factors, kind, samples, figure, limits=None):
     names = tuple(f.path for f in factors)
     runs = [SimpleNamespace(values=dict(zip(names, row, strict=True))) for row in x.tolist()]
     plan = SimpleNamespace(
-        measures=('y = largest(y)',), columns=names, runs=runs, factors=factors,
+        measure_names=['y'], columns=names, runs=runs, factors=factors,
         design=SimpleNamespace(kind=kind, samples=samples), limits=limits or {},
     )  # fmt: skip
     return plan, [{'y': figure(*row)} for row in x.tolist()]
