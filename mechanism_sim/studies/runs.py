@@ -223,4 +223,5 @@ class Workers:
         return self
 
     def __exit__(self, *failure: Any) -> None:
+        self._submit = None  # who enters the block again starts others
         self._started.__exit__(*failure)

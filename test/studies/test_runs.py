@@ -42,6 +42,8 @@ def test_rows_of_tasks_that_fail_hold_the_reason(count):
         '0': {'k': 0, 'status': 'done'}, '1': {'status': '1 is odd'},
         '2': {'k': 2, 'status': 'done'}, '3': {'status': '3 is odd'},
     }  # fmt: skip
+    with workers:  # others are started
+        assert workers.do_all(TASKS[:1]) == [found['0']]
     assert rows.failed == 2
     assert shown[-1] == (4, 2)
 
