@@ -147,7 +147,7 @@ class Plan:
         content += [self.measures] if self.measures else []
         if self.windows:  # what measures does not rule the motion, but the windows
             measured = [_measurement_keys(run.scene) for run in self.runs]
-            content += [self.windows.model_dump(), measured]
+            content += [self.windows.to_document(), measured]
         return _hash(content)
 
     def labels(self) -> list[Column]:
