@@ -18,8 +18,8 @@ import numpy as np
 from scipy.stats import qmc
 
 from mechanism_sim.analysis.measurements import measurements
-from mechanism_sim.study.identification import ROUNDS, Identification
-from mechanism_sim.study.parameters import OF_JOINT, parameters
+from mechanism_sim.studies.identification import ROUNDS, Identification
+from mechanism_sim.studies.parameters import OF_JOINT, parameters
 
 FILE = Path(__file__).parent / 'pictures' / 'identification.txt'
 SCENE = 'bearing_run_up'

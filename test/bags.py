@@ -13,7 +13,7 @@ import mechanism_sim as ms
 from mechanism_sim.messages.part_states import KINDS
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.recording import BagWriter, Qos, read_bag
-from mechanism_sim.sweep.bags import RunBag
+from mechanism_sim.studies.run_bag import RunBag
 from ros_interfaces.definitions import field_descriptions
 
 

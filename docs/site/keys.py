@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_origin
 from mechanism_sim.scene.four_bar import FourBarScene, Link
 from mechanism_sim.scene.quantities import Part, Quantity, meanings
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.sweep.schema import SweepFile
+from mechanism_sim.studies.schema import SweepFile
 from mechanism_sim.units import Measure
 
 PAGE = 'docs/keys'

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +12,13 @@ from mechanism_sim.cli.options import (
     print_json,
     print_result,
     quantity,
+    read_workers,
     refuse_options,
     set_option,
     skip_option,
     skipped_time,
     skipped_turns,
+    workers_options,
 )
 from mechanism_sim.cli.source import namespace_option, warn_if_incomplete
 from mechanism_sim.errors import InputError
@@ -64,7 +65,7 @@ def _recover(options: argparse.Namespace) -> int:
     return print_result(options, recover(options.bag), RecoveredBag.to_json, render_recovery, echo)
 
 
-_FIT = 'scene', 'set', 'range', 'joint', 'sensor', 'seed', 'rounds', 'workers'
+_FIT = 'scene', 'set', 'range', 'joint', 'sensor', 'seed', 'rounds', 'workers', 'dask'
 _DETAILS = (
     'spectrum', 'orders', 'envelope', 'average', 'impacts-on', 'wear', 'deviation', 'against',
     'band', 'pin-radius', 'plots', 'namespace',
@@ -142,18 +143,17 @@ def _analyze(options: argparse.Namespace) -> int:
 
 def _fit(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.measurements import measurements  # noqa: PLC0415
-    from mechanism_sim.report import identification as report  # noqa: PLC0415
-    from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.study.identification import ROUNDS, Identification  # noqa: PLC0415
-    from mechanism_sim.study.parameters import OF_JOINT, parameters, ranges  # noqa: PLC0415
+    from mechanism_sim.report import progress, studies  # noqa: PLC0415
+    from mechanism_sim.studies.identification import ROUNDS, Identification  # noqa: PLC0415
+    from mechanism_sim.studies.parameters import OF_JOINT, parameters, ranges  # noqa: PLC0415
 
     counts = options.rounds.split(',') if options.rounds else ROUNDS
     if not all(str(n).strip().isdecimal() and int(n) >= 16 for n in counts):
         raise InputError(f"--rounds '{options.rounds}': write numbers from 16 on, as 128,48,48,48")
     rounds = [int(n) for n in counts]
-    workers = os.cpu_count() or 1 if options.workers is None else options.workers
-    if workers < 1 or options.seed < 0:
-        raise InputError('--workers must be at least 1, --seed at least 0')
+    workers = read_workers(options)
+    if options.seed < 0:
+        raise InputError('--seed must be at least 0')
     with progress.busy('reading', options.json):
         signals = measurements(
             options.bags,
@@ -168,9 +168,9 @@ def _fit(options: argparse.Namespace) -> int:
     wanted = parameters(
         first.machine, options.fit.split(','), first.sensor, options.joint, ranges(options.ranges)
     )
-    with progress.count('fit', sum(rounds), quiet=options.json) as show:
+    with progress.count('fit', sum(rounds), quiet=options.json) as show, workers:
         found = Identification(signals, wanted, options.seed, workers, show).find(rounds)
-    return print_result(options, found, report.to_json, report.render)
+    return print_result(options, found, studies.fit_json, studies.fit_text)
 
 
 def _details(options: argparse.Namespace, wanted: Any) -> Any:
@@ -223,7 +223,7 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
     option(more, '--sensor', 'S', 'the sensor, where there are several')
     option(more, '--seed', 'N', 'of the random numbers of the search', 0)
     option(more, '--rounds', 'N,...', 'simulations in each round; 128,48,48,48 if not given')
-    option(more, '--workers', 'N', 'processes; one for each core if not given', int)
+    workers_options(more)
 
 
 def _detail_options(sub: argparse.ArgumentParser) -> None:

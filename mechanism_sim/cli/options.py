@@ -14,6 +14,7 @@ from mechanism_sim.errors import InputError
 if TYPE_CHECKING:
     from mechanism_sim.results.measure_text import Measure
     from mechanism_sim.scene import Machine
+    from mechanism_sim.studies.runs import Workers
 
     Options = argparse.ArgumentParser | argparse._ArgumentGroup
 
@@ -143,6 +144,20 @@ def measure_option(sub: argparse.ArgumentParser) -> None:
     """Add the option for figures of one's own."""
     text = "a figure, as 'rms(drive_torque, from 2 s)' or 'peak = largest(reaction.pin)'"
     several(sub, '--measure', 'TEXT', f'{text}; several times', 'measures')
+
+
+def workers_options(sub: Options, usual: str = 'one for each core') -> None:
+    """Add the options for who makes the runs of a study."""
+    option(sub, '--workers', 'N', f'processes; {usual} if not given', int)
+    option(sub, '--dask', 'ADDRESS', 'run on the cluster of this Dask scheduler')
+
+
+def read_workers(options: argparse.Namespace, usual: int | None = None) -> Workers:
+    """Who makes the runs of a study on a command line."""
+    from mechanism_sim.studies.runs import Workers  # noqa: PLC0415
+
+    count = usual if options.workers is None and not options.dask else options.workers
+    return Workers(count, options.dask)
 
 
 def read_measures(options: argparse.Namespace, machine: Machine) -> list[Measure]:

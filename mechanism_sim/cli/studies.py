@@ -18,12 +18,14 @@ from mechanism_sim.cli.options import (
     quantity,
     read_machine,
     read_measures,
+    read_workers,
     refuse_options,
     scene_options,
     skip_option,
     skipped_turns,
     tables_option,
     turns_of,
+    workers_options,
 )
 from mechanism_sim.errors import InputError
 
@@ -50,6 +52,7 @@ def add(command: Command) -> None:
     )
     option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     option(sub, '-o --output', 'FILE', 'draw the curve')
+    workers_options(sub, '1')
     flag(sub, '--lift-off', 'instead: from which speed on followers leave their cams')
     _teeth_options(sub)
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
@@ -63,8 +66,7 @@ def add(command: Command) -> None:
     )
     measure_option(sub)
     tables_option(sub)
-    option(sub, '--workers', 'N', 'processes; one for each core if not given', int)
-    option(sub, '--dask', 'ADDRESS', 'run on the cluster of this Dask scheduler')
+    workers_options(sub)
     option(sub, '--bags', 'DIR', 'folder in which to record every run, too')
     option(sub, '--windows', 'DIR', 'folder for windows of signals; TABLE.windows if not given')
     flag(sub, '--restart', 'forget what is computed already')
@@ -74,8 +76,8 @@ def add(command: Command) -> None:
 
 
 def _periodic(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.study.periodic import find_periodic  # noqa: PLC0415
+    from mechanism_sim.report import progress, studies  # noqa: PLC0415
+    from mechanism_sim.studies.periodic import find_periodic  # noqa: PLC0415
 
     if options.longest < 1 or options.transient < 1:
         raise InputError('--longest and --transient must be at least 1')
@@ -83,40 +85,43 @@ def _periodic(options: argparse.Namespace) -> int:
     with progress.busy('periodic', options.json) as say:
         response = find_periodic(machine, options.longest, options.transient, progress=say)
     if options.json:
-        print_json(study.periodic_json(response))
+        print_json(studies.periodic_json(response))
     elif response is None:
         print(
             f'no response that repeats within {options.longest} revolutions after '
             f"{options.transient}; 'mechanism-sim statistics' gives its means"
         )
     else:
-        print(study.periodic(response))
+        print(studies.periodic(response))
     return 0
 
 
 def _statistics(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.study.statistics import statistics  # noqa: PLC0415
+    from mechanism_sim.report import progress, studies  # noqa: PLC0415
+    from mechanism_sim.studies.statistics import statistics  # noqa: PLC0415
 
     machine = read_machine(options)
     turns = math.floor(turns_of(options, machine, 200) * (1.0 + 1e-12))
     with progress.bar('statistics', turns * machine.period, quiet=options.json) as show:
         skip = skipped_turns(options, 20)
         found = statistics(machine, turns, skip, show, read_measures(options, machine))
-    return print_result(options, found, study.statistics_json, study.statistics)
+    return print_result(options, found, studies.statistics_json, studies.statistics)
 
 
 def _lift_off(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.study.lift_off import lift_offs  # noqa: PLC0415
+    from mechanism_sim.report import progress, studies  # noqa: PLC0415
+    from mechanism_sim.studies.lift_off import lift_offs  # noqa: PLC0415
 
     machine = read_machine(options)
     with progress.busy('find', options.json) as say:
         found = lift_offs(machine, say)
-    return print_result(options, found, study.lift_offs_json, study.lift_offs)
+    return print_result(options, found, list, studies.lift_offs)
 
 
-_SEARCH = 'vary', 'so-that', 'minimise', 'values', 'duration', 'revolutions', 'output'
+_SEARCH = (
+    'vary', 'so-that', 'minimise', 'values', 'duration', 'revolutions', 'output', 'workers',
+    'dask',
+)  # fmt: skip
 _SCENE = 'set', 'tables-from', 'rtol', 'atol'
 _TEETH = 'stages', 'tolerance', 'teeth-range', 'centre-distance', 'modules'
 
@@ -139,26 +144,26 @@ def _find(options: argparse.Namespace) -> int:
 
 
 def _find_value(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import figures, progress  # noqa: PLC0415
-    from mechanism_sim.report import find as report  # noqa: PLC0415
-    from mechanism_sim.study.find import find, read_goal  # noqa: PLC0415
-    from mechanism_sim.study.parameters import ranges  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress, studies  # noqa: PLC0415
+    from mechanism_sim.studies.find import find, read_goal  # noqa: PLC0415
+    from mechanism_sim.studies.parameters import ranges  # noqa: PLC0415
 
     goal = read_goal(options.so_that, options.minimise)
     file = figures.check_picture('--output', options.output) if options.output else None
     if options.values < 2:
         raise InputError('--values must be at least 2')
+    workers = read_workers(options, 1)
     ((path, limits),) = ranges([options.vary or ''], '--vary').items()
     machine = read_machine(options)
-    with progress.busy('find', options.json) as say:
+    with progress.count('find', options.values, options.json) as show:
         finding = find(
-            machine, (path, *limits), goal, options.values, lambda n: say(f'{n} cycles'),
+            machine, (path, *limits), goal, options.values, workers, show,
             duration=options.duration,
             **({} if options.revolutions is None else {'periods': options.revolutions}),
         )  # fmt: skip
     if file:
-        figures.save(figures.paint(report.chart(finding, machine.scene.title)), file)
-    return print_result(options, finding, report.to_json, report.text)
+        figures.save(figures.paint(studies.finding_chart(finding, machine.scene.title)), file)
+    return print_result(options, finding, studies.finding_json, studies.finding_text)
 
 
 def _teeth_options(sub: argparse.ArgumentParser) -> None:
@@ -202,8 +207,8 @@ def _teeth(options: argparse.Namespace) -> int:
 def _sweep(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
-    from mechanism_sim.sweep.plan import read_plan  # noqa: PLC0415
-    from mechanism_sim.sweep.run import SweepInterrupted, sweep  # noqa: PLC0415
+    from mechanism_sim.studies.plan import read_plan  # noqa: PLC0415
+    from mechanism_sim.studies.sweep import SweepInterrupted, sweep  # noqa: PLC0415
     from mechanism_sim.tables import default_ending  # noqa: PLC0415
 
     if options.effects:

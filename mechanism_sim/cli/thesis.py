@@ -12,10 +12,12 @@ from mechanism_sim.cli.options import (
     option,
     print_result,
     read_machine,
+    read_workers,
     scene_options,
     skip_option,
     skipped_turns,
     turns_of,
+    workers_options,
 )
 
 
@@ -37,6 +39,7 @@ def add(command: Command) -> None:
     scene_options(sub)
     option(sub, '--angles', 'N', 'how many start angles around the turn', 24)
     length_options(sub, '3 if not given')
+    workers_options(sub, '1')
 
 
 def _experiment(options: argparse.Namespace) -> int:
@@ -82,5 +85,6 @@ def _starts(options: argparse.Namespace) -> int:
 
     machine = read_machine(options)
     with progress.count('starts', max(options.angles, 1), quiet=options.json) as show:
-        found = starts(machine, options.angles, turns_of(options, machine, 3.0), show)
+        turns = turns_of(options, machine, 3.0)
+        found = starts(machine, options.angles, turns, read_workers(options, 1), show)
     return print_result(options, found, to_json, render)

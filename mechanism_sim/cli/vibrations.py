@@ -90,8 +90,8 @@ def _span(name: str, text: str, unit: str) -> Array:
 
 def _modes(options: argparse.Namespace) -> int:
     from mechanism_sim.report import vibrations as report  # noqa: PLC0415
-    from mechanism_sim.study import floquet  # noqa: PLC0415
-    from mechanism_sim.study import modes as study  # noqa: PLC0415
+    from mechanism_sim.studies import floquet  # noqa: PLC0415
+    from mechanism_sim.studies import modes as study  # noqa: PLC0415
 
     if (options.along is not None) + bool(options.speeds) + options.turning > 1:
         raise InputError('give one of --along, --speeds and --turning')
@@ -114,8 +114,8 @@ def _modes(options: argparse.Namespace) -> int:
 
 def _response(options: argparse.Namespace) -> int:
     from mechanism_sim.report import vibrations as report  # noqa: PLC0415
-    from mechanism_sim.study.harmonics import harmonics, unbalance_response  # noqa: PLC0415
-    from mechanism_sim.study.response import read_source, response  # noqa: PLC0415
+    from mechanism_sim.studies.harmonics import harmonics, unbalance_response  # noqa: PLC0415
+    from mechanism_sim.studies.response import read_source, response  # noqa: PLC0415
 
     file = _picture(options)
     forced = [

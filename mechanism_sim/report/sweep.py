@@ -15,10 +15,10 @@ from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.report.charts.chart import DASHES, MARKERS, Axis, Chart, Curve, Panel
 from mechanism_sim.report.figures import check_picture
 from mechanism_sim.strict_json import plain
-from mechanism_sim.sweep.effects import effects, exceedances, measures_of
-from mechanism_sim.sweep.plan import REPEAT, Plan
-from mechanism_sim.sweep.row import Value
-from mechanism_sim.sweep.run import Summary, has_failed
+from mechanism_sim.studies.effects import effects, exceedances, measures_of, number
+from mechanism_sim.studies.plan import REPEAT, Plan
+from mechanism_sim.studies.runs import Row, has_failed
+from mechanism_sim.studies.sweep import Summary
 from mechanism_sim.units import for_people
 
 _PANELS = (
@@ -29,7 +29,7 @@ _PANELS = (
 _MOST_ROWS, _MOST_TICKS = 40, 8
 
 
-def render(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> str:
+def render(summary: Summary, plan: Plan, rows: Sequence[Row]) -> str:
     """The outcome of a sweep for people: its figures if they are few, its failures, its table."""
     lines = _few(plan, rows) if len(rows) <= _MOST_ROWS else []
     lines += _spreads(plan, rows)
@@ -52,9 +52,9 @@ def render(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> st
     )
 
 
-def _few(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
+def _few(plan: Plan, rows: Sequence[Row]) -> list[str]:
     """A line for each run: its measures, or its impacts, and what was swept."""
-    measures = [c for c in plan.own if c.name in _measure_names(plan)]
+    measures = plan.measured
     table: list[list[str]] = []
     heads = ['run']
     scale, unit = _of_impulses(rows)
@@ -67,7 +67,7 @@ def _few(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
         if has_failed(row):
             continue
         if measures:
-            figures = [_text(_number(row, name) * by) for name, _, by in shown]
+            figures = [_text(number(row, name) * by) for name, _, by in shown]
         else:
             figures = [
                 _mean_text(row, name, by)
@@ -91,28 +91,24 @@ def _given(value: Any, unit: str) -> str:
     return f'{scale * value:.6g} {shown}'
 
 
-def _largest(rows: Sequence[dict[str, Value]], name: str) -> float:
+def _largest(rows: Sequence[Row], name: str) -> float:
     """The largest size of a figure in all rows."""
-    return max((abs(x) for row in rows if math.isfinite(x := _number(row, name))), default=0.0)
+    return max((abs(x) for row in rows if math.isfinite(x := number(row, name))), default=0.0)
 
 
-def _of_impulses(rows: Sequence[dict[str, Value]]) -> tuple[float, str]:
+def _of_impulses(rows: Sequence[Row]) -> tuple[float, str]:
     """The scale and the unit in which impulses are read."""
-    large = max((abs(_number(row, 'impulse')) for row in rows), default=0.0)
+    large = max((abs(number(row, 'impulse')) for row in rows), default=0.0)
     return (1.0, 'N s') if large >= 1.0 else (1e3, 'mN s')
-
-
-def _measure_names(plan: Plan) -> set[str]:
-    return {text.partition(' = ')[0] for text in plan.measures}
 
 
 def _text(value: float) -> str:
     return f'{value:.6g}' if math.isfinite(value) else 'none'
 
 
-def _spreads(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
+def _spreads(plan: Plan, rows: Sequence[Row]) -> list[str]:
     """How measures are distributed over the runs, what does it, and who exceeds limits."""
-    measures = [c for c in plan.own if c.name in _measure_names(plan)]
+    measures = plan.measured
     if not measures or len(rows) < 2:
         return []
     lines = []
@@ -120,7 +116,7 @@ def _spreads(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
         ['', 'unit', 'least', '5 %', 'median', '95 %', 'greatest', 'mean', 'deviation']
     ]
     for c in measures:
-        y = np.array([_number(row, c.name) for row in rows])
+        y = np.array([number(row, c.name) for row in rows])
         y = y[np.isfinite(y)]
         if len(y) > 1:
             unit, scale = for_people(c.unit, float(np.abs(y).max()))
@@ -145,7 +141,7 @@ def _spreads(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
             table.append(row)
         lines += ['main effects: greatest less least mean', *text_table.lines(table, 3)]
     for x in exceedances(plan, rows):
-        unit = {c.name: c.unit for c in measures}[x.measure]
+        (unit,) = (c.unit for c in measures if c.name == x.measure)
         unit, scale = for_people(unit, _largest(rows, x.measure))
         lines.append(
             f'{x.measure} > {scale * x.limit:.6g} {unit}: {x.beyond} of {x.runs} runs, '
@@ -154,7 +150,7 @@ def _spreads(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
     return lines
 
 
-def to_json(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> dict[str, Any]:
+def to_json(summary: Summary, plan: Plan, rows: Sequence[Row]) -> dict[str, Any]:
     """The outcome as JSON: the summary, and effects and shares of what was measured."""
     if not plan.measures:
         return dict(vars(summary))
@@ -165,14 +161,9 @@ def to_json(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> d
     }
 
 
-def _mean_text(row: dict[str, Value], name: str, scale: float) -> str:
-    mean, half = _number(row, name) * scale, _number(row, f'{name}_half_width') * scale
+def _mean_text(row: Row, name: str, scale: float) -> str:
+    mean, half = number(row, name) * scale, number(row, f'{name}_half_width') * scale
     return f'{mean:.4g} +- {half:<7.2g}' if math.isfinite(mean) else 'none'
-
-
-def _number(row: dict[str, Value], name: str) -> float:
-    value = row.get(name)
-    return float(value) if isinstance(value, int | float) else math.nan
 
 
 @dataclass(frozen=True)
@@ -203,7 +194,7 @@ def chart_of(plan: Plan, file: str | None, over: str | None) -> Asked | None:
     return Asked(path, chosen)
 
 
-def sweep_chart(asked: Asked, plan: Plan, rows: Sequence[dict[str, Value]]) -> Chart:
+def sweep_chart(asked: Asked, plan: Plan, rows: Sequence[Row]) -> Chart:
     """Impulses, impacts and I_n over a swept value, a line for each of the other values.
 
     Bars are 95 % confidence intervals; repetitions are put together.
@@ -219,10 +210,10 @@ def sweep_chart(asked: Asked, plan: Plan, rows: Sequence[dict[str, Value]]) -> C
     return Chart('sweep', '', tuple(panels), columns=len(panels), width=9.5)
 
 
-Lines = dict[str, dict[float, list[dict[str, Value]]]]
+Lines = dict[str, dict[float, list[Row]]]
 
 
-def _lines(asked: Asked, plan: Plan, rows: Sequence[dict[str, Value]]) -> Lines:
+def _lines(asked: Asked, plan: Plan, rows: Sequence[Row]) -> Lines:
     """Finished rows by line of the picture and by place on it."""
     lines: Lines = {}
     for run, row in zip(plan.runs, rows, strict=True):
@@ -236,12 +227,10 @@ def _lines(asked: Asked, plan: Plan, rows: Sequence[dict[str, Value]]) -> Lines:
     return lines
 
 
-def _curve(
-    places: dict[float, list[dict[str, Value]]], name: str, scale: float, label: str, k: int
-) -> Curve:
+def _curve(places: dict[float, list[Row]], name: str, scale: float, label: str, k: int) -> Curve:
     xs = sorted(places)
-    means = [[_number(row, name) * scale for row in places[x]] for x in xs]
-    halves = [[_number(row, f'{name}_half_width') * scale for row in places[x]] for x in xs]
+    means = [[number(row, name) * scale for row in places[x]] for x in xs]
+    halves = [[number(row, f'{name}_half_width') * scale for row in places[x]] for x in xs]
     y = np.array([sum(m) / len(m) for m in means])
     error = np.array([math.hypot(*h) / len(h) for h in halves])
     return Curve(np.array(xs), y, label, '', k, k % len(DASHES), marker=MARKERS[k % len(MARKERS)],
@@ -259,7 +248,7 @@ def _axis(asked: Asked, plan: Plan) -> Axis:
     return Axis(words, 'SI')
 
 
-def effects_chart(plan: Plan, rows: Sequence[dict[str, Value]]) -> Chart:
+def effects_chart(plan: Plan, rows: Sequence[Row]) -> Chart:
     """Main effects: a row for each measure, a column for each factor, means with errors.
 
     Bars are two standard errors of a mean; the share is that of the variance which the factor

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from mechanism_sim import text_table
+from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import GROUND, INK, LINKS
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, Curve, Mark, Panel, whole
 from mechanism_sim.report.charts.lines import colours
 from mechanism_sim.strict_json import plain
-from mechanism_sim.study.harmonics import Harmonics
-from mechanism_sim.study.modes import CriticalSpeed, Mode, Station
-from mechanism_sim.study.response import FrequencyResponse
+from mechanism_sim.studies.harmonics import Harmonics
+from mechanism_sim.studies.modes import CriticalSpeed, Mode, Station
+from mechanism_sim.studies.response import ComplexArray, FrequencyResponse
 
 _UNDAMPED = 1e-9  # damping ratio up to which there is none but for rounding
 _SHOWN = 1e-6  # of the largest amplitude: an error that six digits show
@@ -218,16 +219,22 @@ def response_json(found: FrequencyResponse) -> dict[str, Any]:
 
 def response_text(found: FrequencyResponse) -> str:
     """For people: a row for each frequency."""
-    head = ['frequency [Hz]']
-    for name in found.amplitudes:
-        head += [f'{name} [{_per(found, name)}]', 'phase [deg]']
-    rows = [head]
-    for k, f in enumerate(found.frequency):
-        row = [f'{f:.6g}']
-        for z in found.amplitudes.values():
-            row += [f'{abs(z[k]):.6g}', f'{np.degrees(np.angle(z[k])):.4g}']
-        rows.append(row)
+    units = {name: _per(found, name) for name in found.amplitudes}
+    rows = _amplitude_rows(found.frequency, found.amplitudes, units)
     return '\n'.join(text_table.lines(rows, indent=''))
+
+
+def _amplitude_rows(
+    frequency: Array, amplitudes: Mapping[str, ComplexArray], units: Mapping[str, str]
+) -> list[list[str]]:
+    """A head, then a row for each frequency: size and phase of each amplitude."""
+    rows = [['frequency [Hz]']]
+    rows[0] += [x for name in amplitudes for x in (f'{name} [{units[name]}]', 'phase [deg]')]
+    for k, f in enumerate(frequency):
+        shown = ((f'{abs(z[k]):.6g}', f'{np.degrees(np.angle(z[k])):.4g}')
+                 for z in amplitudes.values())  # fmt: skip
+        rows.append([f'{f:.6g}', *(x for pair in shown for x in pair)])
+    return rows
 
 
 def _per(found: FrequencyResponse, name: str) -> str:
@@ -256,10 +263,10 @@ def response_chart(found: FrequencyResponse, title: str) -> Chart:
 
 def harmonics_json(found: Harmonics) -> dict[str, Any]:
     """SI units, frequencies in Hz, phases in rad."""
-    frequency = next(iter(found.series.values())).frequencies / (2.0 * np.pi)
+    first, *_ = found.series.values()
     return {
         'period': found.period,
-        'frequency': frequency,
+        'frequency': first.frequencies / (2.0 * np.pi),
         'mean': {name: s.mean for name, s in found.series.items()},
         'amplitude': {name: np.abs(s.amplitudes) for name, s in found.series.items()},
         'phase': {name: np.angle(s.amplitudes) for name, s in found.series.items()},
@@ -271,20 +278,17 @@ def harmonics_json(found: Harmonics) -> dict[str, Any]:
 
 def harmonics_text(found: Harmonics) -> str:
     """For people: a row for each harmonic."""
-    head = ['harmonic', 'frequency [Hz]']
-    for name in found.series:
-        head += [f'{name} [{found.units[name]}]', 'phase [deg]']
-    rows = [head, ['mean', '', *(x for s in found.series.values() for x in (f'{s.mean:.6g}', ''))]]
-    first = next(iter(found.series.values()))
-    for k, w in enumerate(first.frequencies):
-        row = [str(k + 1), f'{w / (2.0 * np.pi):.6g}']
-        for s in found.series.values():
-            z = s.amplitudes[k]
-            row += [f'{abs(z):.6g}', f'{np.degrees(np.angle(z)):.4g}']
-        rows.append(row)
-    count = len(first.amplitudes)
+    first, *_ = found.series.values()
+    amplitudes = {name: s.amplitudes for name, s in found.series.items()}
+    head, *rows = _amplitude_rows(first.frequencies / (2.0 * np.pi), amplitudes, found.units)
+    means = [x for s in found.series.values() for x in (f'{s.mean:.6g}', '')]
     rest = [x for s in found.series.values() for x in (_rest(s.rest), 'rms')]
-    rows.append([f'above {count}', '', *rest])
+    rows = [
+        ['harmonic', *head],
+        ['mean', '', *means],
+        *([str(k), *row] for k, row in enumerate(rows, 1)),
+        [f'above {len(rows)}', '', *rest],
+    ]
     lines = text_table.lines(rows, indent='')
     lines += [
         f'{name}: amplitudes may be off by {s.error:.2g} {found.units[name]}'

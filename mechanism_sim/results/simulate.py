@@ -97,8 +97,9 @@ class Stream(Runner):
         with self._timed():
             return next(pieces, None)
 
-    def finish(self) -> Self:
-        """Run on to the end, for its observers; returns itself."""
+    def finish(self, observers: Iterable[Observer] = ()) -> Self:
+        """Run on to the end, for its observers and these; returns itself."""
+        self._observers += tuple(observers)
         for _ in self:
             pass
         return self

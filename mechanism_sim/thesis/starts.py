@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.results.simulate import simulate
+from mechanism_sim.results.simulate import stream
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.schema import Scene
 from mechanism_sim.strict_json import plain
+from mechanism_sim.studies.runs import Call, Row, Show, Workers
 
 
 @dataclass(frozen=True)
@@ -42,25 +45,39 @@ def starts(
     machine: Machine,
     angles: int = 24,
     revolutions: float = 3.0,
-    progress: Callable[[int], None] | None = None,
+    workers: Workers | None = None,
+    show: Show | None = None,
 ) -> list[StartAngle]:
     """Seated starts at so many crank angles around the turn, in the order of the angles."""
     if machine.torque_driven or len(machine.laws) > 1 or not machine.clearances:
         raise InputError(f'{machine.name}: this needs clearance and a crank at constant speed')
     if angles < 1:
         raise InputError('at least one start angle is needed')
-    found = []
-    for k in range(angles):
-        angle = 2.0 * math.pi * k / angles
+    places = [2.0 * math.pi * k / angles for k in range(angles)]
+    tasks = []
+    for angle in places:
         scene = machine.started_at(angle).scene.model_copy(update={'start': 'seated'})
-        solution = simulate(type(machine)(machine.name, scene), revolutions=revolutions)
-        lost = [m.t for m in solution.modes if m.mode == Mode.FREE_FLIGHT]
-        followed = min(lost) / machine.period if lost else math.inf
-        sense = 1 if machine.start_of_crank[1] > 0.0 else -1
-        found.append(StartAngle(angle, followed, len(solution.impacts), sense))
-        if progress:
-            progress(k + 1)
-    return found
+        tasks.append(Call(str(angle), _follow, (machine.name, scene, revolutions)))
+    with workers or Workers(1) as pool:
+        rows = pool.do_all(tasks, show)
+    sense = 1 if machine.start_of_crank[1] > 0.0 else -1
+    return [
+        StartAngle(angle, math.inf if row['lost'] is None else row['lost'] / machine.period,
+              row['impacts'], sense)
+        for angle, row in zip(places, rows, strict=True)
+    ]  # fmt: skip
+
+
+def _follow(name: str, scene: Scene, revolutions: float) -> Row:
+    """When contact is first lost in any joint [s], and the impacts of the run."""
+    run = stream(Machine(name, scene), revolutions=revolutions)
+    lost: list[float] = []
+    run.finish([lambda piece: lost.extend(_losses(piece))])
+    return {'lost': min(lost, default=None), 'impacts': run.totals.impacts}
+
+
+def _losses(piece: Piece) -> list[float]:
+    return [change.t for change in piece.modes if change.mode == Mode.FREE_FLIGHT]
 
 
 def render(found: Sequence[StartAngle]) -> str:

@@ -27,8 +27,9 @@ from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.recording import BagWriter, Qos, read_bag
 from mechanism_sim.sensing.indicators import Moments
-from mechanism_sim.sweep.plan import Extent
-from mechanism_sim.sweep.row import Task, compute
+from mechanism_sim.studies.plan import Extent
+from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.runs import compute
 
 # A crank at 300 rpm goes round three times in 0.6 s; a rocker swings by 1 + 2 t + 3 t^2.
 SPEED, PHASE, END = 10 * math.pi, 0.25, 0.6

@@ -11,7 +11,7 @@ from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.scene.check import check
-from mechanism_sim.study.lift_off import lift_offs
+from mechanism_sim.studies.lift_off import lift_offs
 
 LAW = 'joints.contact.law'
 HALF = [

@@ -14,7 +14,7 @@ from rattling import CycloidalLaw, EccentricLaw, GrooveCam, SprungFollower
 
 import mechanism_sim as ms
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.study.lift_off import lift_offs
+from mechanism_sim.studies.lift_off import lift_offs
 from test.grid.case import variant
 
 TURN = 2 * math.pi
@@ -394,10 +394,10 @@ def test_lift_off_speed_from_ideal_forces_is_that_of_the_formula(name):
     follower = FOLLOWERS[name]
     (found,) = lift_offs(scene_of(follower))
     exact, x = follower.least_lift_off_speed()
-    assert found.speed == pytest.approx(exact, rel=1e-12)
-    assert found.begin.angle % TURN == pytest.approx(x % TURN, abs=1e-6)
+    assert found.lift_off_speed == pytest.approx(exact, rel=1e-12)
+    assert found.lift_off_at % TURN == pytest.approx(x % TURN, abs=1e-6)
     grid = np.linspace(0, TURN, 200_001)
-    assert found.least.force == pytest.approx(follower.contact_force(grid).min(), abs=1e-6)
+    assert found.least_force == pytest.approx(follower.contact_force(grid).min(), abs=1e-6)
 
 
 @pytest.mark.parametrize('clearance', [0.1e-3, 0.3e-3])

@@ -10,8 +10,8 @@ from rotors import Rotor, influence_coefficients, peak_radius
 from running import ROOT
 
 import mechanism_sim as ms
-from mechanism_sim.study.modes import modes
-from mechanism_sim.study.response import read_source, response
+from mechanism_sim.studies.modes import modes
+from mechanism_sim.studies.response import read_source, response
 from mechanism_sim.vibration.shafts import shaft_rigidity
 
 NAME = 'docs/exercises.md'

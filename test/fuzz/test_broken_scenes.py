@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import mechanism_sim as ms
 from mechanism_sim import documents
 from mechanism_sim.errors import InputError
-from mechanism_sim.sweep.plan import read_plan
+from mechanism_sim.studies.plan import read_plan
 
 EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '60'))
 HANG = 60.0

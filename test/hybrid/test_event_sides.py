@@ -19,7 +19,7 @@ from mechanism_sim.analysis.record import read_record
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import pack
 from mechanism_sim.pages.live import Live
-from mechanism_sim.sweep.bags import RunBag
+from mechanism_sim.studies.run_bag import RunBag
 
 LOOSE = {'clearance': {'radial': 1e-4, 'restitution': 0.0}}
 ROUGH = {'clearance': {'radial': 2e-4, 'restitution': 0.3, 'friction': 0.1, 'pin_radius': 0.005}}

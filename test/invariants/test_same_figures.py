@@ -16,10 +16,11 @@ from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.results.measures import EXACT, Measurement, measure
-from mechanism_sim.study.statistics import statistics
-from mechanism_sim.sweep.bags import RunBag
-from mechanism_sim.sweep.plan import Extent
-from mechanism_sim.sweep.row import Task, compute
+from mechanism_sim.studies.plan import Extent
+from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.run_bag import RunBag
+from mechanism_sim.studies.runs import compute
+from mechanism_sim.studies.statistics import statistics
 
 SAME = {'rel': 1e-12, 'abs': 1e-13}
 TEXTS = (

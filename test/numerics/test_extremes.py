@@ -9,8 +9,9 @@ from running import run_json
 import mechanism_sim as ms
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.results.ranges import LoadPeaks
-from mechanism_sim.sweep.plan import Extent
-from mechanism_sim.sweep.row import Task, compute
+from mechanism_sim.studies.plan import Extent
+from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.runs import compute
 
 POINTS = 1_000_000
 CHUNK = 20_000

@@ -20,8 +20,8 @@ from mechanism_sim.planar.mechanism import Body, Mechanism
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.scene.check import check
-from mechanism_sim.study.modes import linearised, modes, natural_modes
-from mechanism_sim.study.periodic import find_periodic
+from mechanism_sim.studies.modes import linearised, modes, natural_modes
+from mechanism_sim.studies.periodic import find_periodic
 
 TURN = 2.0 * np.pi
 L, EI, EA, RHO = 0.4, 12.0, 5e6, 0.3

@@ -13,7 +13,7 @@ from mechanism_sim.messages import LinkageState, deserialize
 from mechanism_sim.nodes import markers
 from mechanism_sim.nodes.force_markers import ForceMarkers
 from mechanism_sim.nodes.publications import linkage_states
-from mechanism_sim.study.modes import modes
+from mechanism_sim.studies.modes import modes
 
 TURN = 2.0 * np.pi
 L, EI, RHO = 1.0, 50.0, 1.0

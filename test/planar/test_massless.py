@@ -10,7 +10,7 @@ from builders import made
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import scene_names
-from mechanism_sim.study.modes import modes
+from mechanism_sim.studies.modes import modes
 
 G, L, R = 9.81, 0.2, 0.05
 

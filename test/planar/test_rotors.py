@@ -13,9 +13,9 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.scene.check import check
-from mechanism_sim.study.harmonics import harmonics, unbalance_response
-from mechanism_sim.study.modes import campbell, critical_speeds, modes
-from mechanism_sim.study.response import read_source, response
+from mechanism_sim.studies.harmonics import harmonics, unbalance_response
+from mechanism_sim.studies.modes import campbell, critical_speeds, modes
+from mechanism_sim.studies.response import read_source, response
 from mechanism_sim.vibration.shafts import Bearing, condensed, shaft_rigidity
 
 EXACT = {'rel': 1e-10, 'abs': 1e-13}

@@ -20,7 +20,7 @@ from mechanism_sim.messages import message_class, serialize
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of, pack
 from mechanism_sim.recording import BagWriter, Qos, info, read_bag
-from mechanism_sim.sweep.bags import RunBag
+from mechanism_sim.studies.run_bag import RunBag
 
 RUN = 'run', 'four_bar_clearance', '--duration', '0.20126832204367018'
 SOFT = {'loads': {'rub': {'at': 'piston', 'force': ['sqrt(5.5 - t)', 0]}},

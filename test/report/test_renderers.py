@@ -18,7 +18,7 @@ from mechanism_sim.report.charts.chart import DASHES, LOOKS
 from mechanism_sim.report.charts.overlay import overlaid
 from mechanism_sim.report.charts.subjects import sections
 from mechanism_sim.report.figures import paint
-from mechanism_sim.study.modes import about
+from mechanism_sim.studies.modes import about
 
 
 def of_a_run(name, **span):

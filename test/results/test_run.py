@@ -14,11 +14,12 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.results.run import Batch, Runner, run
-from mechanism_sim.study.floquet import station
-from mechanism_sim.study.periodic import find_periodic
-from mechanism_sim.study.statistics import statistics
-from mechanism_sim.sweep.plan import Extent
-from mechanism_sim.sweep.row import Task, compute
+from mechanism_sim.studies.floquet import station
+from mechanism_sim.studies.periodic import find_periodic
+from mechanism_sim.studies.plan import Extent
+from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.runs import compute
+from mechanism_sim.studies.statistics import statistics
 
 PACKAGE = Path(ms.__file__).parent
 ENGINES = 'hybrid', 'linkages'

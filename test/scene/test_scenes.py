@@ -16,7 +16,7 @@ from mechanism_sim.scene import Level, Machine, span
 from mechanism_sim.scene.check import check, render
 from mechanism_sim.scene.files import check_scene, read_scene
 from mechanism_sim.scene.motion_notes import mobility_notes
-from mechanism_sim.study.parameters import parameters
+from mechanism_sim.studies.parameters import parameters
 
 LOOSE, FILE = 'four_bar_clearance', 'four_bar_clearance.yaml'
 

@@ -26,8 +26,9 @@ from mechanism_sim.sensing.sound import (
     sphere_modes,
     strikes,
 )
-from mechanism_sim.sweep.plan import Extent
-from mechanism_sim.sweep.row import Task, compute
+from mechanism_sim.studies.plan import Extent
+from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.runs import compute
 
 
 def command(*options):

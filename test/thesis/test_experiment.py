@@ -21,8 +21,9 @@ from mechanism_sim.scene import Level
 from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Instrument
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.point import PointOnLink
-from mechanism_sim.sweep.plan import Extent, read_plan
-from mechanism_sim.sweep.row import DONE, Task, compute
+from mechanism_sim.studies.plan import Extent, read_plan
+from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.runs import DONE, compute
 from mechanism_sim.thesis import experiment_figures
 from mechanism_sim.thesis.angular_acceleration import TurningLink
 from mechanism_sim.thesis.claims import (

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.fourier import spectrum
-from mechanism_sim.study.harmonics import harmonics
+from mechanism_sim.studies.harmonics import harmonics
 
 TURN = 2.0 * np.pi
 M, C, K = 3.0, 8.0, 2700.0

@@ -14,10 +14,10 @@ from two_masses import TwoMasses
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.observer import Instants
-from mechanism_sim.study.floquet import repeated, station
-from mechanism_sim.study.frames import without_play
-from mechanism_sim.study.harmonics import harmonics
-from mechanism_sim.study.modes import (
+from mechanism_sim.studies.floquet import repeated, station
+from mechanism_sim.studies.frames import without_play
+from mechanism_sim.studies.harmonics import harmonics
+from mechanism_sim.studies.modes import (
     about,
     along,
     campbell,
@@ -26,7 +26,7 @@ from mechanism_sim.study.modes import (
     modes,
     natural_modes,
 )
-from mechanism_sim.study.response import read_source, response
+from mechanism_sim.studies.response import read_source, response
 from mechanism_sim.vibration.single import Oscillator
 from mechanism_sim.vibration.systems import chain
 

@@ -1,0 +1,82 @@
+"""The figures of a row: those of every run, and those of its joints, drives and measures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from mechanism_sim.results.measure_text import Measure, read_all
+from mechanism_sim.results.measures import Measurement
+from mechanism_sim.scene import Machine
+
+
+class Figure(NamedTuple):
+    """A column of numbers of a table of runs."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+MEANS = (
+    Figure('impacts', '', 'impacts per revolution'),
+    Figure('impulse', 'N s', 'sum of normal impulses per revolution'),
+    Figure('losses_of_contact', '', 'losses of contact per revolution'),
+    Figure('share_of_flight', '', 'share of the time in flight, mean of the loose joints'),
+    Figure('dissipated', 'J', 'energy dissipated per revolution'),
+    Figure('I_n', 'N s', 'normal impulse per impact'),
+)
+"""Figures with a confidence interval: those of `Tally.table`, and the ratio of two of them."""
+
+FIGURES = (
+    *(
+        column
+        for mean in MEANS
+        for column in (
+            mean,
+            Figure(f'{mean.name}_half_width', mean.unit, 'half of its 95 % confidence interval'),
+        )
+    ),
+    Figure('revolutions', '', 'of the crank that these figures are made of'),
+    Figure('largest_impulse', 'N s', 'of an impact'),
+    Figure('largest_force', 'N', 'in any joint, between impacts'),
+    Figure('max_penetration', 'm', 'deepest violation of an open gap, whole run'),
+    Figure('energy_residual', 'J', 'what the energy balance leaves over, whole run'),
+)
+"""Numbers of a row, besides its steps, its digest and its status."""
+
+RESERVED = {*(c.name for c in FIGURES), 'run', 'steps', 'digest', 'status'}
+
+
+def of_sensors(machine: Machine, given: Sequence[Measure] = ()) -> list[Measure]:
+    """Root mean square and extreme of what every sensor reads, but for what is `given`."""
+    texts = [f'{f}(sensors.{name})' for name in machine.scene.sensors for f in ('rms', 'largest')]
+    known = {m.text for m in given}
+    return read_all([text for text in texts if text not in known], machine.name)
+
+
+def own_columns(machine: Machine, measures: Sequence[Measure] = ()) -> list[Figure]:
+    """Figures that a machine has beside `FIGURES`: of joints and drives, and measures."""
+    physics, found = machine.physics, []
+    if physics.has_forces:
+        found += [
+            Figure(f'largest_force.{joint}', 'N', 'in this joint, between impacts')
+            for joint in physics.joints
+        ]
+        found += [
+            Figure(
+                f'largest_torque.{c}',
+                'N' if c in physics.displacements else 'N m',
+                'of this drive, between impacts, with its sign',
+            )
+            for c in physics.driven
+        ]
+    for joint in physics.clearances:
+        found += [
+            Figure(f'impacts.{joint}', '', 'in this joint, in the whole window'),
+            Figure(f'largest_impulse.{joint}', 'N s', 'of an impact in this joint'),
+        ]
+    if measures:
+        units = Measurement(machine, measures).units()
+        found += [Figure(m.name, units[m.name], m.text) for m in measures]
+    return found

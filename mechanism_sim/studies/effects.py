@@ -1,0 +1,181 @@
+"""What swept values do to figures: main effects, indices of Sobol, shares beyond a limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.studies.design import INDICES
+from mechanism_sim.studies.plan import Plan
+from mechanism_sim.studies.runs import Row
+
+CLASSES = 8
+"""Into which the values of a factor are put, at most."""
+_LEAST = 5  # runs of a class
+
+
+@dataclass(frozen=True)
+class Level:
+    """A value of a factor, or a class of values: `x` in SI units, or a text."""
+
+    x: float | str
+    mean: float
+    error: float  #: standard error of the mean
+    runs: int
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What one factor does to one measure, in the mean over all others.
+
+    Attributes
+    ----------
+    levels : the main effect: means at values of the factor
+    effect : greatest less least of these means
+    share : of the variance that the factor explains by itself: epsilon squared, the correlation
+        ratio without what classes of so few runs explain by chance (Kelley 1935)
+    first, total : indices of Sobol and their 95 % intervals, of a design for them only
+    """
+
+    factor: str
+    measure: str
+    levels: tuple[Level, ...]
+    effect: float
+    share: float
+    first: tuple[float, float, float] | None = None
+    total: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Exceedance:
+    """Which share of runs exceeds a limit, with its 95 % interval (Clopper and Pearson)."""
+
+    measure: str
+    limit: float
+    runs: int
+    beyond: int
+    share: float
+    low: float
+    high: float
+
+
+def measures_of(plan: Plan) -> list[str]:
+    """The figures whose effects are wanted: the measures, or those of a row without any."""
+    return plan.measure_names or ['impulse', 'impacts', 'I_n']
+
+
+def effects(plan: Plan, rows: Sequence[Row]) -> list[Effect]:
+    """The effect of every swept value on every measure; none of what never varies."""
+    found = []
+    for measure in measures_of(plan):
+        y = np.array([number(row, measure) for row in rows])
+        indices = _indices(plan, y)
+        for factor in plan.columns:
+            x = np.array([run.values[factor] for run in plan.runs], object)
+            levels = _levels(x, y)
+            if len(levels) < 2:
+                continue
+            means = [level.mean for level in levels]
+            spread = max(means) - min(means)
+            found.append(
+                Effect(
+                    factor, measure, tuple(levels), spread, _share(levels, y),
+                    *indices.get(factor, (None, None)),
+                )
+            )  # fmt: skip
+    return found
+
+
+def exceedances(plan: Plan, rows: Sequence[Row]) -> list[Exceedance]:
+    """Which share of the runs exceeds each limit of the sweep."""
+    found = []
+    for name, limit in plan.limits.items():
+        y = np.array([number(row, name) for row in rows])
+        y = y[np.isfinite(y)]
+        if not len(y):
+            continue
+        beyond = int((y > limit).sum())
+        interval = scipy.stats.binomtest(beyond, len(y)).proportion_ci()
+        found.append(
+            Exceedance(
+                name, limit, len(y), beyond, beyond / len(y),
+                float(interval.low), float(interval.high),
+            )
+        )  # fmt: skip
+    return found
+
+
+def number(row: Row, name: str) -> float:
+    """A figure of a row; not a number where there is none."""
+    value = row.get(name)
+    return float(value) if isinstance(value, int | float) else math.nan
+
+
+def _levels(x: NDArray[Any], y: Array) -> list[Level]:
+    """Means of figures at each value, or in classes of equally many runs."""
+    known = np.isfinite(y)
+    x, y = x[known], y[known]
+    values = list(dict.fromkeys(x.tolist()))
+    numbers = all(isinstance(v, int | float) for v in values)
+    if len(values) <= CLASSES or not numbers:
+        groups = [(v, np.flatnonzero([w == v for w in x])) for v in values]
+        if numbers:
+            groups.sort(key=lambda group: float(group[0]))
+    else:
+        count = max(2, min(CLASSES, len(y) // _LEAST))
+        order = np.argsort(x.astype(float), kind='stable')
+        groups = [
+            (float(x[part].astype(float).mean()), part) for part in np.array_split(order, count)
+        ]
+    levels = []
+    for value, rows in groups:
+        n = len(rows)
+        error = float(y[rows].std(ddof=1) / math.sqrt(n)) if n > 1 else math.nan
+        levels.append(Level(value, float(y[rows].mean()), error, n))
+    return levels
+
+
+def _share(levels: Sequence[Level], y: Array) -> float:
+    """Epsilon squared: explained variance without what chance explains."""
+    y = y[np.isfinite(y)]
+    n, k = len(y), len(levels)
+    total = float(((y - y.mean()) ** 2).sum())
+    if not total or n <= k:
+        return math.nan
+    between = sum(level.runs * (level.mean - float(y.mean())) ** 2 for level in levels)
+    within = (total - between) / (n - k)
+    return max(0.0, 1.0 - within * (n - 1) / total)
+
+
+def _indices(plan: Plan, y: Array) -> dict[str, Any]:
+    """First and total indices with their intervals, by factor."""
+    if plan.design is None or plan.design.kind != INDICES or not np.isfinite(y).all():
+        return {}
+    n, d = plan.design.samples, len(plan.factors)
+    if len(y) != n * (d + 2) or not y.std():
+        return {}
+    pages = y.reshape(d + 2, 1, n)
+    func = {'f_A': pages[0], 'f_B': pages[1], 'f_AB': pages[2:]}
+    found = scipy.stats.sobol_indices(func=func, n=n)
+    spread = found.bootstrap(confidence_level=0.95, n_resamples=999)
+    return {
+        factor.path: tuple(
+            (
+                float(index.ravel()[i]),
+                float(interval.confidence_interval.low.ravel()[i]),
+                float(interval.confidence_interval.high.ravel()[i]),
+            )
+            for index, interval in (
+                (found.first_order, spread.first_order),
+                (found.total_order, spread.total_order),
+            )
+        )
+        for i, factor in enumerate(plan.factors)
+    }

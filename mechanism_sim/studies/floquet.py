@@ -1,0 +1,240 @@
+"""The modes of a machine whose torque keeps it turning, about the motion that repeats itself.
+
+Over a turn of period T small changes of the motion grow by the Floquet multipliers m, eigenvalues
+of the linear map from one turn to the next. ``ln(m)/T`` are the roots: their imaginary parts are
+known but for multiples of ``2 pi/T``, of which the least are taken. One multiplier is 1, that of
+going ahead on the same motion.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.hybrid.snapshot import State
+from mechanism_sim.results.run import Runner
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.scene import Machine
+from mechanism_sim.studies.modes import Mode, Roots, Station, about, derivatives
+
+_TURNS = 400  # after which a machine that has not settled is given up
+_NEAR = 1e-2  # change from turn to turn from which Newton's method takes over
+_SETTLED = 1e-10
+_STEP = 1e-5  # of differences, over the size of coordinates
+_FADED = 1e-7  # multipliers below it are rounding
+
+
+class Turns:
+    """The map of a machine that a torque turns, from one state to the one a time later.
+
+    States are those of k independent coordinates: their values and rates (2 k,), over `scale`.
+    """
+
+    def __init__(self, machine: Machine, state: State, speed: float) -> None:
+        run = machine.start()
+        assert isinstance(run, EventLoop)  # noqa: S101 - it has equations of motion
+        self._machine, self._run, self._state = machine, run, state
+        system, mechanism = machine.system, machine.mechanism
+        known = derivatives(machine)
+        at = known.point(self._whole(machine, state), np.zeros(len(system.coordinates)))
+        _, independent = known.basis(known(at).J)
+        self.names = [system.coordinates[i] for i in independent]
+        self._own = [system.free.index(c) for c in self.names]
+        self._held = [machine.plan.held[c][0] for c in machine.plan.prescribed]
+        self._kinematics = machine.plan.kinematics([*machine.plan.prescribed, *self.names])
+        self._free = [system.coordinates.index(c) for c in system.free]
+        self._guess = at.q
+        size = [mechanism.size if c in mechanism.displacements else 1.0 for c in self.names]
+        self.scale = np.concatenate([size, abs(speed) * np.array(size)])
+        self.angles = np.array([c not in mechanism.displacements for c in self.names])
+
+    @staticmethod
+    def _whole(machine: Machine, state: State) -> Array:
+        """All coordinates (n,)."""
+        known = dict(zip(machine.system.free, state.q, strict=True))
+        known |= {c: machine.plan.held[c][0] for c in machine.plan.prescribed}
+        return np.array([known[c] for c in machine.system.coordinates])
+
+    @property
+    def start(self) -> Array:
+        """The state to begin with (2 k,)."""
+        q, v = np.array(self._state.q)[self._own], np.array(self._state.v)[self._own]
+        return np.asarray(np.concatenate([q, v]) / self.scale)
+
+    def place(self, x: Array) -> dict[str, float]:
+        """All coordinates in a state."""
+        q, _ = self._motion(x)
+        return dict(zip(self._run_names, q.tolist(), strict=True))
+
+    @property
+    def _run_names(self) -> tuple[str, ...]:
+        return self._kinematics.mechanism.coordinates
+
+    def _motion(self, x: Array) -> tuple[Array, Array]:
+        """All coordinates and rates (n,) in a state."""
+        k = len(self.names)
+        z, rates = np.split(x * self.scale, [k])
+        guess = self._guess.copy()
+        guess[[self._run_names.index(c) for c in self.names]] = z
+        q, _ = self._kinematics.positions(guess[:, None])
+        still = np.zeros(len(self._held))
+        v = self._kinematics.rates(q, np.concatenate([still, rates])[:, None])
+        return np.asarray(q[:, 0]), np.asarray(v[:, 0])
+
+    def change(self, x: Array, period: float, audited: bool = False) -> Array:
+        """What a time [s] changes of a state (2 k,), whole turns left out; may be `audited`."""
+        q, v = self._motion(x)
+        begun = replace(
+            self._state, q=tuple(q[self._free].tolist()), v=tuple(v[self._free].tolist())
+        )
+        self._run.restart(begun)
+        for _ in Runner(self._machine, self._run, audited=audited).to(period):
+            pass
+        end = self._run.state
+        moved = np.array(end.q)[self._own] + 2.0 * np.pi * np.array(end.turns)[self._own]
+        moved -= np.array(begun.q)[self._own]
+        moved -= 2.0 * np.pi * self.angles * np.round(moved / (2.0 * np.pi))
+        faster = np.array(end.v)[self._own] - np.array(begun.v)[self._own]
+        return np.asarray(np.concatenate([moved, faster]) / self.scale)
+
+    def jacobian(self, x: Array, period: float) -> Array:
+        """Derivatives (2 k, 2 k) of the later state, by central differences."""
+        columns = [
+            (self.change(x + h, period) - self.change(x - h, period)) / (2.0 * _STEP)
+            for h in _STEP * np.eye(len(x))
+        ]
+        return np.array(columns).T + np.eye(len(x))
+
+
+def applies(machine: Machine) -> bool:
+    """Whether a torque turns the main drive of a machine whose joints are ideal."""
+    plan = machine.plan
+    return (
+        machine.scene.drive is not None
+        and machine.main in plan.powered
+        and machine.main not in plan.ideal.displacements
+        and not machine.clearances
+        and plan.weighed
+        and not plan.frictions(plan.ideal)
+    )
+
+
+def station(machine: Machine, turning: bool = False) -> Station:
+    """The modes of a machine about what it does by itself.
+
+    That is its static equilibrium, a steady rotation where all turns together, or else the motion
+    that it repeats in each turn of its main drive.
+
+    Parameters
+    ----------
+    turning : whether to leave out the equilibrium
+    """
+    if turning and not applies(machine):
+        raise InputError(
+            f"{machine.name}: --turning needs a 'drive' whose torque or motor turns an angle, and "
+            'ideal joints without friction'
+        )
+    try:
+        return about(machine, turning)
+    except InputError:
+        if not applies(machine):
+            raise
+    return repeated(machine)
+
+
+def repeated(machine: Machine) -> Station:
+    """The modes about the motion that a machine repeats in each turn of its main drive."""
+    moving = any(machine.plan.held[c][1] for c in machine.plan.prescribed)
+    if 'time' in machine.system.outside or moving:
+        raise InputError(
+            f'{machine.name}: time acts on it by loads or other drives, so that no turn is like '
+            'the other: there are no modes; look at its motion by solve'
+        )
+    state, period, speed = _settled(machine)
+    turns = Turns(machine, state, speed)
+    x, period, J = _repeated(machine, turns, period)
+    values, vectors = np.linalg.eig(J)
+    faded = np.abs(values) < _FADED
+    kept = ~faded & (np.arange(len(values)) != int(np.abs(values - 1.0).argmin()))
+    found = []
+    for value, vector in zip(values[kept], vectors.T[kept], strict=True):
+        if value.imag < 0.0:
+            continue
+        root = np.log(complex(value)) / period
+        shape = vector[: len(turns.names)]
+        amplitudes = shape / shape[np.abs(shape).argmax()] * turns.scale[: len(shape)]
+        amplitudes /= turns.scale[np.abs(shape).argmax()]
+        found.append(
+            Mode(Roots.of(complex(root)), dict(zip(turns.names, amplitudes.tolist(), strict=True)))
+        )
+    found.sort(key=lambda mode: mode.roots.size)
+    pace = math.copysign(2.0 * np.pi / period, speed)
+    return Station(turns.place(x), pace, found, int(faded.sum()))
+
+
+def _settled(machine: Machine) -> tuple[State, float, float]:
+    """A state near the motion that repeats itself, how long a turn takes [s], and the speed."""
+    free, main = machine.system.free, machine.main
+    duration, turned = machine.scene.duration or 1.0, 0.0
+    while turned < _TURNS:
+        solution = simulate(machine, duration=duration)
+        ends = solution.sample(np.array([0.0, duration]))
+        way = ends[f'position.{main}'][1] - ends[f'position.{main}'][0]
+        turned = abs(way) / (2.0 * np.pi)
+        pace = abs(ends[f'velocity.{main}'][1])
+        if turned < 2.0 and duration > (machine.scene.duration or 1.0):
+            break
+        back = 2.0 * np.pi / pace if pace else duration
+        if turned >= 2.0 and 3.0 * back < duration:
+            t = np.linspace(duration - 3.0 * back, duration, 2000)
+            seen = solution.sample(t)
+            angle = np.abs(seen[f'position.{main}'] - seen[f'position.{main}'][-1])
+            marks = np.interp([2.0 * np.pi, 4.0 * np.pi], angle[::-1], t[::-1])
+            at = solution.sample(np.array([duration, *marks]))
+            v = np.array([at[f'velocity.{c}'] for c in free])
+            if np.abs(v[:, 0] - v[:, 1]).max() <= _NEAR * np.abs(v).max():
+                q = [at[f'position.{c}'][0] for c in free]
+                state = replace(
+                    machine.initial_state(), q=tuple(np.array(q).tolist()),
+                    v=tuple(v[:, 0].tolist()), turns=(0,) * len(free),
+                )  # fmt: skip
+                period = float(duration - marks[0])
+                return state, period, float(np.sign(way)) * 2.0 * np.pi / period
+        duration *= 2.0
+    raise InputError(
+        f'{machine.name}: its torque does not keep it turning, or its turns have not become alike '
+        f'after {turned:.3g}: look at its motion by solve, or start nearer to where it settles'
+    )
+
+
+def _repeated(machine: Machine, turns: Turns, period: float) -> tuple[Array, float, Array]:
+    """The state and the period of the motion that repeats itself, by Newton's method.
+
+    Returns
+    -------
+    Both, and the map (2 k, 2 k) of small changes in a turn
+    """
+    x = turns.start
+    for _ in range(20):
+        J, off = turns.jacobian(x, period), turns.change(x, period)
+        if np.abs(off).max() <= _SETTLED:
+            turns.change(x, period, audited=True)
+            return x, period, J
+        before, after = (turns.change(x, period * (1.0 + h)) for h in (-_STEP, _STEP))
+        flow = (after - before) / (2.0 * _STEP * period)
+        # no step along the motion itself
+        rows = np.vstack([np.column_stack([J - np.eye(len(J)), flow]), [*flow, 0.0]])
+        step = np.linalg.lstsq(rows, -np.concatenate([off, [0.0]]))[0]
+        x = x + step[:-1]
+        period += step[-1]
+        if not (np.isfinite(x).all() and period > 0.0):
+            break
+    raise InputError(
+        f'{machine.name}: no motion was found that repeats itself with every turn of '
+        f'{machine.main}: look at its motion by solve'
+    )

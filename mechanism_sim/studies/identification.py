@@ -1,0 +1,279 @@
+"""Restitution, friction and clearance from the signal of an accelerometer.
+
+[SB] 9.1 asks for what this answers: its simulation and its experiment differed thirtyfold, because
+restitution and friction of the bearing were not known. A rattling machine is chaotic, so its
+signal is compared by `features`, never sample by sample:
+
+1. The experiment is simulated with parameters spread evenly over a box (Sobol's sequence), each
+   time with the scene's whole measurement chain and other noise.
+2. A regression says which parameters belong to which features (P. Fearnhead and D. Prangle,
+   Constructing summary statistics for approximate Bayesian computation, J. R. Stat. Soc. B 74
+   (2012) 419); on the features of the measured signal it gives an estimate and its error, as it
+   shows on simulations left out of it.
+3. Around the estimate the box is drawn closer, so that it keeps all that is likely, and filled
+   with new simulations (truncated prior: B. K. Miller et al., Truncated marginal neural ratio
+   estimation, NeurIPS 2021), and so on. If the signal is then like no simulation in the box, the
+   box has lost the truth, and what was known before holds.
+
+The error contains chaos, noise, and jumps between responses that exist side by side, because the
+simulations do. It does not contain what no simulation has: `Result.likeness` says whether the
+signal is like any of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import qmc
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import RunError
+from mechanism_sim.numerics.kernel_regression import KernelRegression
+from mechanism_sim.results.sensor_record import SensorRecord
+from mechanism_sim.studies.parameters import Parameter
+from mechanism_sim.studies.runs import Call, Row, Rows, Show, Workers, has_failed
+
+ROUNDS = (128, 48, 48, 48)
+"""Simulations of each round; those of earlier rounds that lie in the box serve again."""
+LEVEL = 0.95
+"""Of confidence, for all parameters together."""
+_KEPT = 0.99  # of the probability, when the box is drawn closer
+_MARGIN = 1.6  # by which it is wider than that
+_NEAREST = 40  # simulations, at least, whose errors say so
+_MOST_FAILED = 0.25
+_LOST = 0.05  # likeness below which a box seems not to hold the truth any more
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter that was looked for.
+
+    Attributes
+    ----------
+    value : median of what it may be
+    low, high : limits; all parameters together are within theirs with 95 % (Bonferroni)
+    share : of the width that was allowed, on the parameter's scale, that the interval still has;
+        nearly 1 of a parameter without effect on the signal
+    """
+
+    parameter: Parameter
+    value: float
+    low: float
+    high: float
+    share: float
+
+    @property
+    def identified(self) -> bool:
+        """Whether the signal narrows its range to less than half."""
+        return self.share < 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """The outcome.
+
+    Attributes
+    ----------
+    estimates : in the order of the parameters
+    correlation : (k, k) of their errors
+    simulations, failed : numbers of runs
+    misfit : how far the signal's features are from those of a simulation with the values found, in
+        standard deviations (root mean square)
+    likeness : share of the simulations of the last round that are as far from what they should be;
+        if it is nearly 0, the scene or its chain is not that of the measurement
+    """
+
+    estimates: tuple[Estimate, ...]
+    correlation: Array
+    simulations: int
+    failed: int
+    misfit: float
+    likeness: float
+
+
+@dataclass(eq=False)
+class Design:
+    """Simulations of all rounds: parameters on their scales (n, k), features (n, p)."""
+
+    places: Array
+    features: Array
+
+    def select(self, low: Array, high: Array) -> Design:
+        """Those in a box."""
+        inside = ((self.places >= low) & (self.places <= high)).all(axis=1)
+        return Design(self.places[inside], self.features[inside])
+
+    def join(self, other: Design) -> Design:
+        """Both."""
+        return Design(
+            np.concatenate([self.places, other.places]),
+            np.concatenate([self.features, other.features]),
+        )
+
+
+class Identification:
+    """A search in progress.
+
+    Parameters
+    ----------
+    measurements : of one machine under one or several drives, or by several sensors
+    parameters : to be found
+    seed : of places and noise; the same seed gives the same numbers
+    workers : that simulate; this process if not given
+    show : called with the numbers of simulations finished and failed
+    """
+
+    def __init__(
+        self,
+        measurements: Sequence[SensorRecord],
+        parameters: Sequence[Parameter],
+        seed: int = 0,
+        workers: Workers | None = None,
+        show: Show | None = None,
+    ) -> None:
+        self.measurements, self.parameters = tuple(measurements), tuple(parameters)
+        self._made = Rows()
+        self._workers, self._show = workers or Workers(1), show
+        self._random = np.random.default_rng(seed)
+        self.low = np.array([p.to_scale(p.low) for p in parameters])
+        self.high = np.array([p.to_scale(p.high) for p in parameters])
+
+    def explore(self, low: Array, high: Array, count: int) -> Design:
+        """So many simulations spread over a box on the parameters' scales."""
+        sobol = qmc.Sobol(len(low), rng=self._random)
+        unit = sobol.random_base2(math.ceil(math.log2(count)))[:count]
+        places = low + (high - low) * unit
+        seeds = self._random.integers(1 << 31, size=(count, len(self.measurements)))
+        # what a machine has compiled cannot be sent to another process
+        bare = tuple(replace(m, machine=replace(m.machine)) for m in self.measurements)
+        first = len(self._made.rows)
+        tasks = [
+            Call(str(first + k), _simulate, (bare, self._overrides(place), row.tolist()))
+            for k, (place, row) in enumerate(zip(places, seeds, strict=True))
+        ]
+        rows = self._workers.do(tasks, self._made, self._show)
+        mine = [rows[task.key] for task in tasks]
+        reasons = [row['status'] for row in mine if has_failed(row)]
+        if len(reasons) > _MOST_FAILED * count:
+            raise RunError(f'{len(reasons)} of {count} simulations failed, one so: {reasons[0]}')
+        kept = [k for k, row in enumerate(mine) if not has_failed(row)]
+        return Design(places[kept], np.array([mine[k]['features'] for k in kept]))
+
+    def find(self, rounds: Sequence[int] = ROUNDS, design: Design | None = None) -> Result:
+        """Estimates from so many simulations in each round.
+
+        Parameters
+        ----------
+        design : simulations all over the box, made for other measurements of the same experiment;
+            they take the place of the first round
+        """
+        observed = np.concatenate([m.features for m in self.measurements])
+        low, high = self.low, self.high
+        near = everything = design or self.explore(low, high, rounds[0])
+        fits = _fit(near)
+        found = self._outcome(near, fits, observed)
+        for count in rounds[1:]:
+            low, high = _closer(near, fits, observed, low, high)
+            everything = everything.join(self.explore(low, high, count))
+            near = everything.select(low, high)
+            fits = _fit(near)
+            closer = self._outcome(near, fits, observed)
+            if closer.likeness < _LOST <= found.likeness:
+                break
+            found = closer
+        return replace(found, simulations=len(self._made.rows), failed=self._made.failed)
+
+    def _outcome(self, near: Design, fits: Sequence[KernelRegression], observed: Array) -> Result:
+        """Estimates by these simulations."""
+        may_be = np.column_stack([fit.left_out(observed) + fit.residuals for fit in fits])
+        level = 1.0 - (1.0 - LEVEL) / len(fits)
+        estimates = []
+        for k, (p, fit) in enumerate(zip(self.parameters, fits, strict=True)):
+            limits = np.clip(fit.interval(observed, level), self.low[k], self.high[k])
+            middle = float(np.clip(np.median(may_be[:, k]), *limits))
+            share = float(np.ptp(limits) / (self.high[k] - self.low[k]))
+            below, above = map(p.value, limits.tolist())
+            estimates.append(Estimate(p, p.value(middle), below, above, share))
+        misfit, likeness = _likeness(near, fits, observed)
+        correlation = np.atleast_2d(np.corrcoef(may_be.T))
+        return Result(
+            tuple(estimates),
+            correlation,
+            len(self._made.rows),
+            self._made.failed,
+            misfit,
+            likeness,
+        )
+
+    def _overrides(self, place: Array) -> dict[str, float]:
+        pairs = zip(self.parameters, place.tolist(), strict=True)
+        return {p.path: p.value(x) for p, x in pairs}
+
+
+def _fit(design: Design) -> list[KernelRegression]:
+    return [KernelRegression(design.features, column) for column in design.places.T]
+
+
+def _predict(
+    design: Design, fits: Sequence[KernelRegression], observed: Array
+) -> tuple[Array, Array]:
+    """Predicted places of the simulations (n, k), each left out, and of the signal (k,)."""
+    told = design.places - np.array([fit.residuals for fit in fits]).T
+    return told, np.array([np.median(fit.left_out(observed)) for fit in fits])
+
+
+def _closer(
+    design: Design, fits: Sequence[KernelRegression], observed: Array, low: Array, high: Array
+) -> tuple[Array, Array]:
+    """The box that holds what is likely, within the one before.
+
+    How much the features tell is another thing in another corner of the box, so the errors of
+    those simulations count that seem to be nearest.
+    """
+    told, here = _predict(design, fits, observed)
+    apart = (((told - here) / told.std(axis=0)) ** 2).sum(axis=1)
+    nearest = np.argsort(apart)[: max(_NEAREST, len(told) // 3)]
+    limits = np.array([fit.interval(observed, _KEPT, nearest) for fit in fits]).T
+    middle, half = limits.mean(axis=0), 0.5 * _MARGIN * np.ptp(limits, axis=0)
+    # where the regression points out of the box, its edge is as near as one can come
+    middle = np.clip(middle, low, high)
+    return np.maximum(low, middle - half), np.minimum(high, middle + half)
+
+
+def _likeness(
+    near: Design, fits: Sequence[KernelRegression], observed: Array
+) -> tuple[float, float]:
+    """Misfit of the observed features, and the share of simulations with a larger one.
+
+    Features are a parabola of what is predicted from them, plus what scatters. Each simulation is
+    treated as the measurement is: by regressions without it.
+    """
+    told, here = _predict(near, fits, observed)
+    middle, scale = told.mean(axis=0), told.std(axis=0)
+
+    def terms(places: Array) -> Array:
+        z = (places - middle) / scale
+        pairs = [z[:, i] * z[:, j] for i in range(z.shape[1]) for j in range(i + 1)]
+        return np.column_stack([np.ones(len(z)), z, *pairs])
+
+    inverse = np.linalg.pinv(terms(told))
+    leverage = np.einsum('ij,ji->i', terms(told), inverse)
+    off = near.features - terms(told) @ (inverse @ near.features)
+    off /= np.maximum(1.0 - leverage, 1e-3)[:, None]
+    spread = np.sqrt((off**2).mean(axis=0))
+    spread[spread == 0.0] = math.inf
+    mine = observed - terms(here[None])[0] @ (inverse @ near.features)
+    misfit = float(np.sqrt(((mine / spread) ** 2).mean()))
+    return misfit, float((np.sqrt(((off / spread) ** 2).mean(axis=1)) >= misfit).mean())
+
+
+def _simulate(
+    measurements: Sequence[SensorRecord], overrides: dict[str, float], seeds: Sequence[int]
+) -> Row:
+    """Features of all measurements made again with the same values."""
+    pairs = zip(measurements, seeds, strict=True)
+    found = [m.features_of(m.repeat(overrides, seed)) for m, seed in pairs]
+    return {'features': np.concatenate(found).tolist()}

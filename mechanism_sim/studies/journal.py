@@ -1,0 +1,108 @@
+"""What a study has computed so far, on disk.
+
+Beside the table that it makes lies a journal: one line of JSON for every finished run, written
+through to the disk before the next is taken, so that whatever ends it costs the unfinished runs
+only.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Self
+
+from mechanism_sim import output, strict_json
+from mechanism_sim.errors import InputError
+from mechanism_sim.studies.runs import Rows, RunResult, has_failed
+
+_RULING = ('mechanism_sim', 'heyoka', 'numpy')
+"""Packages whose version may change the last digit, and with it the impacts of a long run."""
+
+
+class Journal(Rows):
+    """The finished runs of a study, on disk.
+
+    Parameters
+    ----------
+    table : file of the table that the study makes; the journal is beside it
+    plan : fingerprint of what is to be computed
+    restart : forget what is there
+    """
+
+    def __init__(self, table: Path, plan: str, restart: bool = False) -> None:
+        super().__init__()
+        self.path = journal_of(table)
+        fresh = not self.path.exists() or restart
+        if fresh and table.exists() and not restart:
+            raise InputError(
+                f"the table '{table}' exists already and has no journal to go on from: choose "
+                'another name, or give --restart to replace it'
+            )
+        with output.errors_as_sentences(self.path):
+            self._file = self.path.open('a+b')
+        try:
+            self._begin(plan, restart)
+        except InputError:
+            self._file.close()
+            raise
+
+    def _begin(self, plan: str, restart: bool) -> None:
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InputError(f"another sweep is writing '{self.path}'") from error
+        self._file.seek(0)
+        whole, _, torn = (b'' if restart else self._file.read()).rpartition(b'\n')
+        lines = whole.splitlines()
+        if torn or restart:  # a line that was being written when all ended
+            self._file.truncate(len(whole) + bool(whole))
+        head = {'sweep': plan, **{name: version(name) for name in _RULING}}
+        if not lines:
+            self._append(head)
+            return
+        entries = [self._parse(line, n) for n, line in enumerate(lines, 1)]
+        if entries[0] != head:
+            same = entries[0].get('sweep') == head['sweep']
+            what = 'of another version of the software' if same else 'of another sweep'
+            raise InputError(
+                f"'{self.path}' is {what}: choose another name for the table, or give --restart "
+                'to begin anew'
+            )
+        self.rows = {entry['key']: entry['row'] for entry in entries[1:]}
+        self.failed = sum(map(has_failed, self.rows.values()))
+
+    def _parse(self, line: bytes, number: int) -> dict[str, Any]:
+        try:
+            entry = strict_json.loads(line)
+            if isinstance(entry, dict) and (number == 1 or {'key', 'row'} <= entry.keys()):
+                return entry
+        except ValueError:
+            pass
+        raise InputError(
+            f"line {number} of '{self.path}' is damaged: give --restart to begin anew"
+        )
+
+    def add(self, finished: RunResult) -> None:
+        """Keep a finished run, whatever happens from now on."""
+        self._append({'key': finished.key, 'cpu': finished.cpu, 'row': finished.row})
+        super().add(finished)
+
+    def _append(self, entry: dict[str, Any]) -> None:
+        with output.errors_as_sentences(self.path):
+            self._file.write(strict_json.dumps(entry).encode() + b'\n')
+            self._file.flush()
+            os.fsync(self._file.fileno())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_failure: object) -> None:
+        with output.errors_as_sentences(self.path):
+            self._file.close()
+
+
+def journal_of(table: Path) -> Path:
+    """The journal beside a table."""
+    return table.with_name(f'{table.name}.journal')

@@ -1,0 +1,143 @@
+"""From which speed of the drive on followers leave their cams: where ideal contacts would pull."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import heyoka as hy
+import scipy
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.cams.pair import CamPair, GroovePair
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.physics import outside
+from mechanism_sim.linkages.nominal import NominalPhysics
+from mechanism_sim.numerics.extremes import ExtremeSearch
+from mechanism_sim.numerics.symbolic import dense
+from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.switched_functions import SwitchedFunction
+from mechanism_sim.scene import Machine
+
+_FACTOR = 1.15  # between the speeds that are tried
+_RANGE = 100.0  # times slower and faster than the scene's
+
+
+@dataclass(frozen=True)
+class LiftOff:
+    """A cam that its follower can leave.
+
+    Attributes
+    ----------
+    joint : its name
+    least_force : over a turn at the speed of the scene [N], negative where it would have to pull
+    least_force_at : angle of the drive there [rad]
+    lift_off_speed : of the drive from which on contact is lost [rad/s]; None: at no speed that was
+        tried
+    lift_off_at : angle of the drive where it is lost first [rad]
+    """
+
+    joint: str
+    least_force: float
+    least_force_at: float
+    lift_off_speed: float | None = None
+    lift_off_at: float | None = None
+
+
+def lift_offs(machine: Machine, progress: Callable[[str], None] = lambda _: None) -> list[LiftOff]:
+    """For every cam without a groove: its least contact force, and the speed that ends it.
+
+    The motion is that of the machine without any play; at other speeds rates scale with the speed
+    and accelerations with its square. Speeds from a hundredth to a hundred times that of the scene
+    are tried from below; the root is found to rounding. `progress` is called with the present cam.
+    """
+    pairs = [
+        j for j in machine.plan.joints if isinstance(j, CamPair) and not isinstance(j, GroovePair)
+    ]
+    if not pairs:
+        raise InputError(f'{machine.name}: there is no cam that its follower could leave')
+    steady = isinstance(machine.law, DriveLaw) and not machine.law.straight
+    if machine.torque_driven or len(machine.laws) > 1 or not steady or not machine.fastest:
+        raise InputError(
+            f'{machine.name}: the lift-off speed is that of a drive that turns at a constant '
+            "speed: give 'drive.speed'"
+        )
+    if not machine.plan.weighed:
+        raise InputError(f'{machine.name}: forces need the mass of every link')
+    for joint, why in machine.without_forces.items():
+        raise InputError(f'{machine.name}: joints.{joint}.{why}')
+    cycle = _Cycle(machine)
+    found = []
+    for pair in pairs:
+        progress(pair.name)
+        found.append(_lift_off(cycle, pair))
+    return found
+
+
+class _Cycle:
+    """The motion of a machine without play over a turn of its drive, at any speed."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.mechanism, self.period = machine.plan.ideal, machine.period
+        self.start, self.speed = machine.start_of_crank
+        self._forces = machine.inverse_dynamics
+        if 'time' in self._forces.outside:
+            raise InputError(
+                f'{machine.name}: loads that depend on the time have no lift-off speed'
+            )
+        laws = [laws[0] for laws in machine.plan.laws.values()]
+        self._motion = machine.nominal(laws, loads=True).motion(self.period)
+        self._physics = NominalPhysics(machine.ideal, self.mechanism, None)
+
+    def at(self, times: Array) -> Observation:
+        """The motion without forces, at times (N,) [s] of the scene's speed."""
+        return self._physics.observe(self._motion, *self._motion.curve.find(times))
+
+    def force(self, pair: CamPair, factor: float) -> Callable[[Array], Array]:
+        """The contact force (N,) at times (N,), the drive being `factor` times as fast."""
+        frames = Frames(self.mechanism.coordinates, Parameters())
+        unit = pair.closure(self.mechanism).wrench(frames, [hy.expression(1.0)])
+        direction = SwitchedFunction(
+            frames, [[dense(unit.x), dense(unit.y)]], [*frames.q.values()]
+        )
+        index = self.mechanism.joints.index(pair)
+
+        def force(times: Array) -> Array:
+            o = self.at(times)
+            curve = self._motion.curve
+            turns = outside(
+                self._forces.outside, self.mechanism.coordinates, curve, *curve.find(times)
+            )
+            v, a = factor * o.velocity, factor**2 * o.acceleration
+            seen = self._forces(o.local, v, a, turns)
+            (n,) = direction(o.local)
+            pressed: Array = (seen.reaction[index] * n).sum(axis=0) / (n * n).sum(axis=0)
+            return pressed
+
+        return force
+
+    def least(self, pair: CamPair, factor: float) -> tuple[float, float]:
+        """The least contact force of a turn [N], and the angle of the drive there [rad]."""
+        force, search = self.force(pair, factor), ExtremeSearch(['force'])
+        spans = self._motion.curve.spans(0.0, self.period)
+        search.add(lambda t: force(t.ravel())[None], *spans)
+        return float(search.least[0]), self.start + self.speed * float(search.least_time[0])
+
+
+def _lift_off(cycle: _Cycle, pair: CamPair) -> LiftOff:
+    def force(factor: float) -> float:
+        return cycle.least(pair, factor)[0]
+
+    known = LiftOff(pair.name, *cycle.least(pair, 1.0))
+    low = high = 1.0 / _RANGE
+    if force(low) <= 0.0:
+        return known
+    while force(high) > 0.0:
+        low, high = high, _FACTOR * high
+        if high > _RANGE:
+            return known
+    factor = scipy.optimize.brentq(force, low, high, xtol=1e-15, rtol=1e-15)
+    _, angle = cycle.least(pair, factor)
+    return replace(known, lift_off_speed=factor * abs(cycle.speed), lift_off_at=angle)

@@ -1,0 +1,381 @@
+"""From a sweep file to runs, every scene checked before the first of them starts."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations, product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim import tables
+from mechanism_sim.catalogue import config_folder, sweep_names
+from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.numerics.batch_means import BATCHES
+from mechanism_sim.results.measure_text import Measure as OwnMeasure
+from mechanism_sim.results.measure_text import read_all
+from mechanism_sim.scene import Machine, span
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import (
+    check_scene,
+    checked,
+    find_file,
+    find_scene,
+    read_yaml,
+)
+from mechanism_sim.scene.quantities import Part
+from mechanism_sim.scene.schema import Scene
+from mechanism_sim.studies import windows
+from mechanism_sim.studies.columns import FIGURES, RESERVED, Figure, of_sensors, own_columns
+from mechanism_sim.studies.runs import Row
+from mechanism_sim.studies.schema import DesignPart, SweepFile, WindowsPart
+from mechanism_sim.tables import Column
+from mechanism_sim.units import Measure, to_si, to_si_like, to_si_text
+
+if TYPE_CHECKING:
+    from mechanism_sim.studies.design import Factor
+
+SCENE, REPEAT = 'scene', 'repeat'
+"""Columns that are no values of a scene."""
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How long every run of a sweep is: `revolutions`, or a `duration` [s].
+
+    Attributes
+    ----------
+    skip : what no figure is made of, in the same measure
+    """
+
+    revolutions: int | None
+    duration: float | None
+    skip: float
+
+    def edges(self, machine: Machine) -> tuple[NDArray[np.float64], int]:
+        """Ends of the intervals that are counted [s], and how many of the first are left out.
+
+        Intervals are revolutions of the crank, or equal times.
+        """
+        if self.duration is not None:
+            edges = np.linspace(self.skip, self.duration, BATCHES + 1)
+            return (np.r_[0.0, edges] if self.skip else edges), int(self.skip > 0.0)
+        revolutions = self.revolutions or 1
+        times = [span(machine, k, None) for k in range(1, revolutions + 1)]
+        return np.array([0.0, *times]), int(self.skip)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a sweep.
+
+    Attributes
+    ----------
+    values : what is swept, by dotted path, in SI units
+    given : the same as the file has it
+    key : a fingerprint of all that its row follows from
+    measures : what is measured, as ``NAME = TEXT`` or ``TEXT``
+    """
+
+    index: int
+    name: str
+    scene: Scene
+    values: Mapping[str, float | str | bool | None]
+    given: Mapping[str, Any]
+    key: str
+    measures: tuple[str, ...] = ()
+
+    @property
+    def stem(self) -> str:
+        """Of the names of its files."""
+        return f'run_{self.index:05d}'
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A sweep to be made.
+
+    Attributes
+    ----------
+    columns : paths that are swept, in the order of the file
+    units : SI units of swept values by path, where they are known
+    own : figures of a row that depend on the scene: of its joints and drives, and measures
+    measures : as ``NAME = TEXT``
+    factors, design : of `vary`
+    limits : by measure, in its SI unit
+    """
+
+    name: str
+    title: str
+    extent: Extent
+    columns: tuple[str, ...]
+    runs: tuple[Run, ...]
+    bags: bool
+    windows: WindowsPart | None
+    units: Mapping[str, str] = field(default_factory=dict)
+    own: tuple[Figure, ...] = ()
+    measures: tuple[str, ...] = ()
+    factors: tuple[Factor, ...] = ()
+    design: DesignPart | None = None
+    limits: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def size(self) -> int:
+        """Number of different runs."""
+        return len({run.key for run in self.runs})
+
+    @property
+    def measure_names(self) -> list[str]:
+        """The columns of the measures."""
+        return [text.partition(' = ')[0] for text in self.measures]
+
+    @property
+    def measured(self) -> list[Figure]:
+        """The measures, as figures of a row."""
+        return [figure for figure in self.own if figure.name in self.measure_names]
+
+    @property
+    def fingerprint(self) -> str:
+        """Of what is to be computed, in a few letters."""
+        content: list[Any] = [self.columns, [[run.key, dict(run.values)] for run in self.runs]]
+        content += [self.measures] if self.measures else []
+        if self.windows:  # what measures does not rule the motion, but the windows
+            measured = [_measurement_keys(run.scene) for run in self.runs]
+            content += [self.windows.to_document(), measured]
+        return _hash(content)
+
+    def labels(self) -> list[Column]:
+        """The columns ``run`` and those of the swept values, a value for each run.
+
+        The unit of a number that is written without one is ``SI``.
+        """
+        columns = [Column('run', [run.index for run in self.runs])]
+        for name in self.columns:
+            values: list[Any] = [run.values[name] for run in self.runs]
+            kinds = {type(v) for v in values if v is not None}
+            if len(kinds) != 1:  # several, or none
+                kinds, values = {str}, [None if v is None else str(v) for v in values]
+            unit = self.units.get(name, 'SI') if kinds == {float} else ''
+            columns.append(Column(name, values, unit))
+        return columns
+
+    def write(self, file: Path, rows: Sequence[Row]) -> None:
+        """Write the table, a row for each run in the order of the plan, all at once.
+
+        Columns: `labels`, `FIGURES`, those of the scene's own joints, drives and measures,
+        ``steps``, ``digest``, ``status``, with units and meanings.
+        """
+        last = (Figure(name, '', '') for name in ('steps', 'digest', 'status'))
+        figures = [
+            Column(name, [row.get(name) for row in rows], unit, meaning)
+            for name, unit, meaning in (*FIGURES, *self.own, *last)
+        ]
+        about = {'sweep': self.name, 'title': self.title}
+        tables.write(file, [*self.labels(), *figures], about)
+
+
+def read_plan(
+    name: str, measures: Sequence[str] = (), show: Callable[[str], None] | None = None
+) -> Plan:
+    """The sweep of a file, or of one that comes with the package.
+
+    Parameters
+    ----------
+    measures : more of them, as ``NAME = TEXT`` or ``TEXT``
+    show : called with how far it is
+    """
+    known = ', '.join(sweep_names())
+    path = find_file(name, 'sweep', config_folder() / 'sweeps', f'known are: {known}')
+    file = checked(path.name, SweepFile, read_yaml(path, 'sweep'))
+    extent = _extent(path.name, file)
+    columns = _columns(path.name, file)
+    bases: dict[str, tuple[Path, dict[str, Any]]] = {}
+    runs: list[Run] = []
+    grid = [[(key, value) for value in values] for key, values in file.grid.items()]
+    taken = _measures(path.name, file, measures)
+    kept = tuple(f'{m.name} = {m.text}' if m.name != m.text else m.text for m in taken)
+    reads_sensors = any(
+        n.startswith('sensors.') for m in taken for f in m.figures for n in f.names
+    )
+    factors, drawn = _drawn(path.name, file)
+    own: dict[str, Figure] = {}
+    limits: dict[str, float] = {}
+    measured: set[str] = set()
+    listed, total = file.runs or [{}], math.prod(map(len, grid)) * len(drawn) * file.repeat
+    for one, point, values_drawn in product(listed, product(*grid), drawn):
+        if show:
+            show(f'{len(runs)} of {total * len(listed)} runs')
+        given = {**one, **dict(point), **values_drawn}
+        where = f'{path.name}: run {len(runs)}{_describe(given)}'
+        try:
+            scene = str(given.get(SCENE, file.scene))
+            if scene not in bases:
+                found = find_scene(str(path.parent / scene) if _is_path(scene) else scene)
+                bases[scene] = found, read_yaml(found, 'scene')
+            base, data = bases[scene]
+            overrides = {k: v for k, v in {**file.set, **given}.items() if k != SCENE}
+            content = check_scene(base.name, data, overrides)
+            for repetition in range(file.repeat):
+                machine = build(base.stem, content)
+                if repetition * file.nudge:  # the drive a little further at the start
+                    machine = machine.started_at(
+                        machine.start_of_crank[0] + repetition * file.nudge
+                    )
+                nudged = machine.scene
+                read = [] if file.windows else of_sensors(machine, taken)
+                if scene not in measured:
+                    measured.add(scene)
+                    for column in own_columns(machine, [*taken, *read]):
+                        own.setdefault(column.name, column)
+                    limits |= _limits(path.name, file, own)
+                span(machine, extent.revolutions, extent.duration)
+                if file.windows:
+                    edges, skipped = extent.edges(machine)
+                    windows.check(file.windows, machine, edges[skipped], edges[-1])
+                    nudged = windows.with_seed(nudged, len(runs), columns)
+                values = {c: _value(nudged, c) for c in columns if c not in (SCENE, REPEAT)}
+                values |= {SCENE: base.stem} if SCENE in columns else {}
+                values |= {REPEAT: repetition} if REPEAT in columns else {}
+                ordered = {c: values[c] for c in columns}
+                ruling: list[Any] = [machine.fingerprint, machine.level.value, vars(extent)]
+                asked = (*kept, *(m.text for m in read))
+                ruling += [list(asked)] if asked else []
+                ruling += [_measurement_keys(nudged)] if reads_sensors or read else []
+                key = _hash(ruling)
+                runs.append(Run(len(runs), base.stem, nudged, ordered, given, key, asked))
+        except InputError as error:
+            raise InputError(f'{where}: {error}') from error
+    units = _units(columns, runs) | {f.path: f.unit for f in factors}
+    design = file.design if factors else None
+    return Plan(
+        path.stem, file.title, extent, columns, tuple(runs), file.bags, file.windows, units,
+        tuple(own.values()), kept, tuple(factors), design, limits,
+    )  # fmt: skip
+
+
+def _measures(file: str, sweep: SweepFile, more: Sequence[str]) -> list[OwnMeasure]:
+    """All measures, those of the command line last."""
+    found = [*read_all(sweep.measures, f'{file}: measures'), *read_all([*more], '--measure')]
+    names = [m.name for m in found]
+    for name in names:
+        if names.count(name) > 1 or name in RESERVED:
+            raise InputError(f"{file}: a column '{name}' is there already: choose another name")
+    for name in sweep.limits:
+        if name not in names:
+            raise InputError(
+                f'{file}: limits.{name}: there is no such measure{nearest(name, names)}; '
+                f'measures: {", ".join(names) or "none"}'
+            )
+    return found
+
+
+def _drawn(file: str, sweep: SweepFile) -> tuple[list[Factor], list[dict[str, float]]]:
+    """The factors of `vary`, and their values in each run; one run without any."""
+    if not sweep.vary:
+        if sweep.design != DesignPart():
+            raise InputError(f"{file}: 'design' needs 'vary', which says what varies")
+        return [], [{}]
+    from mechanism_sim.studies import design  # noqa: PLC0415 - statistics are slow to import
+
+    try:
+        factors = [design.factor(path, given) for path, given in sweep.vary.items()]
+        how = sweep.design
+        rows = design.points(factors, how.kind, how.samples, how.seed)
+    except InputError as error:
+        raise InputError(f'{file}: {error}') from error
+    paths = [f.path for f in factors]
+    return factors, [dict(zip(paths, row, strict=True)) for row in rows.tolist()]
+
+
+def _limits(file: str, sweep: SweepFile, own: Mapping[str, Figure]) -> dict[str, float]:
+    """The limits in the units of their measures."""
+    found = {}
+    for name, text in sweep.limits.items():
+        try:
+            found[name] = to_si_like(text, own[name].unit)
+        except ValueError as error:
+            raise InputError(f'{file}: limits.{name} = {text!r} {error}') from error
+    return found
+
+
+def _units(columns: Sequence[str], runs: Sequence[Run]) -> dict[str, str]:
+    """Units of swept values as they are written: those on which all runs agree."""
+    found: dict[str, str] = {}
+    for column in columns:
+        units = set()
+        for run in runs:
+            try:
+                units.add(to_si_text(run.given.get(column)).unit)
+            except ValueError:
+                units.add('')
+        if len(units) == 1 and (unit := units.pop()):
+            found[column] = unit
+    return found
+
+
+def _extent(file: str, sweep: SweepFile) -> Extent:
+    if (sweep.revolutions is None) == (sweep.duration is None):
+        raise InputError(f"{file}: give either 'revolutions' or 'duration', and not both")
+    limit = sweep.revolutions or sweep.duration or 0.0
+    try:
+        skip = to_si(sweep.skip, 's' if sweep.duration is not None else '')
+    except ValueError as error:
+        raise InputError(f'{file}: skip = {sweep.skip!r} {error}') from error
+    if not (0.0 <= skip < limit):
+        raise InputError(f'{file}: skip = {skip:g} must be at least 0 and less than {limit:g}')
+    if sweep.revolutions and skip != math.floor(skip):
+        raise InputError(f'{file}: skip = {skip:g} must be a whole number of revolutions')
+    return Extent(sweep.revolutions, sweep.duration, skip)
+
+
+def _columns(file: str, sweep: SweepFile) -> tuple[str, ...]:
+    """What is swept; a path may stand in one place of the file only."""
+    listed = dict.fromkeys(key for one in sweep.runs for key in one)
+    places = {'set': sweep.set, 'grid': sweep.grid, 'runs': listed, 'vary': sweep.vary}
+    for a, b in combinations(places, 2):
+        for key in places[a]:
+            if key in places[b]:
+                raise InputError(f"{file}: '{key}' stands in both '{a}' and '{b}': keep one")
+    swept = (*listed, *sweep.grid, *sweep.vary)
+    everywhere = SCENE in sweep.grid or (sweep.runs and all(SCENE in one for one in sweep.runs))
+    if SCENE in sweep.set or (sweep.scene is None and not everywhere):
+        raise InputError(
+            f"{file}: 'scene' is missing: the name of a scene of the package, or the path of one"
+        )
+    return (*swept, REPEAT) if sweep.repeat > 1 else swept
+
+
+def _value(scene: Scene, path: str) -> float | str | bool | None:
+    """What stands at a dotted path of a scene; lists and parts as JSON."""
+    place: Any = scene
+    for part in path.split('.'):
+        place = place.get(part) if isinstance(place, Mapping) else getattr(place, part, None)
+    if place is None or isinstance(place, bool | str | float | int):
+        return place
+    if isinstance(place, Measure):
+        return place.value
+    return json.dumps(place.to_document() if isinstance(place, Part) else place)
+
+
+def _measurement_keys(scene: Scene) -> dict[str, Any]:
+    """Keys of a scene about its measurements."""
+    return scene.to_document(include={'sensors', 'oscillators'})
+
+
+def _is_path(scene: str) -> bool:
+    return scene.endswith(('.yaml', '.yml'))
+
+
+def _describe(given: Mapping[str, Any]) -> str:
+    parts = (f'{k} = {v if isinstance(v, str) else quoted(v)}' for k, v in given.items())
+    return f' ({", ".join(parts)})' if given else ''
+
+
+def _hash(content: object) -> str:
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]

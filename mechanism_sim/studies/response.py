@@ -1,0 +1,258 @@
+"""Steady response of a scene to harmonic forces and base motions.
+
+Linear about the static equilibrium, as in `mechanism_sim.studies.modes`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.planar.linearisation import Excitation
+from mechanism_sim.planar.points import GROUND
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.names import scene_errors
+from mechanism_sim.studies import frames
+from mechanism_sim.studies.modes import LinearMachine, derivatives, kept, linearised, turning
+
+ComplexArray = NDArray[np.complex128]
+
+DERIVATIVES = {'position': 0, 'velocity': 1, 'acceleration': 2}
+_AXES = ('x', 'y')
+
+
+@dataclass(frozen=True)
+class Source:
+    """What shakes the machine harmonically, with an amplitude of one in SI units.
+
+    Attributes
+    ----------
+    name : as it was asked for
+    unit : of its amplitude
+    excitation : a force or a moment, or
+    base : a driven coordinate that moves about its place, or
+    frame : a frame on springs and the load (3,) on it
+    """
+
+    name: str
+    unit: str
+    excitation: Excitation | None = None
+    base: str | None = None
+    frame: tuple[str, Array] | None = None
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """Complex amplitudes by quantity, per unit of the source.
+
+    Attributes
+    ----------
+    source : what shakes
+    frequency : (N,) [Hz]
+    amplitudes : (N,) by quantity; the angle is how far it leads the source
+    units : of the quantities
+    """
+
+    source: Source
+    frequency: Array
+    amplitudes: dict[str, ComplexArray]
+    units: dict[str, str]
+
+
+def read_source(
+    machine: Machine,
+    force: str | None = None,
+    direction: float | None = None,
+    torque: str | None = None,
+    base: str | None = None,
+) -> Source:
+    """A source from names of the scene.
+
+    Parameters
+    ----------
+    force : ``LINK.POINT`` at which a force acts, in a `direction` of the world [rad]
+    torque : link on which a moment acts
+    base : driven coordinate that moves
+    """
+    if sum(x is not None for x in (force, torque, base)) != 1:
+        raise InputError('give one of --force LINK.POINT, --torque LINK and --base COORDINATE')
+    if (force is None) != (direction is None):
+        raise InputError("--force and --direction belong together, as in --direction '90 deg'")
+    if base is not None:
+        prescribed = machine.plan.prescribed
+        if base not in prescribed:
+            known = ', '.join(prescribed) or 'none'
+            raise InputError(
+                f"{machine.name}: --base '{base}' is no coordinate that a drive prescribes"
+                f'{nearest(base, prescribed)}; such are: {known}'
+            )
+        straight = base in machine.plan.ideal.displacements
+        return Source(f'base {base}', 'm' if straight else 'rad', base=base)
+    option, reference = ('--force', force) if force is not None else ('--torque', torque)
+    if str(reference).partition('.')[0] in machine.scene.oscillators:
+        own = frames.load_on(machine, option, str(reference), direction)
+        name = f'{option.strip("-")} {reference}'
+        unit = 'N m' if direction is None else 'N'
+        return Source(name, unit, frame=(str(reference).partition('.')[0], own))
+    with scene_errors(machine.name):
+        point = machine.plan.find(option, str(reference))
+    if point[0] == GROUND:
+        raise InputError(f'{machine.name}: {option} {reference}: the ground does not move')
+    if direction is None:
+        return Source(f'torque {torque}', 'N m', Excitation(point, None))
+    way = (math.cos(direction), math.sin(direction))
+    return Source(f'force {force}', 'N', Excitation(point, way))
+
+
+def response(
+    machine: Machine,
+    source: Source,
+    quantities: Sequence[str],
+    frequency: Array,
+    speed: float = 0.0,
+) -> FrequencyResponse:
+    """The frequency response of quantities to a source.
+
+    Parameters
+    ----------
+    quantities : ``position.COORDINATE``, ``velocity.``, ``acceleration.``, ``reaction.JOINT.x``,
+        ``reaction.JOINT.y``; the first of every free coordinate if empty
+    frequency : (N,) [Hz]
+    speed : of the main drive, which turns steadily [rad/s]
+    """
+    if not (np.isfinite(frequency).all() and (frequency >= 0.0).all()):
+        raise InputError('frequencies must be finite and not negative')
+    if source.frame:
+        return _frame_response(machine, source, quantities, np.asarray(frequency, float))
+    for quantity in quantities:
+        if quantity.partition('.')[2] in frames.coordinates_of(machine):
+            raise InputError(
+                f"{machine.name}: '{quantity}': a frame answers to a force on itself, as --force "
+                'FRAME, and to its machine by --harmonics'
+            )
+    known = None
+    if speed:
+        turning(machine, '--speed')
+        known = derivatives(machine, source.excitation, kept(machine))
+    one = linearised(machine, source.excitation, speed=speed, known=known)
+    names = quantities or [f'position.{one.derivatives.coordinates[i]}' for i in one.independent]
+    units = {name: unit_of(one, name) for name in names}
+    w = 2.0 * np.pi * np.asarray(frequency, float)
+    reactions = any(name.startswith('reaction.') for name in names)
+    if source.excitation and not reactions and not (one.B.T @ one.linear.input).any():
+        raise InputError(
+            f'{machine.name}: a {source.name} moves nothing: drives or guides hold the link '
+            'against it; choose another link or direction'
+        )
+    moved, forces = _steady(one, source, w)
+    found = {name: _amplitudes(one, name, w, moved, forces, source) for name in names}
+    return FrequencyResponse(source, np.asarray(frequency, float), found, units)
+
+
+def _frame_response(
+    machine: Machine, source: Source, quantities: Sequence[str], frequency: Array
+) -> FrequencyResponse:
+    """That of a frame on springs to a load on itself."""
+    assert source.frame  # noqa: S101 - the caller looked
+    name, load = source.frame
+    known = {c: k for c, (frame, k) in frames.coordinates_of(machine).items() if frame == name}
+    units = frame_units(machine, quantities or [f'position.{c}' for c in known], known)
+    w = 2.0 * np.pi * frequency
+    u = np.linalg.inv(frames.system(machine, name).impedance(w)) @ load[: len(known)]
+    found = {}
+    for quantity in units:
+        kind, _, c = quantity.partition('.')
+        found[quantity] = (1j * w) ** DERIVATIVES[kind] * u[:, known[c]]
+    return FrequencyResponse(source, frequency, found, units)
+
+
+def frame_units(
+    machine: Machine, quantities: Sequence[str], known: Collection[str]
+) -> dict[str, str]:
+    """Units of quantities of frames; refuses others."""
+    units = {}
+    for quantity in quantities:
+        kind, _, c = quantity.partition('.')
+        if kind not in DERIVATIVES or c not in known:
+            raise InputError(
+                f"{machine.name}: '{quantity}' is no quantity of this frame{nearest(c, known)}; "
+                f'allowed: position., velocity. and acceleration. of {", ".join(known)}'
+            )
+        unit = 'rad' if c.endswith('.angle') else 'm'
+        units[quantity] = unit + ('', '/s', '/s^2')[DERIVATIVES[kind]]
+    return units
+
+
+def _steady(one: LinearMachine, source: Source, w: Array) -> tuple[ComplexArray, ComplexArray]:
+    """Amplitudes of all coordinates (N, n), and of the forces of closures (N, c)."""
+    linear, B, free = one.linear, one.B, one.derivatives.free
+    n = len(one.derivatives.coordinates)
+    D = np.zeros(n)
+    if source.base is not None:
+        k = one.derivatives.coordinates.index(source.base)
+        D[k] = 1.0
+        others = [i for i in free if i not in one.independent]
+        if others:
+            D[others] = -np.linalg.lstsq(linear.J[:, others], linear.J[:, k])[0]
+    each = w[:, None, None]
+    Z = np.asarray(linear.K + 1j * each * linear.C - each**2 * linear.M, complex)
+    push = linear.input - Z @ D
+    z = np.linalg.solve(one.system.impedance(w), (push @ B)[:, :, None])[:, :, 0]
+    moved = np.asarray(z @ B.T + D, complex)
+    left = (np.einsum('kij,kj->ki', Z, moved) - linear.input)[:, free]
+    if not len(linear.J):
+        return moved, np.zeros((len(w), 0), complex)
+    forces = np.linalg.lstsq(linear.J[:, free].T.astype(complex), left.T)[0].T
+    return moved, np.asarray(forces, complex)
+
+
+def unit_of(one: LinearMachine, name: str) -> str:
+    """Unit of a quantity; refuses those that are not known."""
+    kind, _, rest = name.partition('.')
+    machine, coordinates = one.machine, one.derivatives.coordinates
+    if kind in DERIVATIVES:
+        if rest not in coordinates:
+            raise InputError(
+                f"{machine.name}: '{name}': there is no coordinate '{rest}'"
+                f'{nearest(rest, coordinates)}; coordinates: {", ".join(coordinates)}'
+            )
+        unit = 'm' if rest in machine.plan.ideal.displacements else 'rad'
+        return unit + ('', '/s', '/s^2')[DERIVATIVES[kind]]
+    joint, _, axis = rest.rpartition('.')
+    joints = [j.name for j in machine.plan.joints]
+    if kind != 'reaction':
+        raise InputError(
+            f"{machine.name}: '{name}' is no quantity of a response; allowed: "
+            'position.COORDINATE, velocity.COORDINATE, acceleration.COORDINATE, '
+            'reaction.JOINT.x, reaction.JOINT.y'
+        )
+    if joint not in joints or axis not in _AXES:
+        raise InputError(
+            f"{machine.name}: '{name}': expected reaction.JOINT.x or reaction.JOINT.y"
+            f'{nearest(joint, joints)}; joints: {", ".join(joints)}'
+        )
+    return 'N'
+
+
+def _amplitudes(
+    one: LinearMachine,
+    name: str,
+    w: Array,
+    moved: ComplexArray,
+    forces: ComplexArray,
+    source: Source,
+) -> ComplexArray:
+    kind, _, rest = name.partition('.')
+    if kind in DERIVATIVES:
+        k = one.derivatives.coordinates.index(rest)
+        return np.asarray((1j * w) ** DERIVATIVES[kind] * moved[:, k])
+    joint, _, axis = rest.rpartition('.')
+    q, v, a, f, size = (x[_AXES.index(axis)] for x in one.derivatives.reaction(joint, one.at))
+    found = moved @ q + 1j * w * (moved @ v) - w**2 * (moved @ a) + forces @ f
+    return np.asarray(found + (size[0] if source.excitation else 0.0))

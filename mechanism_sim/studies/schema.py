@@ -1,0 +1,89 @@
+"""Schema of sweep files: every key with its bounds and its default."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from mechanism_sim.scene.quantities import Angle, Part, Time
+from mechanism_sim.scene.schema import Scene
+
+Count = Annotated[int, Field(strict=True, ge=1)]
+
+
+class WindowsPart(Part):
+    """What is cut from the signals of the sensors, for data sets."""
+
+    sensors: Annotated[list[str], Field(min_length=1)] | None = None
+    """A list of names; without it all of the scene."""
+    samples: Annotated[int, Field(strict=True, ge=2)] = 1024
+    """Of a window."""
+    overlap: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
+    """Part of a window that the next one begins with."""
+    per_run: Count | None = None
+    """Windows of every sensor in every run, exactly; without it as many as there are."""
+    type: Literal['float32', 'float64'] = 'float32'
+    """Of the samples in the file."""
+
+    @property
+    def hop(self) -> int:
+        """Samples from the start of a window to that of the next."""
+        return max(1, round(self.samples * (1.0 - self.overlap)))
+
+    def sensors_of(self, scene: Scene) -> tuple[str, ...]:
+        """The sensors of a scene that windows are cut from."""
+        return tuple(dict.fromkeys(self.sensors or scene.sensors))
+
+
+class DesignPart(Part):
+    """Which values the factors of `vary` take."""
+
+    kind: Literal['latin_hypercube', 'sobol', 'random', 'sobol_indices'] = 'latin_hypercube'
+    """How points are chosen."""
+    samples: Annotated[int, Field(strict=True, ge=2, le=1_000_000)] = 100
+    """How many machines; of `sobol_indices` a power of 2, times the number of values + 2."""
+    seed: Annotated[int, Field(strict=True, ge=0)] = 1
+    """Another one is another draw."""
+
+
+class SweepFile(Part):
+    """A sweep: scenes to run, and for how long.
+
+    Overrides are by dotted path, as on the command line; the path ``scene`` is the scene itself.
+    """
+
+    title: str = ''
+    """A line that says what is swept."""
+    description: str = ''
+    """More about it."""
+    scene: str | None = None
+    """Of the package, or a path relative to the sweep file; it may be swept like a value."""
+    set: dict[str, Any] = Field({})
+    """Overrides of every run, by dotted path."""
+    grid: dict[str, Annotated[list[Any], Field(min_length=1)]] = Field({})
+    """Lists of values by dotted path: all combinations, the last path varies fastest."""
+    runs: list[dict[str, Any]] = Field([])
+    """A list of overrides for one run each; with a grid, each of them at every point of it."""
+    vary: dict[str, Any] = Field({})
+    """Distributions by dotted path."""
+    design: DesignPart = DesignPart()
+    """Which points of the distributions are run."""
+    measures: dict[str, str] = Field({})
+    """Figures of every run, by the name of their column."""
+    limits: dict[str, str | float] = Field({})
+    """By measure: which share of the runs exceeds it."""
+    repeat: Count = 1
+    """Runs of each; a chaotic machine makes them independent, a periodic one does not."""
+    nudge: Angle = 1e-6
+    """By how much the start of the crank is turned from one repetition to the next."""
+    revolutions: Count | None = None
+    """Length of every run; this or `duration` is required."""
+    duration: Annotated[Time, Field(gt=0.0)] | None = None
+    """Length of every run, where a torque moves the crank."""
+    skip: float | str = 0
+    """Revolutions, or a time, that no figure is made of."""
+    bags: bool = False
+    """Record every run: scene, laws, motion, impacts and changes of mode."""
+    windows: WindowsPart | None = None
+    """Cut windows from the signals of the sensors."""

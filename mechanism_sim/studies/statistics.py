@@ -1,0 +1,128 @@
+"""Means of a machine: figures per revolution, with confidence intervals.
+
+Conclusions about chaotic runs are made from intervals: a single run has other figures on another
+processor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.numerics.batch_means import BATCHES, ratio
+from mechanism_sim.results.means import Mean
+from mechanism_sim.results.measure_text import Measure
+from mechanism_sim.results.measures import Measurement, per_turn
+from mechanism_sim.results.simulate import stream
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.scene import Machine
+from mechanism_sim.studies.columns import MEANS
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Means over the revolutions after those skipped; `I_n` is impulse per impact ([SB] 7.3)."""
+
+    revolutions: int
+    skipped: int
+    means: tuple[Mean, ...]
+    I_n: float
+    I_n_half_width: float
+    measures: tuple[Mean, ...] = ()
+
+
+class Tally:
+    """Figures of a run in n intervals of time, all loose joints together.
+
+    Parameters
+    ----------
+    edges : (n + 1,) ends of the intervals [s], rising
+
+    Attributes
+    ----------
+    table : (n, 5) impacts, sum of normal impulses [N s], losses of contact, time in flight [s],
+        energy dissipated by impacts, friction and dampers or taken by loads [J]; flight is the
+        mean over the loose joints, and a step counts where it begins
+    """
+
+    def __init__(self, edges: Array) -> None:
+        self.edges = edges
+        self.table = np.zeros((len(edges) - 1, len(MEANS) - 1))
+
+    def add(self, piece: Piece) -> None:
+        """Enter the piece that follows."""
+        motion, impacts = piece.motion, piece.impacts
+        for i, k in zip(impacts, self._intervals([i.t for i in impacts]), strict=True):
+            self.table[k, :2] += 1.0, i.normal_impulse
+            self.table[k, 4] += i.sudden_loss  # that of a touch is part of what its steps lose
+        lost = [
+            c.t
+            for c in piece.modes
+            if c.mode == Mode.FREE_FLIGHT and c.previous > Mode.FREE_FLIGHT
+        ]
+        np.add.at(self.table[:, 2], self._intervals(lost), 1.0)
+        k = self._intervals(motion.curve.start)
+        if motion.modes.shape[1]:
+            flying = (~motion.closed).mean(axis=1) * motion.curve.duration
+            np.add.at(self.table[:, 3], k, flying)
+        np.add.at(self.table[:, 4], k, piece.balance.work.friction)
+
+    def _intervals(self, t: Array | Sequence[float]) -> NDArray[np.intp]:
+        k = np.searchsorted(self.edges, np.asarray(t, dtype=float), side='right') - 1
+        return np.clip(k, 0, len(self.table) - 1)
+
+    def means(self, skip: int, turned: Array | None = None) -> list[Mean]:
+        """`MEANS` of the intervals after the first `skip`.
+
+        Parameters
+        ----------
+        turned : revolutions of the crank in each of these; one if not given
+        """
+        kept, width = self.table[skip:].T, np.diff(self.edges)[skip:]
+        turns = np.ones(len(width)) if turned is None else turned
+        sums, per = (*kept, kept[1]), (turns, turns, turns, width, turns, kept[0])
+        return [
+            Mean(figure.name, figure.unit, *ratio(x, n))
+            for figure, x, n in zip(MEANS, sums, per, strict=True)
+        ]
+
+
+def statistics(
+    machine: Machine,
+    revolutions: int = 200,
+    skip: int = 20,
+    progress: Callable[[float, int], None] | None = None,
+    measures: Sequence[Measure] = (),
+) -> Statistics:
+    """Figures per revolution of all loose joints together, and measures of every revolution.
+
+    The confidence intervals are those of 20 batch means: right if a batch is much longer than the
+    memory of the motion. Flight counts each loose joint by itself.
+    """
+    if machine.torque_driven or not machine.clearances or not np.isfinite(machine.period):
+        raise InputError(
+            f'{machine.name}: statistics need clearance and a crank at constant speed'
+        )
+    if skip < 0:
+        raise InputError(f'the revolutions to leave out must be at least 0, not {skip}')
+    if revolutions < skip + BATCHES:
+        raise InputError(
+            f'statistics need at least {BATCHES} revolutions more than the {skip} skipped'
+        )
+    T = machine.period
+    taken = Measurement(machine, per_turn(measures, skip)) if measures else None
+    tally = Tally(np.arange(revolutions + 1.0) * T)
+    observers = [tally.add, *([taken.add] if taken else [])]
+    stream(machine, duration=revolutions * T, progress=progress, observers=observers).finish()
+    *means, I_n = tally.means(skip)
+    own = tuple(
+        Mean(name, unit, *ratio(x, np.ones(len(x))))
+        for name, unit, x in (taken.found_each_turn() if taken else ())
+    )
+    return Statistics(revolutions, skip, tuple(means), I_n.mean, I_n.half_width, own)

@@ -1,0 +1,159 @@
+"""A whole sweep: what is missing is computed, what is computed is kept, the table comes last."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mechanism_sim import output, tables
+from mechanism_sim.errors import InputError
+from mechanism_sim.studies.journal import Journal, journal_of
+from mechanism_sim.studies.plan import Plan, Run
+from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.runs import Row, Show, Workers, has_failed
+
+if TYPE_CHECKING:
+    from mechanism_sim.studies.shards import Shard
+
+_LOST = 'the same command goes on from the finished runs, --workers 1 takes the least memory'
+
+
+@dataclass(frozen=True)
+class Summary:
+    """How a sweep went; `cpu_time` [s] is that of the runs computed now, over all workers."""
+
+    sweep: str
+    table: str
+    runs: int
+    failed: int
+    computed: int
+    kept: int
+    wall_time: float
+    cpu_time: float
+    windows: int = 0
+    windows_folder: str | None = None
+
+
+class SweepInterrupted(Exception):  # noqa: N818 - nothing went wrong
+    """SIGINT or SIGTERM ended a sweep; the text tells how to resume it."""
+
+
+def sweep(
+    plan: Plan,
+    table: Path,
+    workers: int | None = None,
+    dask: str | None = None,
+    bags: str | None = None,
+    windows: str | None = None,
+    restart: bool = False,
+    show: Show | None = None,
+) -> tuple[Summary, list[Row]]:
+    """Make the runs of a sweep that are not made yet, and write its table.
+
+    Parameters
+    ----------
+    table : file to write, whose ending says the format; the journal of finished runs is beside it
+    workers : processes, one for each core by default; or
+    dask : address of a scheduler
+    bags : folder for a bag of every run made now, which all workers reach under this name
+    windows : folder for the windows, if the sweep has some; likewise
+    restart : make all runs anew
+
+    Returns
+    -------
+    A summary, and the rows in the order of the plan
+
+    Raises
+    ------
+    SweepInterrupted
+        At SIGINT and SIGTERM.
+    """
+    tables.check_file('-o', table)
+    makers = Workers(workers, dask, apart=True, lost=_LOST)
+    began = time.perf_counter()
+    into = _window_folder(plan, table, windows, restart)
+    with Journal(table, plan.fingerprint, restart) as journal:
+        every = _tasks(plan, _bag_folder(plan, table, bags), into)
+        tasks = [task for task in every if not _is_complete(task, journal.rows.get(task.key))]
+        for task in tasks:  # one without its windows is made anew
+            journal.rows.pop(task.key, None)
+        try:
+            with makers:
+                makers.do(tasks, journal, show)
+        except KeyboardInterrupt:
+            raise SweepInterrupted(
+                f'interrupted after {len(journal.rows)} of {plan.size} runs, which are kept in '
+                f"'{journal.path}'; the same command goes on from there"
+            ) from None
+        rows = [journal.rows[run.key] for run in plan.runs]
+        plan.write(table, rows)
+    summary = Summary(
+        plan.name,
+        str(table),
+        len(rows),
+        sum(map(has_failed, rows)),
+        len(tasks),
+        len(every) - len(tasks),
+        time.perf_counter() - began,
+        journal.cpu,
+        sum(shard.count for task in every for shard in task.shards),
+        str(into) if into else None,
+    )
+    return summary, rows
+
+
+def _is_complete(task: Task, row: Row | None) -> bool:
+    """Whether a run need not be made: its row is known, and so are its windows if it has any."""
+    if row is None:
+        return False
+    return has_failed(row) or all(shard.file.exists() for shard in task.shards)
+
+
+def _tasks(plan: Plan, bags: Path | None, windows: Path | None) -> list[Task]:
+    """What is to be computed: a motion for all runs that differ in their sensors only."""
+    cut: dict[int, Shard] = {}
+    if windows:
+        from mechanism_sim.studies.shards import shards  # noqa: PLC0415 - pyarrow is slow to load
+
+        cut = shards(plan, windows)
+    sharing: dict[str, list[Run]] = {}
+    for run in plan.runs:
+        sharing.setdefault(run.key, []).append(run)
+    tasks = []
+    for key, (run, *others) in sharing.items():
+        bag = bags / f'{run.stem}.mcap' if bags else None
+        files = tuple(cut[r.index] for r in (run, *others)) if cut else ()
+        tasks.append(Task(key, run.name, run.scene, plan.extent, bag, files, run.measures))
+    return tasks
+
+
+def _bag_folder(plan: Plan, table: Path, bags: str | None) -> Path | None:
+    """Where runs are to be recorded, if they are."""
+    if not bags and not plan.bags:
+        return None
+    folder = Path(bags) if bags else table.with_suffix('.bags')
+    return output.make_folder(folder.resolve(), "the bags' folder ")
+
+
+def _window_folder(plan: Plan, table: Path, windows: str | None, restart: bool) -> Path | None:
+    """Where windows are to be written, if there are any; what is there of this sweep stays."""
+    if not plan.windows:
+        if windows:
+            raise InputError(f"--windows {windows}: the sweep has no key 'windows'")
+        return None
+    folder = Path(windows) if windows else table.with_suffix('.windows')
+    folder = output.make_folder(folder.resolve(), "the windows' folder ")
+    own = {f'{run.stem}.parquet' for run in plan.runs}
+    begun = restart or journal_of(table).exists()
+    there = sorted(folder.glob('*.parquet'))
+    for file in there:
+        if not begun or file.name not in own:
+            raise InputError(
+                f"'{file}' is not of this sweep, but readers of the folder would read it too: "
+                'choose another folder by --windows, or remove it'
+            )
+    for file in there if restart else ():
+        file.unlink()
+    return folder

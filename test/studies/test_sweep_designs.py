@@ -1,0 +1,301 @@
+"""Designs of sweeps, effects and tables, on a machine whose figures have closed forms.
+
+A bar turns about its end at speed w under its weight and a brake of 0.5 N m s/rad: its drive's
+torque is ``0.5 w + m g a cos(q)``, and the highest of it ``0.5 w + m g a``.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import scipy
+import yaml
+from running import ROOT
+
+from mechanism_sim import tables
+from mechanism_sim.cli import main
+from mechanism_sim.errors import InputError
+from mechanism_sim.studies.design import factor, points
+from mechanism_sim.studies.effects import effects, exceedances
+from mechanism_sim.studies.plan import read_plan
+from mechanism_sim.studies.sweep import sweep
+
+G, MASS = 9.81, 2.0
+SCENE = """
+title: A bar under its weight
+mechanism: linkage
+links: {bar: {mass: 2 kg, inertia: 0.05 kg m^2, cog: 250 mm}}
+joints: {O: {revolute: [ground, bar]}}
+gravity: [0, -9.81 m/s^2]
+drive: {coordinate: bar, speed: 12 rad/s}
+loads: {brake: {at: bar, torque: -0.5*bar_rate}}
+"""
+SWEEP = """
+scene: bar.yaml
+measures: {peak: highest(drive_torque)}
+revolutions: 1
+"""
+UNIFORM = 'vary: {drive.speed: [10 rad/s, 20 rad/s], links.bar.cog: [200 mm, 600 mm]}\n'
+
+pytestmark = pytest.mark.usefixtures('in_this_process')
+
+
+def plan_of(folder, text):
+    (folder / 'bar.yaml').write_text(SCENE, encoding='utf-8')
+    (folder / 'study.yaml').write_text(SWEEP + text, encoding='utf-8')
+    return read_plan(str(folder / 'study.yaml'))
+
+
+def made(folder, text, name='t.parquet'):
+    plan = plan_of(folder, text)
+    return plan, sweep(plan, folder / name)[1]
+
+
+def test_every_run_has_the_closed_form_as_its_measure(tmp_path):
+    plan, rows = made(tmp_path, UNIFORM + 'design: {samples: 5}\n')
+    for run, row in zip(plan.runs, rows, strict=True):
+        speed, arm = run.values['drive.speed'], run.values['links.bar.cog']
+        assert row['peak'] == pytest.approx(0.5 * speed + MASS * G * arm, rel=1e-10)
+        assert row['largest_torque.bar'] == pytest.approx(row['peak'], rel=1e-10)
+        assert row['largest_force.O'] == pytest.approx(
+            MASS * (G + speed**2 * arm), rel=1e-10
+        )  # at the bottom, where weight and centrifugal force add up
+    assert plan.units == {'drive.speed': 'rad/s', 'links.bar.cog': 'm'}
+
+
+def test_every_sensor_has_its_columns(tmp_path):
+    """It reads centrifugal acceleration and the part of the weight along the bar."""
+    end = '{link: bar, at: 500 mm, sample_rate: 10 kHz, axis: along, gravity: true}'
+    read = f'sensors: {{end: {end}}}\n'
+    (tmp_path / 'felt.yaml').write_text(SCENE + read, encoding='utf-8')
+    text = 'scene: felt.yaml\nrevolutions: 2\nmeasures: {known: rms(sensors.end)}\n'
+    (tmp_path / 's.yaml').write_text(
+        text + 'grid: {drive.speed: [10 rad/s, 20 rad/s]}\n', encoding='utf-8'
+    )
+    plan, said = read_plan(str(tmp_path / 's.yaml'), [], (counted := []).append), counted
+    assert said == ['0 of 2 runs', '1 of 2 runs']
+    units = {c.name: c.unit for c in plan.own}
+    assert units['largest(sensors.end)'] == 'm/s^2'
+    assert 'rms(sensors.end)' not in units  # asked for by another name
+    for speed, row in zip((10.0, 20.0), sweep(plan, tmp_path / 't.parquet')[1], strict=True):
+        felt = speed**2 * 0.5
+        assert row['known'] == pytest.approx(math.hypot(felt, G / math.sqrt(2.0)), rel=2e-3)
+        assert row['largest(sensors.end)'] == pytest.approx(felt + G, rel=2e-3)
+
+
+def test_a_latin_hypercube_has_one_sample_in_every_class():
+    factors = [factor('a', [0.0, 1.0]), factor('b', {'normal': [5.0, 2.0]})]
+    found = points(factors, 'latin_hypercube', 50, 7)
+    for one, column in zip(factors, found.T, strict=True):
+        classes = np.floor(50 * one.distribution.cdf(column)).astype(int)
+        assert sorted(classes.tolist()) == list(range(50))
+    assert np.array_equal(found, points(factors, 'latin_hypercube', 50, 7))
+    assert not np.array_equal(found, points(factors, 'latin_hypercube', 50, 8))
+
+
+@pytest.mark.parametrize('kind', ['sobol', 'latin_hypercube'])
+def test_designs_integrate_better_than_chance(kind):
+    """The mean of a smooth function over the cube, to well below ``1 / sqrt(n)``."""
+    factors = [factor(name, [0.0, 1.0]) for name in 'abc']
+    x = points(factors, kind, 256, 1)
+    assert np.exp(x).sum(axis=1).mean() == pytest.approx(3.0 * (math.e - 1.0), abs=0.01)
+
+
+def test_tolerances_are_three_standard_deviations_and_are_kept():
+    one = factor('links.bar.cog', '250 mm +- 3 mm')
+    x = points([one], 'random', 20_000, 1)[:, 0]
+    assert np.abs(x - 0.25).max() <= 0.003
+    inside = scipy.stats.truncnorm(-3, 3).std()
+    assert x.std() == pytest.approx(0.001 * inside, rel=0.03)
+    assert factor('x', '250 +- 3 mm').distribution.mean() == pytest.approx(0.25)
+
+
+def study(factors, kind, samples, figure, limits=None):
+    """A sweep whose figure is a function, and its rows."""
+    factors = [factor(name, given) for name, given in factors.items()]
+    x = points(factors, kind, samples, 1)
+    names = tuple(f.path for f in factors)
+    runs = [SimpleNamespace(values=dict(zip(names, row, strict=True))) for row in x.tolist()]
+    plan = SimpleNamespace(
+        measure_names=['y'], columns=names, runs=runs, factors=factors,
+        design=SimpleNamespace(kind=kind, samples=samples), limits=limits or {},
+    )  # fmt: skip
+    return plan, [{'y': figure(*row)} for row in x.tolist()]
+
+
+def test_indices_are_those_of_ishigamis_function():
+    """Their closed forms: Sobol and Levitan, Computer Physics Communications 117 (1999) 52-61."""
+    whole = [-math.pi, math.pi]
+    plan, rows = study(
+        dict.fromkeys('abc', whole), 'sobol_indices', 1024,
+        lambda a, b, c: math.sin(a) + 7.0 * math.sin(b) ** 2 + 0.1 * c**4 * math.sin(a),
+    )  # fmt: skip
+    parts = 0.5 * (1.0 + 0.1 * math.pi**4 / 5.0) ** 2, 49.0 / 8.0, 0.0
+    mixed = 0.01 * math.pi**8 * (1.0 / 18.0 - 1.0 / 50.0)
+    total = sum(parts) + mixed
+    both = parts[0] + mixed, parts[1], mixed
+    for one, first, whole in zip(effects(plan, rows), parts, both, strict=True):
+        assert one.first[0] == pytest.approx(first / total, abs=0.03)
+        assert one.total[0] == pytest.approx(whole / total, abs=0.03)
+        assert one.first[1] <= one.first[0] <= one.first[2]
+
+
+def test_main_effects_are_differences_of_means_and_shares_of_variance():
+    """Of ``3 a + b``, whose variance is nine parts of a and one of b; c does nothing."""
+    plan, rows = study(
+        {name: [0.0, 1.0] for name in 'abc'},
+        'latin_hypercube',
+        400,
+        lambda a, b, _: 3.0 * a + b,
+    )
+    a, b, c = effects(plan, rows)
+    classes = 1.0 - 1.0 / 8.0  # between the middles of the first and of the last class
+    assert a.effect == pytest.approx(3.0 * classes, rel=0.1)
+    assert a.share == pytest.approx(0.9, abs=0.03)
+    assert b.share == pytest.approx(0.1, abs=0.04)
+    assert c.share < 0.03
+    assert [level.runs for level in a.levels] == [50] * 8
+
+
+def test_levels_of_a_grid_are_its_values():
+    plan, rows = study({'a': [0.0, 1.0]}, 'random', 6, lambda a: a)
+    for k, run in enumerate(plan.runs):
+        run.values['a'] = ('seated', 'centred')[k % 2]
+        rows[k]['y'] = float(k % 2)
+    (found,) = effects(plan, rows)
+    assert {level.x: level.mean for level in found.levels} == {'seated': 0.0, 'centred': 1.0}
+    assert (found.effect, found.share) == (1.0, 1.0)
+
+
+def test_the_share_beyond_a_limit_is_that_of_the_distribution():
+    """One machine in six is beyond one standard deviation."""
+    normal = {'a': {'normal': [5.0, 2.0]}}
+    (found,) = exceedances(*study(normal, 'latin_hypercube', 400, lambda a: a, {'y': 7.0}))
+    assert found.share == pytest.approx(scipy.stats.norm.sf(1.0), abs=0.003)  # in classes
+    assert found.low < scipy.stats.norm.sf(1.0) < found.high
+
+
+def read(file):
+    """Columns of a table by name and their units, by readers of others."""
+    if file.suffix == '.parquet':
+        table = pq.read_table(file)
+        units = {f.name: (f.metadata or {}).get(b'unit', b'').decode() for f in table.schema}
+        return {n: table[n].to_pylist() for n in table.column_names}, units
+    if file.suffix == '.csv':
+        with file.open(encoding='utf-8', newline='') as lines:
+            head, *rows = csv.reader(lines)
+    elif file.suffix == '.xlsx':
+        openpyxl = pytest.importorskip('openpyxl')
+        head, *rows = openpyxl.load_workbook(file)['table'].iter_rows(values_only=True)
+    else:
+        data = scipy.io.loadmat(file, squeeze_me=True, simplify_cells=True)
+        names = data['names']
+        return {names[k]: data[k] for k in names}, {names[k]: data['units'][k] for k in names}
+    names = [h.partition(' [')[0] for h in head]
+    units = {n: h.partition(' [')[2].rstrip(']') for n, h in zip(names, head, strict=True)}
+    return dict(zip(names, zip(*rows, strict=True), strict=True)), units
+
+
+@pytest.mark.parametrize('ending', ['.parquet', '.csv', '.xlsx', '.mat'])
+def test_tables_say_units_in_every_format(tmp_path, ending):
+    if ending == '.xlsx':
+        pytest.importorskip('openpyxl')
+    text = 'grid: {drive.speed: [600 rpm, 20 rad/s]}\n'
+    _, rows = made(tmp_path, text, f't{ending}')
+    columns, units = read(tmp_path / f't{ending}')
+    assert [float(x) for x in columns['peak']] == pytest.approx([row['peak'] for row in rows])
+    assert [float(x) for x in columns['drive.speed']] == pytest.approx([20.0 * math.pi, 20.0])
+    assert list(columns['status']) == ['done', 'done']
+    assert units['peak'] == 'N m'
+    assert units['drive.speed'] == 'rad/s'
+    assert units['largest_force.O'] == 'N'
+
+
+def test_a_table_without_its_library_is_refused_before_anything_runs(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'openpyxl', None)
+    with pytest.raises(InputError, match=r'openpyxl.*mechanism_sim\[tables\]'):
+        sweep(plan_of(tmp_path, UNIFORM), tmp_path / 't.xlsx')
+    assert not list(tmp_path.glob('t.*'))
+
+
+def test_names_of_matlab_are_unique_and_short():
+    names = ['a.b', 'a_b', '2 x', 'units', 'x' * 80, 'x' * 81]
+    found = tables._identifiers(names)
+    assert len(set(found)) == len(names)
+    assert all(name.isidentifier() and len(name) <= 63 for name in found)
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('vary: {drive.speed: 3}', 'is no distribution'),
+        ('vary: {drive.speed: {cauchy: [1, 2]}}', 'is no distribution'),
+        ('vary: {drive.speed: [20 rad/s, 10 rad/s]}', 'must rise'),
+        ('vary: {drive.speed: [1 rad/s, 2 mm]}', 'mixes units'),
+        ('vary: {drive.speed: {normal: [1, 0]}}', 'must be positive'),
+        ('vary: {links.bar.cog: 3 mm +- x}', 'is not a number with a unit'),
+        ('vary: {links.bar.cg: [1 mm, 2 mm]}', "did you mean 'cog'"),
+        ('vary: {drive.speed: [1, 2]}\nset: {drive.speed: 1}', "both 'set' and 'vary'"),
+        ('vary: {drive.speed: [1, 2]}\ndesign: {kind: lhs}', 'latin_hypercube'),
+        ('vary: {drive.speed: [1, 2]}\ndesign: {kind: sobol_indices, samples: 9}', 'power of 2'),
+        ('design: {samples: 9}', "needs 'vary'"),
+        ('limits: {peek: 3 N m}', "did you mean 'peak'"),
+        ('limits: {peak: 3 N}', "not a unit of 'N m'"),
+    ],
+)
+def test_bad_designs_are_refused_in_one_sentence(tmp_path, text, said):
+    with pytest.raises(InputError, match=said) as refused:
+        plan_of(tmp_path, text)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_measures_that_cannot_be_are_refused_before_anything_runs(tmp_path):
+    (tmp_path / 'bar.yaml').write_text(SCENE, encoding='utf-8')
+    for measure, said in (
+        ('impacts = mean(drive_torque)', 'is there already'),
+        ('mean(drive_torqe)', "did you mean 'drive_torque'"),
+        ('peak = mean(drive_torque)', 'is there already'),
+    ):
+        (tmp_path / 'study.yaml').write_text(SWEEP + UNIFORM, encoding='utf-8')
+        with pytest.raises(InputError, match=said):
+            read_plan(str(tmp_path / 'study.yaml'), [measure])
+
+
+@pytest.mark.slow
+def test_the_command_prints_effects_and_draws_them(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plan_of(tmp_path, UNIFORM + 'design: {samples: 12}\nlimits: {peak: 15 N m}\n')
+    asked = ['sweep', 'study.yaml', '-o', 't.csv']
+    with pytest.raises(SystemExit):
+        main([*asked, '--effects', 'e.svg'])
+    said = capsys.readouterr().out
+    assert 'main effects' in said
+    assert 'peak > 15 N m: ' in said
+    assert 'links.bar.cog  peak  N m' in said
+    with pytest.raises(SystemExit):
+        main([*asked, '--json'])
+    found = json.loads(capsys.readouterr().out)
+    assert found['units']['peak'] == 'N m'
+    assert {e['factor'] for e in found['effects']} == {'drive.speed', 'links.bar.cog'}
+    assert (tmp_path / 'e.svg').stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_the_sweep_of_the_tutorial_is_the_one_of_the_package():
+    text = (ROOT / 'docs' / 'tutorial.md').read_text(encoding='utf-8')
+    shown = yaml.safe_load(text.partition('```yaml\n')[2].partition('```')[0])
+    kept = yaml.safe_load((ROOT / 'config' / 'sweeps' / 'press_tolerances.yaml').read_text())
+    assert shown == {k: v for k, v in kept.items() if k not in ('title', 'description')}
+    plan = read_plan('press_tolerances')
+    assert plan.size == 200
+    assert plan.limits == {'ram_peak': 400e3}
+    radial = np.array([r.values['joints.ram_pin.clearance.radial'] for r in plan.runs])
+    assert np.abs(radial - 50e-6).max() <= 30e-6
+    assert radial.std() == pytest.approx(9.87e-6, rel=0.02)
