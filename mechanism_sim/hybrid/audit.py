@@ -46,6 +46,12 @@ _CONDITIONED = 1e-11
 """Of the kinetic energy: near singular positions a torque that is zero is known no better."""
 
 
+_STEP_ERROR = 1e-13
+"""[1/s] Of rates, in a step of usual tolerance: it refers to one radian a second at least.
+
+So what is far slower knows its kinetic energy no better.
+"""
+
 PROMISED = 1e-9
 """Of what was exchanged: what works may be off without a word about it."""
 
@@ -122,6 +128,7 @@ class Audit:
         self._exchanged = self._swing = self._error = 0.0  # [J] by powers, by energies
         self._size = [0.0, 0.0]  # [J] largest kinetic and potential energy
         self._segments = 0
+        self._fastest = 0.0  # rate of any coordinate where a segment begins [rad/s, m/s]
         self._initial: float | None = None
         self._end: tuple[Motion, float] | None = None  # and what impacts make there [J]
         self._final: float | None = None  # [J] there, once it has been asked for
@@ -139,6 +146,7 @@ class Audit:
         # every segment rounds the state that the next one begins with
         size = sum(self._size) + self._physics.lifting_energy
         rounding = _EPSILON * size * (_EVALUATED + self._segments) + _CONDITIONED * self._size[0]
+        rounding += self._size[0] * min(1.0, 2.0 * _STEP_ERROR / max(self._fastest, 1e-300))
         return Energy(
             self._initial,
             self._final,
@@ -172,6 +180,8 @@ class Audit:
         self._exchanged += float(np.abs(struck).sum())
         self._error += float(work.error.sum())
         self._segments += len(motion)
+        rates = np.abs(motion.curve.coefficients[:, :, 1])
+        self._fastest = max(self._fastest, float(rates.max(initial=0.0)))
         return work
 
     def judge(self, tolerance: float) -> None:

@@ -17,6 +17,7 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid import audit
 from mechanism_sim.hybrid.audit import PROMISED, Audit, Energy
 from mechanism_sim.numerics import quadrature
+from test.grid.run import grid
 
 
 def heavy_pendulum(height=0.0, angle=0.0):
@@ -220,3 +221,17 @@ def test_loads_that_are_not_steep_are_accounted_with_the_drive(name):
     duration = min(machine.scene.duration or np.inf, 0.1 * machine.period, 0.05)
     assert ms.simulate(machine, duration=duration).energy.exchanged >= 0.0
     assert bool(asked) is (steep and machine.physics.takes_power)
+
+
+def test_what_hardly_moves_knows_its_energy_as_a_step_does():
+    """Without weight, drive or speed: 1e-33 J of kinetic energy came and went by roundings."""
+    (case,) = grid(only=['four_bar_ideal_047'])
+    machine = made(case.draft().scene, case.name)
+    solution = ms.simulate(machine, duration=1.0)
+    assert np.abs(solution.motion.curve.coefficients[:, :, 1]).max() < 1e-14
+    assert solution.energy.share == 0.0
+    slow = machine.scene.model_dump(by_alias=True, exclude_unset=True)
+    for speed in (1e-12, 1e-9, 1e-6, 1e-3):
+        slow['drive']['speed'] = speed
+        moving = ms.simulate(made(slow), duration=1.0).energy
+        assert moving.rounding < 3e-13 / speed * moving.initial + 2e-11 * moving.initial
