@@ -257,7 +257,7 @@ def test_a_chart_is_saved_as_pictures_and_as_its_numbers(browser, pages, tmp_pat
     assert files['CSV'].name.startswith('four_bar_clearance_')
     with files['CSV'].open(newline='', encoding='utf-8') as lines:
         heading, *rows = csv.reader(lines)
-    assert heading[:2] == ['time [s]', 'gap coupler_rocker: gap [mm]']
+    assert heading[:2] == ['time [s]', 'coupler_rocker: gap [mm]']
     t, gap = np.array([row[:2] for row in rows if row[0]], float).T
     run = simulated('four_bar_clearance', revolutions=2)
     exact = 1e3 * run.piece.sample(t)['gap.coupler_rocker']
