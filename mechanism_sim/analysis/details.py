@@ -50,7 +50,7 @@ class Wanted:
     pin_radius: float | None = None
 
     def __bool__(self) -> bool:
-        """Whether anything is named."""
+        """True if anything is named."""
         return any(
             (self.spectra, self.orders, self.envelopes, self.averages, self.impacts, self.wear,
              self.deviations)

@@ -120,7 +120,7 @@ class Record:
 
     @property
     def slides(self) -> bool:
-        """Whether the main drive moves straight, so that it makes no turns."""
+        """True if the main drive moves straight, so that it makes no turns."""
         return self.machine.main in self.machine.physics.displacements
 
     @cached_property
@@ -174,7 +174,7 @@ class Record:
 
     @property
     def has_turns(self) -> bool:
-        """Whether the run has a whole turn of a drive that turns one way only."""
+        """True if the run has a whole turn of a drive that turns one way only."""
         if self.slides:
             return False
         first, last = self.turns

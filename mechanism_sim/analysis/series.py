@@ -141,7 +141,7 @@ class _Collector:
 
 
 def _sampled(path: MessagePath, message: Any) -> bool:
-    """Whether a path leads to all samples of a block."""
+    """True if a path leads to all samples of a block."""
     rest = path.steps[1:]
     whole = all(isinstance(s, Items) and s == Items(None, None) for s in rest)
     return len(path.fields) == 1 and whole and getattr(message, 'sample_rate', 0.0) > 0.0 and (

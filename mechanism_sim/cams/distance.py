@@ -56,12 +56,12 @@ class Distance:
 
     @property
     def swings(self) -> bool:
-        """Whether the follower's place is an angle."""
+        """True if the follower's place is an angle."""
         return isinstance(self.cam.follower, Oscillating | OscillatingFlat)
 
     @property
     def slides(self) -> bool:
-        """Whether the cam does."""
+        """True if the cam does."""
         return self.cam.law.reciprocating
 
     @property

@@ -71,12 +71,12 @@ class Belt(Transmission):
 
     @property
     def elastic(self) -> bool:
-        """Whether its strands give way, or it slips."""
+        """True if its strands give way, or it slips."""
         return self.stiffness > 0.0 or self.slips
 
     @property
     def slips(self) -> bool:
-        """Whether friction alone holds it."""
+        """True if friction alone holds it."""
         return self.friction is not None
 
     @property

@@ -110,7 +110,7 @@ class WormPair:
         return math.cos(self.pressure_angle) * math.tan(self.lead_angle)
 
     def self_locking(self, friction: float) -> bool:
-        """Whether the wheel cannot drive the worm."""
+        """True if the wheel cannot drive the worm."""
         return friction >= self.locking_friction
 
     def forces(

@@ -152,7 +152,7 @@ class Gear:
 
     @property
     def undercut(self) -> bool:
-        """Whether the rack cuts a part of the involutes away."""
+        """True if the rack cuts a part of the involutes away."""
         return not self.internal and self.shift < self.least_shift - 1e-12
 
     @property

@@ -46,7 +46,7 @@ class GearMesh(PlacedMesh):
 
     @property
     def elastic(self) -> bool:
-        """Whether its teeth give way."""
+        """True if its teeth give way."""
         return self.elasticity is not None
 
     def elements(self, mechanism: Mechanism) -> list[ForceElement]:

@@ -105,7 +105,7 @@ class Pair:
 
     @property
     def _tips_meet(self) -> bool:
-        """Whether a tip of the pinion leaves an internal wheel through the tip of a tooth.
+        """True if a tip of the pinion leaves an internal wheel through the tip of a tooth.
 
         Followed from the pitch point on: there the flanks touch, and turned until the pinion's
         corner is where the tip circles cross, it must not have overtaken the wheel's corner.

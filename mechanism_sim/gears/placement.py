@@ -83,5 +83,5 @@ class PlacedMesh(HigherPair):
         return -1.0 if min(teeth) < 0.0 else 1.0
 
     def is_rack(self, link: str) -> bool:
-        """Whether one of its links is a rack."""
+        """True if one of its links is a rack."""
         return self.guide is not None and self.guide.second == link

@@ -59,7 +59,7 @@ class Spring(_Element):
 
     @property
     def directed(self) -> bool:
-        """Whether its force needs a direction where its ends meet."""
+        """True if its force needs a direction where its ends meet."""
         return bool(self.free_length or self.damping)
 
     def length(self, q: Array) -> Array:

@@ -73,7 +73,7 @@ def classify(lengths: ArrayLike) -> NDArray[np.str_]:
 
 
 def full_turns(lengths: ArrayLike) -> NDArray[np.bool_]:
-    """Whether crank, coupler and rocker make full turns against the ground, (3, ...).
+    """True if crank, coupler and rocker make full turns against the ground, (3, ...).
 
     The shortest link of a Grashof linkage turns fully against all others, which only swing
     against one another. A change point does not count: there the linkage may go on either way,
@@ -112,7 +112,7 @@ def limits(fixed: ArrayLike, turning: ArrayLike, near: ArrayLike, far: ArrayLike
 
 
 def crank_turns(linkage: FourBar) -> bool:
-    """Whether the crank can make a full turn; at a change point it does not count."""
+    """True if the crank can make a full turn; at a change point it does not count."""
     return bool(full_turns(linkage.lengths)[0])
 
 

@@ -154,7 +154,7 @@ class LinkageMotion:
         return q, None
 
     def _stays(self, q: Array) -> bool:
-        """Whether positions (n, N) come neither nearer to a singular one nor farther by an octave.
+        """True if positions (n, N) come neither nearer to a singular one nor farther by an octave.
 
         A branch is looked for once in each: beside positions that are only nearly singular there
         is none, however many pieces the motion has there.
@@ -163,7 +163,7 @@ class LinkageMotion:
         return bool((octave == octave[0]).all())
 
     def _continues(self, last: Array, q: Array, way: Array) -> bool:
-        """Whether the first of positions (n, N) lies in the direction of the last one's motion.
+        """True if the first of positions (n, N) lies in the direction of the last one's motion.
 
         Newton's method may find another branch than that on which it came.
         """

@@ -86,7 +86,7 @@ class Geneva(HigherPair):
     charts: ClassVar[Mapping[str, tuple[str, ...]]] = DRIVEN
 
     def reading(self, view: View) -> GenevaReading:
-        """Whether the pin drives, both motions and forces."""
+        """True if the pin drives, both motions and forces."""
         return read_wheel(self, view)
 
     def draw(self, draft: Draft) -> None:
@@ -146,7 +146,7 @@ class SlottedRack(HigherPair):
     charts: ClassVar[Mapping[str, tuple[str, ...]]] = DRIVEN
 
     def reading(self, view: View) -> GenevaReading:
-        """Whether the pin drives, both motions and forces."""
+        """True if the pin drives, both motions and forces."""
         return read_rack(self, view)
 
     def draw(self, draft: Draft) -> None:

@@ -264,7 +264,7 @@ class NominalRun:
         self._last -= TWO_PI * whole
 
     def _is_exact(self, values: Array, terms: Array, slope: Array | None) -> bool:
-        """Whether polynomials through values (n, m), of Chebyshev terms (m, n), are the motion."""
+        """True if polynomials through values (n, m), of Chebyshev terms (m, n), are the motion."""
         # a displacement without bounds rounds by its size, a rack's after many turns
         size = _EPS * np.abs(values).max(axis=1) / self._scale
         tail = (terms[-2:] - _ROUNDED * size).max()
@@ -689,17 +689,17 @@ class NominalPhysics:
 
     @property
     def takes_power(self) -> bool:
-        """Whether springs, dampers or loads take any power."""
+        """True if springs, dampers or loads take any power."""
         return self._forces is not None and self._forces.takes_power
 
     @property
     def corners(self) -> bool:
-        """Whether joints rub: what presses may change its side within a segment."""
+        """True if joints rub: what presses may change its side within a segment."""
         return self._forces is not None and self._forces.loses_more
 
     @property
     def steep(self) -> bool:
-        """Whether loads may be steep within a segment, or friction may jump."""
+        """True if loads may be steep within a segment, or friction may jump."""
         forces = self._forces
         return forces is not None and (forces.loses_more or forces.steep is not None)
 

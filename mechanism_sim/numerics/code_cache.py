@@ -62,7 +62,7 @@ def folder() -> Path | None:
 
 
 def belongs_to_nobody_else(path: Path) -> bool:
-    """Whether only this user and the system can change what a folder holds, or put another there.
+    """True if only this user and the system can change what a folder holds, or put another there.
 
     Above it, folders in which all may write must be sticky, as /tmp is: there nobody can rename
     what is not his.
@@ -84,7 +84,7 @@ def _is_open_to_others(path: Path) -> bool:
 
 
 def _is_shared(found: os.stat_result) -> bool:
-    """Whether others may write; a group of which nobody else is a member is no other."""
+    """True if others may write; a group of which nobody else is a member is no other."""
     if found.st_mode & stat.S_IWOTH:
         return True
     return bool(found.st_mode & stat.S_IWGRP) and not _is_private(found.st_gid)
@@ -92,7 +92,7 @@ def _is_shared(found: os.stat_result) -> bool:
 
 @cache
 def _is_private(group: int) -> bool:
-    """Whether a group is that of this user alone, as most systems make one for each."""
+    """True if a group is that of this user alone, as most systems make one for each."""
     import grp  # noqa: PLC0415
     import pwd  # noqa: PLC0415
 
@@ -105,7 +105,7 @@ def _is_private(group: int) -> bool:
 
 
 def has_room(path: Path) -> bool:
-    """Whether something new can be kept in a folder."""
+    """True if something new can be kept in a folder."""
     with suppress(OSError):
         return os.access(path, os.W_OK) and shutil.disk_usage(path).free > _ROOM
     return False

@@ -145,7 +145,7 @@ def _leaving(T: Array, column: int, basic: Indices, place: Indices, first: Indic
 
 @kernel
 def _before(T: Array, column: int, place: Indices, first: Indices, i: int, k: int) -> bool:
-    """Whether row i of the inverse basis over its pivot is lexicographically less than row k."""
+    """True if row i of the inverse basis over its pivot is lexicographically less than row k."""
     n = len(T)
     for j in range(n):
         at = place[first[j]]
@@ -490,7 +490,7 @@ def _holds(
     x: Array,
     grips: Indices,
 ) -> bool:
-    """Whether x obeys the laws of all contacts to rounding; then it does so exactly."""
+    """True if x obeys the laws of all contacts to rounding; then it does so exactly."""
     m = len(friction)
     most = largest(x)
     slack = _EXACT * most

@@ -151,7 +151,7 @@ def _folder() -> Path | None:
 
 @cache
 def _is_kept() -> bool:
-    """Whether the code can be kept on disk."""
+    """True if the code can be kept on disk."""
     folder = _folder()
     if folder is None:
         return False

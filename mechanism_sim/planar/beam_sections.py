@@ -77,7 +77,7 @@ class Taper:
 
     @property
     def even(self) -> bool:
-        """Whether it does not taper at all."""
+        """True if it does not taper at all."""
         _, starts, ends = self._intervals
         return bool((starts == starts[0]).all() and (ends == starts[0]).all())
 

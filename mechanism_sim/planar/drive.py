@@ -34,7 +34,7 @@ class DriveLaw:
         return len(self.coefficients) - 1
 
     def continues(self, before: DriveLaw) -> bool:
-        """Whether angle and speed go on without a jump where this law takes over."""
+        """True if angle and speed go on without a jump where this law takes over."""
         at = Fraction(self.valid_from)
         (turns, old), (others, new) = before.about(at), self.about(at)
         angle = (others - turns) * float(TWO_PI) + new[0] - old[0]

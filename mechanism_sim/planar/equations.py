@@ -233,7 +233,7 @@ class _Beams:
             self.energy, self.loss = add(self.energy, found.energy), add(self.loss, found.loss)
 
     def counts(self, coordinates: Iterable[str], a: _Vector, b: _Vector) -> bool:
-        """Whether a term of the equation of the first of `coordinates` is kept.
+        """True if a term of the equation of the first of `coordinates` is kept.
 
         Kinetic energy is taken up to the second order in elastic coordinates and their rates.
         """

@@ -77,7 +77,7 @@ class NoLimit(NamedTuple):
     loads: tuple[str, ...] = ()  #: which do no work there, so that their sizes are not determined
 
     def is_at(self, t: float) -> bool:
-        """Whether it is at a time but for rounding."""
+        """True if it is at a time but for rounding."""
         return abs(self.t - t) <= 1e-9 * max(abs(t), 1e-3)
 
 
@@ -170,12 +170,12 @@ class InverseDynamics:
 
     @property
     def takes_power(self) -> bool:
-        """Whether springs, dampers or loads take any power."""
+        """True if springs, dampers or loads take any power."""
         return self._taken is not None
 
     @property
     def loses_more(self) -> bool:
-        """Whether friction in joints, or loads whose sizes follow, take power beside these."""
+        """True if friction in joints, or loads whose sizes follow, take power beside these."""
         return bool(self._rubs or self.unknowns.sizes)
 
     @cached_property

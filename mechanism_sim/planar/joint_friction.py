@@ -218,7 +218,7 @@ class LineFriction(JointFriction):
 
     @cached_property
     def _guided(self) -> bool:
-        """Whether the line belongs to the first-named link; that of a slot to the second."""
+        """True if the line belongs to the first-named link; that of a slot to the second."""
         return isinstance(self.joint, Prismatic)
 
     def _direction(self, frames: Frames, angle: float, what: str) -> tuple[Jet, Jet]:

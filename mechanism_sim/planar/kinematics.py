@@ -119,7 +119,7 @@ class Kinematics:
         return values.T, slopes.reshape(-1, n, count).transpose(2, 0, 1)
 
     def faces(self, q: Array) -> NDArray[np.bool_]:
-        """Whether (N,) closed loops are none that close half a turn, or half a slot, off."""
+        """True if (N,) closed loops are none that close half a turn, or half a slot, off."""
         facing = self._closures.facing
         return facing(q)[0].min(axis=0) > 0.0 if facing else np.ones(q.shape[1], bool)
 
@@ -194,7 +194,7 @@ class Kinematics:
         return np.asarray(np.linalg.svd(A, compute_uv=False).min(axis=1, initial=1.0))
 
     def nearly_singular(self, q: Array, below: float) -> NDArray[np.bool_]:
-        """Whether (N,) their `independence` is below a bound.
+        """True if (N,) their `independence` is below a bound.
 
         The squares of all singular values add up to their number: if one of them is s, their
         product is at most s sqrt(e). That is quicker to know.

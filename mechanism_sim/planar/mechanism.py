@@ -131,12 +131,12 @@ class HigherPair(Connection, ABC):
 
     @property
     def elastic(self) -> bool:
-        """Whether it has forces of its own, `elements`, instead of a closure and walls."""
+        """True if it has forces of its own, `elements`, instead of a closure and walls."""
         return False
 
     @property
     def slips(self) -> bool:
-        """Whether that is because friction alone holds it."""
+        """True if that is because friction alone holds it."""
         return False
 
     @property
@@ -149,7 +149,7 @@ class HigherPair(Connection, ABC):
         """The relation that keeps it closed."""
 
     def bears(self, link: str) -> bool:
-        """Whether one of its links may be elastic: then it asks for points and cross-sections."""
+        """True if one of its links may be elastic: then it asks for points and cross-sections."""
         return False
 
     def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Rubbing:
@@ -191,7 +191,7 @@ class HigherPair(Connection, ABC):
         raise NotImplementedError(f'{self.name} has no readings')
 
     def slides(self, link: str, mechanism: Mechanism) -> bool:
-        """Whether readings of one of its links are displacements, not angles."""
+        """True if readings of one of its links are displacements, not angles."""
         return link in mechanism.sliding
 
     @property

@@ -137,7 +137,7 @@ def end_name(mechanism: Mechanism, joint: Revolute, end: str) -> str:
 
 
 def is_stop(gap: str) -> bool:
-    """Whether a gap of a bearing is one along its axis."""
+    """True if a gap of a bearing is one along its axis."""
     return gap.endswith(STOPS)
 
 

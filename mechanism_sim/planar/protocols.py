@@ -71,7 +71,7 @@ class Directed(ForceElement, Protocol):
 
     @property
     def directed(self) -> bool:
-        """Whether the points must not meet."""
+        """True if the points must not meet."""
 
     def length(self, q: Array) -> Array:
         """Of the line (N,) [m] at coordinates q (n, N)."""

@@ -181,7 +181,7 @@ def _interpolant(count: int, places: bytes) -> Array:
 
 
 def _is_of_formula(name: str, loads: set[str]) -> bool:
-    """Whether a switch is a flag or a table of a formula, by its name."""
+    """True if a switch is a flag or a table of a formula, by its name."""
     load, *parts = name.split('.')
     while parts and load not in loads:
         load = f'{load}.{parts.pop(0)}'

@@ -207,7 +207,7 @@ class Table:
 
     @property
     def bounded(self) -> bool:
-        """Whether there are places where no row holds."""
+        """True if there are places where no row holds."""
         return not (self._periodic or self._endless)
 
     def check(self, places: Array) -> None:

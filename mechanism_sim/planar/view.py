@@ -64,7 +64,7 @@ class Told:
 
     @property
     def is_force(self) -> bool:
-        """Whether it is known only where masses are."""
+        """True if it is known only where masses are."""
         return self.units[-1] == 'N'
 
 
@@ -181,4 +181,4 @@ class Draft(Protocol):
         """A line of a link, as long as what runs (2, N) on it, in the link's frame, needs."""
 
     def first(self, name: str) -> bool:
-        """Whether nothing of that name has been drawn yet."""
+        """True if nothing of that name has been drawn yet."""

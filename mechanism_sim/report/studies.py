@@ -162,7 +162,7 @@ def finding_chart(finding: Finding, title: str) -> Chart:
 
 
 def unlike(found: Result) -> bool:
-    """Whether hardly any simulation is as far from what is expected as the signal is."""
+    """True if hardly any simulation is as far from what is expected as the signal is."""
     return found.likeness < _UNLIKE
 
 

@@ -61,7 +61,7 @@ class Catalogue(Mapping[str, Quantity]):
         return [name for name, quantity in self._known.items() if quantity.shown >= least]
 
     def is_component(self, name: str) -> bool:
-        """Whether it is part of a vector of which the catalogue has the size, too."""
+        """True if it is part of a vector of which the catalogue has the size, too."""
         found = self._known[name]
         whole = name.removesuffix(f'.{found.part}')
         return found.part in ('x', 'y') and f'{whole}.size' in self._known

@@ -397,7 +397,7 @@ def instant(
 
 
 def is_steady(machine: Machine) -> bool:
-    """Whether the main drive turns at constant speed, so that there is a period.
+    """True if the main drive turns at constant speed, so that there is a period.
 
     Other drives rest, or turn whole turns in each of its turns.
     """
@@ -416,7 +416,7 @@ def is_steady(machine: Machine) -> bool:
 
 
 def _is_load(name: str) -> bool:
-    """Whether a column is the size of a force, or of a drive's effort."""
+    """True if a column is the size of a force, or of a drive's effort."""
     kind = name.partition('.')[0]
     sized = kind in ('reaction', 'shaking_force', 'bearing_force') and name.endswith('.size')
     return sized or kind in ('normal_force', 'drive_torque')

@@ -79,7 +79,7 @@ class Figure:
 
     @property
     def of_events(self) -> bool:
-        """Whether it is of events or samples."""
+        """True if it is of events or samples."""
         return any(name.partition('.')[0] in SERIES for name in self.names)
 
     @cached_property

@@ -65,7 +65,7 @@ class Quantity:
 
     @property
     def has_extremes(self) -> bool:
-        """Whether its least and greatest values make sense."""
+        """True if its least and greatest values make sense."""
         return not self.counted and self.part != 'direction'
 
 

@@ -67,7 +67,7 @@ class Extremes:
 
     @property
     def constant(self) -> bool:
-        """Whether they differ by rounding only."""
+        """True if they differ by rounding only."""
         return self.greatest.value - self.least.value <= self.rounding
 
 

@@ -42,7 +42,7 @@ class SensorRecord:
 
     @property
     def steady(self) -> bool:
-        """Whether the main drive has one speed."""
+        """True if the main drive has one speed."""
         return len(self.machine.laws) == 1 and not self.machine.torque_driven
 
     @property

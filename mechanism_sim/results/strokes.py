@@ -82,7 +82,7 @@ class Swing:
 
     @property
     def comes_back(self) -> bool:
-        """Whether it goes to and fro in each period."""
+        """True if it goes to and fro in each period."""
         return self.period is not None and abs(self.gained) <= _REPEATS * self.size
 
     @property

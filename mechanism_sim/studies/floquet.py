@@ -112,7 +112,7 @@ class Turns:
 
 
 def applies(machine: Machine) -> bool:
-    """Whether a torque turns the main drive of a machine whose joints are ideal."""
+    """True if a torque turns the main drive of a machine whose joints are ideal."""
     plan = machine.plan
     return (
         machine.scene.drive is not None

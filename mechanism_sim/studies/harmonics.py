@@ -378,7 +378,7 @@ class _Excitation:
     def _hidden(
         self, steep: SteepLoads, scales: Array, begin: Array, width: Array
     ) -> NDArray[np.bool_]:
-        """Whether a formula may go beyond its samples in parts (N,) of the period."""
+        """True if a formula may go beyond its samples in parts (N,) of the period."""
         t = begin[:, None] + width[:, None] * _SAMPLES
         q, v, _ = self._motion(t.ravel())
         rows = [(q, v)[d][i].reshape(t.shape) for d, i in steep.moving]

@@ -67,7 +67,7 @@ class Estimate:
 
     @property
     def identified(self) -> bool:
-        """Whether the signal narrows its range to less than half."""
+        """True if the signal narrows its range to less than half."""
         return self.share < 0.5
 
 

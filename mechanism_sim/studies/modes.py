@@ -65,7 +65,7 @@ class Roots(tuple[complex, ...]):
 
     @property
     def oscillates(self) -> bool:
-        """Whether the motion goes to and fro."""
+        """True if the motion goes to and fro."""
         return bool(self[0].imag)
 
     @property
@@ -113,7 +113,7 @@ class Mode:
 
     @property
     def oscillates(self) -> bool:
-        """Whether it goes to and fro."""
+        """True if it goes to and fro."""
         return self.roots.oscillates
 
     @property

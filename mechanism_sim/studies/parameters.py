@@ -38,7 +38,7 @@ class Parameter:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether ratios matter and not differences: where the limits are far apart."""
+        """True if ratios matter and not differences: where the limits are far apart."""
         return self.low > 0.0 and self.high >= 3.0 * self.low and self.name != 'restitution'
 
     def to_scale(self, value: float) -> float:

@@ -47,7 +47,7 @@ class Response:
 
     @property
     def stable(self) -> bool | None:
-        """Whether small changes die out; None if a multiplier is 1 but for its error."""
+        """True if small changes die out; None if a multiplier is 1 but for its error."""
         largest = max(map(abs, self.multipliers), default=0.0)
         return None if abs(largest - 1.0) <= self.spread else largest < 1.0
 

@@ -97,7 +97,7 @@ def compute(task: Task) -> RunResult:
 
 
 def has_failed(row: Row) -> bool:
-    """Whether a row is that of a run that failed."""
+    """True if a row is that of a run that failed."""
     return bool(row['status'] != DONE)
 
 

@@ -223,7 +223,7 @@ class _Sensor:
 
     @property
     def done(self) -> bool:
-        """Whether there are as many windows as are wanted."""
+        """True if there are as many windows as are wanted."""
         return self.count >= self._most
 
     def windows(self, final: bool) -> Iterator[tuple[float, np.ndarray[Any, Any]]]:

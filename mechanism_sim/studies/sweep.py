@@ -105,7 +105,7 @@ def sweep(
 
 
 def _is_complete(task: Task, row: Row | None) -> bool:
-    """Whether a run need not be made: its row is known, and so are its windows if it has any."""
+    """True if a run need not be made: its row is known, and so are its windows if it has any."""
     if row is None:
         return False
     return has_failed(row) or all(shard.file.exists() for shard in task.shards)

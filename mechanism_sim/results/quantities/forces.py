@@ -65,7 +65,7 @@ def _loss(i: int, friction: JointFriction) -> Quantity:
 
 
 def _transmits_moment(machine: Machine, joint: Joint) -> bool:
-    """Whether anything but friction in an ideal joint may transmit a moment there.
+    """True if anything but friction in an ideal joint may transmit a moment there.
 
     A pin in its bushing does by friction, whose force is not at the joint's point.
     """
