@@ -96,20 +96,24 @@ class Document:
 
     def change(self, edits: Iterable[Edit]) -> None:
         """Make edits, which are undone together."""
+        self.replace(self._with(edits))
+
+    def _with(self, edits: Iterable[Edit]) -> str:
         text = self.text
         for path, value in edits:
             text = without(text, path) if value is GONE else with_value(text, path, value)
-        self.replace(text)
+        return text
 
-    def rename(self, path: tuple[str, ...], name: str) -> None:
-        """Give a part another name, and wherever the scene names it."""
-        old, text = path[-1], self.text
-        for where, value in texts_of(self.content()):
+    def rename(self, path: tuple[str, ...], name: str, edits: Iterable[Edit] = ()) -> None:
+        """Give a part another name, and wherever the scene names it; first, some edits."""
+        old, text = path[-1], self._with(edits)
+        content = documents.parse(text)
+        for where, value in texts_of(content):
             found = _renamed_in(path, where, value, name)
             if found != value:
                 text = with_value(text, where, found)
         if path[0] == 'links':  # which coordinates are named after
-            drive = self.content().get('drive') or {}
+            drive = content.get('drive') or {}
             if old == 'crank' and 'coordinate' not in drive and drive:
                 text = with_value(text, ('drive', 'coordinate'), name)
             for section in ('drives', 'guess', 'initial'):

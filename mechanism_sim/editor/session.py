@@ -507,7 +507,8 @@ class Session:
             raise InputError(
                 f"'{name}' cannot be its name: take letters, digits and _, and none that is taken"
             )
-        self.document.rename(path, name)
+        short = self._written_out() if path[0] in ('links', 'joints') else []
+        self.document.rename(path, name, short)
         self._path = (*path[:-1], name)
 
     def _select(self, message: Mapping[str, Any]) -> None:

@@ -565,6 +565,20 @@ def test_undo_and_redo_come_back_to_the_byte():
         assert page.text == text
 
 
+@pytest.mark.parametrize('part', ['crank', 'rocker'])
+def test_a_link_of_a_four_bar_in_short_gets_another_name(part):
+    """The scene is written out for it, in one step that can be undone."""
+    page = Page('four_bar_double_crank')
+    before = page.text
+    page.ask('rename', path=['links', part], name='arm')
+    assert page.state['assembled']
+    assert page.state['problem'] == ''
+    assert 'mechanism: linkage' in page.text
+    assert 'arm: {length' in page.text
+    page.ask('undo')
+    assert page.text == before
+
+
 @pytest.mark.sample(2)
 @pytest.mark.parametrize('name', scene_names())
 def test_whatever_is_done_to_a_scene_it_stays_one_that_can_be_undone(name):
