@@ -320,17 +320,19 @@ def test_costs_by_size(monkeypatch):
     monkeypatch.setattr(sizes, 'STREAMED', (1,))
     monkeypatch.setattr(sizes, 'DYADS', (1, 2))
     monkeypatch.setattr(sizes, 'TURNS', 0.2)
+    monkeypatch.setattr(sizes, 'MODES', (1,))
+    monkeypatch.setattr(sizes, 'LOOSE', sizes.LOOSE[:2])
     said = []
     costs = sizes.scaling(said.append)
     links = [c for c in costs if c.family.startswith('links')]
     assert [c.size for c in links] == [4, 6] * 8
     assert sum(c.family.endswith('getting ready') for c in links) == 8
     others = costs[len(links) :]
-    assert [c.size for c in others] == [1e3, 1, 8, 1]
+    assert [c.size for c in others] == [1, 1, 2, 1e3, 1, 8, 1]
     assert len(said) == len(costs)
     assert all(c.cpu_per_unit > 0.0 for c in costs)
     assert {c.unit for c in others} == {'revolution'}
-    short, long = (c.peak_memory for c in others[1:3])
+    short, long = (c.peak_memory for c in others[4:6])
     assert 1e4 < short < long  # motion is kept
     text = report.render_scaling(costs, machine())
     assert all(c.family in text for c in costs)
