@@ -128,7 +128,7 @@ class Audit:
         self._exchanged = self._swing = self._error = 0.0  # [J] by powers, by energies
         self._size = [0.0, 0.0]  # [J] largest kinetic and potential energy
         self._segments = 0
-        self._fastest = 0.0  # rate of any coordinate where a segment begins [rad/s, m/s]
+        self._fastest = 0.0  # rate of any coordinate where segments begin or end [rad/s, m/s]
         self._initial: float | None = None
         self._end: tuple[Motion, float] | None = None  # and what impacts make there [J]
         self._final: float | None = None  # [J] there, once it has been asked for
@@ -180,8 +180,14 @@ class Audit:
         self._exchanged += float(np.abs(struck).sum())
         self._error += float(work.error.sum())
         self._segments += len(motion)
-        rates = np.abs(motion.curve.coefficients[:, :, 1])
-        self._fastest = max(self._fastest, float(rates.max(initial=0.0)))
+        if len(motion):
+            curve, last = motion.curve, np.array([len(motion) - 1])
+            end = curve.local(last, curve.duration[-1:], 1)
+            rates = (
+                np.abs(curve.coefficients[:, :, 1]).max(initial=0.0),
+                np.abs(end).max(initial=0.0),
+            )
+            self._fastest = max(self._fastest, *map(float, rates))
         return work
 
     def judge(self, tolerance: float) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.hybrid.runtime_parameters import symbols as signs_of
+from mechanism_sim.hybrid.runtime_parameters import symbols
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
@@ -171,7 +171,7 @@ class Observer:
         for k, flag in enumerate(flags):
             replace[flag] = hy.make_vars(f'flag{k}')
         variables = list(replace.values())
-        sides = signs_of(self.system.parameters.sides)
+        sides = symbols(self.system.parameters.sides)
         for k in range(len(self.system.powered)):
             constant, *others = d.torques[3 * k : 3 * k + 3]
             replace[constant] = hy.make_vars(f'torque{k}')
@@ -184,9 +184,9 @@ class Observer:
         if replace:
             groups = [list(hy.subs(group, replace)) for group in groups]
         frames = eq.frames
-        symbols = [*frames.q.values(), *frames.v.values()]
+        state = [*frames.q.values(), *frames.v.values()]
         prescribed = [frames.a[c] for c in self.system.prescribed]
-        variables = [*symbols, *prescribed, *variables, *frames.outside.values()]
+        variables = [*state, *prescribed, *variables, *frames.outside.values()]
         return SwitchedFunction(frames, groups, variables)
 
     @property

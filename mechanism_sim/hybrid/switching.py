@@ -30,10 +30,8 @@ class Switching:
 
     def __init__(self, present: PresentState, problem: ContactProblem) -> None:
         self._now, self._system = present, present.system
-        self._functions, self._holding = (
-            present.system.functions,
-            present.system.set_valued.holding,
-        )
+        self._functions = present.system.functions
+        self._holding = present.system.set_valued.holding
         self._index = present.system.parameters
         self._pars, self._friction = present.pars, problem.friction
         system, gaps = present.system, present.system.gaps

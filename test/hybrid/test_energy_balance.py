@@ -234,3 +234,11 @@ def test_what_hardly_moves_knows_its_energy_as_a_step_does():
         slow['drive']['speed'] = speed
         moving = ms.simulate(made(slow), duration=1.0).energy
         assert moving.rounding < 3e-13 / speed * moving.initial + 2e-11 * moving.initial
+
+
+def test_one_step_from_rest_is_judged_by_how_fast_it_ends():
+    """Not by how fast it begins: its kinetic energy would be rounding."""
+    solution = ms.simulate(heavy_pendulum(angle=0.1), duration=0.01)
+    assert len(solution.motion) == 1
+    kinetic = solution.sample([0.01])['energy.kinetic'][0]
+    assert solution.energy.rounding < 1e-6 < 1e-3 * kinetic
