@@ -43,7 +43,7 @@ from mechanism_sim.scene.loads.applied import read_effort
 from mechanism_sim.scene.names import Names, kind_of
 from mechanism_sim.scene.schema import DrivePart, Scene
 from mechanism_sim.scene.tilted_links import check_tilts, tilted, without_mass
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
@@ -270,7 +270,11 @@ class Plan(Names):
         return positions
 
     def _values(
-        self, where: str, given: Mapping[str, Measure], tree: Mechanism, units: tuple[str, str]
+        self,
+        where: str,
+        given: Mapping[str, QuantityValue],
+        tree: Mechanism,
+        units: tuple[str, str],
     ) -> Values:
         """Quantities by coordinate, in the first of the units for angles, else in the second."""
         return {
@@ -281,7 +285,7 @@ class Plan(Names):
             if not (where.startswith('initial') and self._floats(c, m, tree))
         }
 
-    def _floats(self, name: str, measure: Measure, tree: Mechanism) -> bool:
+    def _floats(self, name: str, measure: QuantityValue, tree: Mechanism) -> bool:
         """True if a quantity is one of a link that hangs on loose joints, and of `tree` is none.
 
         That is its place, ``LINK.x`` and ``LINK.y``, or the angle of a link that a guide of
