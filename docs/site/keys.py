@@ -6,8 +6,8 @@ import inspect
 from collections.abc import Iterator
 from typing import Any, Literal, get_args, get_origin
 
+from mechanism_sim.keys.quantities import Part, Quantity, meanings
 from mechanism_sim.scene.four_bar import FourBarScene, Link
-from mechanism_sim.scene.quantities import Part, Quantity, meanings
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies.schema import SweepFile
 from mechanism_sim.units import QuantityValue

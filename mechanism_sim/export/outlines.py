@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cams.profiles import Cam, drawing_angles, extent
-from mechanism_sim.gears.involute import FULL_DEPTH, Gear, ToothSystem, rack_teeth
-from mechanism_sim.gears.pair import Pair
+from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, extent
+from mechanism_sim.joints.mesh.involute import FULL_DEPTH, Gear, ToothSystem, rack_teeth
+from mechanism_sim.joints.mesh.pair import Pair
 
 #: points nearer than this are one [m]; both limits at a break of a law are drawn
 SAME = 1e-9

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.machine import Level, Machine

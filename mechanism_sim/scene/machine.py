@@ -32,6 +32,9 @@ from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
 from mechanism_sim.hybrid.plotting import Rich
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
+from mechanism_sim.joints.contact_keys import Play, in_plane
+from mechanism_sim.joints.revolute.clearances import gaps_and_films
+from mechanism_sim.keys.names import SceneError, scene_errors
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
@@ -51,10 +54,7 @@ from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import Table
 from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
-from mechanism_sim.scene.clearances import gaps_and_films
-from mechanism_sim.scene.contact_keys import Play, in_plane
 from mechanism_sim.scene.elastic_links import stiffened
-from mechanism_sim.scene.names import SceneError, scene_errors
 from mechanism_sim.scene.oscillators import read_frame
 from mechanism_sim.scene.plan import Plan
 from mechanism_sim.scene.schema import Commands, JointPart, LinkPart, Scene

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from mechanism_sim.joints.joint_keys import JointKeys, keys_of
+from mechanism_sim.keys.quantities import Part, meanings
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.facts import Facts, facts_of
-from mechanism_sim.scene.joint_keys import JointKeys, keys_of
-from mechanism_sim.scene.quantities import Part, meanings
 from mechanism_sim.scene.schema import AnyScene, LinkPart
 from mechanism_sim.units import QuantityValue, to_si
 

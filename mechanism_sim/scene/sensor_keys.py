@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.scene.quantities import (
+from mechanism_sim.keys.quantities import (
     Angle,
     Duration,
     Part,
@@ -23,7 +23,7 @@ from mechanism_sim.scene.quantities import (
     Time,
     si,
 )
-from mechanism_sim.scene.registry import Registry
+from mechanism_sim.keys.registry import Registry
 from mechanism_sim.sensing.channel import Source
 from mechanism_sim.units import QuantityValue, to_si_of
 

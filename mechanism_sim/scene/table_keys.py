@@ -13,8 +13,8 @@ from pydantic import Field, model_validator
 from mechanism_sim import documents
 from mechanism_sim.catalogue import TABLE_FOLDERS
 from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.keys.quantities import Part, si_of
 from mechanism_sim.numerics.curves import Curve, through
-from mechanism_sim.scene.quantities import Part, si_of
 from mechanism_sim.units import QuantityValue
 
 _ALONG = 'rad', 'm', 's', 'rad/s', 'm/s', ''

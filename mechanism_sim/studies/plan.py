@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mechanism_sim import tables
 from mechanism_sim.catalogue import config_folder, sweep_names
 from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.keys.quantities import Part
 from mechanism_sim.numerics.batch_means import BATCHES
 from mechanism_sim.results.measure_text import Measure as OwnMeasure
 from mechanism_sim.results.measure_text import read_all
@@ -29,7 +30,6 @@ from mechanism_sim.scene.files import (
     find_scene,
     read_yaml,
 )
-from mechanism_sim.scene.quantities import Part
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies import windows
 from mechanism_sim.studies.columns import FIGURES, RESERVED, ResultColumn, of_sensors, own_columns

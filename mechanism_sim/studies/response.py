@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.keys.names import scene_errors
 from mechanism_sim.planar.linearisation import Excitation
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.names import scene_errors
 from mechanism_sim.studies import frames
 from mechanism_sim.studies.modes import LinearMachine, derivatives, kept, linearised, turning
 

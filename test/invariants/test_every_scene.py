@@ -5,8 +5,8 @@ import pytest
 from absolute import differences
 
 import mechanism_sim as ms
-from mechanism_sim.cams.pair import CamPair
-from mechanism_sim.linkages.indexing import Geneva, SlottedRack
+from mechanism_sim.joints.cam.constraint import CamPair
+from mechanism_sim.joints.geneva.constraint import Geneva, SlottedRack
 from mechanism_sim.scene import Level, Machine
 from mechanism_sim.scene.drives import is_straight
 from mechanism_sim.scene.files import read_scene

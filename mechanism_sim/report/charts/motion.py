@@ -8,7 +8,7 @@ import numpy as np
 
 from mechanism_sim.analysis.series import Series, sampled
 from mechanism_sim.export.palette import numbers
-from mechanism_sim.linkages.slot import PinInSlot
+from mechanism_sim.joints.slot.constraint import PinInSlot
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.report.charts.chart import DIRECTION, Chart, ChartCurve, ChartSection, polar
 from mechanism_sim.report.charts.course import ChartedRun, ChartWindow

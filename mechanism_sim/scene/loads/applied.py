@@ -11,6 +11,8 @@ import heyoka as hy
 from pydantic import Field
 
 from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.keys.names import Names
+from mechanism_sim.keys.quantities import Part, Quantity, si_of
 from mechanism_sim.linkages.forces import (
     AppliedForce,
     CycleRange,
@@ -22,8 +24,6 @@ from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.expressions import parse, unit_hint, unit_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.load_keys import LOADS, ElementKeys, Elements
-from mechanism_sim.scene.names import Names
-from mechanism_sim.scene.quantities import Part, Quantity, si_of
 from mechanism_sim.units import QuantityValue, alike, to_si, to_si_of
 
 Place = Annotated[QuantityValue, si_of('rad', 'm')]

@@ -7,13 +7,13 @@ from typing import Annotated
 from pydantic import Field
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.joints.joint_keys import Reference
+from mechanism_sim.keys.names import Names
+from mechanism_sim.keys.quantities import Angle, Part, si, si_of
 from mechanism_sim.linkages.forces import Spring, TorsionSpring
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.scene.joint_keys import Reference
 from mechanism_sim.scene.load_keys import LOADS, ElementKeys, Elements
-from mechanism_sim.scene.names import Names
-from mechanism_sim.scene.quantities import Angle, Part, si, si_of
 from mechanism_sim.units import QuantityValue
 
 Stiffness = Annotated[QuantityValue, si_of('N/m', 'N m/rad')]
