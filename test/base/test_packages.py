@@ -38,7 +38,7 @@ BROKEN = {
 }
 
 
-OFTEN = 'coverage-old', 'numba-compiles-nothing'
+OFTEN = ('coverage-old',)
 
 
 def ran(folder, *args, code=EAGER):

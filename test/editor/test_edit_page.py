@@ -123,6 +123,7 @@ def train(hand: Hand) -> None:
     hand.click(0.0, 0.06)
 
 
+@pytest.mark.slow
 def test_a_cam_a_belt_gears_a_force_and_a_sensor_are_drawn_dragged_and_played(
     tab, tmp_path, monkeypatch
 ):

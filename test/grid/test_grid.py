@@ -192,6 +192,7 @@ def outcomes_of(shards):
     return {o.name: (o.ok, o.kind, dict(o.figures)) for o in shards.outcomes()}
 
 
+@pytest.mark.slow
 def test_a_process_holds_no_more_than_it_may_and_cases_do_not_depend_on_it():
     cases = grid(only=['slot'])[:3]
     one, each = Shards(cases), Shards(cases, memory=1)

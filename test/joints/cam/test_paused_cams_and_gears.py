@@ -20,7 +20,10 @@ def bits(parts):
     return numbers, [i for _, impacts, _ in parts for i in impacts]
 
 
-@pytest.mark.parametrize('name', PAUSES)
+@pytest.mark.parametrize('name', [
+    pytest.param(name, marks=[pytest.mark.slow] if name == 'whole_machine' else [])
+    for name in PAUSES
+])  # fmt: skip
 def test_pauses_do_not_change_one_bit(name, tmp_path):
     """Each time from a file, at odd times; among them rows of tables that have just begun."""
     machine = ms.load_scene(name)
