@@ -220,3 +220,19 @@ def _needs(
     else:
         return False
     return any(re.search(pattern, text) for text in texts)
+
+
+def written_out(scene: Scene, content: Mapping[str, Any]) -> list[Edit]:
+    """Edits that make a four-bar in short the linkage that it stands for."""
+    if content.get('mechanism') != 'four_bar':
+        return []
+    edits = [Edit(('mechanism',), 'linkage')]
+    edits += [Edit(('branch',), GONE)] if 'branch' in content else []
+    for name, joint in scene.joints.items():
+        edits.append(Edit(('joints', name, 'revolute'), list(joint.points)))
+    for key, value in (('coordinate', 'crank'), ('start_angle', '0 deg')):
+        if key not in content.get('drive', {}):
+            edits.append(Edit(('drive', key), value))
+    for link, angle in scene.guess.items():
+        edits.append(Edit(('guess', link), degrees(angle.value)))
+    return edits

@@ -5,52 +5,36 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from mechanism_sim import documents
 from mechanism_sim.arrays import Array
 from mechanism_sim.catalogue import scene_names
-from mechanism_sim.editor import drawing, gestures, palette, panel
+from mechanism_sim.editor import gestures, palette, panel
+from mechanism_sim.editor.assembly_choices import as_drawn, choices
 from mechanism_sim.editor.background import Job
 from mechanism_sim.editor.document import Document
+from mechanism_sim.editor.force_arrows import ForceArrows
 from mechanism_sim.editor.layout import coordinates, placed
-from mechanism_sim.editor.motion import IdealForces, Turn
-from mechanism_sim.editor.rounding import degrees, unit_of
+from mechanism_sim.editor.picture import Picture, has_path, nothing, pictured
+from mechanism_sim.editor.rounding import unit_of
 from mechanism_sim.editor.sketch import (
     GONE,
-    ORIGIN,
     Edit,
     Grid,
-    Handle,
-    Poses,
     Sketch,
     Spot,
-    points_of,
 )
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.packages import reason
-from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.schema import Scene
 
 Send = Callable[[dict[str, Any]], None]
 Chosen = tuple[tuple[str, ...], dict[str, bool]]
 """The path of the part whose keys are listed; points whose paths somebody wants drawn, or not."""
-
-_BUDGET = 0.012
-"""[s] of a frame, of 17 ms; where forces take it beyond, they come with one frame in `_SOME`."""
-
-_SOME = 4
-
-_ARROW = 0.3
-"""Length of the arrow of the largest force, of the machine's size."""
-
-_FAR = 0.2
-"""[rad], or sizes of the machine: more is another way to close the loops."""
-
 
 FARTHEST = 1e4
 """[m] Half the size of the sheet."""
@@ -59,22 +43,6 @@ _SAID = 1000  # characters of a sentence; somebody may have given a name of thou
 
 MOST_PARTS = 160
 """Links and joints of what is drawn: more takes minutes to compile."""
-
-
-class SessionPicture(NamedTuple):
-    """Picture, panel and results of a document.
-
-    Attributes
-    ----------
-    turn : of the machine, if it can be assembled
-    poses : of all links
-    problem : why it is no machine yet; empty if it is one
-    """
-
-    scene: Scene
-    turn: Turn | None
-    poses: Poses
-    problem: str
 
 
 class Session:
@@ -103,12 +71,11 @@ class Session:
         self.document, self._send = document, send
         self.number, self._heavy = number, dict(heavy or {})
         self._path, self._traced = chosen or ((), {})
-        self._picture = SessionPicture(Document().scene(), None, {GROUND: ORIGIN}, '')
-        self._grabbed: tuple[str, SessionPicture] | None = None
+        self._picture = nothing(Document().scene())
+        self._grabbed: tuple[str, Picture] | None = None
         self._of: str | None = None  # the text whose picture this is
         self._tried: list[Edit] = []  # what is dragged makes of it
-        self._forces: tuple[int, float] = (0, 0.0)  # the state whose forces these are; [m/N]
-        self._frames, self._each = 0, 1  # of drags; of so many one has forces
+        self._arrows, self._forces_of = ForceArrows(), 0  # the state whose forces are shown
         self._pulled: Array | None = None  # coordinates of a machine that is turned by hand
         self._found: dict[str, dict[str, Any]] = {}
         try:
@@ -124,9 +91,9 @@ class Session:
         acts: dict[str, Callable[[Mapping[str, Any]], None]] = {
             'drag': self._drag, 'drop': self._drop, 'pull': self._pull, 'draw': self._draw,
             'set': self._set, 'remove': self._remove, 'rename': self._rename,
-            'select': self._select, 'trace': self._trace, 'text': self._replace,
+            'select': self._select, 'trace': self._trace, 'save': self._save, 'open': self._open,
             'undo': lambda _: self.document.undo(), 'redo': lambda _: self.document.redo(),
-            'save': self._save, 'open': self._open,
+            'text': lambda m: self.document.replace(str(m['text'])),
         }  # fmt: skip
         kind = str(message.get('type'))
         if kind not in acts:
@@ -152,7 +119,7 @@ class Session:
         """Show no picture of a document whose picture cannot be made."""
         self._heavy[self.document.text] = f'it cannot be drawn ({reason(error)})'
         self._of = None
-        self._picture = SessionPicture(Document().scene(), None, {GROUND: ORIGIN}, '')
+        self._picture = nothing(Document().scene())
         self._refresh()
         self._shown = self.state()
 
@@ -178,10 +145,10 @@ class Session:
             'path': list(self._path),
             'rows': found,
             'outline': panel.outline(content) if content else [],
-            'tracks': self._tracks(picture),
+            'tracks': picture.tracks(self._path, self._traced),
             'problem': picture.problem,
             'place': _place_of(picture.problem, content),
-            **self._drawn(picture),
+            **picture.to_json(document.name, self._traced, 0.0),
         }
 
     @property
@@ -214,23 +181,11 @@ class Session:
 
     def pause(self) -> None:
         """Show the forces of ideal joints, if that is not done: nobody asks for anything now."""
-        if self._forces[0] == self.number or self._grabbed:
+        if self._forces_of == self.number or self._grabbed:
             return
-        if self._picture.turn is None:
-            self._forces = self.number, 0.0
-            return
-        turn, scale = self._picture.turn, 0.0
-        try:
-            known = turn.forces() if turn else None
-        except Exception:  # there are no forces to be shown
-            known = None
-        if turn and known:
-            stage = self._shown['stage']
-            largest = float(np.hypot(*known.forces.transpose(2, 0, 1)).max(initial=0.0))
-            scale = _ARROW * 60.0 * stage['symbol'] / largest if largest else 0.0
-        self._forces = self.number, scale
-        if known and scale:
-            data = _of_forces(known, scale)
+        self._forces_of = self.number
+        symbol = self._shown['stage']['symbol']
+        if data := self._arrows.of_turn(self._picture.turn, symbol):
             self._found['forces'] = {'type': 'forces', 'number': self.number, 'data': data}
             self._send(self._found['forces'])
 
@@ -266,83 +221,18 @@ class Session:
         except InputError as error:
             self._picture = self._picture._replace(problem=str(error))
             return
-        self._picture = self._seen(scene, None)
-
-    def _seen(
-        self,
-        scene: Scene,
-        near: Poses | None,
-        loops: Kinematics | None = None,
-        machine: Machine | None = None,
-    ) -> SessionPicture:
-        old = self._picture
-        try:
-            machine = machine or Machine(self.document.name, scene)
-            turn = Turn(machine, near, old.turn, loops)
-        except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError) as error:
-            poses = placed(scene, near or old.poses)
-            return SessionPicture(scene, None, {**poses, **(near or {})}, str(error))
-        return SessionPicture(scene, turn, turn.start, '')
-
-    def _drawn(self, picture: SessionPicture) -> dict[str, Any]:
-        curves: dict[str, Any] = {}
-        traced: dict[str, Any] = {}
-        if picture.turn:
-            points = picture.turn.machine.plan.points
-            every = (
-                (f'{link}.{x}', link, at) for link, own in points.items() for x, at in own.items()
-            )
-            traced = {key: [link, at] for key, link, at in every if self._has_path(key)}
-            symbol = self._shown['stage']['symbol'] if self._grabbed else 0.0
-            stage, curves = drawing.of_machine(picture.turn, traced, symbol)
-        else:
-            stage = drawing.of_parts(picture.scene, picture.poses)
-        return {
-            'stage': {'scene': self.document.name, **stage},
-            'poses': [picture.poses[link] for link in stage['links']],
-            'handles': [h.to_json() for h in drawing.handles(picture.scene, picture.poses)],
-            'curves': curves,
-            'traced': {} if curves else traced,
-            'marks': drawing.marks(picture.scene),
-            'assembled': picture.turn is not None,
-        }
-
-    def _has_path(self, point: str) -> bool:
-        """True if the path of a point is drawn: of named ones, if nobody says otherwise."""
-        link, _, name = point.partition('.')
-        return self._traced.get(point, name not in ('start', 'end') and link != GROUND)
-
-    def _tracks(self, picture: SessionPicture) -> list[tuple[str, bool]]:
-        """The points of the link that is chosen, and whether their paths are drawn."""
-        link = self._path[1] if self._path[:1] == ('links',) and len(self._path) == 2 else ''
-        if link in ('', GROUND) or link not in picture.scene.links:
-            return []
-        points = (f'{link}.{name}' for name in points_of(picture.scene.links[link]))
-        return [(point, self._has_path(point)) for point in points]
-
-    def _handle(self, key: Any, picture: SessionPicture | None = None) -> Handle:
-        picture = picture or self._picture
-        for handle in drawing.handles(picture.scene, picture.poses):
-            if handle.key == key:
-                return handle
-        raise InputError('there is nothing there any more')
-
-    def _grid(self, message: Mapping[str, Any]) -> Grid:
-        step = float(message['step'])
-        if not 1e-9 < step < 1e3:
-            raise InputError('that is too fine or too coarse')
-        return Grid(step, unit_of(self.document.content().get('links')) or 'mm')
+        self._picture = pictured(self.document.name, scene, self._picture)
 
     # --- gestures ---------------------------------------------------------------------------
 
-    def _moved(self, message: Mapping[str, Any]) -> tuple[list[Edit], SessionPicture]:
+    def _moved(self, message: Mapping[str, Any]) -> tuple[list[Edit], Picture]:
         """Document after a handle is moved, and its picture."""
-        key, grid = str(message['handle']), self._grid(message)
+        key, grid = str(message['handle']), _grid(message, self.document)
         if self._grabbed is None or self._grabbed[0] != key:
             self._grabbed = key, self._picture
         before = self._grabbed[1]
         to = _place(message)
-        handle = self._handle(key, before)
+        handle = before.handle(key)
         short = self.document.content().get('mechanism') == 'four_bar'
         edits, poses = gestures.move(before.scene, before.poses, handle, to, grid, short)
         scene, loops = self.document.scene(edits), None
@@ -353,7 +243,7 @@ class Session:
         try:
             loops = machine.plan.kinematics(())
         except InputError:
-            return edits, self._seen(scene, poses)
+            return edits, pictured(self.document.name, scene, self._picture, poses)
         tree = loops.mechanism
         q, left = loops.positions(coordinates(tree, poses)[:, None])
         if not left[0]:
@@ -361,7 +251,7 @@ class Session:
             if more := gestures.starts(scene, found, tree.displacements, grid):
                 edits, made = [*edits, *more], None
                 scene = self.document.scene(edits)
-        return edits, self._seen(scene, poses, loops, made)
+        return edits, pictured(self.document.name, scene, self._picture, poses, loops, made)
 
     def _drag(self, message: Mapping[str, Any]) -> None:
         begun = time.thread_time()
@@ -370,61 +260,22 @@ class Session:
             self._tried = list(edits)
             self.number += 1
         frame = {'type': 'frame', 'number': self.number, 'problem': self._picture.problem}
-        frame |= self._drawn(self._picture)
-        frame |= self._dragged_forces(begun)
+        symbol = self._shown['stage']['symbol']
+        frame |= self._picture.to_json(self.document.name, self._traced, symbol)
+        frame |= self._arrows.of_drag(self._picture.turn, begun)
         self._send(frame)
-
-    def _dragged_forces(self, begun: float) -> dict[str, Any]:
-        """Forces for a frame of a drag; where they take too long for each, for one of some."""
-        self._frames += 1
-        turn, scale = self._picture.turn, self._forces[1]
-        if not scale or self._frames % self._each:
-            return {} if scale and turn else {'forces': None}
-        try:
-            known = turn.forces(1) if turn else None
-        except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError):
-            known = None
-        self._each = 1 if time.thread_time() < begun + _BUDGET else _SOME
-        return {'forces': _of_forces(known, scale) if known else None}
 
     def _drop(self, message: Mapping[str, Any]) -> None:
         self._of = None  # what was dragged goes back, if it cannot stay
         edits, picture = self._moved(message)
-        self.document.change([*edits, *self._chosen(edits, picture)])
-
-    def _chosen(self, edits: list[Edit], picture: SessionPicture) -> list[Edit]:
-        """Guesses, or the other branch, where the scene alone would close its loops otherwise."""
-        if picture.turn is None:
-            return []
-        scene = self.document.scene(edits)
-        try:
-            turn = Turn(Machine(self.document.name, scene))
-        except InputError:
-            turn = None
-        tree = picture.turn.mechanism
-        size = np.where([c in tree.displacements for c in tree.coordinates], tree.size, 1.0)
-        if turn is not None:
-            off = turn.q[:, 0] - picture.turn.q[:, 0]
-            off = np.where(size == 1.0, np.remainder(off + np.pi, 2.0 * np.pi) - np.pi, off / size)
-            if np.abs(off).max(initial=0.0) < _FAR:
-                return []
-        content = self.document.content()
-        if content.get('mechanism') == 'four_bar':
-            crossed = content.get('branch') != 'crossed'
-            return [Edit(('branch',), 'crossed' if crossed else GONE)]
-        q = dict(zip(tree.coordinates, picture.turn.q[:, 0].tolist(), strict=True))
-        return [
-            Edit(('guess', c), f'{x:.3g} m' if c in tree.displacements else degrees(x))
-            for c, x in q.items()
-            if c in picture.scene.links and c not in picture.turn.machine.plan.laws
-        ]
+        self.document.change([*edits, *choices(self.document, edits, picture)])
 
     def _pull(self, message: Mapping[str, Any]) -> None:
         """Move the machine along its way, so that a handle comes nearest to a place."""
         turn = self._picture.turn
         if turn is None or not turn.q.size:
             raise InputError('what is no machine yet cannot be turned by hand')
-        handle = self._handle(message['handle'])
+        handle = self._picture.handle(message['handle'])
         link, name = next(((x, n) for x, n in handle.members if x != GROUND), ('', ''))
         if not link:
             return
@@ -443,8 +294,8 @@ class Session:
         self._send({'type': 'pose', 'instant': k, 'poses': [poses[link] for link in links]})
 
     def _draw(self, message: Mapping[str, Any]) -> None:
-        grid, what = self._grid(message), str(message['what'])
-        start, end = (self._spot(message[key]) for key in ('from', 'to'))
+        grid, what = _grid(message, self.document), str(message['what'])
+        start, end = (_spot(message[key], self._picture) for key in ('from', 'to'))
         before, picture = self.document.text, self._picture
         sketch = Sketch(picture.scene, picture.poses, grid)
         edits = palette.draw(sketch, what, start, end)
@@ -453,24 +304,10 @@ class Session:
                 self.document.scene(edits)
             except InputError:  # the short form cannot say it
                 edits = [*written, *edits]
-        self.document.change([*edits, *self._as_drawn(edits, sketch.poses)])
+        self.document.change([*edits, *as_drawn(self.document, edits, picture, sketch.poses)])
         if self.document.text != before and edits:
             path = edits[0].path
             self._path = path[: 1 if path[0] == 'drive' else 2]
-
-    def _as_drawn(self, edits: list[Edit], poses: Poses) -> list[Edit]:
-        """Guesses, where what was drawn would be assembled in another way than it was drawn."""
-        try:
-            scene = self.document.scene(edits)
-            return self._chosen(edits, self._seen(scene, placed(scene, poses)))
-        except InputError:
-            return []  # it is no machine yet
-
-    def _spot(self, data: Mapping[str, Any]) -> Spot:
-        handle = self._handle(data['handle']) if data.get('handle') else None
-        link = '' if handle else str(data.get('link') or '')
-        link = link if link in self._picture.scene.links and link != GROUND else ''
-        return Spot(_place(data), handle, link)
 
     # --- the panel --------------------------------------------------------------------------
 
@@ -516,10 +353,7 @@ class Session:
 
     def _trace(self, message: Mapping[str, Any]) -> None:
         point = str(message['point'])
-        self._traced[point] = not self._has_path(point)
-
-    def _replace(self, message: Mapping[str, Any]) -> None:
-        self.document.replace(str(message['text']))
+        self._traced[point] = not has_path(point, self._traced)
 
     # --- files ------------------------------------------------------------------------------
 
@@ -535,34 +369,11 @@ class Session:
         self.document = document
         watch('opened', document)
         self._path, self._traced = (), {}
-        self._picture = SessionPicture(Document().scene(), None, {GROUND: ORIGIN}, '')
+        self._picture = nothing(Document().scene())
         self._of = None
 
     def _written_out(self) -> list[Edit]:
-        """Edits that make a four-bar in short the linkage that it stands for."""
-        scene, content = self._picture.scene, self.document.content()
-        if content.get('mechanism') != 'four_bar':
-            return []
-        edits = [Edit(('mechanism',), 'linkage')]
-        edits += [Edit(('branch',), GONE)] if 'branch' in content else []
-        for name, joint in scene.joints.items():
-            edits.append(Edit(('joints', name, 'revolute'), list(joint.points)))
-        for key, value in (('coordinate', 'crank'), ('start_angle', '0 deg')):
-            if key not in content.get('drive', {}):
-                edits.append(Edit(('drive', key), value))
-        for link, angle in scene.guess.items():
-            edits.append(Edit(('guess', link), degrees(angle.value)))
-        return edits
-
-
-def _of_forces(known: IdealForces, scale: float) -> dict[str, Any]:
-    """Forces for the page: of N, and of metres a thousandth of a symbol, nobody sees less."""
-    return {
-        'joints': known.joints,
-        'force_scale': scale,
-        'forces': [[[float(f'{x:.4g}') for x in f] for f in row] for row in known.forces],
-        'feet': np.round(known.feet, 7).tolist(),
-    }
+        return gestures.written_out(self._picture.scene, self.document.content())
 
 
 def _place(message: Mapping[str, Any]) -> tuple[float, float]:
@@ -571,6 +382,20 @@ def _place(message: Mapping[str, Any]) -> tuple[float, float]:
     if not max(abs(x), abs(y)) <= FARTHEST:
         raise InputError(f'that is too far away: the sheet ends {FARTHEST:g} m from its middle')
     return x, y
+
+
+def _grid(message: Mapping[str, Any], document: Document) -> Grid:
+    step = float(message['step'])
+    if not 1e-9 < step < 1e3:
+        raise InputError('that is too fine or too coarse')
+    return Grid(step, unit_of(document.content().get('links')) or 'mm')
+
+
+def _spot(data: Mapping[str, Any], picture: Picture) -> Spot:
+    handle = picture.handle(data['handle']) if data.get('handle') else None
+    link = '' if handle else str(data.get('link') or '')
+    link = link if link in picture.scene.links and link != GROUND else ''
+    return Spot(_place(data), handle, link)
 
 
 def _path(message: Mapping[str, Any]) -> tuple[str, ...]:

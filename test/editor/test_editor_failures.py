@@ -20,7 +20,7 @@ from editing import Page
 from running import TIMEOUT, command, full_disk
 from websockets.sync.client import connect
 
-from mechanism_sim.editor import background, session, worker
+from mechanism_sim.editor import background, picture, session, worker
 from mechanism_sim.editor.background import Background, Job
 from mechanism_sim.editor.document import Document
 from mechanism_sim.editor.recovery import UnsavedEdits, place
@@ -75,7 +75,7 @@ def test_whatever_a_message_raises_is_a_sentence(page, monkeypatch):
             page.ask('save', name='x')
             assert type(error).__name__ in page.said[-1]
         with monkeypatch.context() as patch:
-            patch.setattr(session, 'Turn', fail)
+            patch.setattr(picture, 'Turn', fail)
             page.set('title', f'of {type(error).__name__}')
             assert type(error).__name__ in page.state['problem']
     page.set('title', 'good again')

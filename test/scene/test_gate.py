@@ -132,7 +132,10 @@ def test_the_cost_of_the_gate_does_not_grow_with_the_length_of_the_run(
         ('slider_crank', {'links.crank.length': '5 m'}, 'it may be at a dead point', 30_000),
         # followed for half a turn, up to where yoke and crank are in line
         pytest.param(
-            'scotch_yoke', {'joints.crank_yoke.axis': '9e-5 deg'}, r't = 0\.499', 150_000,
+            'scotch_yoke',
+            {'joints.crank_yoke.axis': '9e-5 deg'},
+            r't = 0\.499',
+            150_000,
             marks=pytest.mark.slow,
         ),
     ],

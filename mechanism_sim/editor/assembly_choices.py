@@ -1,0 +1,55 @@
+"""Edits by which a machine is assembled as it was drawn: guesses, or the other branch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mechanism_sim.editor.document import Document
+from mechanism_sim.editor.layout import placed
+from mechanism_sim.editor.motion import Turn
+from mechanism_sim.editor.picture import Picture, pictured
+from mechanism_sim.editor.rounding import degrees
+from mechanism_sim.editor.sketch import GONE, Edit, Poses
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene import Machine
+
+_FAR = 0.2
+"""[rad], or sizes of the machine: more is another way to close the loops."""
+
+
+def choices(document: Document, edits: list[Edit], picture: Picture) -> list[Edit]:
+    """Guesses, or the other branch, where the scene alone would close its loops otherwise."""
+    if picture.turn is None:
+        return []
+    scene = document.scene(edits)
+    try:
+        turn = Turn(Machine(document.name, scene))
+    except InputError:
+        turn = None
+    tree = picture.turn.mechanism
+    size = np.where([c in tree.displacements for c in tree.coordinates], tree.size, 1.0)
+    if turn is not None:
+        off = turn.q[:, 0] - picture.turn.q[:, 0]
+        off = np.where(size == 1.0, np.remainder(off + np.pi, 2.0 * np.pi) - np.pi, off / size)
+        if np.abs(off).max(initial=0.0) < _FAR:
+            return []
+    content = document.content()
+    if content.get('mechanism') == 'four_bar':
+        crossed = content.get('branch') != 'crossed'
+        return [Edit(('branch',), 'crossed' if crossed else GONE)]
+    q = dict(zip(tree.coordinates, picture.turn.q[:, 0].tolist(), strict=True))
+    return [
+        Edit(('guess', c), f'{x:.3g} m' if c in tree.displacements else degrees(x))
+        for c, x in q.items()
+        if c in picture.scene.links and c not in picture.turn.machine.plan.laws
+    ]
+
+
+def as_drawn(document: Document, edits: list[Edit], picture: Picture, poses: Poses) -> list[Edit]:
+    """Guesses, where what was drawn would be assembled in another way than it was drawn."""
+    try:
+        scene = document.scene(edits)
+        seen = pictured(document.name, scene, picture, placed(scene, poses))
+        return choices(document, edits, seen)
+    except InputError:
+        return []  # it is no machine yet
