@@ -174,7 +174,8 @@ def lightened(name, seed):
     if solution.energy is None:
         return None
     e = solution.energy
-    size = max(map(abs, (e.initial, e.final, e.drive_work, e.dissipated)))
+    # a machine may begin and end at a dead point, with no energy but what went to and fro
+    size = max(map(abs, (e.initial, e.final, e.drive_work, e.dissipated, e.exchanged)))
     seen = solution.sample(np.linspace(0.0, duration, 9))
     assert all(np.isfinite(x).all() for n, x in seen.items() if n.startswith('acceleration'))
     return abs(e.residual) / max(size, 1e-6)
