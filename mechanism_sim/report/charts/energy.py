@@ -14,7 +14,7 @@ from mechanism_sim.report.charts.chart import SMALL, TIME, Chart, Section
 from mechanism_sim.report.charts.course import Course
 from mechanism_sim.report.charts.lines import OVER_TIME, panels
 from mechanism_sim.report.charts.thinning import Line, thinned
-from mechanism_sim.report.facts import facts
+from mechanism_sim.report.summary import facts
 from mechanism_sim.results.catalogue import catalogue
 
 _BLOCK = 2**16  # instants at once
@@ -81,7 +81,7 @@ def _chart(course: Course, key: str, title: str, found: Sequence[Series]) -> Cha
 
 def solver(course: Course) -> Section:
     """Steps, events, errors and digest of the run as a table."""
-    rows = tuple(facts(course.record))
+    rows = tuple((row.label, row.text) for row in facts(course.record))
     text = (
         'Errors are read from the finished polynomials, independently of the loop that made them. '
         'Runs with equal digests are equal bit by bit.'
