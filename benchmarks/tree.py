@@ -12,13 +12,13 @@ import heyoka as hy
 import numpy as np
 
 from benchmarks.problem import Answer
+from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.numerics.formula import Words, expression, read
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.contact_keys import Play
 
 FLYWHEEL = 1e9  #: [kg m^2] on what is driven: its speed stays the same to 1e-10 rad/s
 

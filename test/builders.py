@@ -11,7 +11,7 @@ import yaml
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.cams.pair import CamPair
+from mechanism_sim.joints.cam.constraint import CamPair
 from mechanism_sim.numerics import compiled
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene

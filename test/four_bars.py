@@ -15,7 +15,7 @@ from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.system import System
-from mechanism_sim.linkages.bearing import BearingClearance
+from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.planar.drive import DriveLaw
 
 SPEED = 36.6519  # [rad/s]

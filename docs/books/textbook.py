@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechanism_sim.cams.laws import Diagram, Law
-from mechanism_sim.cams.profiles import greatest
-from mechanism_sim.gears.involute import ToothSystem
+from mechanism_sim.joints.cam.laws import Diagram, Law
+from mechanism_sim.joints.cam.profiles import greatest
+from mechanism_sim.joints.mesh.involute import ToothSystem
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.slider_crank import SliderCrank
 

@@ -15,7 +15,7 @@ from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.roses import impact_rose
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.linkages.bearing import BearingClearance
+from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.numerics.quadrature import SMOOTH
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.play import joint_of_gap

@@ -177,7 +177,7 @@ def _teeth_options(sub: argparse.ArgumentParser) -> None:
 
 
 def _teeth(options: argparse.Namespace) -> int:
-    from mechanism_sim.gears.teeth import choose, just_outside, limits, ratio_of  # noqa: PLC0415
+    from mechanism_sim.joints.mesh.teeth import choose, just_outside, limits, ratio_of  # noqa: PLC0415
     from mechanism_sim.report import teeth  # noqa: PLC0415
 
     fewest, colon, most = options.teeth_range.partition(':')

@@ -11,8 +11,8 @@ from mechanism_sim.editor.sketch import GONE, PLAY, Edit, Sketch, Spot, point
 from mechanism_sim.editor.tool import Draw, Tool
 from mechanism_sim.editor.tools import TOOLS
 from mechanism_sim.errors import InputError
+from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.sensors import SENSORS
 

@@ -8,11 +8,11 @@ from typing import Any, get_args
 
 import yaml
 
+from mechanism_sim.joints.joint_keys import JointKeys
+from mechanism_sim.joints.kinds import KINDS
+from mechanism_sim.keys.quantities import Part, meanings
 from mechanism_sim.scene.facts import Facts, facts_of
 from mechanism_sim.scene.files import MECHANISMS
-from mechanism_sim.scene.joint_keys import JointKeys
-from mechanism_sim.scene.kinds import KINDS
-from mechanism_sim.scene.quantities import Part, meanings
 from mechanism_sim.scene.schema import AnyScene
 from mechanism_sim.scene.sensor_keys import SensorKeys, sensor_keys_of
 from mechanism_sim.scene.sensors import SENSORS

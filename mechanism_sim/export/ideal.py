@@ -15,9 +15,9 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.gears.mesh import GearMesh
-from mechanism_sim.gears.transmission import Transmission
-from mechanism_sim.linkages.slot import PinInSlot
+from mechanism_sim.joints.mesh.joint import GearMesh
+from mechanism_sim.joints.slot.constraint import PinInSlot
+from mechanism_sim.joints.transmission.constraint import Transmission
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import (
     Body,

@@ -13,6 +13,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.export.bending import bendings
 from mechanism_sim.export.scale import round_below, scale_bar
 from mechanism_sim.export.shapes import BOX, Shape, inside
+from mechanism_sim.joints.contact_keys import Clearance
 from mechanism_sim.linkages.forces import Spring
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
@@ -20,7 +21,6 @@ from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.poses import Poses
 from mechanism_sim.planar.view import Kind, circle
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.contact_keys import Clearance
 
 _MOUNT = 9.0  # length of the springs of a frame, in symbols
 _BODIES: tuple[Kind, ...] = 'wheel', 'cam', 'slider'

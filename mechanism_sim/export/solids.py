@@ -12,7 +12,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.ideal import Ideal
-from mechanism_sim.gears.mesh import GearMesh
+from mechanism_sim.joints.mesh.joint import GearMesh
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, rotate
 from mechanism_sim.scene.machine import Machine

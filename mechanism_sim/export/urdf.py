@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.export.ideal import WORLD, check_names, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
-from mechanism_sim.linkages.indexing import Geneva
+from mechanism_sim.joints.cam.constraint import CamPair
+from mechanism_sim.joints.geneva.constraint import Geneva
 from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene.machine import Machine

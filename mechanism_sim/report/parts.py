@@ -11,10 +11,12 @@ import numpy as np
 
 from mechanism_sim import text_table
 from mechanism_sim.arrays import Array
-from mechanism_sim.cams.followers import Oscillating, OscillatingFlat, Translating
-from mechanism_sim.cams.interference import find_cut_away
-from mechanism_sim.cams.laws import DERIVATIVES, check_smoothness, spelled
-from mechanism_sim.cams.profiles import (
+from mechanism_sim.errors import InputError
+from mechanism_sim.joints.bevel.constraint import BevelPair
+from mechanism_sim.joints.cam.followers import Oscillating, OscillatingFlat, Translating
+from mechanism_sim.joints.cam.interference import find_cut_away
+from mechanism_sim.joints.cam.laws import DERIVATIVES, check_smoothness, spelled
+from mechanism_sim.joints.cam.profiles import (
     Cam,
     drawing_angles,
     extent,
@@ -22,11 +24,9 @@ from mechanism_sim.cams.profiles import (
     greatest,
     smallest_base_radius,
 )
-from mechanism_sim.errors import InputError
-from mechanism_sim.gears.forces import WormPair
-from mechanism_sim.gears.involute import Gear, least_teeth
-from mechanism_sim.gears.pair import Pair
-from mechanism_sim.gears.spatial import BevelPair
+from mechanism_sim.joints.mesh.involute import Gear, least_teeth
+from mechanism_sim.joints.mesh.pair import Pair
+from mechanism_sim.joints.worm.forces import WormPair
 from mechanism_sim.units import for_people
 
 #: for which a base radius is proposed [rad]
@@ -154,7 +154,7 @@ def cam_table(cam: Cam) -> dict[str, Array]:
     """A cam over its turn or stroke, (N,) by name, in SI units; both sides of every break.
 
     Derivatives, and speeds of the point of contact and of sliding, are by radians of the cam, or
-    by metres if it slides; the profile is in the frame of `mechanism_sim.cams.touch`.
+    by metres if it slides; the profile is in the frame of `mechanism_sim.joints.cam.touch`.
     """
     law = cam.law
     x = drawing_angles(law, extent(law) / 360)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from mechanism_sim import output
 from mechanism_sim.arrays import Array
-from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.export.dxf import to_dxf
 from mechanism_sim.export.outlines import (
@@ -20,10 +19,13 @@ from mechanism_sim.export.outlines import (
     rack_outline,
 )
 from mechanism_sim.export.svg import to_svg
-from mechanism_sim.gears.involute import Gear
-from mechanism_sim.gears.mesh import GearMesh
-from mechanism_sim.gears.pair import Pair
-from mechanism_sim.gears.spatial import BevelPair, SpatialPair, WormDrive
+from mechanism_sim.joints.bevel.constraint import BevelPair, SpatialPair
+from mechanism_sim.joints.cam.constraint import CamPair, GroovePair
+from mechanism_sim.joints.mesh.gear_keys import Wheel, read_wheel
+from mechanism_sim.joints.mesh.involute import Gear
+from mechanism_sim.joints.mesh.joint import GearMesh
+from mechanism_sim.joints.mesh.pair import Pair
+from mechanism_sim.joints.worm.constraint import WormDrive
 from mechanism_sim.report.parts import (
     Figure,
     Sheet,
@@ -34,7 +36,6 @@ from mechanism_sim.report.parts import (
     pair_figures,
     worm_sheet,
 )
-from mechanism_sim.scene.gears import Wheel, read_wheel
 from mechanism_sim.scene.machine import Machine
 
 #: teeth of a rack that is drawn by itself

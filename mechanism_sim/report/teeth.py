@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from mechanism_sim import text_table
-from mechanism_sim.gears.teeth import Choice, Stage
+from mechanism_sim.joints.mesh.teeth import Choice, Stage
 
 #: rows for people; JSON has all
 SHOWN = 20

@@ -9,6 +9,8 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.joints.contact_keys import Clearance, Contact, Play
+from mechanism_sim.keys.names import scene_errors
 from mechanism_sim.linkages.mobility import mobility
 from mechanism_sim.linkages.nominal import NominalPhysics
 from mechanism_sim.planar.configuration import Constraints, poses
@@ -16,10 +18,8 @@ from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.unknowns import NO_WORK
-from mechanism_sim.scene.contact_keys import Clearance, Contact, Play
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.machine import Level, Machine
-from mechanism_sim.scene.names import scene_errors
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.singular_start import neighbours
 

@@ -6,9 +6,9 @@ from itertools import pairwise
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.clock import take_off_turns
+from mechanism_sim.keys.names import Names, kind_of
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
 from mechanism_sim.planar.motor import InductionMotor, Motor, PointsOfTorque
-from mechanism_sim.scene.names import Names, kind_of
 from mechanism_sim.scene.schema import Commands, DrivePart, MotorPart
 
 _WAYS = 'profile', 'torque', 'force', 'motor'

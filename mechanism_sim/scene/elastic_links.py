@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.keys.names import Names
 from mechanism_sim.planar.beam_sections import Taper
 from mechanism_sim.planar.elastic import Beam, Damping
 from mechanism_sim.planar.mechanism import (
@@ -21,7 +22,6 @@ from mechanism_sim.planar.mechanism import (
 from mechanism_sim.planar.points import Vector2
 from mechanism_sim.planar.rails import PARALLEL
 from mechanism_sim.scene.drives import is_straight
-from mechanism_sim.scene.names import Names
 from mechanism_sim.scene.schema import DrivePart, LinkPart
 
 _QUASI_STATIC, _RIGID = 20.0, 200.0

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from mechanism_sim.scene.quantities import Part, Quantity
+from mechanism_sim.keys.quantities import Part, Quantity
 
 _BOUNDS = {'gt': '>', 'ge': '>=', 'lt': '<', 'le': '<='}
 

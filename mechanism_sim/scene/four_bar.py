@@ -11,10 +11,10 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from mechanism_sim.joints.contact_keys import Clearance
+from mechanism_sim.keys.quantities import Length, Part
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.grashof import beside_change_point
-from mechanism_sim.scene.contact_keys import Clearance
-from mechanism_sim.scene.quantities import Length, Part
 from mechanism_sim.scene.schema import (
     LOAD_SECTIONS,
     AnyScene,

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.keys.names import scene_errors
 from mechanism_sim.linkages.grashof import crank_limits
 from mechanism_sim.linkages.loops import FourBarLoop
 from mechanism_sim.linkages.nominal import NominalRun
@@ -22,7 +23,6 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.assembly import closed_near
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import between
-from mechanism_sim.scene.names import scene_errors
 
 TURN = 2.0 * math.pi
 _PACE = 2.0 * TURN

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from mechanism_sim.keys.names import Names
+from mechanism_sim.keys.quantities import Part
+from mechanism_sim.keys.registry import Registry
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.scene.names import Names
-from mechanism_sim.scene.quantities import Part
-from mechanism_sim.scene.registry import Registry
 
 Elements = Callable[[Mechanism], list[ForceElement]]
 """From a tree of the mechanism to its force elements."""

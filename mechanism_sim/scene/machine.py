@@ -32,6 +32,9 @@ from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
 from mechanism_sim.hybrid.plotting import Rich
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
+from mechanism_sim.joints.contact_keys import Play, in_plane
+from mechanism_sim.joints.revolute.clearances import gaps_and_films
+from mechanism_sim.keys.names import SceneError, scene_errors
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
@@ -51,17 +54,14 @@ from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import Table
 from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
-from mechanism_sim.scene.clearances import gaps_and_films
-from mechanism_sim.scene.contact_keys import Play, in_plane
 from mechanism_sim.scene.elastic_links import stiffened
-from mechanism_sim.scene.names import SceneError, scene_errors
 from mechanism_sim.scene.oscillators import read_frame
 from mechanism_sim.scene.plan import Plan
 from mechanism_sim.scene.schema import Commands, JointPart, LinkPart, Scene
 from mechanism_sim.scene.start import Start
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.imu import InertialUnit
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.joint_forces import JointForces
 from mechanism_sim.vibration.shaken_frame import ShakenFrame
@@ -289,7 +289,7 @@ class Machine(Rich):
         }
         if self.closed_form:
             near = zip(self.closed_form.links[1:], self.closed_form.positions(angle), strict=True)
-            found = {c: Measure(float(x), 'rad') for c, x in near if math.isfinite(x)}
+            found = {c: QuantityValue(float(x), 'rad') for c, x in near if math.isfinite(x)}
             changed['guess'] = {**scene.guess, **found}
         return self._changed(changed)
 
@@ -330,7 +330,7 @@ class Machine(Rich):
         tree = self._changed(changed | {'guess': {}}).plan.ideal
         q, _ = converted(ideal, tree, self.assembly.q, self.assembly.v)
         guess = {
-            c: Measure(x, 'm' if c in tree.displacements else 'rad')
+            c: QuantityValue(x, 'm' if c in tree.displacements else 'rad')
             for c, x in zip(tree.coordinates, q.tolist(), strict=True)
         }
         return self._changed(changed | {'guess': guess})

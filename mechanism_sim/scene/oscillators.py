@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.scene.quantities import NOT_NEGATIVE, Inertia, Mass, Part, Position, si
+from mechanism_sim.keys.quantities import NOT_NEGATIVE, Inertia, Mass, Part, Position, si
 from mechanism_sim.vibration import frame
 from mechanism_sim.vibration.frame import Frame
 

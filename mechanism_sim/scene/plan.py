@@ -17,6 +17,10 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.clock import take_off_turns
+from mechanism_sim.joints.contact_keys import Play
+from mechanism_sim.joints.mesh.gear_keys import read_wheel
+from mechanism_sim.joints.mesh.keys import backlashes, check_bearings, in_mesh
+from mechanism_sim.keys.names import Names, kind_of
 from mechanism_sim.linkages.forces import DriveEffort, UnknownForce
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
@@ -33,17 +37,13 @@ from mechanism_sim.planar.mechanism import (
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.protocols import ForceElement, Relation
 from mechanism_sim.planar.rotor import Rotor
-from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.drives import drive_key, is_straight, read_drives, read_laws, read_motor
 from mechanism_sim.scene.elastic_links import loaded, read_beams
-from mechanism_sim.scene.gears import read_wheel
-from mechanism_sim.scene.kinds.mesh import backlashes, check_bearings, in_mesh
 from mechanism_sim.scene.loads import read_loads
 from mechanism_sim.scene.loads.applied import read_effort
-from mechanism_sim.scene.names import Names, kind_of
 from mechanism_sim.scene.schema import DrivePart, Scene
 from mechanism_sim.scene.tilted_links import check_tilts, tilted, without_mass
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
@@ -270,7 +270,11 @@ class Plan(Names):
         return positions
 
     def _values(
-        self, where: str, given: Mapping[str, Measure], tree: Mechanism, units: tuple[str, str]
+        self,
+        where: str,
+        given: Mapping[str, QuantityValue],
+        tree: Mechanism,
+        units: tuple[str, str],
     ) -> Values:
         """Quantities by coordinate, in the first of the units for angles, else in the second."""
         return {
@@ -281,7 +285,7 @@ class Plan(Names):
             if not (where.startswith('initial') and self._floats(c, m, tree))
         }
 
-    def _floats(self, name: str, measure: Measure, tree: Mechanism) -> bool:
+    def _floats(self, name: str, measure: QuantityValue, tree: Mechanism) -> bool:
         """True if a quantity is one of a link that hangs on loose joints, and of `tree` is none.
 
         That is its place, ``LINK.x`` and ``LINK.y``, or the angle of a link that a guide of

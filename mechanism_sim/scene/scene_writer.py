@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from mechanism_sim.joints.joint_keys import JointKeys, keys_of
+from mechanism_sim.keys.quantities import Part, meanings
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.facts import Facts, facts_of
-from mechanism_sim.scene.joint_keys import JointKeys, keys_of
-from mechanism_sim.scene.quantities import Part, meanings
 from mechanism_sim.scene.schema import AnyScene, LinkPart
-from mechanism_sim.units import Measure, to_si
+from mechanism_sim.units import QuantityValue, to_si
 
 WIDTH, COLUMN = 99, 40
 """Of the file, and where comments begin."""
@@ -206,7 +206,7 @@ def _entry(name: str, data: Any, note: str) -> Iterator[Line]:
 
 def _default(value: Any, facts: Facts) -> Any:
     """What to write for a default: a quantity with its unit where there is one."""
-    if isinstance(value, Measure):
+    if isinstance(value, QuantityValue):
         return _quantity(value.value, value.unit)
     if isinstance(value, float) and len(facts.quantities) == 1:
         (unit,) = facts.quantities[0].units[:1]

@@ -8,14 +8,10 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from mechanism_sim.errors import nearest
-from mechanism_sim.planar.motor import InductionMotor
-from mechanism_sim.scene.elastic_keys import ElasticPart
-from mechanism_sim.scene.gears import GearPart
-from mechanism_sim.scene.kinds import KINDS
-from mechanism_sim.scene.loads import LOADS
-from mechanism_sim.scene.loads.applied import EffortOrFormula
-from mechanism_sim.scene.oscillators import Oscillator
-from mechanism_sim.scene.quantities import (
+from mechanism_sim.joints.kinds import KINDS
+from mechanism_sim.joints.mesh.gear_keys import GearPart
+from mechanism_sim.keys.elastic_keys import ElasticPart
+from mechanism_sim.keys.quantities import (
     POSITIVE,
     Acceleration,
     AddedInertia,
@@ -40,6 +36,10 @@ from mechanism_sim.scene.quantities import (
     si,
     si_of,
 )
+from mechanism_sim.planar.motor import InductionMotor
+from mechanism_sim.scene.loads import LOADS
+from mechanism_sim.scene.loads.applied import EffortOrFormula
+from mechanism_sim.scene.oscillators import Oscillator
 from mechanism_sim.scene.sensor_keys import QUANTITIES, seated
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
@@ -47,10 +47,10 @@ from mechanism_sim.scene.tilted_links import TiltPart
 from mechanism_sim.sensing import chain
 from mechanism_sim.sensing.channel import Source
 from mechanism_sim.sensing.presets import PRESETS
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 
-Place = Annotated[Measure, si_of('rad', 'm')]
-Pace = Annotated[Measure, si_of('rad/s', 'm/s')]
+Place = Annotated[QuantityValue, si_of('rad', 'm')]
+Pace = Annotated[QuantityValue, si_of('rad/s', 'm/s')]
 PerSpeed = Annotated[float, si('N s/m')]
 PerPosition = Annotated[float, si('N/m')]
 Vector = tuple[Position, Position]

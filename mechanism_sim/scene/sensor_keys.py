@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.scene.quantities import (
+from mechanism_sim.keys.quantities import (
     Angle,
     Duration,
     Part,
@@ -23,9 +23,9 @@ from mechanism_sim.scene.quantities import (
     Time,
     si,
 )
-from mechanism_sim.scene.registry import Registry
+from mechanism_sim.keys.registry import Registry
 from mechanism_sim.sensing.channel import Source
-from mechanism_sim.units import Measure, to_si_of
+from mechanism_sim.units import QuantityValue, to_si_of
 
 Order = Annotated[int, Field(strict=True, ge=1, le=12)]
 QUANTITIES = {
@@ -84,7 +84,7 @@ class Trigger(Part):
     """Of a block; without it a block ends where the next begins."""
 
 
-def _reading(value: Any) -> Measure:
+def _reading(value: Any) -> QuantityValue:
     """A quantity in the unit of what the sensor measures, which `SensorPart` checks."""
     measure = to_si_of(value, tuple(QUANTITIES.values()))
     if not 0.0 <= measure.value < math.inf:
@@ -92,7 +92,7 @@ def _reading(value: Any) -> Measure:
     return measure
 
 
-Reading = Annotated[Measure, Quantity(_reading, tuple(QUANTITIES.values()))]
+Reading = Annotated[QuantityValue, Quantity(_reading, tuple(QUANTITIES.values()))]
 
 
 class Converter(Part):
@@ -118,7 +118,7 @@ class Hum(Part):
 class Noise(Part):
     """White noise of the samples, and hum."""
 
-    rms: Reading = Measure(0.0, '')
+    rms: Reading = QuantityValue(0.0, '')
     """Of white noise, in the unit of what is measured."""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
     """Of noise and jitter."""

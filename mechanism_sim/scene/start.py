@@ -25,8 +25,9 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.clock import take_off_turns
 from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.snapshot import State
-from mechanism_sim.linkages.bearing import BearingClearance
-from mechanism_sim.linkages.bearing_ends import AxialStop, BearingEnd, seat
+from mechanism_sim.joints.revolute.bearing import BearingClearance
+from mechanism_sim.joints.revolute.bearing_ends import AxialStop, BearingEnd, seat
+from mechanism_sim.joints.revolute.clearances import leaning
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.kinematics import Kinematics
@@ -34,7 +35,6 @@ from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
-from mechanism_sim.scene.clearances import leaning
 from mechanism_sim.scene.plan import Plan, Values
 
 _SOFT = 1e-3

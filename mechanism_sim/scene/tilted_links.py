@@ -9,11 +9,11 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.keys.names import Names
+from mechanism_sim.keys.quantities import Inertia, Length, Part, si
 from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.tilt import Tilt
-from mechanism_sim.scene.names import Names
-from mechanism_sim.scene.quantities import Inertia, Length, Part, si
 
 _ROUNDING = 1e-12
 _SHARE = Field(ge=0.0, lt=1.0)

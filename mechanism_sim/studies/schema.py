@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from mechanism_sim.scene.quantities import Angle, Part, Time
+from mechanism_sim.keys.quantities import Angle, Part, Time
 from mechanism_sim.scene.schema import Scene
 
 Count = Annotated[int, Field(strict=True, ge=1)]

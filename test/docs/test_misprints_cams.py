@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from textbook import normalised
 
-from mechanism_sim.cams.curves import CYCLOIDAL, FOUR_SPLINE, HALF_HARMONIC, HARMONIC
-from mechanism_sim.cams.followers import Oscillating, Translating
-from mechanism_sim.cams.laws import Diagram, Eccentric, Segment, check_smoothness
-from mechanism_sim.cams.profiles import Cam, greatest
+from mechanism_sim.joints.cam.curves import CYCLOIDAL, FOUR_SPLINE, HALF_HARMONIC, HARMONIC
+from mechanism_sim.joints.cam.followers import Oscillating, Translating
+from mechanism_sim.joints.cam.laws import Diagram, Eccentric, Segment, check_smoothness
+from mechanism_sim.joints.cam.profiles import Cam, greatest
 
 pi, cos, sin = np.pi, np.cos, np.sin
 A, B, C = pi / 2, 5 * pi / 4, 7 * pi / 4  # figure 4.13

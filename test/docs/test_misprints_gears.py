@@ -11,9 +11,9 @@ from book_trains import gear_box
 from textbook import TOOTH_SYSTEMS
 from willis import Mesh, Train
 
-from mechanism_sim.gears.forces import WormPair
-from mechanism_sim.gears.involute import Gear, inv
-from mechanism_sim.gears.pair import Pair
+from mechanism_sim.joints.mesh.involute import Gear, inv
+from mechanism_sim.joints.mesh.pair import Pair
+from mechanism_sim.joints.worm.forces import WormPair
 
 M = 2e-3
 

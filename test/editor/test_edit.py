@@ -27,8 +27,8 @@ from mechanism_sim.editor.rounding import rounded
 from mechanism_sim.editor.scene_text import renamed, with_value, without
 from mechanism_sim.editor.tools import TOOLS as OF_KINDS
 from mechanism_sim.errors import InputError
+from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.scene import Machine, load_scene
-from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.sensors import SENSORS
 

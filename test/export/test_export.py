@@ -17,7 +17,7 @@ from mechanism_sim.export.ideal import Ideal
 from mechanism_sim.export.mjcf import to_mjcf
 from mechanism_sim.export.sdf import to_sdf
 from mechanism_sim.export.urdf import closing, to_urdf
-from mechanism_sim.linkages.slot import PinInSlot
+from mechanism_sim.joints.slot.constraint import PinInSlot
 from mechanism_sim.messages import TFMessage, deserialize
 from mechanism_sim.nodes.publications import transforms
 from mechanism_sim.planar.mechanism import Prismatic

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.cams.laws import Measured
-from mechanism_sim.cams.pair import CamPair
-from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.joints.cam.constraint import CamPair
+from mechanism_sim.joints.cam.laws import Measured
+from mechanism_sim.joints.mesh.joint import GearMesh
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.results.simulate import simulate, stream
 from mechanism_sim.results.solution import Solution

@@ -33,7 +33,7 @@ from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import System
-from mechanism_sim.linkages.bearing import BearingClearance
+from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.jet import lift
 from mechanism_sim.planar.mechanism import Body, Mechanism, Revolute

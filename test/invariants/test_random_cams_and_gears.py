@@ -12,9 +12,9 @@ from absolute import cross, differences, turned
 from builders import made
 
 import mechanism_sim as ms
-from mechanism_sim.cams.followers import Oscillating, OscillatingFlat
-from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.errors import InputError
+from mechanism_sim.joints.cam.constraint import CamPair
+from mechanism_sim.joints.cam.followers import Oscillating, OscillatingFlat
 from test.grid.cams import UNFIT, cam, press_follower
 from test.grid.trains import train
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from centros import Centre, centre, centres, velocities, velocity_ratio
 
+from mechanism_sim.joints.slot.constraint import PinInSlot
 from mechanism_sim.linkages.four_bar import FourBar
-from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.configuration import Constraints
 from mechanism_sim.planar.mechanism import Prismatic, Revolute
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mechanism_sim.joints.slot.constraint import PinInSlot
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.mobility import kutzbach, mobility
-from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.configuration import Constraints
 from mechanism_sim.planar.mechanism import Prismatic, Revolute
 

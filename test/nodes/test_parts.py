@@ -17,9 +17,9 @@ from running import ROOT, TIMEOUT, environment, run, run_json, start
 import mechanism_sim as ms
 from mechanism_sim import cli
 from mechanism_sim.analysis import analyze
-from mechanism_sim.cams.reading import CamMode
 from mechanism_sim.errors import InputError
-from mechanism_sim.gears.reading import MeshMode
+from mechanism_sim.joints.cam.reading import CamMode
+from mechanism_sim.joints.mesh.reading import MeshMode
 from mechanism_sim.messages import float64_array
 from mechanism_sim.messages.part_states import KINDS, integrator_of, kinds_of
 from mechanism_sim.messages.segments import motion_of, pack

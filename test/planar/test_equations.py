@@ -19,7 +19,7 @@ from mpmath import mp, mpf
 from mechanism_sim.contact.problem import problem_of
 from mechanism_sim.hybrid.observer import Instants, Observer
 from mechanism_sim.hybrid.system import System
-from mechanism_sim.linkages.bearing import BearingClearance
+from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.closures import Closure

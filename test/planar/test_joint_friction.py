@@ -10,7 +10,7 @@ from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.gears.pair import Pair
+from mechanism_sim.joints.mesh.pair import Pair
 from mechanism_sim.planar.switches import HOLDS
 from test.grid.case import variant
 

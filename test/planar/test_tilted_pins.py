@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
-from mechanism_sim.linkages.bearing_ends import seat
+from mechanism_sim.joints.revolute.bearing_ends import seat
 from mechanism_sim.messages import JointReactions, deserialize
 from mechanism_sim.nodes.publications import reactions, wrenches
 from mechanism_sim.recording import BagWriter, Qos, read_bag

@@ -16,7 +16,7 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.export.palette import LINKS, rgb
-from mechanism_sim.linkages.slot import PinInSlot
+from mechanism_sim.joints.slot.constraint import PinInSlot
 from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.report import video
 

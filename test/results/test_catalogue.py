@@ -12,10 +12,10 @@ from builders import made, simulated
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.record import read_record
-from mechanism_sim.cams.reading import CamReading
 from mechanism_sim.errors import InputError
-from mechanism_sim.gears.reading import GearReading
-from mechanism_sim.linkages.indexing import GenevaReading
+from mechanism_sim.joints.cam.reading import CamReading
+from mechanism_sim.joints.geneva.constraint import GenevaReading
+from mechanism_sim.joints.mesh.reading import GearReading
 from mechanism_sim.messages.units import units
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.report.lines import plot

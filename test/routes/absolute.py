@@ -11,11 +11,11 @@ import math
 import numpy as np
 from numpy.polynomial import Chebyshev
 
-from mechanism_sim.cams.pair import CamPair
-from mechanism_sim.gears.mesh import GearMesh
-from mechanism_sim.gears.transmission import Transmission
-from mechanism_sim.linkages.indexing import Geneva, SlottedRack
-from mechanism_sim.linkages.slot import PinInSlot
+from mechanism_sim.joints.cam.constraint import CamPair
+from mechanism_sim.joints.geneva.constraint import Geneva, SlottedRack
+from mechanism_sim.joints.mesh.joint import GearMesh
+from mechanism_sim.joints.slot.constraint import PinInSlot
+from mechanism_sim.joints.transmission.constraint import Transmission
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.schema import Scene

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from mechanism_sim.gears.forces import ToothForce, Transmission, pitch_angles
+from mechanism_sim.joints.bevel.constraint import pitch_angles
+from mechanism_sim.joints.worm.forces import ToothForce, Transmission
 
 
 def helical(

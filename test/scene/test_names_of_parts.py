@@ -4,8 +4,8 @@ import pytest
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.keys.names import scene_errors
 from mechanism_sim.scene.check import check
-from mechanism_sim.scene.names import scene_errors
 
 
 def test_nested_parts_name_the_scene_once():

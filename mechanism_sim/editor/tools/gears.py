@@ -10,8 +10,8 @@ from mechanism_sim.editor.rounding import exactly
 from mechanism_sim.editor.sketch import Edit, Shaft, Sketch, Spot, point
 from mechanism_sim.editor.tool import Draw, Tool, register
 from mechanism_sim.errors import InputError
+from mechanism_sim.joints.mesh.keys import MeshKeys
 from mechanism_sim.planar.points import GROUND, rotate
-from mechanism_sim.scene.kinds.mesh import MeshKeys
 
 
 def _gears(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:

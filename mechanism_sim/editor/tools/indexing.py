@@ -8,9 +8,9 @@ from mechanism_sim.editor.rounding import degrees, exactly, place
 from mechanism_sim.editor.sketch import Edit, Shaft, Sketch, Spot, point
 from mechanism_sim.editor.tool import Tool, register
 from mechanism_sim.errors import InputError
+from mechanism_sim.joints.geneva.keys import GenevaKeys
+from mechanism_sim.joints.rack.keys import RackKeys
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
-from mechanism_sim.scene.kinds.geneva import GenevaKeys
-from mechanism_sim.scene.kinds.rack import RackKeys
 
 
 def _crank_of(sketch: Sketch, start: Spot, what: str) -> tuple[str, Vector2, Shaft]:

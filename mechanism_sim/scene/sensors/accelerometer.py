@@ -6,7 +6,7 @@ import math
 from typing import Any, Literal
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.quantities import Offset
+from mechanism_sim.keys.quantities import Offset
 from mechanism_sim.scene.sensor_keys import (
     SENSORS,
     Integrator,

@@ -11,10 +11,10 @@ from pydantic import Field
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.keys.quantities import Angle
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.quantities import Angle
 from mechanism_sim.scene.sensor_keys import SENSORS, OnLinkKeys
 from mechanism_sim.scene.sensors._places import angle_between, check_between
 from mechanism_sim.sensing.chain import Trigger

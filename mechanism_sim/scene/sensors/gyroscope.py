@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mechanism_sim.scene.quantities import Offset
+from mechanism_sim.keys.quantities import Offset
 from mechanism_sim.scene.sensor_keys import SENSORS, AnalogueKeys, OnLinkKeys
 from mechanism_sim.sensing.imu import Attitude
 

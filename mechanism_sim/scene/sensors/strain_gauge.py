@@ -8,8 +8,8 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.keys.quantities import Offset
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.quantities import Offset
 from mechanism_sim.scene.sensor_keys import SENSORS, AnalogueKeys, OnLinkKeys, check_link
 from mechanism_sim.sensing.channel import DirectSource
 

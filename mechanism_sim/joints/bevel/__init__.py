@@ -1,0 +1,1 @@
+"""Bevel gears."""

@@ -1,0 +1,126 @@
+"""Bevel gears."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.joints.bevel.constraint import BevelPair, pitch_angles
+from mechanism_sim.joints.contact_keys import Friction
+from mechanism_sim.joints.joint_keys import KINDS, Reference
+from mechanism_sim.joints.mesh.gear_keys import MOST_TEETH
+from mechanism_sim.joints.mesh.pair import Path, sliding_arm
+from mechanism_sim.joints.transmission.keys import CarrierKeys, carrier_of
+from mechanism_sim.keys.names import Names
+from mechanism_sim.keys.quantities import Angle, Displacement, Length, Position
+from mechanism_sim.planar.joint_friction import FlankFriction
+from mechanism_sim.planar.mechanism import Mechanism
+
+_Count = Annotated[int, Field(ge=1, le=MOST_TEETH)]
+
+
+class SpatialKeys(CarrierKeys):
+    """Gears on shafts at an angle."""
+
+    teeth: tuple[_Count, _Count] | None = None
+    """Of a bevel pair; of a worm pair threads of the worm and teeth of the wheel. Required."""
+    pressure_angle: Angle | None = None
+    """Of a bevel pair; of a worm pair in the plane normal to the thread; 20 deg without it."""
+    facing: tuple[Angle, Angle] | None = None
+    """Where each of such a pair has its mate, seen from its shaft; without it 0 and 180 deg."""
+    along: tuple[Position, Position] | None = None
+    """Where both of such a pair lie along their shafts; in the plane of the machine without it."""
+
+
+@KINDS.add('bevel')
+class BevelKeys(SpatialKeys):
+    """Straight bevel gears."""
+
+    bevel: Reference | None = None
+    """Two links with bevel gears, whose axes point away from the apex: they turn opposite ways."""
+    module: Length | None = None
+    """Of a bevel pair, at the back of its teeth; required."""
+    face_width: Displacement | None = None
+    """Of a bevel pair: length of its teeth, in whose middle the force acts; required."""
+    shaft_angle: Angle | None = None
+    """Of a bevel pair: between the axes; 90 deg without it."""
+
+    firm = 'bevel gears have no play here'
+    rubs_by = (), False
+
+    def read(self, names: Names, name: str) -> BevelPair:
+        """A bevel pair."""
+        needed(name, self, 'teeth', 'module', 'face_width')
+        where = f'joints.{name}'
+        (a, on_a), (b, on_b) = names.ends(name)
+        module, width = self.module or 0.0, self.face_width or 0.0
+        one, two = self.teeth or (1, 1)
+        angle = 0.5 * math.pi if self.shaft_angle is None else self.shaft_angle
+        if not 0.0 < angle < math.pi:
+            raise InputError(f'{where}.shaft_angle must lie between 0 and 180 deg')
+        cones = pitch_angles(two / one, angle)
+        if max(cones) >= 0.5 * math.pi:
+            raise InputError(
+                f'{where}: at a shaft angle of {math.degrees(angle):g} deg one of the gears has '
+                'no cone, but an opening of 180 deg or more: take a smaller shaft_angle'
+            )
+        length = 0.5 * module * one / math.sin(cones[0])
+        if width >= length:
+            raise InputError(
+                f'{where}.face_width = {width:g} m must be less than {length:.6g} m, from back to '
+                'apex'
+            )
+        first, second = (
+            0.5 * module * n - 0.5 * width * math.sin(cone)
+            for n, cone in zip((one, two), cones, strict=True)
+        )
+        return BevelPair(
+            name, a, b, on_a, on_b, Fraction(-one, two), self.phase,
+            carrier_of(names, name, self), *placed(self), (first, second), cones,
+            pressure_angle_of(self), one,
+        )  # fmt: skip
+
+    def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[FlankFriction]:
+        """Of teeth one module high at the middle, on spur gears that roll like the cones there.
+
+        These have the cones' back radii and roll at the shafts' rates times the cosines of the
+        cones (T. Tredgold).
+        """
+        press = joint.pressure_angle
+        turns = [math.cos(cone) for cone in joint.cones]
+        radii = [r / c for r, c in zip(joint.radii, turns, strict=True)]
+        module = 2.0 * joint.radii[0] / joint.teeth
+        ends = [
+            min(math.sqrt((r + module) ** 2 - (r * math.cos(press)) ** 2) - r * math.sin(press),
+                other * math.sin(press))
+            for r, other in zip(radii, radii[::-1], strict=True)
+        ]  # fmt: skip
+        arm = sliding_arm(Path(-ends[1], ends[0]), math.pi * module * math.cos(press))
+        return [FlankFriction(
+            joint.name, mechanism, given.coefficient, (arm * turns[0], -arm * turns[1]),
+            joint.radii[1] * math.cos(press), joint.carrier,
+        )]  # fmt: skip
+
+
+def needed(name: str, joint: SpatialKeys, *keys: str) -> None:
+    """Refuse a pair without one of these keys, or with a wrong pressure angle."""
+    where = f'joints.{name}'
+    for key in keys:
+        if getattr(joint, key) is None:
+            raise InputError(f'{where}.{key} is missing: a {joint.kind} pair needs it')
+    if joint.pressure_angle is not None and not 0.0 < joint.pressure_angle < math.pi / 4:
+        raise InputError(f'{where}.pressure_angle must lie between 0 and 45 deg')
+
+
+def pressure_angle_of(joint: SpatialKeys) -> float:
+    """That of the pair [rad]."""
+    return math.radians(20.0) if joint.pressure_angle is None else joint.pressure_angle
+
+
+def placed(joint: SpatialKeys) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Where both have their mates [rad], and lie along their shafts [m]."""
+    return joint.facing or (0.0, math.pi), joint.along or (0.0, 0.0)

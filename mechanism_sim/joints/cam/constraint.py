@@ -1,0 +1,218 @@
+"""A cam and its follower as a joint of a mechanism: the relation, or the gap, and its force.
+
+The cam turns or slides on the ground; the follower slides or swings on the ground. A cam that the
+follower may leave is `CamPair`; one whose groove holds the roller on both sides is `GroovePair`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar
+
+import heyoka as hy
+
+from mechanism_sim.joints.cam.distance import constant
+from mechanism_sim.joints.cam.followers import FlatFaced, Oscillating, OscillatingFlat
+from mechanism_sim.joints.cam.placement import PlacedCam
+from mechanism_sim.joints.cam.reading import CamReading, read_cam
+from mechanism_sim.joints.cam.shapes import cam_outlines, follower_outline
+from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
+from mechanism_sim.planar.closures import HigherClosure
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.loads import Wrench, moment_of
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
+from mechanism_sim.planar.rails import chord
+from mechanism_sim.planar.touch import Touch
+from mechanism_sim.planar.view import Draft, Side, View
+
+
+@dataclass(frozen=True)
+class CamPair(PlacedCam):
+    """A cam that the follower may leave."""
+
+    parts: ClassVar[str] = 'follower on its cam'
+    node: ClassVar[str] = 'cam'
+    reads: ClassVar[type] = CamReading
+    charts: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+        {
+            'lift': ('lift', 'follower_position'),
+            'contact force': ('contact_force',),
+            'torque on the cam': ('cam_torque',),
+        }
+    )
+
+    def reading(self, view: View) -> CamReading:
+        """Cam, follower, gap and contact force."""
+        return read_cam(self, view)
+
+    def slides(self, link: str, mechanism: Mechanism) -> bool:
+        """As its law counts: whether the cam does, or the follower."""
+        return self.distance.slides if link == self.first else not self.distance.swings
+
+    def draw(self, draft: Draft) -> None:
+        """A cam, and what touches it of its follower."""
+        draft.add('cam', self.first, *cam_outlines(self))
+        outline = follower_outline(self, draft.turned(self.second), draft.symbol)
+        draft.add('cam', self.second, outline)
+        draft.reach((self.second, self.on_second))
+
+    def covered(self) -> Sequence[LinkPoint]:
+        """Of its edges."""
+        return [
+            (self.first, (float(x), float(y)))
+            for edge in cam_outlines(self)
+            for x, y in edge[:: len(edge) // 12 or 1]
+        ]
+
+    def discs(self) -> Sequence[tuple[LinkPoint, float]]:
+        """The base circle, and the roller."""
+        found = [((self.first, self.on_first), self.cam.base_radius)]
+        roller = getattr(self.cam.follower, 'roller', 0.0)
+        return [*found, ((self.second, self.on_second), roller)] if roller > 0.0 else found
+
+    def bears(self, link: str) -> bool:
+        """A cam turns with the cross-section at its axis, a roller is at a point of its arm."""
+        if link == self.first:
+            return not self.distance.slides
+        return isinstance(self.cam.follower, Oscillating)
+
+    @property
+    def without_forces(self) -> str:
+        """Where the velocity of the follower jumps."""
+        jumps = self.cam.corners
+        more = f', and {len(jumps) - 1} more' if jumps[1:] else ''
+        return f'law: {jumps[0]}{more}: no finite force moves the follower so' if jumps else ''
+
+    def closure(self, mechanism: Mechanism) -> CamClosure:
+        """The follower touches, without play."""
+        return CamClosure(self, mechanism)
+
+    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch:
+        """Off the roller's centre, which turns on a pin of that radius, or off a face's pivot."""
+        follower, name = self.cam.follower, f'{self.name}.friction'
+        roller = getattr(follower, 'roller', 0.0)
+        share = radius / roller if roller else 1.0
+        offset = follower.face_offset if isinstance(follower, OscillatingFlat) else -roller
+        return Touch(self.closure(mechanism), name, offset, share=share)
+
+
+@dataclass(frozen=True)
+class GroovePair(CamPair):
+    """A cam with a groove that holds the roller: play opens between two walls."""
+
+    sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
+    parts: ClassVar[str] = 'roller between the walls of a groove'
+    grooved: ClassVar[bool] = True
+
+
+@dataclass(frozen=True)
+class CamClosure(HigherClosure[CamPair]):
+    """The follower touches the cam: their `Distance` along the normal is zero.
+
+    Its gradient in contact is that of the true distance, so the force along it is the true normal
+    force. What it does to the follower is the force that has the same power: through the centre
+    of the roller, or across the face at the point where it touches.
+    """
+
+    def values(self, frames: Frames) -> list[Jet]:
+        """The distance [m]."""
+        distance = self.joint.distance
+        return [distance.value(frames, self._angle(frames), self._place(frames))]
+
+    def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
+        """The cam pushes the follower out, by torques about the camshaft and the pivot.
+
+        Both follow from the power of the force along the row; together with the point or the
+        direction of the force they determine it. On a cam that slides it is the force along its
+        way instead of the torque about the camshaft.
+        """
+        joint, force = self.joint, forces[0]
+        follower, mirror = joint.cam.follower, float(joint.mirror)
+        angle, place = self._angle(frames), self._place(frames)
+        off = joint.distance.value(frames, _alone(angle, 'cam'), _alone(place, 'follower'))
+        by_cam = mul(force, off.gradient.get('cam'))
+        about_shaft = mul(by_cam, hy.expression(-float(joint.sense)))
+        along = mul(force, off.gradient.get('follower'))
+        rx, ry = (
+            jet.value
+            for jet in self._from_camshaft(frames, joint.second, joint.on_second, 'follower')
+        )
+        x: Term = along
+        y: Term = by_cam
+        if isinstance(follower, Oscillating | OscillatingFlat):
+            about_pivot = mul(along, hy.expression(float(joint.swing)))
+            a = frames.parameters(f'{self.name}.pivot_distance', follower.pivot_distance)
+            if joint.distance.slides:
+                about_shaft = add(about_pivot, mul(mul(a, y), hy.expression(mirror)))
+            else:
+                y = div(mul(add(about_shaft, neg(about_pivot)), hy.expression(mirror)), a)
+        if isinstance(follower, FlatFaced):
+            y = mul(x, frames.parameters(f'{self.name}.slope', math.tan(follower.tilt)))
+        elif isinstance(follower, OscillatingFlat):
+            c, s = hy.cos(place.value), hy.sin(place.value)
+            x = -(float(follower.side) * y * s / c)
+        elif isinstance(follower, Oscillating):
+            x = add(mul(rx, y), mul(about_shaft, hy.expression(-mirror))) / ry
+        elif not joint.distance.slides:
+            y = add(mul(about_shaft, hy.expression(mirror)), mul(ry, x)) / rx
+        cx, cy, sx, sy = (jet.value for jet in self._axes(frames))
+        wx, wy = add(mul(x, cx), mul(y, sx)), add(mul(x, cy), mul(y, sy))
+        if isinstance(follower, FlatFaced | OscillatingFlat):
+            off_point = mul(moment_of((rx, ry), (x, y)), hy.expression(-mirror))
+            return Wrench(wx, wy, add(about_shaft, off_point))
+        return Wrench(wx, wy)
+
+    def _angle(self, frames: Frames) -> Jet:
+        """Of the cam [rad], or how far it has slid [m]."""
+        joint = self.joint
+        if joint.distance.slides:
+            return -self._from_camshaft(frames, joint.first, joint.on_first, 'cam')[1]
+        m, label = self.mechanism, f'{self.name}:{joint.first}'
+        offset = m.frame(joint.first)[1]
+        start = frames.parameters(f'{self.name}.phase', joint.sense * offset + joint.phase)
+        turned = m.turning(frames, joint.first, joint.on_first, label)
+        return turned * float(joint.sense) + constant(start)
+
+    def _place(self, frames: Frames) -> Jet:
+        """Of the follower: from the camshaft [m], or from the line of centres [rad]."""
+        joint = self.joint
+        if not joint.distance.swings:
+            return self._from_camshaft(frames, joint.second, joint.on_second, 'follower')[0]
+        frame, offset = self.mechanism.frame(joint.second)
+        sign = float(joint.swing)
+        start = sign * (offset + joint.arm_angle - joint.direction - math.pi)
+        known = frames.parameters(f'{self.name}.place', math.remainder(start, 2.0 * math.pi))
+        turned = frames.angle(frame)
+        if joint.second in self.mechanism.beams:
+            turned += chord(self.mechanism, frames, joint.second, joint.pivot, joint.on_second)
+        return turned * sign + constant(known)
+
+    def _from_camshaft(
+        self, frames: Frames, link: str, at: Vector2, label: str
+    ) -> tuple[Jet, Jet]:
+        """From the camshaft to a point of a link, in the frame of `followers` [m]."""
+        px, py = frames.position(self.mechanism.point(link, at), f'{self.name}.{label}')
+        ox, oy = frames.position({(GROUND, None): self.joint.centre}, f'{self.name}.centre')
+        x, y = px - ox, py - oy
+        cx, cy, sx, sy = self._axes(frames)
+        return x * cx + y * cy, x * sx + y * sy
+
+    def _axes(self, frames: Frames) -> list[Jet]:
+        """Components of the frame's axes in the world: of x, then of y."""
+        joint = self.joint
+        given = [*joint.world((1.0, 0.0)), *joint.world((0.0, 1.0))]
+        terms = [
+            hy.expression(v) if abs(v) == 1.0 else frames.parameters(f'{self.name}.axis.{k}', v)
+            for k, v in enumerate(given)
+        ]
+        return [constant(term) for term in terms]
+
+
+def _alone(x: Jet, name: str) -> Jet:
+    """The value as a coordinate of its own, for partial derivatives."""
+    return Jet(dense(x.value), {name: hy.expression(1.0)}, None, None)

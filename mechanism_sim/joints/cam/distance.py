@@ -1,0 +1,172 @@
+"""How far a follower is from its cam, as an expression of the cam's place and its own.
+
+The frame is that of `followers`. With the place s of the follower (along its line [m], or the
+angle of its arm or face to the line of centres [rad]) and the place ``s0 + u`` where it touches,
+the distance along the normal is ``D = W (s - s0 - u) + ...`` with ``W = dD/ds``: the cosine of
+the pressure angle, for a swinging follower times the arm. D vanishes exactly where the follower
+touches, and its derivatives there are those of the true distance, because
+``dD/dtheta + u' dD/ds = 0`` along the law. In flight D is the distance to the first order; in a
+groove, where the roller has room, to the second, if the acceleration of the law does not jump. The
+angle theta of a cam that slides is its displacement [m].
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import heyoka as hy
+
+from mechanism_sim.joints.cam.expressions import displacement
+from mechanism_sim.joints.cam.followers import (
+    FlatFaced,
+    Oscillating,
+    OscillatingFlat,
+    Translating,
+)
+from mechanism_sim.joints.cam.profiles import Cam
+from mechanism_sim.numerics.symbolic import Term, dense
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+
+Pair: TypeAlias = tuple[Jet, Jet]
+
+NONE = Jet(None, {}, None, None)
+ONE = Jet(hy.expression(1.0), {}, None, None)
+
+
+@dataclass(frozen=True)
+class Distance:
+    """The distance of a follower from its cam.
+
+    Attributes
+    ----------
+    name : of the joint
+    beside : how far the follower's point lies from its line through the camshaft, along y [m];
+        it counts for faces that are tilted
+    exact : whether to the second order; for rollers only, and for laws whose acceleration does
+        not jump: D would, where the roller is off the middle
+    """
+
+    name: str
+    cam: Cam
+    beside: float = 0.0
+    exact: bool = False
+
+    @property
+    def swings(self) -> bool:
+        """True if the follower's place is an angle."""
+        return isinstance(self.cam.follower, Oscillating | OscillatingFlat)
+
+    @property
+    def slides(self) -> bool:
+        """True if the cam does."""
+        return self.cam.law.reciprocating
+
+    @property
+    def lowest(self) -> float:
+        """Place of the follower on the base circle, or base line [m, rad]."""
+        follower, base = self.cam.follower, self.cam.base_radius
+        if isinstance(follower, FlatFaced):
+            return base / math.cos(follower.tilt) - self.beside * math.tan(follower.tilt)
+        if isinstance(follower, Translating):
+            offset = 0.0 if self.slides else follower.offset
+            return math.sqrt((base + follower.roller) ** 2 - offset**2)
+        if isinstance(follower, Oscillating):
+            return follower.lowest(base, self.slides)
+        return follower.lowest(base)
+
+    def value(self, frames: Frames, angle: Jet, place: Jet) -> Jet:
+        """D [m] at an angle [rad, m] of the cam and a place [m, rad] of the follower."""
+        count = 1 if isinstance(self.cam.follower, FlatFaced) else 3 if self.exact else 2
+        laws = displacement(self.cam.law, self.name, angle, frames, count)
+        # the place at which the follower touches
+        at = laws[0] + constant(frames.parameters(f'{self.name}.lowest', self.lowest))
+        off = place - at
+        if self.swings:  # of any number of turns, and nowhere zero but where the follower touches
+            t = 2.0 * hy.tan(0.5 * off.value)
+            slope = 1.0 + 0.25 * t * t
+            off = off.chain(t, slope, 0.5 * t * slope)
+        follower = self.cam.follower
+        if isinstance(follower, FlatFaced):
+            if not follower.tilt:
+                return off
+            cosine = frames.parameters(f'{self.name}.cosine', math.cos(follower.tilt))
+            return off * constant(cosine)
+        if isinstance(follower, OscillatingFlat):
+            c, s = hy.cos(at.value), hy.sin(at.value)
+            arm, turning = at.chain(c, -s, -c), laws[1] * float(follower.side)
+            if not self.slides:
+                a = frames.parameters(f'{self.name}.pivot_distance', follower.pivot_distance)
+                arm, turning = arm * constant(a), ONE + turning
+            return off * arm * _reciprocal(turning)
+        path = self._path(frames, at)
+        along = self._along(path, laws)
+        square = along[0] * along[0] + along[1] * along[1]
+        speed = _root(square)
+        way = path[1]
+        # n . dP/ds with the normal n = -(tangent turned by 90 degrees)
+        across = _cross(way, along) * _reciprocal(speed)
+        if not self.exact:
+            return off * across
+        bend = self._bend(path, along, laws, square, speed)
+        return off * (across + off * bend * 0.5)
+
+    def _path(self, frames: Frames, at: Jet) -> tuple[Pair, Pair, Pair]:
+        """Centre of the roller and its two derivatives by the follower's place."""
+        follower, p = self.cam.follower, frames.parameters
+        if isinstance(follower, Translating):
+            offset = constant(p(f'{self.name}.offset', follower.offset))
+            return (at, offset), (ONE, NONE), (NONE, NONE)
+        assert isinstance(follower, Oscillating)  # noqa: S101 - the others have no roller
+        a = constant(p(f'{self.name}.pivot_distance', follower.pivot_distance))
+        b, side = constant(p(f'{self.name}.arm', follower.arm)), float(follower.side)
+        c, s = hy.cos(at.value), hy.sin(at.value)
+        x, y = b * at.chain(c, -s, -c), b * at.chain(s, c, -s) * side
+        return (a - x, -y), (y * side, -(x * side)), (x, y)
+
+    def _along(self, path: tuple[Pair, Pair, Pair], laws: list[Jet]) -> Pair:
+        """Velocity of the roller's centre seen from the cam, per radian or metre."""
+        (x, y), way, _ = path
+        if self.slides:
+            return way[0] * laws[1], way[1] * laws[1] + ONE
+        return way[0] * laws[1] - y, way[1] * laws[1] + x
+
+    def _bend(
+        self, path: tuple[Pair, Pair, Pair], along: Pair, laws: list[Jet], square: Jet, speed: Jet
+    ) -> Jet:
+        """Second derivative of D by the follower's place, from the pitch curve's curvature."""
+        p, way, bent = path
+        _, u1, u2 = laws
+        p2 = way[0] * u2 + bent[0] * u1 * u1, way[1] * u2 + bent[1] * u1 * u1
+        centripetal = (
+            p2
+            if self.slides
+            else (
+                p2[0] - way[1] * u1 * 2.0 - p[0],
+                p2[1] + way[0] * u1 * 2.0 - p[1],
+            )
+        )
+        beside = way[0] * along[0] + way[1] * along[1]
+        curved = _cross(along, centripetal) * beside * beside * _reciprocal(square * square)
+        return (_cross(bent, along) + curved) * _reciprocal(speed)
+
+
+def constant(term: Term) -> Jet:
+    """A term that does not move as a jet."""
+    return Jet(term, {}, None, None)
+
+
+def _cross(a: Pair, b: Pair) -> Jet:
+    return a[0] * b[1] - a[1] * b[0]
+
+
+def _reciprocal(x: Jet) -> Jet:
+    r = 1.0 / dense(x.value)
+    return x.chain(r, -(r * r), 2.0 * (r * r * r))
+
+
+def _root(x: Jet) -> Jet:
+    r = hy.sqrt(dense(x.value))
+    return x.chain(r, 0.5 / r, -0.25 / (r * dense(x.value)))

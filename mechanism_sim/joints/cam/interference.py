@@ -1,0 +1,67 @@
+"""Parts of a profile that the follower itself, or a cutter of its shape, takes away elsewhere.
+
+The curvature shows where a profile folds back on itself (`profiles.find_flaws`). All that a fold,
+a corner or a neighbouring lobe loses is seen only by sweeping the follower over the whole profile.
+Where the point of contact is lost the follower comes lower than its law wants it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from mechanism_sim.joints.cam.laws import spelled
+from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, extent
+
+
+@dataclass(frozen=True)
+class CutAway:
+    """Angles at which the point of contact is cut away by the follower at other angles.
+
+    Parameters
+    ----------
+    start, end : [rad], to the step of the search
+    worst : where the point of contact lies deepest within what is cut away [rad]
+    depth : how deep [m]
+    reciprocating : the cam slides; all places are in metres
+    """
+
+    start: float
+    end: float
+    worst: float
+    depth: float
+    reciprocating: bool = False
+
+    def __str__(self) -> str:
+        ends = spelled(self.start, self.end, reciprocating=self.reciprocating)
+        worst = spelled(self.worst, reciprocating=self.reciprocating)
+        return (
+            f'from {ends} the profile is cut away by the follower elsewhere, '
+            f'by {1e3 * self.depth:.3g} mm at {worst}'
+        )
+
+
+def find_cut_away(cam: Cam) -> list[CutAway]:
+    """Where the follower, swept over the profile, cuts its points of contact away.
+
+    A knife edge never does. What is less deep than a millionth of the base radius does not count.
+    Points of the profile, and positions tried, are a 1440th of the turn or stroke apart.
+    """
+    x = drawing_angles(cam.law, extent(cam.law) / 1440)
+    touch, roller = cam.at(x), getattr(cam.follower, 'roller', None)
+    if roller is None:  # how far points of contact stand out beyond some position of the face
+        height = (touch.normal * touch.profile).sum(axis=0)
+        depth = (touch.profile.T @ touch.normal - height).max(axis=1)
+    else:  # and come nearer than the roller's radius to one of its centres
+        depth = roller - scipy.spatial.KDTree(touch.pitch.T).query(touch.profile.T)[0]
+    bad = np.flatnonzero(depth > 1e-6 * cam.base_radius)
+    found = []
+    for run in np.split(bad, np.flatnonzero(np.diff(bad) > 1) + 1):
+        if len(run):
+            worst = run[np.argmax(depth[run])]
+            start, end, deepest = (float(x[k]) for k in (run[0], run[-1], worst))
+            deep = float(depth[worst])
+            found.append(CutAway(start, end, deepest, deep, cam.law.reciprocating))
+    return found

@@ -1,0 +1,317 @@
+"""Laws of motion of a follower: its displacement over the angle of the cam ([V] 4.3).
+
+A displacement is in metres, or in radians for a follower that oscillates. The laws of a
+reciprocating cam go over its own displacement in metres, from one end of its stroke to the other;
+what is said of angles holds for it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, TypeAlias
+
+import numpy as np
+import scipy
+from numpy.polynomial import Polynomial
+from numpy.typing import ArrayLike
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.joints.cam.piecewise import Piece, Piecewise, from_spline
+
+TURN = 2.0 * math.pi
+DERIVATIVES = ('displacement', 'velocity', 'acceleration', 'jerk')
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A rise, or a return if `rise` is negative, between two cam angles.
+
+    Parameters
+    ----------
+    start, end : [rad], less than a turn apart; of a reciprocating cam [m]
+    rise : [m] or [rad]; zero is a dwell
+    curve : the normalised rise; a return runs it backwards
+    """
+
+    start: float
+    end: float
+    rise: float
+    curve: Piecewise
+
+    def pieces(self, level: float) -> list[Piece]:
+        """The segment from a displacement on."""
+        curve = self.curve if self.rise >= 0 else self.curve.mirrored()
+        foot = min(level, level + self.rise)
+        raised = []
+        for piece in curve.pieces:
+            part = piece.scaled(self.end - self.start, abs(self.rise))
+            higher = part.polynomial + Polynomial([foot])
+            raised.append(Piece(part.length, higher, part.amplitude, part.frequency, part.phase))
+        return raised
+
+
+class Diagram:
+    """The displacement diagram of segments; between them the follower dwells.
+
+    The lowest of the levels between segments is the zero of the displacement.
+
+    Parameters
+    ----------
+    segments : in the order of their angles
+    reciprocating : the cam slides; its stroke is from the first segment to the last, and the
+        follower need not come back
+    """
+
+    def __init__(self, segments: Sequence[Segment], reciprocating: bool = False) -> None:
+        if not segments:
+            raise InputError('a displacement diagram needs a segment')
+        rises = [s.rise for s in segments]
+        if not all(math.isfinite(v) for s in segments for v in (s.start, s.end, s.rise)):
+            raise InputError('angles and rises of a displacement diagram are finite numbers')
+        if not reciprocating and abs(sum(rises)) > 1e-12 * max(map(abs, rises)):
+            raise InputError(
+                f'the follower does not come back: its rises add up to {sum(rises):g}'
+            )
+        levels = np.cumsum([0.0, *rises])
+        levels -= levels.min()
+        self.segments = tuple(segments)
+        #: between the highest and the lowest level [m] or [rad]
+        self.lift = float(levels.max())
+        self.reciprocating = reciprocating
+        first = segments[0].start
+        last = segments[-1].end if reciprocating else first + TURN
+        starts = [s.start for s in segments[1:]] + [last]
+        pieces: list[Piece] = []
+        for segment, following, low, high in zip(
+            segments, starts, levels[:-1], levels[1:], strict=True
+        ):
+            if segment.end <= segment.start:
+                raise InputError(f'the segment {self._span(segment)} has no positive length')
+            dwell = following - segment.end
+            if dwell < -1e-12:
+                raise InputError(
+                    f'the segment {self._span(segment)} overlaps the next one, which begins at '
+                    f'{spelled(following, reciprocating=reciprocating)}: segments stand in the '
+                    'order of their angles'
+                )
+            pieces += segment.pieces(float(low))
+            if dwell > 1e-12:
+                pieces.append(Piece(dwell, Polynomial([float(high)])))
+        self.function = Piecewise(first, pieces)
+
+    @property
+    def breaks(self) -> Array:
+        """Angles (n,) where derivatives may jump, over a turn or stroke, both ends among them."""
+        return self.function.breaks
+
+    def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
+        """The displacement (order 0) or a derivative by the angle at angles of any shape.
+
+        At a break it is the limit from the right, or from the left if `left`.
+        """
+        return self.function(_within(self, angle, left), order, left)
+
+    def _span(self, segment: Segment) -> str:
+        ends = spelled(segment.start, segment.end, reciprocating=self.reciprocating)
+        return f'from {ends}'
+
+
+class Measured:
+    """The spline through measured points: periodic, or for a reciprocating cam with free ends.
+
+    Of odd degree; the default 5 leaves the jerk smooth. Free ends are those of the spline that has
+    no knot at the outermost points inside ("not-a-knot").
+
+    Parameters
+    ----------
+    angle : [rad], shape (n,), increasing, over less than a turn; n > degree; of a reciprocating
+        cam [m]
+    displacement : [m] or [rad], shape (n,)
+    reciprocating : the cam slides; its stroke is from the first point to the last
+    """
+
+    def __init__(
+        self,
+        angle: ArrayLike,
+        displacement: ArrayLike,
+        degree: int = 5,
+        reciprocating: bool = False,
+    ) -> None:
+        x, y = np.asarray(angle, dtype=float), np.asarray(displacement, dtype=float)
+        if x.ndim != 1 or x.shape != y.shape or len(x) <= degree:
+            raise InputError(
+                f'a measured law of degree {degree} needs {degree + 1} angles at least, and as '
+                'many displacements'
+            )
+        if degree < 1 or degree % 2 == 0:
+            raise InputError('the degree of a measured law is odd')
+        if not (np.isfinite(x).all() and np.isfinite(y).all()):
+            raise InputError('measured angles and displacements are finite numbers')
+        if not (np.diff(x) > 0).all() or (x[-1] - x[0] >= TURN and not reciprocating):
+            raise InputError('measured angles increase, and end before the turn is full')
+        self.reciprocating = reciprocating
+        if not reciprocating:
+            x, y = np.append(x, x[0] + TURN), np.append(y, y[0])
+        spline = scipy.interpolate.make_interp_spline(
+            x, y, k=degree, bc_type=None if reciprocating else 'periodic'
+        )
+        whole = scipy.interpolate.PPoly.from_spline(spline)
+        inside = slice(degree, -degree)
+        self.function = from_spline(scipy.interpolate.PPoly(whole.c[:, inside], whole.x[inside]))
+
+    @property
+    def breaks(self) -> Array:
+        """The knots of the spline."""
+        return self.function.breaks
+
+    def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
+        """As `Diagram`."""
+        return self.function(_within(self, angle, left), order, left)
+
+
+@dataclass(frozen=True)
+class Eccentric:
+    """The circular cam under a radial knife-edge follower, or the pitch circle under a roller.
+
+    [V] 4.7, above the lowest position; at angle 0 it is half-way up. Derivatives up to the third.
+
+    Parameters
+    ----------
+    radius, eccentricity : [m], the former larger
+    """
+
+    radius: float
+    eccentricity: float
+
+    reciprocating: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if not 0 < self.eccentricity < self.radius < math.inf:
+            raise InputError('the eccentricity of a circular cam is positive, below its radius')
+
+    @property
+    def breaks(self) -> Array:
+        """The ends of the turn only: everything is smooth."""
+        return np.array([0.0, TURN])
+
+    def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
+        """As `Diagram`, for orders 0 to 3."""
+        R, d, g = self.radius, self.eccentricity, np.asarray(angle, dtype=float)
+        # q^2 = R^2 - d^2 cos^2 g, differentiated again and again
+        q = np.sqrt(R**2 - (d * np.cos(g)) ** 2)
+        q1 = 0.5 * d**2 * np.sin(2 * g) / q
+        q2 = (d**2 * np.cos(2 * g) - q1**2) / q
+        q3 = -(2 * d**2 * np.sin(2 * g) + 3 * q1 * q2) / q
+        roots = (q - (R - d), q1, q2, q3)
+        return np.asarray(d * np.sin(g + order * math.pi / 2) + roots[order])
+
+
+@dataclass(frozen=True)
+class Raised:
+    """The circular cam under a flat face across its motion: ``e (1 + sin(angle))``.
+
+    Above the lowest position, as `Eccentric`; the base radius is that of the circle less e.
+
+    Parameters
+    ----------
+    eccentricity : e [m]
+    """
+
+    eccentricity: float
+
+    reciprocating: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if not 0 < self.eccentricity < math.inf:
+            raise InputError('the eccentricity of a circular cam is positive')
+
+    @property
+    def breaks(self) -> Array:
+        """The ends of the turn only: everything is smooth."""
+        return np.array([0.0, TURN])
+
+    def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
+        """As `Diagram`, for all orders."""
+        wave = np.sin(np.asarray(angle, dtype=float) + order * math.pi / 2)
+        return np.asarray(self.eccentricity * (wave + (order == 0)))
+
+
+Law: TypeAlias = Diagram | Measured | Eccentric | Raised
+"""A displacement as a function of the cam angle: periodic, unless the cam reciprocates."""
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A derivative of a law that jumps.
+
+    Parameters
+    ----------
+    angle : [rad] or [m]
+    order : 0 for the displacement, up to 3 for the jerk
+    before, after : limits from the left and the right, by radians or metres of the cam
+    reciprocating : the cam slides
+    """
+
+    angle: float
+    order: int
+    before: float
+    after: float
+    reciprocating: bool = False
+
+    def __str__(self) -> str:
+        at = spelled(self.angle, reciprocating=self.reciprocating)
+        return (
+            f'at {at} the {DERIVATIVES[self.order]} jumps from '
+            f'{self.before:.6g} to {self.after:.6g}, by {self.after - self.before:.6g}'
+        )
+
+
+def check_smoothness(law: Law, order: int = 2, tolerance: float = 1e-9) -> list[Jump]:
+    """Where a law misses the smoothness requirements ([V] 4.8), in the order of angles.
+
+    Parameters
+    ----------
+    order : the highest derivative that should not jump, 3 at most
+    tolerance : of the greatest value of a derivative over a turn, what counts as a jump
+    """
+    x = law.breaks
+    # where a turn ends the next one begins; the ends of a stroke join nothing
+    seam = [] if law.reciprocating else [0]
+    start, end = np.append(x[seam], x[1:-1]), np.append(x[::-1][seam], x[1:-1])
+    jumps: list[Jump] = []
+    for k in range(order + 1):
+        after, before = law(start, k), law(end, k, left=True)
+        grid = np.linspace(x[0], x[-1], 1001)
+        greatest = max(np.abs(a).max(initial=0.0) for a in (after, before, law(grid, k)))
+        jumps += [
+            Jump(float(start[i]), k, float(before[i]), float(after[i]), law.reciprocating)
+            for i in np.flatnonzero(np.abs(after - before) > tolerance * greatest)
+        ]
+    return sorted(jumps, key=lambda j: (j.angle, j.order))
+
+
+def spelled(*places: float, reciprocating: bool) -> str:
+    """Places of a cam as they stand in sentences: in degrees, or in millimetres if it slides."""
+    numbers = (1e3 * x if reciprocating else math.degrees(x) for x in places)
+    return ' to '.join(f'{x:g}' for x in numbers) + (' mm' if reciprocating else ' deg')
+
+
+def _within(law: Law, angle: ArrayLike, left: bool) -> Array:
+    """Angles moved into the turn that begins at the first break; from the left, its end."""
+    angle, start, end = np.asarray(angle, dtype=float), law.breaks[0], law.breaks[-1]
+    if law.reciprocating:
+        beyond = np.maximum(start - angle, angle - end)
+        if (beyond > 1e-9 * (end - start)).any():
+            at = float(angle.flat[int(beyond.argmax())])
+            raise InputError(
+                f'{spelled(at, reciprocating=True)} lies beyond the stroke of the cam, from '
+                f'{spelled(float(start), float(end), reciprocating=True)}'
+            )
+        return angle
+    # what lies in the turn already keeps its last bit, so that it still meets the breaks
+    inside = (angle >= start) & (angle <= end)
+    x = np.where(inside, angle, start + np.mod(angle - start, TURN))
+    return np.where(x == start, end, x) if left else np.where(x == end, start, x)

@@ -1,0 +1,250 @@
+"""Cams as wholes: flaws of their profiles, and how small they may be ([V] 4.5, 4.6)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.joints.cam.followers import Follower, Oscillating, Translating
+from mechanism_sim.joints.cam.laws import Jump, Law, check_smoothness, spelled
+from mechanism_sim.joints.cam.touch import Touch
+from mechanism_sim.numerics.extremes import ExtremeSearch
+
+#: points of a piece of a law at which an extreme is looked for first
+SAMPLES = 181
+
+
+@dataclass(frozen=True)
+class Cam:
+    """A disk cam, or a reciprocating one if its law is that of one.
+
+    Parameters
+    ----------
+    law : of the follower
+    follower : what touches the cam
+    base_radius : the least distance of the profile from the camshaft, on the base circle, or from
+        the line that takes its place [m]
+    """
+
+    law: Law
+    follower: Follower
+    base_radius: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.base_radius < math.inf:
+            raise InputError('a base radius is positive')
+        self.at(drawing_angles(self.law, extent(self.law) / 360))
+
+    def at(self, angle: ArrayLike) -> Touch:
+        """Contact at cam angles (N,) [rad] or displacements [m]."""
+        return self.follower.touch(self.law, self.base_radius, angle)
+
+    @cached_property
+    def corners(self) -> list[Jump]:
+        """Where the velocity of the follower jumps, so that no finite force moves it."""
+        return [jump for jump in check_smoothness(self.law, 1) if jump.order == 1]
+
+    @property
+    def largest_pressure_angle(self) -> float:
+        """The largest absolute value over a turn [rad]."""
+        return greatest(self.law, lambda x: np.abs(self.at(x).pressure_angle))[1]
+
+    def groove(self, angle: ArrayLike, clearance: float = 0.0) -> tuple[Array, Array]:
+        """Inner and outer wall, (2, N) [m], of a groove in which the roller has this clearance."""
+        touch, half = self.at(angle), _roller(self.follower) + 0.5 * clearance
+        return touch.pitch - half * touch.normal, touch.pitch + half * touch.normal
+
+
+@dataclass(frozen=True)
+class Flaw:
+    """A part of a profile that the follower cannot follow.
+
+    Parameters
+    ----------
+    kind : 'cusp' where the radius of curvature just falls to zero
+    wall : which side of the roller or face; only grooves have an outer wall
+    start, end : cam angles between which the profile is cut away, to the distance of samples [rad]
+    worst : where it is worst [rad]
+    reciprocating : the cam slides; all three are in metres
+    """
+
+    kind: Literal['undercut', 'cusp']
+    wall: Literal['inner', 'outer']
+    start: float
+    end: float
+    worst: float
+    reciprocating: bool = False
+
+    def __str__(self) -> str:
+        worst = spelled(self.worst, reciprocating=self.reciprocating)
+        if self.kind == 'cusp':
+            return f'the {self.wall} profile has a cusp at {worst}'
+        ends = spelled(self.start, self.end, reciprocating=self.reciprocating)
+        return f'the {self.wall} profile is undercut from {ends}, most at {worst}'
+
+
+def find_flaws(cam: Cam, clearance: float | None = None) -> list[Flaw]:
+    """Where the profile is undercut or has a cusp, by its curvature.
+
+    A roller needs a pitch curve that nowhere bulges more sharply than it does itself, a face a
+    profile that bulges everywhere. What is lost of the profile by it, by corners or by parts far
+    away, `interference.find_cut_away` shows.
+
+    Parameters
+    ----------
+    clearance : of the roller in a groove [m]; None: the cam has no outer wall
+    """
+    radius = getattr(cam.follower, 'roller', None)
+
+    def inner(x: Array) -> Array:
+        touch = cam.at(x)
+        if radius is None:
+            return np.asarray(-touch.curvature_radius / cam.base_radius)
+        return np.asarray((radius + 0.5 * (clearance or 0.0)) * touch.curvature - 1.0)
+
+    flaws = _flaws(cam.law, inner, 'inner')
+    if clearance is not None:
+        half = _roller(cam.follower) + 0.5 * clearance
+        flaws += _flaws(cam.law, lambda x: -half * cam.at(x).curvature - 1.0, 'outer')
+    return flaws
+
+
+def smallest_base_radius(
+    law: Law, follower: Translating | Oscillating, pressure_angle: float
+) -> float:
+    """The smallest base radius [m] that keeps the pressure angle within a limit all round.
+
+    With prime radius and lowest position as in `followers`: for a translating follower
+    ``tan(phi) = (offset - u')/(s + u)`` bounds the height s from below; for an oscillating one
+    ``tan(phi) = side (a cos(psi) - b (1 + side u'))/(a sin(psi))`` bounds its angle psi on both
+    sides.
+
+    Parameters
+    ----------
+    pressure_angle : the limit, between 0 and a right angle [rad]
+    """
+    _needs_circle(law)
+    if not 0 < pressure_angle < 0.5 * math.pi:
+        raise InputError('a limit of the pressure angle is between 0 and 90 deg')
+    if isinstance(follower, Translating):
+        slope, f = math.tan(pressure_angle), follower.offset
+        s = greatest(law, lambda x: np.abs(law(x, 1) - f) / slope - law(x))[1]
+        radius = math.hypot(max(s, 0.0), f) - follower.roller
+    else:
+        radius = _smallest_oscillating(law, follower, pressure_angle)
+    if radius <= 0:
+        raise InputError('any base radius keeps the pressure angle within its limit')
+    return radius
+
+
+def _smallest_oscillating(law: Law, follower: Oscillating, limit: float) -> float:
+    a, b = follower.pivot_distance, follower.arm
+
+    def reach(x: Array) -> Array:
+        cosine = b * (1.0 + follower.side * law(x, 1)) / a * math.cos(limit)
+        return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+    least = greatest(law, lambda x: np.abs(reach(x) - limit) - law(x))[1]
+    most = math.pi - greatest(law, lambda x: np.abs(math.pi - limit - reach(x)) + law(x))[1]
+    sharpest = greatest(law, lambda x: np.abs(1.0 + follower.side * law(x, 1)))[1]
+    if sharpest * b * math.cos(limit) > a or least > most:
+        raise InputError(
+            f'no base circle keeps the pressure angle of this follower within '
+            f'{math.degrees(limit):g} deg'
+        )
+    return math.sqrt(a**2 + b**2 - 2.0 * a * b * math.cos(least)) - follower.roller
+
+
+def _needs_circle(law: Law) -> None:
+    if law.reciprocating:
+        raise InputError('a reciprocating cam has no base circle')
+
+
+def extent(law: Law) -> float:
+    """A turn [rad], or the stroke of a reciprocating cam [m]."""
+    return float(law.breaks[-1] - law.breaks[0])
+
+
+def drawing_angles(law: Law, step: float) -> Array:
+    """Angles (n,) of a turn or stroke to draw a profile from, both sides of all breaks among them.
+
+    Parameters
+    ----------
+    step : the largest distance [rad] or [m]
+    """
+    pieces = _pieces(law)
+    counts = [math.ceil((end - start) / step) + 1 for start, end in pieces]
+    return np.concatenate(
+        [np.linspace(*p, max(n, 2)) for p, n in zip(pieces, counts, strict=True)]
+    )
+
+
+def greatest(law: Law, function: Callable[[Array], Array]) -> tuple[float, float]:
+    """Angle and value of the greatest value over a turn or stroke.
+
+    Parameters
+    ----------
+    function : of angles (N,), smooth between the breaks of the law; limits at breaks count, from
+        both sides
+    """
+    search = ExtremeSearch(['value'])
+    search.add(lambda x: function(x.ravel())[None], *np.array(_pieces(law)).T)
+    return float(search.greatest_time[0]), float(search.greatest[0])
+
+
+def _pieces(law: Law) -> list[tuple[float, float]]:
+    """Between breaks; so little inside that a limit is met to nearly all digits."""
+    breaks = law.breaks
+    inset = 1e-12 * np.diff(breaks)
+    ends = zip(breaks[:-1] + inset, breaks[1:] - inset, strict=True)
+    return [(float(a), float(b)) for a, b in ends]
+
+
+def _sampled(function: Callable[[Array], Array], start: float, end: float) -> Array:
+    """Angles and values (2, n) on an interval, the greatest value being found more closely."""
+    x = np.linspace(start, end, SAMPLES)
+    y = function(x)
+    i = int(np.argmax(y))
+    if 0 < i < SAMPLES - 1:
+        best = scipy.optimize.minimize_scalar(
+            lambda a: -float(function(np.array([a]))[0]),
+            bounds=(x[i - 1], x[i + 1]),
+            method='bounded',
+            options={'xatol': 1e-9 * min(end - start, 1.0)},
+        )
+        k = i + int(best.x > x[i])
+        x, y = np.insert(x, k, best.x), np.insert(y, k, -best.fun)
+    return np.array([x, y])
+
+
+def _flaws(
+    law: Law, excess: Callable[[Array], Array], wall: Literal['inner', 'outer']
+) -> list[Flaw]:
+    """Runs of angles in which a number is not below zero; pieces of a law stay apart."""
+    flaws = []
+    for first, last in _pieces(law):
+        x, y = _sampled(excess, first, last)
+        bad = np.flatnonzero(y >= -1e-9)
+        for run in np.split(bad, np.flatnonzero(np.diff(bad) > 1) + 1):
+            if len(run):
+                worst = run[np.argmax(y[run])]
+                kind: Literal['undercut', 'cusp'] = 'cusp' if y[worst] <= 1e-9 else 'undercut'
+                start, end, deepest = (float(x[k]) for k in (run[0], run[-1], worst))
+                flaws.append(Flaw(kind, wall, start, end, deepest, law.reciprocating))
+    return flaws
+
+
+def _roller(follower: Follower) -> float:
+    radius = getattr(follower, 'roller', 0.0)
+    if radius <= 0:
+        raise InputError('a groove needs a follower with a roller')
+    return float(radius)

@@ -1,0 +1,175 @@
+"""What a scene file says of a loose joint and its contacts."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from mechanism_sim.keys.quantities import (
+    POSITIVE,
+    Angle,
+    Coefficient,
+    Displacement,
+    Length,
+    Part,
+    Position,
+    Radius,
+    si,
+)
+from mechanism_sim.keys.quantities import (
+    Friction as FrictionCoefficient,
+)
+from mechanism_sim.planar.points import rotate
+
+
+class Contact(Part):
+    """A compliant contact: a law of force instead of a rigid one."""
+
+    law: Literal['hertz', 'hunt_crossley', 'lankarani_nikravesh', 'flores', 'film']
+    """Hertz without loss, three laws with loss by impact, or an oil film."""
+    stiffness: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
+    """In N/m^exponent; required but for a film, whose walls are rigid without."""
+    exponent: Annotated[float, Field(ge=1.0, le=3.0)] = 1.5
+    """Of the depth."""
+    viscosity: Annotated[float, si('Pa s'), POSITIVE] | None = None
+    """Of the oil; required for a film."""
+    width: Length | None = None
+    """Of the bearing along its axis; required for a film."""
+    radius: Length | None = None
+    """Of the journal; required for a film."""
+    cavitation: Literal['guembel', 'none'] = 'guembel'
+    """Of a film whose pressure falls below `cavitation_pressure`. It ruptures and carries nothing
+    there (Guembel), or it pulls, if the supply's pressure keeps it whole."""
+    supply_pressure: Annotated[float, si('Pa'), Field(allow_inf_nan=False)] = 0.0
+    """Of the oil at both ends of a film, above that of the surroundings."""
+    cavitation_pressure: Annotated[float, si('Pa'), Field(allow_inf_nan=False)] = 0.0
+    """At which a film ruptures, above that of the surroundings: negative if oil holds together."""
+    roughness: Length | None = None
+    """Thickness of a film at which its walls touch; without, they never do."""
+
+
+class Friction(Part):
+    """Coulomb friction in an ideal joint, under its own force."""
+
+    coefficient: Annotated[float, si(''), Field(ge=0.0, allow_inf_nan=False)] = 0.0
+    """Coulomb's coefficient, required; a joint that rests sticks with the same."""
+    radius: Length | None = None
+    """Of a pin, the arm of its friction; required there."""
+    length: Length | None = None
+    """Of a block along its guide, about its point: its ends carry moments; else none rub."""
+    groove: Annotated[float, si('rad'), Field(gt=0.0, lt=math.pi)] | None = None
+    """Of a V-belt: between the flanks of its pulleys' grooves; without it the belt is flat."""
+    efficiency: Annotated[float, si(''), Field(gt=0.0, le=1.0)] | None = None
+    """Of a chain or a toothed belt, in the place of a coefficient."""
+
+    @model_validator(mode='after')
+    def _one_size(self) -> Friction:
+        if len({'coefficient', 'efficiency'} & self.model_fields_set) != 1:
+            raise ValueError("needs a 'coefficient', or of a chain its 'efficiency' instead")
+        return self
+
+
+class Play(Part):
+    """How loose a joint is, and what its contacts are like."""
+
+    radial: Displacement
+    """How far it can move from the middle; 0 for a contact that only lifts off."""
+    restitution: Coefficient
+    """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
+    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
+    """What the coefficient relates: speeds, impulses or works; without friction the same."""
+    friction: FrictionCoefficient = 0.0
+    """Coulomb's coefficient, in impacts and in following."""
+    pin_radius: Radius = 0.0
+    """The arm of friction; only with friction."""
+    contact: Contact | None = None
+    """A law of force instead of a rigid contact, for all loose joints or for none; or oil."""
+
+    @property
+    def film(self) -> bool:
+        """Whether oil fills it."""
+        return self.contact is not None and self.contact.law == 'film'
+
+    @property
+    def wall(self) -> Literal['rigid', 'soft', '']:
+        """Of what kind its contacts are; empty for a film without walls."""
+        if self.contact is None:
+            return 'rigid'
+        if self.film and not self.contact.roughness:
+            return ''
+        return 'soft' if self.contact.stiffness else 'rigid'
+
+
+def play_of(given: Any, radial: float) -> Play:
+    """The clearance of a joint whose keys give restitution and so on under other names."""
+    keys = {'hypothesis', 'friction', 'pin_radius', 'contact'}.intersection(
+        type(given).model_fields
+    )
+    said = {key: getattr(given, key) for key in keys}
+    return Play(radial=radial, restitution=given.restitution or 0.0, **said)
+
+
+class Inclination(Part):
+    """How an axis is inclined against the normal of the plane of motion."""
+
+    angle: Annotated[float, si('rad'), Field(ge=0.0, lt=0.1)]
+    """Small: the equations are of the first order in it."""
+    direction: Angle = 0.0
+    """In which the axis leans on the side towards the reader, in the frame of its link."""
+
+    @property
+    def inclination(self) -> tuple[float, float]:
+        """Along the x and y axes of the link's frame [rad]; exact for quarter turns."""
+        return rotate((self.angle, 0.0), self.direction)
+
+
+class Misalignment(Part):
+    """How far the axes of a bearing are out of line, by manufacture."""
+
+    pin: Inclination | None = None
+    """Of the pin, on the first-named link."""
+    bushing: Inclination | None = None
+    """Of the bushing, on the second-named link."""
+
+
+class AxialPlay(Part):
+    """How far a bearing lets its links move along its axis, between stops."""
+
+    play: Length
+    """From the middle to either stop."""
+    restitution: Coefficient | None = None
+    """Of the stops; without, that of the bearing."""
+    face_radius: Length | None = None
+    """Of the faces that meet, for the moment of those out of line; without, they take none."""
+    crown: Length | None = None
+    """Of a face's middle above its rim; needed with `face_radius`."""
+
+    @model_validator(mode='after')
+    def _faced(self) -> AxialPlay:
+        if (self.face_radius is None) != (self.crown is None):
+            raise ValueError("needs 'face_radius' and 'crown' together, as 8 mm and 1 um")
+        return self
+
+
+class Clearance(Play):
+    """A pin on the first-named link, loose in a bushing on the second-named one; or a block."""
+
+    radial: Length
+    """Radius of the circle in which the pin's centre can move; of a block, its play each side."""
+    length: Length | None = None
+    """Of a bearing along its axis, or of a block along its guide, about the joint's point."""
+    along: Position = 0.0
+    """Where the middle of a bearing lies along its axis, above the plane of its links."""
+    misalignment: Misalignment | None = None
+    """Of the axes of pin and bushing, which then touch at the ends of the bearing's length."""
+    axial: AxialPlay | None = None
+    """Stops along the axis, where a link leans (`tilt`): it can then move along it."""
+    height: Length | None = None
+    """Of a block across its guide; required there."""
+
+
+def in_plane(clearance: Clearance | None) -> Clearance | None:
+    """The same without stops along the axis."""
+    return clearance.model_copy(update={'axial': None}) if clearance else None

@@ -1,0 +1,107 @@
+"""Kinds of joints: their keys, how they are read, what can be said of them.
+
+A kind is a folder of this room whose `keys.py` has a class that `KINDS.add` makes known; whatever
+lists kinds or keys finds it there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from mechanism_sim.joints.contact_keys import Clearance, Friction, Play
+from mechanism_sim.keys.names import Names
+from mechanism_sim.keys.quantities import Part
+from mechanism_sim.keys.registry import Registry
+from mechanism_sim.planar.joint_friction import JointFriction
+from mechanism_sim.planar.mechanism import Joint, Mechanism
+from mechanism_sim.planar.rotor import Rotor
+
+Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
+"""Two points, ``LINK.POINT``, or names of what a joint connects."""
+
+
+class JointKeys(Part):
+    """The keys of joints of every kind, and how they are read."""
+
+    clearance: Clearance | None = None
+    """Pin on the first-named link, loose in the second; without it the joint is ideal."""
+    friction: Friction | None = None
+    """Of an ideal joint; a loose one has its own in its clearance."""
+
+    #: the reason why it can have no ``clearance``; empty if it can
+    firm: ClassVar[str] = ''
+    #: the keys that its friction may have beside the coefficient, and whether the first, which
+    #: says where friction acts, must be given; None of joints without friction
+    rubs_by: ClassVar[tuple[tuple[str, ...], bool] | None] = None
+    #: loose because friction alone holds it
+    slips: ClassVar[bool] = False
+    #: lets the axis of a link give way, see `rotor_of`
+    gives_way: ClassVar[bool] = False
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind: the key that says what the joint connects."""
+        return next(kind for kind in KINDS if getattr(self, kind, None) is not None)
+
+    @property
+    def kind_keys(self) -> type[JointKeys]:
+        """The keys of its kind, with their methods: ``joint.kind_keys.notes(joint, ...)``."""
+        return KINDS[self.kind]
+
+    @property
+    def points(self) -> list[str]:
+        """What it connects."""
+        points: list[str] = getattr(self, self.kind)
+        return points
+
+    def read(self, names: Names, name: str) -> Joint:
+        """The joint of that name of a mechanism."""
+        raise NotImplementedError
+
+    def play(self) -> Play | None:
+        """Its clearance, if it is loose."""
+        return self.clearance
+
+    def wrong_play(self, given: Clearance) -> str:
+        """An objection to a clearance of it; empty if there is none."""
+        known = {'radial', 'restitution', 'hypothesis', 'friction', 'pin_radius'}
+        wrong = sorted(key for key in given.model_fields_set - known if getattr(given, key))
+        said = f'here it has {", ".join(sorted(known))} only'
+        return f'has a clearance with {wrong[0]}: {said}' if wrong else ''
+
+    def mounted(self, joint: Any, start: Mapping[str, float], turned: Mapping[str, int]) -> Joint:
+        """As it is put together where coordinates have rough values [rad, m] and whole turns."""
+        mounted: Joint = joint
+        return mounted
+
+    def frictions(
+        self, given: Friction, joint: Any, mechanism: Mechanism
+    ) -> Sequence[JointFriction]:
+        """Those of the ideal joint of a mechanism."""
+        return ()
+
+    def rotor_of(self, names: Names, name: str) -> tuple[str, Rotor]:
+        """The link whose axis it lets give way, and how."""
+        raise NotImplementedError
+
+    def notes(self, machine: Any, joint: Any) -> list[str]:
+        """Remarks on the joint of a machine at rest."""
+        return []
+
+
+KINDS = Registry[type[JointKeys]]()
+"""All kinds of joints by name: the key whose value is what such a joint connects."""
+
+
+def keys_of(joint: JointKeys) -> list[str]:
+    """The keys that have a meaning in a joint of this kind, what it connects first."""
+    fields = joint.kind_keys.model_fields
+    keys = dict.fromkeys(
+        [joint.kind, *(k for k in joint.kind_keys.__annotations__ if k in fields), *fields]
+    )
+    absent = {'clearance'} if joint.kind_keys.firm else set()
+    absent |= set() if joint.kind_keys.rubs_by else {'friction'}
+    return [key for key in keys if key not in absent]

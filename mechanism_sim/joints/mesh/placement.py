@@ -1,0 +1,87 @@
+"""Gears in mesh where they stand in a mechanism, as what closes, reads or draws them needs it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from mechanism_sim.joints.mesh.compliance import Elasticity
+from mechanism_sim.joints.mesh.involute import Gear
+from mechanism_sim.planar.mechanism import HigherPair, Prismatic
+
+
+class Teeth(NamedTuple):
+    """A gear as it stands on its link, or a rack that it could mesh with."""
+
+    name: str
+    gear: Gear
+    rack: bool = False
+    tooth: float = 0.0  #: [rad] where its link's frame has a tooth; of a rack [m] along the guide
+
+
+@dataclass(frozen=True)
+class Harmonic:
+    """A part of the transmission error: ``amplitude sin(order (a - start))``.
+
+    `member` says whose angle (or, of a rack, displacement) a against the carrier counts: 0 of
+    the first, 1 of the second.
+    """
+
+    member: int
+    order: float  #: per radian, or per metre
+    amplitude: float  #: [m] along the line of action
+    start: float = 0.0  #: [rad, m]
+
+
+@dataclass(frozen=True)
+class PlacedMesh(HigherPair):
+    """Teeth of `first` and `second` in mesh, `on_first` and `on_second` their centres.
+
+    For a rack, which is the second, `on_second` is a point of its pitch line. On the left side
+    the first gear, turning counterclockwise, drives.
+    """
+
+    carrier: str
+    waves: tuple[float, float]  #: N of each, negative for internal teeth; of a rack [1/m]
+    base_pitch: float  #: [m]
+    pressure_angle: float  #: [rad] working
+    towards: float  #: [rad] from the first centre to the second, in the carrier's frame
+    reach: float  #: [m] from the first centre to the pitch point in that direction
+    facing: tuple[float, float] = (0.0, 0.0)
+    """Where each has its angle zero on the line of centres: angle against the carrier [rad]; of a
+    rack the displacement [m] with `on_second` there."""
+    guide: Prismatic | None = None  #: along which a rack slides on the carrier
+    bearings: tuple[str, ...] = ()  #: shafts between gears and carrier, and the guide
+    wheels: tuple[Teeth, ...] = ()
+    contact_ratio: float = math.nan
+    sliding_arm: float = 0.0  #: [m] mean distance of contact from the pitch point
+    helix_angle: float = 0.0  #: [rad] on the working pitch circles
+    hand: int = 1  #: of the first: 1 right, -1 left
+    along: tuple[float, float] = (0.0, 0.0)  #: [m] where both lie on their shafts
+    phase: float = 0.0  #: u0 [rad]
+    errors: tuple[Harmonic, ...] = ()
+    play: float = 0.0  #: [m] along the line of action, to either side
+    elasticity: Elasticity | None = None
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """The two links."""
+        return self.first, self.second
+
+    @property
+    def per_phase(self) -> float:
+        """Way along the line of action by phase of the teeth [m/rad]."""
+        return self.base_pitch / (2.0 * math.pi)
+
+    @property
+    def sign(self) -> float:
+        """-1 if one of the two has internal teeth, else 1."""
+        teeth = [
+            w for w, link in zip(self.waves, self.ends, strict=True) if not self.is_rack(link)
+        ]
+        return -1.0 if min(teeth) < 0.0 else 1.0
+
+    def is_rack(self, link: str) -> bool:
+        """True if one of its links is a rack."""
+        return self.guide is not None and self.guide.second == link

@@ -1,0 +1,137 @@
+"""What there is to read of gears in mesh, and of other means of transmission."""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.joints.mesh.placement import PlacedMesh
+from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.planar.points import Vector2
+from mechanism_sim.planar.view import Told, View
+
+
+class MeshMode(IntEnum):
+    """Which flanks carry; the numbers are those of GearState.msg."""
+
+    UNKNOWN = 0
+    LEFT = 1
+    RIGHT = 2
+    FREE = 3
+    MESHED = 4
+
+
+class GearReading(NamedTuple):
+    """Two gears at N instants; forces are NaN where masses are not known.
+
+    Positions and torques are those of the links; of a rack displacement and force. The error is
+    how far the first is ahead.
+    """
+
+    first_position: Annotated[Array, Told('rad or m', 'angle of {first}', 'first', repeats=True)]
+    first_velocity: Annotated[
+        Array, Told('rad/s or m/s', 'speed of {first}', 'first', repeats=True)
+    ]
+    second_position: Annotated[Array, Told('rad or m', 'angle of {second}', repeats=True)]
+    second_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of {second}', repeats=True)]
+    transmission_error: Annotated[Array, Told('m', 'transmission error', difference=True)]
+    tooth_force: Annotated[Array, Told('N', 'force normal to the teeth')]
+    tangential_force: Annotated[Array, Told('N', 'force on {second} along the pitch line')]
+    radial_force: Annotated[Array, Told('N', 'force that parts the gears')]
+    axial_force: Annotated[Array, Told('N', 'axial force of the teeth')]
+    first_torque: Annotated[Array, Told('N m or N', 'torque on {first}', 'first')]
+    second_torque: Annotated[Array, Told('N m or N', 'torque on {second}')]
+    mesh_frequency: Annotated[Array, Told('Hz', 'mesh frequency')]
+    mode: NDArray[np.uint8]  #: (N,) of `MeshMode`
+
+
+def read_mesh(joint: PlacedMesh, view: View) -> GearReading:
+    """Teeth in mesh: ideal, with backlash or elastic."""
+    sides = joint.points
+    (first, rate), (second, _) = (_place(joint, view, *side) for side in sides)
+    u = joint.waves[0] * first + joint.waves[1] * second
+    ahead = np.remainder(u - joint.phase + math.pi, 2.0 * math.pi) - math.pi
+    towards = view.turning(joint.carrier).position + joint.towards
+    (x, y), (fx, fy) = (np.cos(towards), np.sin(towards)), view.force
+    tangential = x * fy - y * fx
+    force = _Force(
+        tangential,
+        joint.sign * (x * fx + y * fy),
+        np.abs(tangential) * math.tan(joint.helix_angle),
+    )
+    efforts = view.moment_on_first(view.place(joint.first, joint.on_first)), view.moment
+    if joint.guide is not None:
+        way = view.turning(joint.carrier).position + joint.guide.axis
+        efforts = efforts[0], fx * np.cos(way) + fy * np.sin(way)
+    passing = np.abs(joint.waves[0] * rate) / (2.0 * math.pi)
+    flanks = _flanks(joint, view, tangential)
+    return _reading(joint, view, joint.per_phase * ahead, force, efforts, passing, flanks)
+
+
+def read_ratio(joint: HigherPair, ratio: float, view: View) -> GearReading:
+    """A ratio without teeth, of which the torques are known: they neither take nor give power."""
+    unknown = np.full(view.count, np.nan)
+    efforts = -ratio * view.moment, view.moment
+    mode = np.full(view.count, MeshMode.MESHED, np.uint8)
+    none = _Force(unknown, unknown, unknown)
+    return _reading(joint, view, unknown, none, efforts, unknown, mode)
+
+
+class _Force(NamedTuple):
+    """Components of the force between teeth (N,) [N]."""
+
+    tangential: Array
+    radial: Array
+    axial: Array
+
+
+def _reading(
+    joint: HigherPair,
+    view: View,
+    error: Array,
+    force: _Force,
+    efforts: tuple[Array, Array],
+    passing: Array,
+    mode: NDArray[np.uint8],
+) -> GearReading:
+    first = view.course(joint.first, joint.on_first)
+    second = view.course(joint.second, joint.on_second)
+    total = np.sqrt(force.tangential**2 + force.radial**2 + force.axial**2)
+    return GearReading(
+        first.total, first.velocity, second.total, second.velocity,
+        error, total, *force, *efforts, passing, mode,
+    )  # fmt: skip
+
+
+def _place(joint: PlacedMesh, view: View, link: str, at: Vector2) -> tuple[Array, Array]:
+    """Angle [rad] of a gear against the carrier, or displacement [m] of a rack; and its rate."""
+    carrier, guide = view.turning(joint.carrier), joint.guide
+    if guide is None or guide.second != link:
+        turn = view.turning(link, at)
+        return turn.position - carrier.position, turn.velocity - carrier.velocity
+    way = carrier.position + guide.axis
+    c, s = np.cos(way), np.sin(way)
+    arm = view.path(link, guide.on_second) - view.path(guide.first, guide.on_first)
+    place, rate = (c * x + s * y for x, y in arm[:2])
+    across = c * arm[0, 1] - s * arm[0, 0]
+    return place, rate + carrier.velocity * across
+
+
+def _flanks(joint: PlacedMesh, view: View, tangential: Array) -> NDArray[np.uint8]:
+    """Which flanks carry: by the walls of rigid teeth, by the force of elastic ones."""
+    count, left, right = len(tangential), view.gap('left'), view.gap('right')
+    if left and right:
+        closed = left[1], right[1]
+    elif joint.elasticity is not None:
+        row = -joint.sign * tangential  # see `MeshClosure.wrench`
+        closed = row < 0.0, row > 0.0
+    else:
+        return np.full(count, MeshMode.MESHED, np.uint8)
+    mode = np.full(count, MeshMode.FREE, np.uint8)
+    mode[closed[0]], mode[closed[1]] = MeshMode.LEFT, MeshMode.RIGHT
+    return mode

@@ -1,0 +1,1 @@
+"""Prismatic joints: a block in its guide."""

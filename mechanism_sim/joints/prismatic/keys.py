@@ -1,0 +1,66 @@
+"""Prismatic joints: a guide along which a point slides."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mechanism_sim.joints.contact_keys import Clearance, Friction
+from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Reference
+from mechanism_sim.keys.names import Names
+from mechanism_sim.keys.quantities import Angle
+from mechanism_sim.planar.joint_friction import ContactFriction, LineFriction
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic
+
+
+class AxisKeys(JointKeys):
+    """What slides."""
+
+    axis: Angle = 0.0
+    """Direction of sliding: in the first link of a prismatic joint, in the second's slot."""
+
+    def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[LineFriction]:
+        """Along a guide or a slot."""
+        return [LineFriction(joint.name, mechanism, given.coefficient, given.length or 0.0)]
+
+
+class PinKeys(JointKeys):
+    """A pin in slots that it leaves."""
+
+    rubs_by = (), False
+
+    def frictions(
+        self, given: Friction, joint: Any, mechanism: Mechanism
+    ) -> list[ContactFriction]:
+        """Of the pin in its slot."""
+        return [ContactFriction(joint.name, mechanism, given.coefficient, joint.touch(mechanism))]
+
+
+@KINDS.add('prismatic')
+class PrismaticKeys(AxisKeys):
+    """A guide."""
+
+    prismatic: Reference | None = None
+    """A guide: the second point slides along `axis` through the first."""
+    angle: Angle = 0.0
+    """Of the second link in the first."""
+
+    rubs_by = ('length',), False
+
+    def read(self, names: Names, name: str) -> Prismatic:
+        """A guide."""
+        (a, on_a), (b, on_b) = names.ends(name)
+        return Prismatic(name, a, b, on_a, on_b, self.axis, self.angle)
+
+    def wrong_play(self, given: Clearance) -> str:
+        """An objection to a clearance of it; empty if there is none."""
+        if not (given.length and given.height):
+            return (
+                "has a clearance that needs 'length' and 'height', those of the block in its guide"
+            )
+        if wrong := [key for key in ('misalignment', 'along', 'axial') if getattr(given, key)]:
+            return f'has a clearance with {wrong[0]}, which is of pins in bushings'
+        if given.pin_radius:
+            return 'has a clearance with pin_radius: a block has none'
+        if given.film:
+            return 'has a clearance with a film, which is for pins'
+        return ''

@@ -1,0 +1,1 @@
+"""A pin and a slotted rack."""

@@ -1,0 +1,1 @@
+"""Shafts that give way."""

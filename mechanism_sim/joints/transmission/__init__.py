@@ -1,0 +1,1 @@
+"""Two links whose angles keep a ratio."""

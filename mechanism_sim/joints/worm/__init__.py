@@ -1,0 +1,1 @@
+"""Worms and their wheels."""

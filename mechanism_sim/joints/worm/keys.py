@@ -1,0 +1,76 @@
+"""Worms and their wheels."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import Any, Literal
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.joints.bevel.keys import SpatialKeys, needed, placed, pressure_angle_of
+from mechanism_sim.joints.contact_keys import Friction
+from mechanism_sim.joints.joint_keys import KINDS, Reference
+from mechanism_sim.joints.transmission.keys import carrier_of
+from mechanism_sim.joints.worm.constraint import WormDrive
+from mechanism_sim.joints.worm.forces import WormPair
+from mechanism_sim.keys.names import Names
+from mechanism_sim.keys.quantities import Angle, Length
+from mechanism_sim.planar.joint_friction import FlankFriction
+from mechanism_sim.planar.mechanism import Mechanism
+
+
+@KINDS.add('worm')
+class WormKeys(SpatialKeys):
+    """A worm and its wheel on shafts at 90 degrees."""
+
+    worm: Reference | None = None
+    """Links of a worm and of its wheel."""
+    diameter: Length | None = None
+    """Pitch diameter of a worm; required."""
+    lead_angle: Angle | None = None
+    """Of a worm's thread, which is the helix angle of its wheel; required."""
+    hand: Literal['right', 'left'] | None = None
+    """Of a worm, right without it: then its wheel turns the same way, each seen on its axis."""
+
+    firm = 'a worm has no play here'
+    rubs_by = (), False
+
+    def read(self, names: Names, name: str) -> WormDrive:
+        """A worm and its wheel."""
+        needed(name, self, 'teeth', 'diameter', 'lead_angle')
+        (a, on_a), (b, on_b) = names.ends(name)
+        threads, teeth = self.teeth or (1, 1)
+        try:
+            sizes = WormPair(
+                threads,
+                teeth,
+                self.diameter or 0.0,
+                self.lead_angle or 0.0,
+                pressure_angle_of(self),
+            )
+        except InputError as error:
+            raise InputError(f'joints.{name}: {error}') from error
+        hand = -1 if self.hand == 'left' else 1
+        return WormDrive(
+            name, a, b, on_a, on_b, Fraction(hand * threads, teeth), self.phase,
+            carrier_of(names, name, self), *placed(self), sizes, hand,
+            self.friction.coefficient if self.friction else 0.0,
+        )  # fmt: skip
+
+    def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[FlankFriction]:
+        """Along the thread, [V] eqs. 5.52 to 5.59."""
+        lead, press, (r2, r3) = joint.worm.lead_angle, joint.worm.pressure_angle, joint.radii
+        return [FlankFriction(
+            joint.name, mechanism, given.coefficient,
+            (r2 * math.cos(lead), joint.hand * r3 * math.sin(lead)),
+            r3 * math.cos(press) * math.cos(lead), joint.carrier,
+        )]  # fmt: skip
+
+    def notes(self, machine: Any, joint: WormDrive) -> list[str]:
+        """The friction that it could bear."""
+        given = machine.scene.joints[joint.name].friction
+        return [
+            f'{joint.name}: {"its" if given else "without friction; a"} coefficient of friction '
+            f'{f"is {given.coefficient:g}; " if given else ""}'
+            f'from {joint.worm.locking_friction:.4g} on the wheel cannot drive the worm'
+        ]

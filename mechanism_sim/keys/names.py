@@ -1,0 +1,152 @@
+"""The names of a scene: its links, their points, its coordinates, and quantities by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
+from mechanism_sim.units import QuantityValue
+
+RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi')
+"""What formulas of loads name beside links."""
+
+
+class SceneError(InputError):
+    """A refusal that begins with the name of its scene."""
+
+
+@contextmanager
+def scene_errors(name: str) -> Iterator[None]:
+    """Refusals within begin with the name of the scene, so that no sentence needs to."""
+    try:
+        yield
+    except SceneError:
+        raise
+    except InputError as error:
+        raise SceneError(f'{name}: {error}') from error
+
+
+class Names:
+    """The references of one scene; `where` is the key that asks.
+
+    Attributes
+    ----------
+    scene : the scene
+    links : the moving ones
+    points : named points of all links, in their frames [m]
+    """
+
+    def __init__(self, scene: Any) -> None:
+        self.scene = scene
+        for link in scene.links:
+            if link != GROUND and (not link.isidentifier() or link in RESERVED):
+                raise InputError(
+                    f"links.{link}: the name '{link}' cannot be used; names are letters, digits "
+                    f'and _, but not {", ".join(RESERVED)}, which formulas name'
+                )
+        self.links = [link for link in scene.links if link != GROUND]
+        if not self.links:
+            raise InputError('links: there is no moving link; add one beside the ground')
+        self.points = {link: self._points_of(link) for link in [GROUND, *self.links]}
+
+    def _points_of(self, link: str) -> dict[str, Vector2]:
+        given = self.scene.links.get(link)
+        points: dict[str, Vector2] = {'start': (0.0, 0.0)}
+        if given and given.length is not None:
+            points['end'] = (given.length, 0.0)
+        for name in given.points if given else ():
+            if name in points:
+                raise InputError(
+                    f"links.{link}.points.{name}: '{name}' is the link's "
+                    f'{"origin" if name == "start" else "far end"} already; choose another name'
+                )
+        return points | given.points if given else points
+
+    def find(self, where: str, reference: str) -> LinkPoint:
+        """A link and a point in its frame, from ``LINK.POINT`` or ``LINK``."""
+        link, _, point = reference.partition('.')
+        if link not in self.points:
+            raise InputError(
+                f"{where}: there is no link '{link}'{nearest(link, self.points)}; links: "
+                f'{", ".join(self.points)}'
+            )
+        points = self.points[link]
+        if (point or 'start') not in points:
+            raise InputError(
+                f"{where}: the link {link} has no point '{point}'{nearest(point, points)}; its "
+                f'points: {", ".join(points)}'
+            )
+        return link, points[point or 'start']
+
+    def connected(self, name: str) -> tuple[LinkPoint, LinkPoint]:
+        """The two points, of any links, that a joint of that name connects."""
+        first, second = (self.find(f'joints.{name}', p) for p in self.scene.joints[name].points)
+        return first, second
+
+    def ends(self, name: str) -> tuple[LinkPoint, LinkPoint]:
+        """The points of two links that a joint of that name connects."""
+        joint = self.scene.joints[name]
+        where = f'joints.{name}.{joint.kind}'
+        first, second = (self.find(where, p) for p in joint.points)
+        if first[0] == second[0]:
+            raise InputError(
+                f'{where} ties the link {first[0]} to itself: give points of two links'
+            )
+        return first, second
+
+    def pivot(self, where: str, link: str) -> tuple[Vector2, Vector2]:
+        """The pivot of a link on the ground, in the world and in its own frame [m]."""
+        return self.shaft(where, link)[1:]
+
+    def shaft(self, where: str, link: str, on: str = GROUND) -> tuple[str, Vector2, Vector2]:
+        """The joint in which a link turns on another, and where on that and on itself [m]."""
+        for name, joint in self.scene.joints.items():
+            if not joint.revolute:
+                continue
+            ends = dict(self.connected(name))
+            if ends.keys() == {on, link}:
+                if joint.clearance:
+                    raise InputError(
+                        f'{where}: {link} turns in the loose joint {name}, so that its centre is '
+                        'nowhere fixed: it needs an ideal one'
+                    )
+                return name, ends[on], ends[link]
+        other = 'the ground' if on == GROUND else on
+        raise InputError(f'{where}: {link} must turn on {other}: add a revolute joint of both')
+
+    def coordinate(self, where: str, name: str) -> str:
+        """The name of a coordinate, which is that of a moving link."""
+        link, _, axis = name.partition('.')
+        if link in self.links and axis in ('x', 'y'):
+            raise InputError(
+                f"{where}: '{name}' is the place of a link between loose joints, which only "
+                f"'initial' gives: write '{link}'"
+            )
+        if name not in self.links:
+            raise InputError(
+                f"{where}: there is no coordinate '{name}'{nearest(name, self.links)}; "
+                f'coordinates are named after the moving links: {", ".join(self.links)}'
+            )
+        return name
+
+    def measure(
+        self, where: str, measure: QuantityValue, straight: bool, units: tuple[str, str]
+    ) -> float:
+        """A quantity in the first of the units if it is of an angle, else in the second."""
+        wanted = units[straight]
+        if measure.unit not in ('', wanted):
+            raise InputError(
+                f'{where} is given in {measure.unit}, but it is {kind_of(straight)}, in {wanted}'
+            )
+        if not math.isfinite(measure.value):
+            raise InputError(f'{where} = {measure.value} must be finite')
+        return measure.value
+
+
+def kind_of(straight: bool) -> str:
+    """A coordinate's kind, in words."""
+    return 'a displacement' if straight else 'an angle'
