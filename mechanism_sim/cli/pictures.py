@@ -94,7 +94,7 @@ _HEARD = 'distance', 'direction', 'pulse'
 def _animate(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.report.animation import film  # noqa: PLC0415
-    from mechanism_sim.report.screen import Shown  # noqa: PLC0415
+    from mechanism_sim.report.screen import FilmParts  # noqa: PLC0415
     from mechanism_sim.report.video import Target  # noqa: PLC0415
 
     if Path(options.output or '').suffix == '.wav':
@@ -105,7 +105,7 @@ def _animate(options: argparse.Namespace) -> int:
     size = _size(options.size) if options.size else None
     record, start, end = run_of(options)
     chosen = film(record, target, start, end, options.fps, options.realtime_factor)
-    shown = Shown(options.lens, options.forces, options.path, options.labels)
+    shown = FilmParts(options.lens, options.forces, options.path, options.labels)
     with progress.count('animate', len(chosen.t), quiet=options.json) as show:
         files, (width, height) = chosen.write(shown, size, show)
     if options.json:

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator, Sequence
 
 from mechanism_sim.analysis.delivery_audit import Ledger
-from mechanism_sim.analysis.details import Average, Beside, Details, Line, Struck
+from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
 from mechanism_sim.analysis.impacts import ImpactSummary
-from mechanism_sim.analysis.loads import LoadSummary, Peak
+from mechanism_sim.analysis.loads import LoadPeak, LoadSummary
 from mechanism_sim.analysis.modes import JointModes
 from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary
 from mechanism_sim.analysis.summary import Summary
@@ -126,7 +126,7 @@ def _modes(joints: tuple[JointModes, ...]) -> Section:
 
 
 def _loads(drive: str, loads: LoadSummary) -> Section:
-    def row(peak: Peak, unit: str) -> tuple[Cell, ...]:
+    def row(peak: LoadPeak, unit: str) -> tuple[Cell, ...]:
         angle = '' if peak.crank_angle is None else f'{math.degrees(peak.crank_angle):.4g} deg'
         value, least = f'{peak.value:.6g} {unit}', '' if peak.whole else '>= '
         if peak.duration is None or peak.impulse is None:
@@ -218,7 +218,7 @@ def detail_sections(details: Details) -> Iterator[Section]:
         yield from _beside(name, beside)
 
 
-def _spectrum(name: str, line: Line) -> Section:
+def _spectrum(name: str, line: SignalSpectrum) -> Section:
     s = line.spectrum
     whole = float(s.values.sum()) or 1.0
     rows = [(f, x, f'{100 * x / whole:.3g} %') for f, x in s.strongest(_LINES)]
@@ -229,7 +229,7 @@ def _spectrum(name: str, line: Line) -> Section:
     return Section(title, table=[('peak at [Hz]', line.unit, 'share of the whole'), *rows])
 
 
-def _envelope(name: str, line: Line) -> Section:
+def _envelope(name: str, line: SignalSpectrum) -> Section:
     low, high = line.band or (0.0, 0.0)
     title = f'spectrum of the squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz'
     rows = line.spectrum.strongest(_LINES)

@@ -32,7 +32,7 @@ from mechanism_sim.units import product
 
 
 class Measured(NamedTuple):
-    """What a measure is.
+    """Value of a measure.
 
     Attributes
     ----------
