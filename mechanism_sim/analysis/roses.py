@@ -153,8 +153,8 @@ def impact_cycles(record: Record, rose: Rose, skip: int = 0) -> ImpactCycles:
     first, end = record.whole_turns(skip)
     row = rose.turn - first
     inside = (row >= 0) & (row < end - first)
-    table = impacts_by_turn(row[inside], rose.normal_impulse[inside], end - first)
-    count, impulse = (x[:, 0] for x in table)
+    counts, sums = impacts_by_turn(row[inside], rose.normal_impulse[inside], end - first)
+    count, impulse = counts[:, 0], sums[:, 0]
     dominant = np.full((end - first, 3), -1, dtype=np.intp)
     taken = np.zeros(end - first, dtype=np.intp)
     for k in np.argsort(-rose.normal_impulse, kind='stable'):

@@ -164,7 +164,7 @@ def _parts(title: str, parts: tuple[PartSummary, ...]) -> Iterator[Section]:
 
 
 def _vibration(sensors: tuple[SensorSummary, ...]) -> Section:
-    rows = [
+    rows: list[Sequence[Cell]] = [
         (f'{s.sensor} on {s.link}', s.samples, s.missing, f'{s.rms:.6g} {s.unit}', s.peak,
          '' if s.crest is None else s.crest, '' if s.kurtosis is None else s.kurtosis)
         for s in sensors
@@ -251,7 +251,7 @@ def _average(name: str, average: Average, drive: str) -> Section:
 def _struck(name: str, struck: Struck, drive: str) -> Iterator[Section]:
     rose, cycles = struck.rose, struck.cycles
     angles = rose.crank_angle, rose.on_pin, rose.on_bushing
-    largest = [
+    largest: list[Sequence[Cell]] = [
         (f'Y{i}', float(rose.normal_impulse[k]), float(rose.time[k]),
          *(float(math.degrees(x[k])) for x in angles))
         for i, k in enumerate(rose.largest, 1)
@@ -266,7 +266,7 @@ def _struck(name: str, struck: Struck, drive: str) -> Iterator[Section]:
     means = [(names[key], *figures) for key, figures in cycles.means.items()]
     columns = f'{len(cycles.count)} turns', 'mean', '+/- (95 %)', 'standard deviation'
     yield Section(table=[columns, *means])
-    by_turn = [
+    by_turn: list[Sequence[Cell]] = [
         [str(cycles.first + i), int(cycles.count[i]), float(cycles.impulse[i]),
          *('' if k < 0 else f'{math.degrees(rose.crank_angle[k]):.4g} deg '
            f'{rose.normal_impulse[k]:.3g}' for k in cycles.dominant[i])]

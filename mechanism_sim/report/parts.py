@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechanism_sim import text_table
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.constraint import BevelPair
@@ -27,6 +26,7 @@ from mechanism_sim.joints.cam.profiles import (
 from mechanism_sim.joints.mesh.involute import Gear, least_teeth
 from mechanism_sim.joints.mesh.pair import Pair
 from mechanism_sim.joints.worm.forces import WormPair
+from mechanism_sim.report.sections import Section, text
 from mechanism_sim.units import for_people
 
 #: for which a base radius is proposed [rad]
@@ -73,7 +73,8 @@ class Sheet:
             cells = [_cells(row[gear]) if gear in row else ('',) * 3 for gear in gears]
             unit = next(iter(cell[2] for cell in cells if cell[2]), '')
             columns.append((name.replace('_', ' '), *(cell[1] for cell in cells), unit))
-        return '\n'.join([self.title, *_table(common), *_table(columns), *self.remarks])
+        sections = Section(self.title, **_table(common)), Section(**_table(columns))
+        return text([*sections, Section(notes=self.remarks)])
 
     def _place(self, figure: PartFigure) -> str:
         if figure.at is None:
@@ -98,11 +99,11 @@ def _cells(figure: PartFigure, *more: str) -> tuple[str, ...]:
     return figure.name.replace('_', ' '), f'{scale * figure.value:.6g}', unit, *more
 
 
-def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    """Lines, with numbers to the right; units and what follows them to the left."""
+def _table(rows: Sequence[tuple[str, ...]]) -> dict[str, Any]:
+    """A table with numbers to the right; units and what follows them to the left."""
     columns = enumerate(zip(*rows, strict=True))
     texts = [i for i, cells in columns if not any(cell[:1].isdecimal() for cell in cells)]
-    return text_table.lines(rows, texts)
+    return {'table': rows, 'left': texts}
 
 
 def cam_sheet(

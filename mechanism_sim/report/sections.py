@@ -75,8 +75,10 @@ class Section:
 
 def text(sections: Iterable[Section]) -> str:
     """Sections for a terminal, with an empty line before each title."""
-    lines = ['\n'.join([''] * bool(s.title) + [*s.lines()]) for s in sections]
-    return '\n'.join(lines).removeprefix('\n')
+    lines: list[str] = []
+    for section in sections:
+        lines += [''] * bool(section.title and lines) + [*section.lines()]
+    return '\n'.join(lines)
 
 
 def html(sections: Iterable[Section]) -> str:

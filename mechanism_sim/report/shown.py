@@ -53,8 +53,7 @@ def animate(
     run : what it does, such as a solution; the scene's own run if not
     start, end, fps, speed : as `mechanism_sim.report.animation.film` has them
     size : longer side, or width and height [pixels]
-    shown : ``lens``, ``forces``, ``paths``, ``labels`` as `mechanism_sim.report.screen.FilmParts` has
-        them
+    shown : ``lens``, ``forces``, ``paths``, ``labels`` of `mechanism_sim.report.screen.FilmParts`
     """
     target = Target(str(file))
     record = Record(machine, run or simulate(machine), {})

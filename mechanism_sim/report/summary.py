@@ -266,11 +266,14 @@ def facts(record: Record) -> list[Row]:
     machine, piece = record.machine, record.piece
     steps, span, totals = len(piece.motion), record.end - record.start, Totals()
     totals.add(piece.impacts, piece.modes)
-    audited, wall_time = record.audited, record.wall_time
+    audited: Audit | Solution
+    wall_time: float | None
     *known, digest = (row for row in head(record) if row.label != 'impacts')
     costs: list[Row] = []
     if isinstance(piece, Solution):
         audited, wall_time, costs = piece, piece.stats.wall_time, [*_costs(piece.stats)]
+    else:
+        audited, wall_time = record.audited, record.wall_time
     if factor := realtime_factor(span, wall_time):
         costs.append(Row('real-time factor', f'{factor:.3g}'))
     entered = Counter(c.mode for c in piece.modes if c.previous != Mode.UNKNOWN)

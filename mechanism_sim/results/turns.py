@@ -56,7 +56,8 @@ def impacts_by_turn(
     turn, joint : (n,) in which each impact happened
     """
     cell, size = turn * joints + joint, turns * joints
-    count, total = np.bincount(cell, minlength=size), np.bincount(cell, impulse, size)
+    count = np.asarray(np.bincount(cell, minlength=size), np.int64)
+    total = np.asarray(np.bincount(cell, impulse, size), np.float64)
     return count.reshape(turns, joints), total.reshape(turns, joints)
 
 
