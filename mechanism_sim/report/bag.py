@@ -185,7 +185,8 @@ def _vibration(sensors: tuple[SensorSummary, ...]) -> Section:
 
 
 def _ledger(ledger: Ledger) -> Section:
-    total, table = sum(account.sent for account in ledger.topics), []
+    total = sum(account.sent for account in ledger.topics)
+    table: list[Sequence[Cell]] = []
     title = f'messages: all {total} that were sent are recorded'
     if ledger.lost:
         title = f'messages: {ledger.lost} of {total} are LOST'
@@ -263,7 +264,7 @@ def _struck(name: str, struck: Struck, drive: str) -> Iterator[Section]:
     if cycles is None:
         return
     names = {'count': 'impacts', 'impulse': 'sum of impulses [N s]', 'I_n': 'I_n [N s]'}
-    means = [(names[key], *figures) for key, figures in cycles.means.items()]
+    means: list[Sequence[Cell]] = [(names[k], *found) for k, found in cycles.means.items()]
     columns = f'{len(cycles.count)} turns', 'mean', '+/- (95 %)', 'standard deviation'
     yield Section(table=[columns, *means])
     by_turn: list[Sequence[Cell]] = [
