@@ -274,6 +274,8 @@ def facts(record: Record) -> list[Row]:
         audited, wall_time, costs = piece, piece.stats.wall_time, [*_costs(piece.stats)]
     else:
         audited, wall_time = record.audited, record.wall_time
+        if wall_time:
+            costs.append(Row('recorded in', f'{wall_time:.3g}', 's'))
     if factor := realtime_factor(span, wall_time):
         costs.append(Row('real-time factor', f'{factor:.3g}'))
     entered = Counter(c.mode for c in piece.modes if c.previous != Mode.UNKNOWN)
