@@ -132,7 +132,7 @@ def _facts(run: Recorded, source: str, digest: str) -> list[Row]:
     """Facts in the header; a digest is cut, its whole is said when it is pointed at."""
     rows = [*head(run.record, digest, len(run.impacts) if run.left_out else None)]
     if source:
-        rows.append(Row('recorded in', source, '' if run.record.complete else 'cut short'))
+        rows.append(Row('recorded in', source if run.record.complete else f'{source}, cut short'))
     return rows
 
 

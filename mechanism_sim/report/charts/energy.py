@@ -16,8 +16,10 @@ from mechanism_sim.report.charts.lines import OVER_TIME, panels
 from mechanism_sim.report.charts.thinning import SampledLine, thinned
 from mechanism_sim.report.summary import facts
 from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.instants import instants
 
 _BLOCK = 2**16  # instants at once
+_MOST = 2**24  # instants beside those where steps meet
 _TERMS = 'energy.kinetic', 'energy.potential', 'energy.drive_work', 'energy.dissipated'
 
 
@@ -46,11 +48,9 @@ def energy(course: ChartedRun) -> ChartSection | None:
 def balance(course: ChartedRun) -> dict[str, SampledLine]:
     """Terms of the energy balance, and its residual ``missing`` [J], at and between steps."""
     record, window = course.record, course.run
-    curve = record.piece.motion.curve
-    first = int(curve.locate(np.array([window.start]))[0])
-    steps = np.maximum(curve.start[first:], window.start)
-    marks = np.union1d(steps, np.arange(window.start, window.end, window.longest))
-    marks = np.append(marks, window.end)
+    marks = instants(
+        record.piece, window.start, window.end, 1.0 / window.longest, 2, _MOST, 0, steps=True
+    )
     beginning = _terms(record, np.array([record.start]))[:, 0]
 
     def blocks() -> Iterator[tuple[Array, Array]]:
