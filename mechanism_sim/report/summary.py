@@ -179,7 +179,7 @@ def impact_rows(
     ----------
     losses : of contact; None where they are not counted
     """
-    yield Row('impacts', f'{count:,}')
+    yield Row('impacts', f'{count}')
     total = amount('normal impulse', impulse, 'N s')
     yield total
     if means and count:
@@ -189,7 +189,7 @@ def impact_rows(
         yield Row('impacts per revolution', number.shown(), words=over)
         yield Row('normal impulse per revolution', each.shown(scale), total.unit)
     if losses is not None:
-        yield Row('losses of contact', f'{losses:,}')
+        yield Row('losses of contact', f'{losses}')
 
 
 def energy_rows(
@@ -211,7 +211,7 @@ def _figures(
     audited: Stream | Solution | Audit,
 ) -> Iterator[Row]:
     """Steps, events, errors and energies of a run."""
-    yield Row('steps', f'{steps:,}')
+    yield Row('steps', f'{steps}')
     loose = machine.physics.clearances
     if loose or totals.impacts:
         counted = totals.impacts, totals.normal_impulse, means, totals.losses_of_contact
@@ -246,7 +246,7 @@ def head(record: Record, digest: str = '', hardest: int | None = None) -> Iterat
     yield Row('model', machine.level.value)
     if machine.clearances:
         fewer = '' if hardest is None else f'the hardest {hardest} shown'
-        yield Row('impacts', f'{len(record.piece.impacts):,}', words=fewer)
+        yield Row('impacts', f'{len(record.piece.impacts)}', words=fewer)
     yield Row('tolerances', f'rtol {solver.rtol:g}, atol {solver.atol:g}', 'm')
     yield Row('digest', digest or record.digest())
 
@@ -283,7 +283,7 @@ def facts(record: Record) -> list[Row]:
         *known,
         *_figures(machine, steps, totals, None, audited),
         *(
-            Row(f'changes to {mode.name.lower().replace("_", " ")}', f'{count:,}')
+            Row(f'changes to {mode.name.lower().replace("_", " ")}', f'{count}')
             for mode, count in sorted(entered.items())
         ),
         Row('mean step', f'{span / steps:.4g}', 's'),
