@@ -180,14 +180,13 @@ def impact_rows(
     losses : of contact; None where they are not counted
     """
     yield Row('impacts', f'{count}')
-    total = amount('normal impulse', impulse, 'N s')
-    yield total
+    yield amount('normal impulse', impulse, 'N s')
     if means and count:
         number, each, _ = means
-        scale = for_people('N s', impulse)[1]
+        unit, scale = for_people('N s', each.mean)
         over = f'95 %, over the last {number.revolutions}'
         yield Row('impacts per revolution', number.shown(), words=over)
-        yield Row('normal impulse per revolution', each.shown(scale), total.unit)
+        yield Row('normal impulse per revolution', each.shown(scale), unit)
     if losses is not None:
         yield Row('losses of contact', f'{losses}')
 
