@@ -1,7 +1,6 @@
 """From bags to numbers: what a recorded run did, and whether all of it was recorded."""
 
 from mechanism_sim.analysis.record import Record, machine_of, read_record
-from mechanism_sim.analysis.render import render
 from mechanism_sim.analysis.summary import Summary, analyze
 from mechanism_sim.analysis.topics import find_topics
 from mechanism_sim.hybrid.digest import MotionDigest
@@ -14,5 +13,4 @@ __all__ = [
     'find_topics',
     'machine_of',
     'read_record',
-    'render',
 ]

@@ -1,4 +1,4 @@
-"""What two runs differ in: impacts, peaks, energy, what sensors read; ideal beside worn."""
+"""Differences of two runs: impacts, peaks, energy, what sensors read; ideal beside worn."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Difference:
 
 
 def compare(first: Record, second: Record) -> list[Difference]:
-    """What two runs differ in, each all over its own length."""
+    """Differences of two runs, each all over its own length."""
     one, two = _figures(first), _figures(second)
     if not any(key in two for key in one if key[1]):
         raise InputError(

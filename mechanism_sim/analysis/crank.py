@@ -13,6 +13,7 @@ from mechanism_sim.analysis.pieces import RecordedPiece, gaps
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
+from mechanism_sim.results.turns import Place, beginning, turns_at
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class Crank:
         turned = np.full(len(t), np.nan)
         if self.curve is not None and not self._slides:
             k, dt, known = self._find(self.curve, t)
-            turned[known] = self._since_start(self.curve, k[known], dt[known])
+            turned[known] = turns_at(self.curve, 0, k[known], dt[known], self._start)
         return -turned if self._net < 0 else turned
 
     def angle(self, t: float) -> float | None:
@@ -86,7 +87,7 @@ class Crank:
         return float(np.mod(self.curve.at(k, dt)[0, 0], TWO_PI)) if known[0] else None
 
     def summary(self) -> MotionSummary | None:
-        """What is recorded of the motion; None if nothing is."""
+        """Summary of the recorded motion; None without any."""
         c = self.curve
         if c is None or self._names is None:
             return None
@@ -112,13 +113,11 @@ class Crank:
         c = self.curve
         if c is None:
             return 0.0
-        return float(self._since_start(c, np.array([len(c) - 1]), c.duration[-1:])[0])
+        return float(turns_at(c, 0, np.array([len(c) - 1]), c.duration[-1:], self._start)[0])
 
-    @staticmethod
-    def _since_start(c: PiecewisePolynomial, k: NDArray[np.intp], dt: Array) -> Array:
-        """Signed revolutions (N,); whole ones are integers, so that long runs lose no digits."""
-        first = c.local(np.zeros(1, np.intp), np.zeros(1))
-        return np.asarray((c.turns[k] - c.turns[0] + (c.local(k, dt) - first) / TWO_PI)[:, 0])
+    @cached_property
+    def _start(self) -> Place:
+        return beginning(self.curve, 0) if self.curve is not None else (0, 0.0)
 
     @staticmethod
     def _find(

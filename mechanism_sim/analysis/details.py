@@ -1,4 +1,4 @@
-"""What is asked of a bag beyond its summary: spectra, orders, impacts, wear, deviations."""
+"""Analyses of a bag beyond its summary: spectra, orders, impacts, wear, deviations."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _FEWEST = 16  # samples of a spectrum
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is asked for: names of sensors, of quantities and of joints.
+    """Request: names of sensors, of quantities and of joints.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class SignalSpectrum:
     """A spectrum of one signal, and the unit of its values."""
 
     spectrum: Spectrum
@@ -66,7 +66,7 @@ class Line:
     band: tuple[float, float] | None = None  #: of an envelope [Hz]
 
     def significant_part(self, rate: float | None) -> tuple[float, Array, Array]:
-        """What is worth drawing of orders or of an envelope: its end, places and values (N,).
+        """Part worth drawing of orders or of an envelope: its end, places and values (N,).
 
         Parameters
         ----------
@@ -108,13 +108,13 @@ class Beside:
 
 @dataclass(frozen=True, eq=False)
 class Details:
-    """What was asked for, by name."""
+    """Results of a request, by name."""
 
     drive: str  #: the link whose angle orders the turns
     drive_rate: float | None  #: turns a second in the mean [Hz]; None of one that turns back
-    spectra: dict[str, Line] = field(default_factory=dict)
-    orders: dict[str, Line] = field(default_factory=dict)
-    envelopes: dict[str, Line] = field(default_factory=dict)
+    spectra: dict[str, SignalSpectrum] = field(default_factory=dict)
+    orders: dict[str, SignalSpectrum] = field(default_factory=dict)
+    envelopes: dict[str, SignalSpectrum] = field(default_factory=dict)
     averages: dict[str, Average] = field(default_factory=dict)
     impacts: dict[str, Struck] = field(default_factory=dict)
     wear: dict[str, tuple[WearMap, WearMap]] = field(default_factory=dict)  #: bushing, pin
@@ -169,7 +169,7 @@ def everything(record: Record, wanted: Wanted) -> Wanted:
 
 
 def find_details(record: Record, wanted: Wanted, against: Record | None = None) -> Details:
-    """What is asked of a run.
+    """Results of a request to a run.
 
     Parameters
     ----------
@@ -206,15 +206,17 @@ def find_details(record: Record, wanted: Wanted, against: Record | None = None) 
     )
 
 
-def _spectrum(signal: Signal) -> Line:
-    return Line(power(signal.runs, signal.rate), f'({signal.unit})^2/Hz')
+def _spectrum(signal: Signal) -> SignalSpectrum:
+    return SignalSpectrum(power(signal.runs, signal.rate), f'({signal.unit})^2/Hz')
 
 
-def _orders(record: Record, sensor: str, skip: int) -> Line:
-    return Line(order_spectrum(record.over_turns(sensor, skip=skip)), record.unit(sensor))
+def _orders(record: Record, sensor: str, skip: int) -> SignalSpectrum:
+    return SignalSpectrum(
+        order_spectrum(record.over_turns(sensor, skip=skip)), record.unit(sensor)
+    )
 
 
-def _envelope(signal: Signal, band: tuple[float, float] | None) -> Line:
+def _envelope(signal: Signal, band: tuple[float, float] | None) -> SignalSpectrum:
     if band and not 0.0 <= band[0] < band[1] <= 0.5 * signal.rate:
         raise InputError(
             f'the band {band[0]:g} Hz to {band[1]:g} Hz does not lie between 0 and half the '
@@ -222,7 +224,7 @@ def _envelope(signal: Signal, band: tuple[float, float] | None) -> Line:
         )
     band = band or shock_band(signal.longest, signal.rate)
     found = envelope_spectrum(signal.longest, signal.rate, band)
-    return Line(found, f'({signal.unit})^2', band)
+    return SignalSpectrum(found, f'({signal.unit})^2', band)
 
 
 def _struck(record: Record, joint: str, skip: int) -> Struck:

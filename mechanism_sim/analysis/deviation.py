@@ -88,7 +88,7 @@ class Alpha:
 
 
 def ideal_machine(machine: Machine) -> Machine:
-    """The same machine with every joint ideal: no clearance, lift-off, backlash or elasticity.
+    """A machine with every joint ideal: no clearance, lift-off, backlash or elasticity.
 
     Its sensors keep their filters, but have no noise, converter or trigger.
     """
@@ -124,7 +124,7 @@ def _ideal_joint(joint: Any) -> Any:
 
 
 def ideal_record(record: Record) -> Record:
-    """What the same machine with ideal joints does from the start to the end of a run."""
+    """Run of the same machine with ideal joints from the start to the end of a run."""
     ideal = ideal_machine(record.machine)
     return Record(ideal, simulate(ideal, duration=record.end), {})
 

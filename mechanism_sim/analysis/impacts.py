@@ -1,4 +1,4 @@
-"""What the joints with clearance suffer: impacts, counted by joint and by revolution."""
+"""Impacts in joints with clearance, counted by joint and by revolution."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from mechanism_sim.analysis.crank import Crank
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.results.means import Mean, impact_means
+from mechanism_sim.results.turns import impacts_by_turn
 
 _SLACK = 1e-9  # a revolution that is full but for rounding is full
 
@@ -157,8 +158,5 @@ def _table(
     rows = max(1, int(np.ceil(revolutions - _SLACK)))
     known = np.isfinite(turned)
     row = np.clip(np.floor(turned[known] + _SLACK), 0, rows - 1).astype(np.int64)
-    count = np.zeros((rows, len(names)), np.int64)
-    sums = np.zeros((rows, len(names)))
-    np.add.at(count, (row, columns[known]), 1)
-    np.add.at(sums, (row, columns[known]), impulse[known])
+    count, sums = impacts_by_turn(row, impulse[known], rows, columns[known], len(names))
     return RevolutionTable(names, count, sums, int(np.sum(~known)))

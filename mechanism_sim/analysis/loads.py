@@ -10,7 +10,7 @@ from mechanism_sim.results import ranges
 
 
 @dataclass(frozen=True)
-class Peak:
+class LoadPeak:
     """The largest magnitude of something."""
 
     name: str
@@ -33,9 +33,9 @@ class LoadSummary:
     """
 
     samples: int | None  #: instants that were published, if that is all there is; None: the motion
-    joints: tuple[Peak, ...]
-    drive_torque: Peak
-    moments: tuple[Peak, ...] = ()  #: [N m] of bearings that tilt
+    joints: tuple[LoadPeak, ...]
+    drive_torque: LoadPeak
+    moments: tuple[LoadPeak, ...] = ()  #: [N m] of bearings that tilt
 
 
 def load_summary(
@@ -51,18 +51,18 @@ def load_summary(
     peaks, shapes : by the names of the catalogue
     crank_angle : angle [rad] of the crank at a time [s]
     """
-    found: dict[str, list[Peak]] = {'drive_torque': [], 'bearing_moment': [], '': []}
+    found: dict[str, list[LoadPeak]] = {'drive_torque': [], 'bearing_moment': [], '': []}
     for name, (value, time) in peaks.items():
         kind, _, of = name.removesuffix('.size').partition('.')
         of += '.axial' if kind == 'axial_force' else ''
-        peak = Peak(of, value, time, crank_angle(time))
+        peak = LoadPeak(of, value, time, crank_angle(time))
         if shape := shapes.get(name):
             peak = replace(peak, duration=shape.duration, impulse=shape.impulse, whole=shape.whole)
         found[kind if kind in found else ''].append(peak)
     forces, efforts = found[''], found['drive_torque']
     if not (forces or samples):
         return None
-    none = replace(forces[0], value=0.0) if forces else Peak('', 0.0, 0.0, None)
+    none = replace(forces[0], value=0.0) if forces else LoadPeak('', 0.0, 0.0, None)
     drive = efforts[0] if efforts else none
     moments = tuple(found['bearing_moment'])
     return LoadSummary(samples, tuple(forces), replace(drive, name='drive'), moments)

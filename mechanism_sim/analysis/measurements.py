@@ -1,4 +1,4 @@
-"""What bags say of a sensor, made ready for identification."""
+"""Signals of a sensor in bags, made ready for identification."""
 
 from __future__ import annotations
 

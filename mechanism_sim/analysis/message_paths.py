@@ -158,7 +158,7 @@ class MessagePath:
 
 
 def _names(message: Any, name: str, value: Any) -> list[str]:
-    """What names the items of an array: the last array of texts before it, if it is as long."""
+    """Names of the items of an array: the last array of texts before it, if it is as long."""
     if not isinstance(value, _ARRAYS):
         return []
     texts: list[str] = []

@@ -22,7 +22,7 @@ _STATES = 'sensor_msgs/msg/JointState'
 
 
 class JointStates:
-    """What joint states of another program's bag say of a run, of which no machine is known.
+    """Run in joint states of another program's bag, of which no machine is known.
 
     Attributes
     ----------

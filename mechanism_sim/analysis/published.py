@@ -20,7 +20,7 @@ from mechanism_sim.scene import Machine
 
 
 class PartKind(NamedTuple):
-    """What is summed up of a kind of parts."""
+    """Fields of a kind of parts that are summed up."""
 
     title: str
     state: str | None  #: the field that says in what state a part is
@@ -61,7 +61,7 @@ PARTS = {
 
 
 @dataclass(frozen=True)
-class Range:
+class PublishedRange:
     """The range of one quantity in SI units."""
 
     quantity: str
@@ -78,7 +78,7 @@ class PartSummary:
     joint: str  #: or the name of an oscillator
     samples: int  #: instants that were published
     share: dict[str, float]
-    ranges: tuple[Range, ...]  #: without those of which nothing is known
+    ranges: tuple[PublishedRange, ...]  #: without those of which nothing is known
     of_motion: bool  #: whether the ranges are those of the motion, not of the instants
 
 
@@ -158,7 +158,9 @@ class PublishedParts:
             known = {f: of_motion[name] for f, name in names.items() if name in of_motion}
             ends, total = known or self._ranges[part].ends, states.total()
             share = {name: count / total for name, count in states.items()}
-            ranges = tuple(Range(field, *low, *high) for field, (low, high) in ends.items())
+            ranges = tuple(
+                PublishedRange(field, *low, *high) for field, (low, high) in ends.items()
+            )
             found.append(
                 PartSummary(part, total, share if self._kind.state else {}, ranges, bool(known))
             )

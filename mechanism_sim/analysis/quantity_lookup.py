@@ -1,4 +1,4 @@
-"""What may be asked of a run by name: quantities of its motion, sensors, paths into messages."""
+"""Run by names: quantities of its motion, sensors, paths into messages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ros_interfaces.definitions import MessageError, field_descriptions
 
 
 class Name(NamedTuple):
-    """What can be asked for, and its unit; empty for a number."""
+    """Name that can be asked for, and its unit; empty for a number."""
 
     name: str
     unit: str
@@ -53,7 +53,7 @@ class Asked:
     def series(
         self, names: Sequence[str], start: float | None = None, end: float | None = None
     ) -> list[Series]:
-        """What these names stand for, in their order, from `start` to `end` [s]."""
+        """Series of these names, in their order, from `start` to `end` [s]."""
         paths = [self._path(name) for name in names]
         messages = iter(recorded(self._bag, [p for p in paths if p]) if self._bag else ())
         found: list[Series] = []

@@ -8,7 +8,6 @@ forces and signals need not be recorded.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from mechanism_sim.analysis.pieces import RecordedPiece, gaps, pieces
+from mechanism_sim.analysis.revolutions import Revolutions
 from mechanism_sim.analysis.signals import Signal, SignalCollectors, measured
 from mechanism_sim.analysis.topics import find_topics
 from mechanism_sim.arrays import Array
@@ -27,7 +27,6 @@ from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.messages.events import parse_description
-from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.recording import Bag, read_bag, scene_text
 from mechanism_sim.results.quantity import Quantity
@@ -36,7 +35,6 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.orders import TurnSegments
 from mechanism_sim.tables import Table
 
-_NEWTON = 50
 _BLOCK = 8192  # instants at once
 
 
@@ -52,7 +50,7 @@ def machine_of(bag: Bag | Path | str, namespace: str | None = None) -> Machine:
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class Record(Revolutions):
     """A run to be analysed, recorded or just simulated.
 
     Attributes
@@ -65,23 +63,11 @@ class Record:
     whole : the motion from the start of the run on, where `piece` begins or ends elsewhere
     """
 
-    machine: Machine
-    piece: Piece
     signals: dict[str, Signal]
     audit: Audit | None = None
     wall_time: float | None = None
     complete: bool = True
     whole: Motion | None = None
-
-    @property
-    def start(self) -> float:
-        """Of the motion [s]."""
-        return float(self.piece.motion.curve.start[0])
-
-    @property
-    def end(self) -> float:
-        """Of the motion [s]."""
-        return self.piece.motion.curve.end
 
     @property
     def history(self) -> Motion:
@@ -117,104 +103,6 @@ class Record:
         audit = Audit(self.machine.physics)
         audit.add(self.piece.motion, self.piece.impacts)
         return audit
-
-    @property
-    def slides(self) -> bool:
-        """True if the main drive moves straight, so that it makes no turns."""
-        return self.machine.main in self.machine.physics.displacements
-
-    @cached_property
-    def _drive(self) -> int:
-        return self.machine.physics.coordinates.index(self.machine.main)
-
-    @cached_property
-    def _sense(self) -> float:
-        """1 if the main drive turns counterclockwise, -1 if clockwise."""
-        first, last = self._angle(np.array([self.start, self.end]))
-        return -1.0 if last < first else 1.0
-
-    def _angle(self, t: Array) -> Array:
-        return self.piece.motion.curve(t)[:, self._drive]
-
-    def turned(self, t: Array) -> Array:
-        """Angle of the main drive in turns at times (N,) [s]: (N,), rising.
-
-        Not a number outside of the motion, and of a drive that slides.
-        """
-        inside = (t >= self.start) & (t <= self.end) & (not self.slides)
-        turned = np.full(len(t), np.nan)
-        turned[inside] = self._sense * self._angle(t[inside]) / TWO_PI
-        return turned
-
-    def angle(self, t: Array) -> Array:
-        """Angle of the main drive at times (N,) [s] in [0, 2 pi); nan of a drive that slides."""
-        if self.slides:
-            return np.full(len(t), np.nan)
-        return np.asarray(np.mod(self._angle(t), TWO_PI))
-
-    @property
-    def turns(self) -> tuple[int, int]:
-        """The whole turns from angle zero to angle zero within the motion: from, and up to."""
-        first, last = self.turned(np.array([self.start, self.end]))
-        return math.ceil(first - 1e-9), math.floor(last + 1e-9)
-
-    def whole_turns(self, skip: int = 0) -> tuple[int, int]:
-        """The same without the first `skip` of them."""
-        if self.slides:
-            raise InputError(
-                f'{self.machine.name}: {self.machine.main} is driven straight, it makes no turns'
-            )
-        first, last = self.turns
-        if first + skip >= last:
-            raise InputError(
-                f'{self.machine.name}: the run has {max(0, last - first)} whole turns of '
-                f'{self.machine.main}; {skip + 1} are needed'
-            )
-        return first + skip, last
-
-    @property
-    def has_turns(self) -> bool:
-        """True if the run has a whole turn of a drive that turns one way only."""
-        if self.slides:
-            return False
-        first, last = self.turns
-        return first < last and bool(np.all(np.diff(self._marks[1]) >= 0.0))
-
-    @property
-    def rate(self) -> float:
-        """Turns of the main drive a second, in the mean [Hz]."""
-        first, last = self.turned(np.array([self.start, self.end]))
-        return float((last - first) / (self.end - self.start))
-
-    def begin(self, skip: int) -> float:
-        """When so many whole turns of the main drive are over [s]; the start of the run for 0."""
-        if not skip:
-            return self.start
-        return float(self.times_at(np.array([self.whole_turns(skip)[0]]))[0])
-
-    @cached_property
-    def _marks(self) -> tuple[Array, Array]:
-        """Times [s] at which pieces of the motion meet, and the turns of the drive then."""
-        marks = np.append(self.piece.motion.curve.start, self.end)
-        return marks, self.turned(marks)
-
-    def times_at(self, turns: Array) -> Array:
-        """When the main drive has made `turns` (N,), as `turned` counts them [s]."""
-        marks, passed = self._marks
-        if np.any(np.diff(passed) < 0.0):
-            raise InputError(f'{self.machine.name}: {self.machine.main} turns back')
-        curve, per_turn = self.piece.motion.curve, self._sense / TWO_PI
-        t = np.interp(turns, passed, marks)
-        for _ in range(_NEWTON):
-            k, dt = curve.find(t)
-            off = per_turn * curve.at(k, dt)[:, self._drive] - turns
-            rate = per_turn * curve.at(k, dt, 1)[:, self._drive]
-            # where it starts from rest, its angle of the start is reached at rate zero
-            step = np.divide(off, rate, out=np.zeros_like(off), where=(off != 0.0) & (rate != 0.0))
-            t = np.clip(t - step, self.start, self.end)
-            if np.abs(step).max(initial=0.0) <= 4.0 * np.spacing(self.end):
-                break
-        return np.asarray(t)
 
     def over_turns(self, quantity: str, samples: int | None = None, skip: int = 0) -> TurnSegments:
         """A quantity at equal angles of the main drive, in whole turns from angle zero on.
@@ -254,7 +142,7 @@ class Record:
             raise InputError(f'{error}{sensors}') from None
 
     def between(self, start: float | None = None, end: float | None = None) -> Record:
-        """What happened from one time [s] to another; without them the whole."""
+        """The run from one time [s] to another; without them the whole."""
         a, b = self.part(start, end)
         if (a, b) == (self.start, self.end):
             return self
@@ -282,7 +170,7 @@ class Record:
         return digest.hexdigest()
 
     def signal(self, sensor: str) -> Signal:
-        """What a sensor said, as recorded; computed from the motion if that is all there is."""
+        """Samples of a sensor, as recorded; computed from the motion if that is all there is."""
         if sensor not in self.sensors:
             known = ', '.join(self.sensors) or 'none'
             raise InputError(
@@ -325,13 +213,10 @@ class Record:
         known, mechanism = self.machine.physics.clearances, self.machine.mechanism
         return [gap for j in self.machine.bearings for gap in gaps_of(mechanism, j.name, known)]
 
-    def loose(self, joint: str) -> str:
-        """The joint, once sure that it has a pin loose in a bushing."""
-        return one_of(self.loose_joints, joint, self.machine)
 
-
-def one_of(known: Sequence[str], joint: str, machine: Machine) -> str:
-    """The joint, if it is one of those known to have a pin loose in a bushing."""
+def loose_bearing(record: Record, joint: str) -> str:
+    """The joint, once sure that it has a pin loose in a bushing."""
+    known, machine = record.loose_joints, record.machine
     if joint not in known:
         raise InputError(
             f"'{joint}' is no joint with a pin loose in a bushing{nearest(joint, known)}; "

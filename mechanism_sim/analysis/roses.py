@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.analysis.record import Record
+from mechanism_sim.analysis.record import Record, loose_bearing
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.results.means import impact_means
+from mechanism_sim.results.turns import impacts_by_turn
 
 MARKED = 6  #: impacts marked in [SB] 8.11
 
@@ -75,7 +76,7 @@ def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
     machine = record.machine
     play = machine.clearances.get(joint)
     if not (play and play.film):
-        record.loose(joint)
+        loose_bearing(record, joint)
     pin_joint = joint_of_gap(machine.mechanism, joint)
     begin = record.begin(skip)
     chosen = [i for i in record.piece.impacts if i.joint == joint and i.t >= begin]
@@ -152,10 +153,8 @@ def impact_cycles(record: Record, rose: Rose, skip: int = 0) -> ImpactCycles:
     first, end = record.whole_turns(skip)
     row = rose.turn - first
     inside = (row >= 0) & (row < end - first)
-    count = np.zeros(end - first, dtype=np.int64)
-    impulse = np.zeros(end - first)
-    np.add.at(count, row[inside], 1)
-    np.add.at(impulse, row[inside], rose.normal_impulse[inside])
+    counts, sums = impacts_by_turn(row[inside], rose.normal_impulse[inside], end - first)
+    count, impulse = counts[:, 0], sums[:, 0]
     dominant = np.full((end - first, 3), -1, dtype=np.intp)
     taken = np.zeros(end - first, dtype=np.intp)
     for k in np.argsort(-rose.normal_impulse, kind='stable'):

@@ -69,7 +69,7 @@ class Series:
 
 
 def recorded(bag: Bag, paths: Sequence[MessagePath]) -> list[list[Series]]:
-    """What each path leads to in the messages of a bag, in one pass over it.
+    """Values to which each path leads in the messages of a bag, in one pass over it.
 
     Times are those that messages say themselves, else their stamps, else when they were logged;
     where these count from 1970, from the start of the bag. Arrays of samples, which come with a

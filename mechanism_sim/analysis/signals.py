@@ -19,7 +19,7 @@ from mechanism_sim.sensing.orders import TurnSegments, at_equal_angles
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """What one sensor said, in runs of samples without a gap.
+    """Samples of one sensor, in runs of samples without a gap.
 
     Attributes
     ----------

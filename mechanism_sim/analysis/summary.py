@@ -36,7 +36,7 @@ from mechanism_sim.strict_json import plain
 
 @dataclass(frozen=True)
 class Summary:
-    """What a bag tells about a run; a part is None where `absent` says why.
+    """Summary of the run in a bag; a part is None where `absent` says why.
 
     start, end: span of the run [s]; digest: that of `MotionDigest`.
     """
@@ -58,7 +58,7 @@ class Summary:
     absent: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """The same as dictionaries, lists, texts and numbers."""
+        """The summary as dictionaries, lists, texts and numbers."""
         result: dict[str, Any] = plain(self)
         return result
 
@@ -131,7 +131,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
 
 
 def _peaks(bag: Bag, namespace: str | None) -> tuple[LoadPeaks | None, str]:
-    """What the loads are taken by of the motion; without a scene that makes a machine, why not."""
+    """Collector of the loads of the motion; without a scene that makes a machine, why not."""
     text = scene_text(bag, namespace)
     if text is None:
         return None, ''
@@ -158,7 +158,7 @@ def _driven_coordinate(bag: Bag, topics: tuple[str, ...]) -> str | None:
 
 
 def _absent(present: dict[str, bool], found: Summary) -> Iterator[str]:
-    """What is missing in the bag and what therefore is missing here, in sentences."""
+    """Parts that are missing in the bag and therefore here, in sentences."""
     lost = {
         'motion': 'revolutions, angles of the drive and digest',
         'impacts': 'impacts',

@@ -1,4 +1,4 @@
-"""What wears a bearing, by direction on bushing and pin: impulses, sliding work, load times way.
+"""Wear of a bearing, by direction on bushing and pin: impulses, sliding work, load times way.
 
 Archard's law: the volume worn off is in proportion to the integral of normal force times the way
 slid (J. F. Archard, Contact and rubbing of flat surfaces, J. Appl. Phys. 24 (1953) 981). Where the
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechanism_sim.analysis.record import Record
+from mechanism_sim.analysis.record import Record, loose_bearing
 from mechanism_sim.analysis.roses import impact_rose
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
@@ -58,7 +58,7 @@ def wear_maps(
     pin_radius: float | None = None,
     skip: int = 0,
 ) -> tuple[WearMap, WearMap]:
-    """What wears the bushing and the pin of a joint.
+    """Wear of the bushing and of the pin of a joint.
 
     Normal force, slip and direction are those at 8 Gauss nodes of every step; the sums over all
     sectors are exact to the tolerance of the run, but for steps within which sliding without
@@ -75,7 +75,7 @@ def wear_maps(
     -------
     Of the bushing and of the pin.
     """
-    record.loose(joint)
+    loose_bearing(record, joint)
     play = record.machine.clearances[joint_of_gap(record.machine.mechanism, joint).name]
     radius = play.pin_radius if pin_radius is None else pin_radius
     if play.friction and radius != play.pin_radius:

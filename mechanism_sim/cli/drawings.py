@@ -83,6 +83,7 @@ def add(command: Command) -> None:
 def _cycle(options: argparse.Namespace) -> int:
     from mechanism_sim.report import cycle as report  # noqa: PLC0415
     from mechanism_sim.report import figures, measured, progress, tables  # noqa: PLC0415
+    from mechanism_sim.report.sections import text  # noqa: PLC0415
     from mechanism_sim.results.cycle import cycle  # noqa: PLC0415
     from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
 
@@ -111,7 +112,7 @@ def _cycle(options: argparse.Namespace) -> int:
         options,
         found,
         lambda c: report.to_json(c) | measured.to_json(figures_found),
-        lambda c: '\n'.join([report.render(c), *measured.lines(figures_found)]),
+        lambda c: text([*report.sections(c), *measured.section(figures_found)]),
     )
 
 

@@ -96,7 +96,7 @@ def _report(options: argparse.Namespace) -> int:
         if measures:
             taken = Measurement(record.machine, measures, record.start, record.end)
             taken.add(record.piece)
-            rows = measured.rows(taken.found())
+            rows = tuple((row.label, row.text) for row in measured.rows(taken.found()))
             parts = [ChartSection('measures', 'Measures', '', (), rows), *parts]
     text = report.page(shown, parts, source, digest)
     output.write_text(file, text)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,6 +35,7 @@ from mechanism_sim.errors import InputError, nearest
 if TYPE_CHECKING:
     from mechanism_sim.analysis.quantity_lookup import Asked
     from mechanism_sim.recording import Bag
+    from mechanism_sim.scene import Machine
 
 
 def add(command: Command) -> None:
@@ -92,7 +94,7 @@ _HEARD = 'distance', 'direction', 'pulse'
 def _animate(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.report.animation import film  # noqa: PLC0415
-    from mechanism_sim.report.screen import Shown  # noqa: PLC0415
+    from mechanism_sim.report.screen import FilmParts  # noqa: PLC0415
     from mechanism_sim.report.video import Target  # noqa: PLC0415
 
     if Path(options.output or '').suffix == '.wav':
@@ -103,7 +105,7 @@ def _animate(options: argparse.Namespace) -> int:
     size = _size(options.size) if options.size else None
     record, start, end = run_of(options)
     chosen = film(record, target, start, end, options.fps, options.realtime_factor)
-    shown = Shown(options.lens, options.forces, options.path, options.labels)
+    shown = FilmParts(options.lens, options.forces, options.path, options.labels)
     with progress.count('animate', len(chosen.t), quiet=options.json) as show:
         files, (width, height) = chosen.write(shown, size, show)
     if options.json:
@@ -174,7 +176,7 @@ def _plot(options: argparse.Namespace) -> int:
     in_bag, record = is_bag(options.scene), None
     start, end = options.start, options.end
     if not in_bag or options.duration is not None or options.revolutions is not None:
-        record, start, end = run_of(options)
+        record, start, end = run_of(options, partial(_check_names, options))
     else:
         refuse_overrides(options)
     with progress.share('plot', options.json) as read:
@@ -220,6 +222,15 @@ def _plot(options: argparse.Namespace) -> int:
     else:
         print('\n'.join(files))
     return 0
+
+
+def _check_names(options: argparse.Namespace, machine: Machine) -> None:
+    """Refuse names that the machine does not know."""
+    from mechanism_sim.report.charts.lines import check_abscissa  # noqa: PLC0415
+    from mechanism_sim.results.catalogue import catalogue  # noqa: PLC0415
+
+    check_abscissa(machine, options.against)
+    catalogue(machine).choose(name for name in options.what if name not in machine.scene.sensors)
 
 
 def _charts(options: argparse.Namespace) -> int:

@@ -78,6 +78,7 @@ def _solve(options: argparse.Namespace) -> int:
     from mechanism_sim.hybrid.events import Impact, ModeChange  # noqa: PLC0415
     from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
     from mechanism_sim.report import measured, progress, summary  # noqa: PLC0415
+    from mechanism_sim.report.sections import text  # noqa: PLC0415
     from mechanism_sim.results.means import ImpactTally  # noqa: PLC0415
     from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.results.simulate import stream  # noqa: PLC0415
@@ -112,7 +113,7 @@ def _solve(options: argparse.Namespace) -> int:
             | measured.to_json(taken.found())
         )
     else:
-        echo('\n'.join([summary.render(run, turns), *measured.lines(taken.found())]))
+        echo(text([*summary.sections(run, turns), *measured.section(taken.found())]))
     return 0
 
 

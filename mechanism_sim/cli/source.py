@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ from mechanism_sim.errors import InputError
 if TYPE_CHECKING:
     from mechanism_sim.analysis.record import Record
     from mechanism_sim.recording import Bag
+    from mechanism_sim.scene import Machine
 
 
 _ENDINGS = '.mcap', '.db3'
@@ -73,9 +75,17 @@ def warn_if_incomplete(bag: Bag | Record, path: str) -> None:
 
 
 def simulate_run(
-    options: argparse.Namespace, start: float = 0.0, to: float | None = None
+    options: argparse.Namespace,
+    start: float = 0.0,
+    to: float | None = None,
+    check: Callable[[Machine], object] | None = None,
 ) -> Record:
-    """The run of a scene, up to a time [s], or over the length from `start` [s] asked for."""
+    """The run of a scene, up to a time [s], or over the length from `start` [s] asked for.
+
+    Parameters
+    ----------
+    check : refuses what cannot be shown of the machine, before anything is run
+    """
     from mechanism_sim.analysis.record import Record  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.results.simulate import simulate  # noqa: PLC0415
@@ -84,6 +94,8 @@ def simulate_run(
     if options.namespace:
         raise InputError('--namespace is for bags')
     machine = read_machine(options)
+    if check:
+        check(machine)
     if to is None:
         end = start + run_length(machine, options.revolutions, options.duration)
     else:
@@ -92,14 +104,21 @@ def simulate_run(
         return Record(machine, simulate(machine, duration=end, progress=show), {})
 
 
-def run_of(options: argparse.Namespace) -> tuple[Record, float, float]:
-    """The run that is asked for, read or simulated, and from when to when it is wanted [s]."""
+def run_of(
+    options: argparse.Namespace, check: Callable[[Machine], object] | None = None
+) -> tuple[Record, float, float]:
+    """The run that is asked for, read or simulated, and from when to when it is wanted [s].
+
+    Parameters
+    ----------
+    check : of a scene, as for `simulate_run`
+    """
     asked = options.end, options.duration, options.revolutions
     if sum(x is not None for x in asked) > 1:
         raise InputError('give only one of --to, --duration and --revolutions')
     if not is_bag(options.scene):
         start = options.start or 0.0
-        record = simulate_run(options, start, options.end)
+        record = simulate_run(options, start, options.end, check)
         return record, start, record.end if options.end is None else options.end
     record = read_run(options)
     start = record.start if options.start is None else options.start

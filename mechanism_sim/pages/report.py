@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import gzip
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,20 +17,13 @@ from mechanism_sim.pages.assets import embedded, import_map, render, styles
 from mechanism_sim.pages.charts import NIGHT, figure
 from mechanism_sim.pages.recorded import Recorded
 from mechanism_sim.report.charts.chart import ChartSection
+from mechanism_sim.report.sections import Row
+from mechanism_sim.report.summary import head
 from mechanism_sim.units import typeset
 
 MODULES = (
     'svg', 'stage', 'lens', 'player', 'saving', 'charts', 'curves', 'keys', 'zoom', 'report',
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Fact:
-    """A line of the header; `long` is what it is in full."""
-
-    name: str
-    value: str
-    long: str = ''
 
 
 class Family(NamedTuple):
@@ -99,7 +91,7 @@ def page(
         title=' and '.join(dict.fromkeys(x.record.machine.scene.title for x in runs)),
         scene=record.machine.name,
         description=scene.description.strip(),
-        facts=_facts(run, source, digest or record.digest()),
+        facts=_facts(run, source, digest),
         sections=parts,
         heights={key: drawn['layout']['height'] for key, drawn in charts.items()},
         bearings=[name.replace('_', ' ') for name in bearings],
@@ -136,26 +128,12 @@ def turn(run: Recorded) -> float | None:
     return (record.end - record.start) * way / passed if passed > 0.25 * way else None
 
 
-def _facts(run: Recorded, source: str, digest: str) -> list[Fact]:
-    """Facts in the header."""
-    record = run.record
-    machine, solver = record.machine, record.machine.scene.solver
-    span = f'{record.start:.6g} s to {record.end:.6g} s'
-    steps = np.diff(run.frames.drive)
-    if not record.slides and abs(steps.sum()) > 0.999 * np.abs(steps).sum():  # else it swings
-        first, last = record.turned(np.array([record.start, record.end]))
-        turns = f'{last - first:.4g}'
-        what = 'turn' if turns == '1' else 'turns'
-        span += f', {turns} {what} of {machine.main.replace("_", " ")}'
-    facts = [Fact('Time', span), Fact('Model', machine.level.value)]
-    if machine.clearances:
-        fewer = f', the hardest {len(run.impacts)} shown' if run.left_out else ''
-        facts.append(Fact('Impacts', f'{len(record.piece.impacts)}{fewer}'))
-    facts.append(Fact('Tolerances', f'rtol {solver.rtol:g}, atol {solver.atol:g} m'))
-    facts.append(Fact('Digest', f'{digest[:12]}…', digest))
+def _facts(run: Recorded, source: str, digest: str) -> list[Row]:
+    """Facts in the header; a digest is cut, its whole is said when it is pointed at."""
+    rows = [*head(run.record, digest, len(run.impacts) if run.left_out else None)]
     if source:
-        facts.append(Fact('Recorded in', source if record.complete else f'{source}, cut short'))
-    return facts
+        rows.append(Row('recorded in', source if run.record.complete else f'{source}, cut short'))
+    return rows
 
 
 def _packed(text: str) -> str:

@@ -13,7 +13,7 @@ from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.report import figures
-from mechanism_sim.report.screen import Screen, Shown
+from mechanism_sim.report.screen import FilmParts, Screen
 from mechanism_sim.report.video import Target
 
 _TURN = 3.0  # [s] of film for a turn of the drive
@@ -43,7 +43,7 @@ class Film:
 
     def write(
         self,
-        shown: Shown,
+        shown: FilmParts,
         size: int | tuple[int, int] | None = None,
         show: Callable[[int, int], None] = lambda *_: None,
     ) -> tuple[list[Path], tuple[int, int]]:

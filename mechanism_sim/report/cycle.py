@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from mechanism_sim import strict_json, text_table
+from mechanism_sim import strict_json
+from mechanism_sim.report.sections import Section, text
 from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
@@ -28,26 +29,25 @@ def where(cycle: Cycle, extreme: Extreme) -> str:
 
 
 def render(cycle: Cycle) -> str:
-    """Extremes, strokes and means for people."""
-    machine = cycle.machine
+    """Return the text that the command line shows."""
+    return text(sections(cycle))
+
+
+def sections(cycle: Cycle) -> Iterator[Section]:
+    """Extremes, strokes and means of a cycle."""
+    yield extremes(cycle)
+    limits = describe_no_limits(cycle.machine, cycle.no_limits)
+    yield Section(notes=[*_peaks(cycle), *_swings(cycle), *_drive(cycle), *limits])
+
+
+def extremes(cycle: Cycle) -> Section:
+    """Least and greatest values, and where; people read sizes, JSON has components, too."""
     span = f'{cycle.t[0]:.6g} s to {cycle.t[-1]:.6g} s'
-    return '\n'.join(
-        [
-            f'{machine.name}: {len(cycle.t)} samples from {span}',
-            *_extremes(cycle),
-            *_peaks(cycle),
-            *_swings(cycle),
-            *_drive(cycle),
-            *describe_no_limits(machine, cycle.no_limits),
-        ]
-    )
-
-
-def _extremes(cycle: Cycle) -> list[str]:
+    title = f'{cycle.machine.name}: {len(cycle.t)} samples from {span}'
     rows, known = [], catalogue(cycle.machine)
     for name, ends in cycle.extremes().items():
         if known.is_component(name):
-            continue  # people read sizes; JSON has components too
+            continue
         shown, scale = for_people(known[name].unit)
         both = ends.least, ends.greatest
         # a step in rates is found a little beside its zero: what that leaves is nothing
@@ -60,7 +60,7 @@ def _extremes(cycle: Cycle) -> list[str]:
                 (name, shown, low, where(cycle, ends.least), high, where(cycle, ends.greatest))
             )
     head = ('', 'unit', 'least', f'at {cycle.drive}', 'greatest', f'at {cycle.drive}')
-    return text_table.lines([head, *rows], 2)
+    return Section(title, table=[head, *rows], left=2)
 
 
 def _peaks(cycle: Cycle) -> Iterator[str]:
@@ -118,7 +118,7 @@ def _drive(cycle: Cycle) -> Iterator[str]:
 
 
 def to_json(cycle: Cycle) -> dict[str, object]:
-    """The same in SI units, and the unit of each column; JSON has no infinity: null."""
+    """A cycle in SI units, and the unit of each column; JSON has no infinity: null."""
     machine = cycle.machine
     forces = machine.physics.has_forces
     return {

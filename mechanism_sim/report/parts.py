@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechanism_sim import text_table
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.constraint import BevelPair
@@ -27,13 +26,14 @@ from mechanism_sim.joints.cam.profiles import (
 from mechanism_sim.joints.mesh.involute import Gear, least_teeth
 from mechanism_sim.joints.mesh.pair import Pair
 from mechanism_sim.joints.worm.forces import WormPair
+from mechanism_sim.report.sections import Section, text
 from mechanism_sim.units import for_people
 
 #: for which a base radius is proposed [rad]
 PRESSURE_ANGLE = math.radians(30.0)
 
 
-class Figure(NamedTuple):
+class PartFigure(NamedTuple):
     """One line of a table."""
 
     name: str
@@ -55,14 +55,14 @@ class Sheet:
     """
 
     title: str
-    figures: tuple[Figure, ...]
+    figures: tuple[PartFigure, ...]
     remarks: tuple[str, ...] = ()
     reciprocating: bool = False
 
     def render(self) -> str:
         """For people: degrees and millimetres, and a column for each gear."""
         common = [_cells(f, self._place(f)) for f in self.figures if '.' not in f.name]
-        own: dict[str, dict[str, Figure]] = {}
+        own: dict[str, dict[str, PartFigure]] = {}
         for figure in self.figures:
             gear, dot, name = figure.name.partition('.')
             if dot:
@@ -73,9 +73,10 @@ class Sheet:
             cells = [_cells(row[gear]) if gear in row else ('',) * 3 for gear in gears]
             unit = next(iter(cell[2] for cell in cells if cell[2]), '')
             columns.append((name.replace('_', ' '), *(cell[1] for cell in cells), unit))
-        return '\n'.join([self.title, *_table(common), *_table(columns), *self.remarks])
+        sections = Section(self.title, **_table(common)), Section(**_table(columns))
+        return text([*sections, Section(notes=self.remarks)])
 
-    def _place(self, figure: Figure) -> str:
+    def _place(self, figure: PartFigure) -> str:
         if figure.at is None:
             return ''
         # extremes at breaks of a law are found a hair beside them
@@ -93,16 +94,16 @@ class Sheet:
         }
 
 
-def _cells(figure: Figure, *more: str) -> tuple[str, ...]:
+def _cells(figure: PartFigure, *more: str) -> tuple[str, ...]:
     unit, scale = for_people(figure.unit)
     return figure.name.replace('_', ' '), f'{scale * figure.value:.6g}', unit, *more
 
 
-def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    """Lines, with numbers to the right; units and what follows them to the left."""
+def _table(rows: Sequence[tuple[str, ...]]) -> dict[str, Any]:
+    """A table with numbers to the right; units and what follows them to the left."""
     columns = enumerate(zip(*rows, strict=True))
     texts = [i for i, cells in columns if not any(cell[:1].isdecimal() for cell in cells)]
-    return text_table.lines(rows, texts)
+    return {'table': rows, 'left': texts}
 
 
 def cam_sheet(
@@ -122,32 +123,32 @@ def cam_sheet(
     if isinstance(cam.follower, Translating | Oscillating) and not cam.law.reciprocating:
         try:
             radius = smallest_base_radius(cam.law, cam.follower, PRESSURE_ANGLE)
-            figures.append(Figure('base_radius_for_30_deg', radius, 'm'))
+            figures.append(PartFigure('base_radius_for_30_deg', radius, 'm'))
         except InputError as told:
             remarks.append(f'{told}')
     return Sheet(title, tuple(figures), (*remarks, *jumps), cam.law.reciprocating)
 
 
-def _cam_figures(cam: Cam, speed: float | None) -> Iterator[Figure]:
+def _cam_figures(cam: Cam, speed: float | None) -> Iterator[PartFigure]:
     law, follower = cam.law, cam.follower
     swings = isinstance(follower, Oscillating | OscillatingFlat)
-    yield Figure('base_radius', cam.base_radius, 'm')
+    yield PartFigure('base_radius', cam.base_radius, 'm')
     top, highest = greatest(law, law)
     lowest = -greatest(law, lambda x: -law(x))[1]
-    yield Figure('lift', highest - lowest, 'rad' if swings else 'm', top)
+    yield PartFigure('lift', highest - lowest, 'rad' if swings else 'm', top)
     at, value = greatest(law, lambda x: np.abs(cam.at(x).pressure_angle))
-    yield Figure('largest_pressure_angle', value, 'rad', at)
+    yield PartFigure('largest_pressure_angle', value, 'rad', at)
     yield from _radii(cam)
     at, value = greatest(law, lambda x: np.abs(cam.at(x).sliding))
     by = 'm' if law.reciprocating else 'rad'
     motion = 'rolling' if getattr(follower, 'roller', 0.0) else 'sliding'
     if speed:
-        yield Figure('cam_speed', speed, f'{by}/s')
-        yield Figure(f'largest_{motion}_velocity', value * abs(speed), 'm/s', at)
+        yield PartFigure('cam_speed', speed, f'{by}/s')
+        yield PartFigure(f'largest_{motion}_velocity', value * abs(speed), 'm/s', at)
         at, value = greatest(law, lambda x: np.abs(cam.at(x).rate))
-        yield Figure('largest_contact_velocity', value * abs(speed), 'm/s', at)
+        yield PartFigure('largest_contact_velocity', value * abs(speed), 'm/s', at)
     else:
-        yield Figure(f'largest_{motion}', value, f'm/{by}', at)
+        yield PartFigure(f'largest_{motion}', value, f'm/{by}', at)
 
 
 def cam_table(cam: Cam) -> dict[str, Array]:
@@ -170,78 +171,78 @@ def cam_table(cam: Cam) -> dict[str, Array]:
     }
 
 
-def _radii(cam: Cam) -> Iterator[Figure]:
+def _radii(cam: Cam) -> Iterator[PartFigure]:
     """Of curvature: where the profile bulges most, and where it is most hollow."""
     roller = getattr(cam.follower, 'roller', None)
     if roller is None:
         at, least = greatest(cam.law, lambda x: -cam.at(x).curvature_radius)
-        yield Figure('smallest_radius_of_curvature', -least, 'm', at)
+        yield PartFigure('smallest_radius_of_curvature', -least, 'm', at)
         return
     at, bulge = greatest(cam.law, lambda x: cam.at(x).curvature)
     if bulge > 0.0:
-        yield Figure('smallest_radius_of_curvature', 1.0 / bulge - roller, 'm', at)
+        yield PartFigure('smallest_radius_of_curvature', 1.0 / bulge - roller, 'm', at)
     at, hollow = greatest(cam.law, lambda x: -cam.at(x).curvature)
     if hollow > 0.0:
-        yield Figure('smallest_hollow_radius', 1.0 / hollow + roller, 'm', at)
+        yield PartFigure('smallest_hollow_radius', 1.0 / hollow + roller, 'm', at)
 
 
-def gear_figures(name: str, gear: Gear) -> Iterator[Figure]:
+def gear_figures(name: str, gear: Gear) -> Iterator[PartFigure]:
     """Sizes of a gear in its plane of rotation, and the limits of undercut if it has any."""
-    yield Figure(f'{name}.teeth', gear.teeth)
+    yield PartFigure(f'{name}.teeth', gear.teeth)
     for circle in ('pitch', 'base', 'tip', 'root'):
-        yield Figure(f'{name}.{circle}_radius', getattr(gear, f'{circle}_radius'), 'm')
-    yield Figure(f'{name}.tooth_thickness', gear.thickness(gear.pitch_radius), 'm')
-    yield Figure(f'{name}.tip_thickness', gear.tip_thickness, 'm')
-    yield Figure(f'{name}.profile_shift', gear.shift, 'modules')
+        yield PartFigure(f'{name}.{circle}_radius', getattr(gear, f'{circle}_radius'), 'm')
+    yield PartFigure(f'{name}.tooth_thickness', gear.thickness(gear.pitch_radius), 'm')
+    yield PartFigure(f'{name}.tip_thickness', gear.tip_thickness, 'm')
+    yield PartFigure(f'{name}.profile_shift', gear.shift, 'modules')
     if not gear.internal:
-        yield Figure(f'{name}.least_profile_shift', gear.least_shift, 'modules')
-        yield Figure(f'{name}.least_teeth', least_teeth(gear.system))
-        yield Figure(f'{name}.form_radius', gear.form_radius, 'm')
+        yield PartFigure(f'{name}.least_profile_shift', gear.least_shift, 'modules')
+        yield PartFigure(f'{name}.least_teeth', least_teeth(gear.system))
+        yield PartFigure(f'{name}.form_radius', gear.form_radius, 'm')
 
 
-def pair_figures(pair: Pair, friction: float) -> Iterator[Figure]:
+def pair_figures(pair: Pair, friction: float) -> Iterator[PartFigure]:
     """Facts of both gears of a pair; the efficiency for a coefficient of friction."""
-    yield Figure('centre_distance', pair.centre_distance, 'm')
-    yield Figure('ratio', pair.ratio)
-    yield Figure('pressure_angle', pair.pinion.system.pressure_angle, 'rad')
-    yield Figure('working_pressure_angle', pair.pressure_angle, 'rad')
-    yield Figure('contact_ratio', pair.contact_ratio)
+    yield PartFigure('centre_distance', pair.centre_distance, 'm')
+    yield PartFigure('ratio', pair.ratio)
+    yield PartFigure('pressure_angle', pair.pinion.system.pressure_angle, 'rad')
+    yield PartFigure('working_pressure_angle', pair.pressure_angle, 'rad')
+    yield PartFigure('contact_ratio', pair.contact_ratio)
     play = pair.backlash
-    yield Figure('backlash', play if play > 1e-12 * pair.pinion.module else 0.0, 'm')
-    yield Figure('tip_clearance', min(pair.clearances), 'm')
-    yield Figure('efficiency', pair.efficiency(friction))
+    yield PartFigure('backlash', play if play > 1e-12 * pair.pinion.module else 0.0, 'm')
+    yield PartFigure('tip_clearance', min(pair.clearances), 'm')
+    yield PartFigure('efficiency', pair.efficiency(friction))
 
 
 def bevel_sheet(title: str, pair: BevelPair) -> Sheet:
     """Sizes of bevel gears; what is of each has the name of its link."""
     figures = [
-        Figure('ratio', 1.0 / float(pair.ratio)),
-        Figure('shaft_angle', sum(pair.cones), 'rad'),
-        Figure('pressure_angle', pair.pressure_angle, 'rad'),
+        PartFigure('ratio', 1.0 / float(pair.ratio)),
+        PartFigure('shaft_angle', sum(pair.cones), 'rad'),
+        PartFigure('pressure_angle', pair.pressure_angle, 'rad'),
     ]
     for link, radius, cone in zip(
         (pair.first, pair.second), pair.mean_radii, pair.cones, strict=True
     ):
-        figures.append(Figure(f'{link}.pitch_angle', cone, 'rad'))
-        figures.append(Figure(f'{link}.mean_radius', radius, 'm'))
+        figures.append(PartFigure(f'{link}.pitch_angle', cone, 'rad'))
+        figures.append(PartFigure(f'{link}.mean_radius', radius, 'm'))
     return Sheet(title, tuple(figures))
 
 
 def worm_sheet(title: str, pair: WormPair, friction: float) -> Sheet:
     """Sizes of a worm and its wheel, and their efficiency for a coefficient of friction."""
     figures = [
-        Figure('ratio', pair.teeth / pair.threads),
-        Figure('lead', pair.lead, 'm'),
-        Figure('lead_angle', pair.lead_angle, 'rad'),
-        Figure('wheel_helix_angle', pair.lead_angle, 'rad'),
-        Figure('worm_diameter', pair.diameter, 'm'),
-        Figure('wheel_diameter', pair.wheel_diameter, 'm'),
-        Figure('centre_distance', pair.centre_distance, 'm'),
-        Figure('efficiency', pair.forces(1.0, friction).efficiency),
-        Figure('self_locking_friction', pair.locking_friction),
+        PartFigure('ratio', pair.teeth / pair.threads),
+        PartFigure('lead', pair.lead, 'm'),
+        PartFigure('lead_angle', pair.lead_angle, 'rad'),
+        PartFigure('wheel_helix_angle', pair.lead_angle, 'rad'),
+        PartFigure('worm_diameter', pair.diameter, 'm'),
+        PartFigure('wheel_diameter', pair.wheel_diameter, 'm'),
+        PartFigure('centre_distance', pair.centre_distance, 'm'),
+        PartFigure('efficiency', pair.forces(1.0, friction).efficiency),
+        PartFigure('self_locking_friction', pair.locking_friction),
     ]
     if pair.self_locking(friction):
         remark = f'at a friction of {friction:g} it is self-locking: its wheel cannot drive it'
         return Sheet(title, tuple(figures), (remark,))
     driven = pair.forces(1.0, friction, wheel_drives=True).efficiency
-    return Sheet(title, (*figures, Figure('efficiency_wheel_drives', driven)))
+    return Sheet(title, (*figures, PartFigure('efficiency_wheel_drives', driven)))

@@ -27,7 +27,7 @@ from mechanism_sim.joints.mesh.joint import GearMesh
 from mechanism_sim.joints.mesh.pair import Pair
 from mechanism_sim.joints.worm.constraint import WormDrive
 from mechanism_sim.report.parts import (
-    Figure,
+    PartFigure,
     Sheet,
     bevel_sheet,
     cam_sheet,
@@ -154,13 +154,13 @@ class _Mesh:
         outline = _alone(alone[0]) if alone else self._outline()
         return Sheet(title, tuple(figures)), outline
 
-    def _common(self) -> Iterator[Figure]:
+    def _common(self) -> Iterator[PartFigure]:
         """Common facts of both gears, and how often their teeth meet."""
         first, joint = self.wheels[0], self.joint
-        yield Figure('module', first.part.module, 'm')
+        yield PartFigure('module', first.part.module, 'm')
         if first.part.helix_angle:
-            yield Figure('helix_angle', first.part.helix_angle, 'rad')
-            yield Figure('transverse_module', first.module, 'm')
+            yield PartFigure('helix_angle', first.part.helix_angle, 'rad')
+            yield PartFigure('transverse_module', first.module, 'm')
         carrier = _speed(self.machine, joint.carrier)
         meetings = [
             w.gear.teeth * abs(_speed(self.machine, w.link) - carrier) / (2.0 * math.pi)
@@ -168,16 +168,16 @@ class _Mesh:
             if not w.part.rack
         ]
         if frequency := max(meetings):
-            yield Figure('tooth_frequency', frequency, 'Hz')
+            yield PartFigure('tooth_frequency', frequency, 'Hz')
 
-    def _between(self, friction: float) -> Iterator[Figure]:
+    def _between(self, friction: float) -> Iterator[PartFigure]:
         if self.wheels[1].part.rack:
             yield from self._with_rack()
         else:
             yield from pair_figures(self._pair[0], friction)
         if self.joint.name in self.machine.clearances:
             play = self.machine.clearances[self.joint.name].radial or 0.0
-            yield Figure(
+            yield PartFigure(
                 'backlash_of_the_scene', 2.0 * play / math.cos(self.joint.pressure_angle), 'm'
             )
 
@@ -194,12 +194,12 @@ class _Mesh:
         pair = Pair(one, two, bases / math.cos(self.joint.pressure_angle))
         return pair, (pinion.name, wheel.name)
 
-    def _with_rack(self) -> Iterator[Figure]:
+    def _with_rack(self) -> Iterator[PartFigure]:
         angle = self.joint.pressure_angle
-        yield Figure('distance_of_the_pitch_line', self._rack_distance, 'm')
-        yield Figure('working_pressure_angle', angle, 'rad')
-        yield Figure('contact_ratio', self.joint.contact_ratio)
-        yield Figure('backlash', 2.0 * self._rack_stands_off * math.tan(angle), 'm')
+        yield PartFigure('distance_of_the_pitch_line', self._rack_distance, 'm')
+        yield PartFigure('working_pressure_angle', angle, 'rad')
+        yield PartFigure('contact_ratio', self.joint.contact_ratio)
+        yield PartFigure('backlash', 2.0 * self._rack_stands_off * math.tan(angle), 'm')
 
     @property
     def _rack_distance(self) -> float:

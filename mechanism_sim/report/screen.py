@@ -36,8 +36,8 @@ _LENS, _WORDS = 170.0, 60.0  # [pixels] at least, and above and below it
 _PART = 0.5, 0.3, 0.75  # of the drawing's height, of its width, of its height at most
 
 
-class Shown(NamedTuple):
-    """What is shown beside the machine.
+class FilmParts(NamedTuple):
+    """Parts of a film beside the machine.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Screen:
     """
 
     def __init__(
-        self, record: Record, t: Array, shown: Shown, pace: float, size: int | tuple[int, int]
+        self, record: Record, t: Array, shown: FilmParts, pace: float, size: int | tuple[int, int]
     ) -> None:
         self._record, self._t, machine = record, t, record.machine
         if shown.forces and not machine.physics.has_forces:

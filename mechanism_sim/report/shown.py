@@ -8,7 +8,7 @@ from typing import Any
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.report import animation, drawing, figures
 from mechanism_sim.report.picture import Picture
-from mechanism_sim.report.screen import Shown
+from mechanism_sim.report.screen import FilmParts
 from mechanism_sim.report.video import Target
 from mechanism_sim.results.cycle import instant
 from mechanism_sim.results.simulate import simulate
@@ -53,10 +53,9 @@ def animate(
     run : what it does, such as a solution; the scene's own run if not
     start, end, fps, speed : as `mechanism_sim.report.animation.film` has them
     size : longer side, or width and height [pixels]
-    shown : ``lens``, ``forces``, ``paths``, ``labels`` as `mechanism_sim.report.screen.Shown` has
-        them
+    shown : ``lens``, ``forces``, ``paths``, ``labels`` of `mechanism_sim.report.screen.FilmParts`
     """
     target = Target(str(file))
     record = Record(machine, run or simulate(machine), {})
     film = animation.film(record, target, start, end, fps, speed)
-    return film.write(Shown(**shown), size)[0]
+    return film.write(FilmParts(**shown), size)[0]

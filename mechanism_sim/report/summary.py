@@ -1,21 +1,30 @@
-"""A finished run in a few lines, or as the JSON others build on."""
+"""Summary of a run: rows for terminal, notebook and page, and the JSON others build on."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
-from mechanism_sim import text_table
-from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.events import Impact, Mode, ModeChange, StopReason
+from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.planar.inverse_dynamics import NoLimit
+from mechanism_sim.recording import realtime_factor
+from mechanism_sim.report.sections import Row, Section, amount
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.means import ImpactTally
+from mechanism_sim.results.means import ImpactTally, Mean
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.results.simulate import Stream
-from mechanism_sim.scene.machine import Machine
+from mechanism_sim.results.solution import Solution, Stats
+from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
+from mechanism_sim.units import for_people
 
 _SENTENCES = 4  # of what repeats
 _COMPLIANCE = 'deflection', 'stress', 'bearing_moment', 'axial_force'
@@ -34,7 +43,6 @@ _IMPACT_KEYS = (
     'duration',
     'peak_force',
 )
-_STATS_KEYS = 'wall_time', 'cpu_time', 'compile_time', 'steps', 'switches'
 _TOTALS_KEYS = 'losses_of_contact', 'normal_impulse', 'largest_impulse'
 _ENERGY_KEYS = 'initial', 'final', 'drive_work', 'dissipated', 'residual', 'error', 'exchanged'
 
@@ -62,7 +70,7 @@ def to_json(
         'scene': run.machine.name,
         'level': run.machine.level.value,
         'duration': run.duration,
-        **{key: getattr(stats, key) for key in _STATS_KEYS},
+        **asdict(stats),
         'stop_reason': StopReason.COMPLETE.value,
         'coordinates': list(run.machine.physics.coordinates),
         'final': _final(run),
@@ -128,14 +136,14 @@ def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
         yield f'and at {len(found) - _SENTENCES} more such instants'
 
 
-def _final(run: Stream) -> dict[str, object]:
+def _final(run: Stream) -> dict[str, Any]:
     physics = run.machine.physics
     o = run.final.observed
 
     def by_name(rows: np.ndarray) -> dict[str, float]:
         return {c: float(row[0]) for c, row in zip(physics.coordinates, rows, strict=True)}
 
-    final: dict[str, object] = {
+    final: dict[str, Any] = {
         't': run.duration,
         'position': by_name(o.position),
         'velocity': by_name(o.velocity),
@@ -162,82 +170,180 @@ def _final(run: Stream) -> dict[str, object]:
     return final
 
 
-def render(run: Stream, turns: ImpactTally) -> str:
-    """A run for people."""
-    stats, data = run.stats, _final(run)
-    lines = [
-        f'{run.machine.name} ({run.machine.level.value}): {run.duration:.9g} s in '
-        f'{stats.steps} steps, {stats.cpu_time * 1e3:.1f} ms CPU, '
-        f'compiled in {stats.compile_time * 1e3:.0f} ms; {StopReason.COMPLETE.value}'
+def impact_rows(
+    count: int, impulse: float, means: Sequence[Mean] | None, losses: int | None = None
+) -> Iterator[Row]:
+    """Impacts of a run, the sum of their normal impulses [N s], and means per revolution.
+
+    Parameters
+    ----------
+    losses : of contact; None where they are not counted
+    """
+    yield Row('impacts', f'{count}')
+    yield amount('normal impulse', impulse, 'N s')
+    if means and count:
+        number, each, _ = means
+        unit, scale = for_people('N s', each.mean)
+        over = f'95 %, over the last {number.revolutions}'
+        yield Row('impacts per revolution', number.shown(), words=over)
+        yield Row('normal impulse per revolution', each.shown(scale), unit)
+    if losses is not None:
+        yield Row('losses of contact', f'{losses}')
+
+
+def energy_rows(
+    initial: float, final: float, work: float, dissipated: float, missing: float, exchanged: float
+) -> Iterator[Row]:
+    """The balance of energy of a run [J]."""
+    yield Row('energy', f'{initial:.6g} J to {final:.6g}', 'J')
+    yield amount('work of drives', work, 'J')
+    yield amount('dissipated', dissipated, 'J')
+    yield Row('energy missing at the end', f'{missing:.3g}', 'J')
+    yield Row('energy exchanged', f'{exchanged:.3g}', 'J')
+
+
+def _figures(
+    machine: Machine,
+    steps: int,
+    totals: Totals,
+    means: Sequence[Mean] | None,
+    audited: Stream | Solution | Audit,
+) -> Iterator[Row]:
+    """Steps, events, errors and energies of a run."""
+    yield Row('steps', f'{steps}')
+    loose = machine.physics.clearances
+    if loose or totals.impacts:
+        counted = totals.impacts, totals.normal_impulse, means, totals.losses_of_contact
+        yield from impact_rows(*counted)
+    if loose:
+        deepest = f'{audited.max_penetration:.3g}'
+        yield Row('largest penetration of an open gap', deepest, 'm')
+    yield Row('largest error of a closure', f'{audited.max_closure_error:.3g}', 'm')
+    e = audited.energy
+    if e and math.isfinite(e.residual):
+        balance = e.initial, e.final, e.drive_work, e.dissipated, e.residual, e.exchanged
+        yield from energy_rows(*balance)
+        yield Row('error of works, estimated', f'{e.error:.2g}', 'J')
+
+
+def _costs(stats: Stats) -> Iterator[Row]:
+    yield Row('compilation', f'{stats.compile_time:.3g}', 's')
+    yield Row('CPU time', f'{stats.cpu_time:.3g}', 's')
+
+
+def head(record: Record, digest: str = '', hardest: int | None = None) -> Iterator[Row]:
+    """Span, model, impacts, tolerances and digest of a run.
+
+    Parameters
+    ----------
+    digest : of the whole run, where this is a part of one
+    hardest : how many impacts are shown, if they are not all
+    """
+    machine, solver = record.machine, record.machine.scene.solver
+    span = f'{record.start:.9g} s to {record.end:.9g}'
+    yield Row('time', span, 's', _turns_of(record))
+    yield Row('model', machine.level.value)
+    if machine.clearances:
+        fewer = '' if hardest is None else f'the hardest {hardest} shown'
+        yield Row('impacts', f'{len(record.piece.impacts)}', words=fewer)
+    yield Row('tolerances', f'rtol {solver.rtol:g}, atol {solver.atol:g}', 'm')
+    yield Row('digest', digest or record.digest())
+
+
+def _turns_of(record: Record) -> str:
+    """Number of turns of a main drive that turns one way."""
+    marks = np.append(record.piece.motion.curve.start, record.end)
+    passed = np.diff(record.turned(marks))
+    if not passed.sum() > 0.999 * np.abs(passed).sum():  # it swings, or slides: not a number
+        return ''
+    turns, drive = f'{passed.sum():.6g}', record.machine.main.replace('_', ' ')
+    return f'{turns} turn{"" if turns == "1" else "s"} of {drive}'
+
+
+def facts(record: Record) -> list[Row]:
+    """All that is known of a run as a whole; errors are read from its motion."""
+    machine, piece = record.machine, record.piece
+    steps, span, totals = len(piece.motion), record.end - record.start, Totals()
+    totals.add(piece.impacts, piece.modes)
+    audited: Audit | Solution
+    wall_time: float | None
+    *known, digest = (row for row in head(record) if row.label != 'impacts')
+    costs: list[Row] = []
+    if isinstance(piece, Solution):
+        audited, wall_time, costs = piece, piece.stats.wall_time, [*_costs(piece.stats)]
+    else:
+        audited, wall_time = record.audited, record.wall_time
+        if wall_time:
+            costs.append(Row('recorded in', f'{wall_time:.3g}', 's'))
+    if factor := realtime_factor(span, wall_time):
+        costs.append(Row('real-time factor', f'{factor:.3g}'))
+    entered = Counter(c.mode for c in piece.modes if c.previous != Mode.UNKNOWN)
+    return [
+        *known,
+        *_figures(machine, steps, totals, None, audited),
+        *(
+            Row(f'changes to {mode.name.lower().replace("_", " ")}', f'{count}')
+            for mode, count in sorted(entered.items())
+        ),
+        Row('mean step', f'{span / steps:.4g}', 's'),
+        Row('shortest step', f'{piece.motion.curve.duration.min():.4g}', 's'),
+        *costs,
+        digest,
     ]
-    totals = run.totals
-    if run.machine.physics.clearances:
-        unit, scale = ('N s', 1.0) if totals.normal_impulse >= 1.0 else ('mN s', 1e3)
-        lines.append(
-            f'  {totals.impacts} impacts, normal impulse {scale * totals.normal_impulse:.6g} '
-            f'{unit}, {totals.losses_of_contact} losses of contact'
+
+
+def sections(run: Stream, turns: ImpactTally) -> Iterator[Section]:
+    """A run that was streamed, and the machine at its end."""
+    machine, stats = run.machine, run.stats
+    rows = [
+        Row('time', f'{run.duration:.9g}', 's'),
+        *_figures(machine, stats.steps, run.totals, turns.means, run),
+        *_costs(stats),
+    ]
+    notes = []
+    if run.energy and run.energy.doubt:
+        notes.append(f'warning: {run.energy.doubt}')
+    count, made = run.totals.gains
+    if count:
+        notes.append(
+            f"warning: {count} impacts created {made:.3g} J, as Newton's restitution with "
+            "friction can; 'hypothesis: poisson' or 'stronge' cannot"
         )
-        if turns.means and totals.impacts:
-            number, impulse, _ = turns.means
-            lines.append(
-                f'  per revolution {number.shown()} impacts, {impulse.shown(scale)} {unit} '
-                f'(95 %, over the last {number.revolutions})'
-            )
-        count, made = totals.gains
-        if count:
-            lines.append(
-                f'  warning: {count} impacts created {made:.3g} J, '
-                "as Newton's restitution with friction can; 'hypothesis: poisson' or 'stronge' "
-                'cannot'
-            )
-    if run.energy:
-        e = run.energy
-        lines.append(
-            f'  energy {e.initial:.6g} J to {e.final:.6g} J, drive work {e.drive_work:.6g} J, '
-            f'dissipated {e.dissipated:.6g} J, residual {e.residual:.2g} J of {e.exchanged:.3g} J '
-            'exchanged'
-        )
-        if e.doubt:
-            lines.append(f'  warning: {e.doubt}')
-    lines.append(
-        f'  largest penetration {run.max_penetration:.2g} m, closure error '
-        f'{run.max_closure_error:.2g} m'
-    )
-    lines += [f'  {line}' for line in describe_no_limits(run.machine, run.no_limits)]
-    lines.append(f'  at the end, t = {run.duration:.9g} s')
+    notes += describe_no_limits(machine, run.no_limits)
+    title = f'{machine.name} ({machine.level.value}): {StopReason.COMPLETE.value}'
+    yield Section(title, rows, notes=notes)
+    yield from _end(run)
+
+
+def _end(run: Stream) -> Iterator[Section]:
+    """Coordinates at the end, and what joints, drives and links carry there."""
+    physics, data = run.machine.physics, _final(run)
     rows: list[tuple[str, ...]] = [('coordinate', 'position', 'speed', 'acceleration')]
-    for c in run.machine.physics.coordinates:
-        unit = 'm' if c in run.machine.physics.displacements else 'rad'
-        moving = zip(('position', 'velocity', 'acceleration'), ('', '/s', '/s^2'), strict=True)
-        rows.append((c, *(f'{data[k][c]:.10g} {unit}{per}' for k, per in moving)))  # type: ignore[index]
-    lines += text_table.lines(rows, indent='    ')
-    stresses: dict[str, float] = data.get('stress', {})  # type: ignore[assignment]
-    for link, deflection in data.get('deflection', {}).items():  # type: ignore[attr-defined]
-        stress = f', stress {stresses[link]:.9g} Pa' if link in stresses else ''
-        lines.append(f'    {link:9} deflection {deflection:.9g} m{stress}')
-    moments: dict[str, float] = data.get('reaction_moments', {})  # type: ignore[assignment]
-    carried: list[tuple[str, ...]] = [
-        ('joint', 'force x', 'force y', *(['moment'] if moments else []))
+    kinds = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
+    for c in physics.coordinates:
+        unit = 'm' if c in physics.displacements else 'rad'
+        rows.append((c, *(f'{data[kind][c]:.10g} {unit}{per}' for kind, per in kinds)))
+    yield Section(f'at the end, t = {run.duration:.9g} s', table=rows)
+    if reactions := data.get('reactions'):
+        moments = data['reaction_moments']
+        carried = [('joint', 'force x', 'force y', *(['moment'] if moments else []))]
+        for joint, force in reactions.items():
+            cells = ['no limit' if z is None else f'{z:.9g} N' for z in force]
+            moment = f'{moments[joint]:.9g} N m' if joint in moments else ''
+            carried.append((joint, *cells, *([moment] if moments else [])))
+        yield Section(table=carried)
+    known = catalogue(run.machine)
+    sizes = [
+        (f'{kind.replace("_", " ")} of {link}', size, known[f'{kind}.{link}'].unit)
+        for kind in _COMPLIANCE
+        for link, size in data.get(kind, {}).items()
     ]
-    for joint, force in data.get('reactions', {}).items():  # type: ignore[attr-defined]
-        cells = ['no limit' if z is None else f'{z:.9g} N' for z in force]
-        moment = f'{moments[joint]:.9g} N m' if joint in moments else ''
-        carried.append((joint, *cells, *([moment] if moments else [])))
-    if len(carried) > 1:
-        lines += text_table.lines(carried, indent='    ')
-    for name, moment in data.get('bearing_moment', {}).items():  # type: ignore[attr-defined]
-        lines.append(f'    moment {name} {moment:14.9g} N m')
-    for name, force in data.get('axial_force', {}).items():  # type: ignore[attr-defined]
-        lines.append(f'    force along the axis of {name} {force:14.9g} N')
-    torques: dict[str, float | None] = data.get('drive_torques', {})  # type: ignore[assignment]
-    for c, torque in torques.items():
-        straight = c in run.machine.physics.displacements
-        of = f' of {c}' if len(torques) > 1 else ''
-        kind, unit = ('force ', 'N') if straight else ('torque', 'N m')
-        size = 'not determined' if torque is None else f'{torque:14.9g}'
-        lines.append(f'    drive {kind}{of}     {size} {unit}')
-    loads: dict[str, float | None] = data.get('loads', {})  # type: ignore[assignment]
-    for name, load in loads.items():
-        size = 'not determined' if load is None else f'{load:14.9g}'
-        lines.append(f'    load {name}     {size} {run.machine.physics.unknowns[name]}')
-    return '\n'.join(lines)
+    for c, torque in data.get('drive_torques', {}).items():
+        sort, unit = ('force', 'N') if c in physics.displacements else ('torque', 'N m')
+        sizes.append((f'{sort} of the drive of {c}', torque, unit))
+    loads = data.get('loads', {}).items()
+    sizes += [(f'load {name}', load, physics.unknowns[name]) for name, load in loads]
+    yield Section(rows=[
+        Row(name, 'not determined' if size is None else f'{size:.9g}', unit)
+        for name, size, unit in sizes
+    ])  # fmt: skip

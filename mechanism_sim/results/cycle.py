@@ -280,7 +280,7 @@ class Cycle(plotting.Rich):
 
     @property
     def efficiency(self) -> float | None:
-        """What friction in ideal joints leaves of the drives' work, 0 to 1.
+        """Part of the drives' work that friction in ideal joints leaves, 0 to 1.
 
         None where nothing rubs, or the drives do no work on the whole.
         """

@@ -10,7 +10,7 @@ from mechanism_sim.results.solution import Piece
 
 def instants(
     piece: Piece, start: float, end: float, density: Array | float, fewest: int, most: int,
-    events: int | None = None,
+    events: int | None = None, steps: bool = False,
 ) -> Array:  # fmt: skip
     """Times (N,) [s] from `start` to `end`, both included; none twice.
 
@@ -19,6 +19,7 @@ def instants(
     density : of instants [1/s], everywhere or (S + 1,) where steps of the motion meet
     fewest, most : instants beside those at events
     events : of these at most so many, the hardest impacts first, and then changes of mode
+    steps : whether the instants are among them where steps of the motion meet
     """
     curve = piece.motion.curve
     if isinstance(density, float):
@@ -30,6 +31,6 @@ def instants(
     even = np.interp(np.linspace(0.0, passed[-1], count), passed, marks)
     hardest = sorted(piece.impacts, key=lambda i: -i.normal_impulse)
     at = np.array([*(i.t for i in hardest), *(c.t for c in piece.modes)][:events], np.float64)
-    both = np.concatenate([np.nextafter(at, -np.inf), at])
-    t = np.union1d(even, both[(both > start) & (both <= end)])
+    marked = np.concatenate([np.nextafter(at, -np.inf), at, *([curve.start] if steps else [])])
+    t = np.union1d(even, marked[(marked > start) & (marked <= end)])
     return np.unique(np.clip(t, curve.start[0], curve.end))

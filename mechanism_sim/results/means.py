@@ -9,8 +9,8 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.batch_means import batches, ratio
-from mechanism_sim.results.measure_series import Turns
 from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.turns import DriveTurns, impacts_by_turn
 from mechanism_sim.scene import Machine
 
 
@@ -51,7 +51,7 @@ class ImpactTally:
 
     def __init__(self, machine: Machine) -> None:
         straight = machine.main in machine.mechanism.displacements
-        self._turns, self._loose = Turns(machine), bool(machine.clearances) and not straight
+        self._turns, self._loose = DriveTurns(machine), bool(machine.clearances) and not straight
         self._table = np.zeros((0, 2))
 
     def add(self, piece: Piece) -> None:
@@ -62,9 +62,9 @@ class ImpactTally:
         edges = self._turns.edges
         more = np.zeros((len(edges) - len(self._table), 2))  # the last one is not over yet
         self._table = np.concatenate([self._table, more])
-        k = np.searchsorted(edges, [i.t for i in piece.impacts], side='right') - 1
-        np.add.at(self._table[:, 0], k, 1.0)
-        np.add.at(self._table[:, 1], k, [i.normal_impulse for i in piece.impacts])
+        t, impulse = np.array([(i.t, i.normal_impulse) for i in piece.impacts]).reshape(-1, 2).T
+        k = np.searchsorted(edges, t, side='right') - 1
+        self._table += np.column_stack(impacts_by_turn(k, impulse, len(edges)))
 
     @property
     def means(self) -> tuple[Mean, Mean, Mean] | None:

@@ -1,8 +1,7 @@
-"""What measures of events are taken from: turns of the drive, impacts, samples of sensors."""
+"""Sources of measures of events: impacts, changes of mode, samples of sensors."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,87 +10,16 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.numerics.expressions import numbers
-from mechanism_sim.numerics.polynomials import TWO_PI
-from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.results.measure_text import Bound, Figure, as_row
+from mechanism_sim.results.measure_text import Figure, as_row
 from mechanism_sim.results.solution import IMPACT_UNITS, Piece
 from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.channel import Channel
 
-_BISECTIONS = 60
 _OF_EACH = ('mean', 'rms', 'percentile')  # which weigh events by number, not by time
 
 
-class Turns:
-    """When the drive has turned so many times, known as far as the motion is."""
-
-    def __init__(self, machine: Machine) -> None:
-        self._machine = machine
-        self._known = isinstance(machine.law, DriveLaw) and not machine.law.straight
-        self._index = machine.physics.coordinates.index(machine.main)
-        self._start: tuple[int, float] | None = None  # whole turns, and [rad] beside them
-        self._edges: list[float] = []
-        self.end = 0.0
-
-    def add(self, piece: Piece) -> None:
-        """Look for whole turns in the piece that follows."""
-        curve = piece.motion.curve
-        begin, self.end = float(curve.start[0]), curve.end
-        if self._start is None:
-            k, dt = curve.find(np.array([begin]))
-            first = curve.local(k, dt)[0, self._index]
-            self._start = int(curve.turns[k[0], self._index]), float(first)
-            self._edges = [begin]
-        if self._known:
-            try:
-                while (t := self._machine.time_of(len(self._edges))) <= self.end * (1.0 + 1e-12):
-                    self._edges.append(min(t, self.end))
-            except InputError:
-                self._known = False
-            else:
-                return
-        ends = np.append(curve.start, self.end)
-        turned = self._turned(piece, ends)
-        while len(later := np.flatnonzero(turned >= len(self._edges))):
-            wanted, past = len(self._edges), int(later[0])
-            low, high = (float(ends[max(past - 1, 0)]), float(ends[past]))
-            for _ in range(_BISECTIONS):
-                middle = 0.5 * (low + high)
-                far = self._turned(piece, np.array([middle]))[0] >= wanted
-                low, high = (low, middle) if far else (middle, high)
-            self._edges.append(high)
-
-    def _turned(self, piece: Piece, t: Array) -> Array:
-        """Turns since the start (N,), in either direction; whole ones cost no digits."""
-        assert self._start is not None  # noqa: S101 - set where the first motion begins
-        curve = piece.motion.curve
-        k, dt = curve.find(t)
-        whole = curve.turns[k, self._index] - self._start[0]
-        local = curve.local(k, dt)[:, self._index] - self._start[1]
-        return np.asarray(np.abs(whole + local / TWO_PI))
-
-    @property
-    def edges(self) -> list[float]:
-        """The start of the run, and the ends of its whole turns so far [s]."""
-        return self._edges
-
-    def time(self, bound: Bound) -> float:
-        """A bound in seconds; infinite if it is not reached yet."""
-        if not bound.revolutions:
-            return bound.value
-        whole = math.floor(bound.value)
-        if whole >= len(self._edges):
-            return math.inf
-        if bound.value == whole:
-            return self._edges[whole]
-        if whole + 1 >= len(self._edges):
-            return math.inf
-        a, b = self._edges[whole : whole + 2]
-        return a + (bound.value - whole) * (b - a)
-
-
-class Series:
+class EventSeries:
     """Events and samples: their instants, and what is known of each."""
 
     def __init__(self, machine: Machine, figures: Sequence[Figure]) -> None:

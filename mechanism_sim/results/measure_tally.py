@@ -51,7 +51,7 @@ def _apart(rows: Sequence[R], steep: Collection[str]) -> list[list[R]]:
     return list(groups.values())
 
 
-class Tally:
+class FigureTally:
     """Figures of what is known at every instant of one window."""
 
     def __init__(
@@ -68,7 +68,6 @@ class Tally:
         self._units = {a: f.unit(units) for a, f in self._by_argument.items()}
         wanted = {f.function for f in figures}
         self._extreme = list(dict.fromkeys(f.argument for f in figures if f.function in EXTREMES))
-        self._conditions = [f.argument for f in figures if f.function == 'share']
         self._ends = bool(wanted & {'change', 'initial', 'final'})
         self._works = {f.argument: speed_of(machine, f) for f in figures if f.function == 'work'}
         # what may be steep is looked at in parts of its own, all else together
@@ -78,16 +77,17 @@ class Tally:
             for own in _apart(self._extreme, self._steep)
         ]
         self._unbounded: dict[str, bool] = {}
-        self._rows = list(
+        rows = list(
             dict.fromkeys(
                 (_FORMS[f.function], f.argument) for f in figures if f.function in _FORMS
             )
         )
         self._integrals = [
             (own, TimeIntegrals(len(own), machine.physics.corners))
-            for own in _apart(self._rows, self._steep)
+            for own in _apart(rows, self._steep)
         ]
-        self._true, self._span = dict.fromkeys(self._conditions, 0.0), 0.0
+        self._true = {f.argument: 0.0 for f in figures if f.function == 'share'}
+        self._span = 0.0
         self._struck = dict.fromkeys(self._works, 0.0)  # [J] work in impacts
         self._parts: dict[str, list[Monotone]] = {
             f.argument: [] for f in figures if f.function == 'percentile'
@@ -133,7 +133,7 @@ class Tally:
                 parts.get(a, every), self._largest.get(a, 0.0),
             )  # fmt: skip
             kept.append(part)
-        if self._conditions:
+        if self._true:
             self._time_true(piece, every, parts)
         for impact in piece.impacts if self._struck else ():
             if since <= impact.t < until and len(self._machine.physics.driven) == 1:
@@ -202,7 +202,7 @@ class Tally:
         k: NDArray[np.intp],
         dt: Array | Nodes,
     ) -> Array:
-        """What is integrated, in rows."""
+        """Integrands, in rows."""
         arguments = list(dict.fromkeys(a for _, a in wanted))
         x, seen = self._values(piece, arguments, k, dt)
         rows = []

@@ -219,7 +219,7 @@ def _figure(node: Node, text: str) -> Figure:
 
 
 def _series_of(name: str) -> str:
-    """What events or samples a name is of: ``impacts.JOINT.KEY`` of ``impacts.JOINT``."""
+    """Kind of events or samples that a name is of: ``impacts.JOINT.KEY`` of ``impacts.JOINT``."""
     return '.'.join(name.split('.')[:2])
 
 

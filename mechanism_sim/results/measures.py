@@ -21,17 +21,18 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.measure_series import Series, Turns
-from mechanism_sim.results.measure_tally import Tally, speed_of
+from mechanism_sim.results.measure_series import EventSeries
+from mechanism_sim.results.measure_tally import FigureTally, speed_of
 from mechanism_sim.results.measure_text import Bound, Figure, Measure, read_all
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.results.time_integrals import EXACT
+from mechanism_sim.results.turns import DriveTurns
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 
 
 class Measured(NamedTuple):
-    """What a measure is.
+    """Value of a measure.
 
     Attributes
     ----------
@@ -77,8 +78,8 @@ class Measurement:
         figures = list(dict.fromkeys(f for m in self.measures for f in m.figures))
         names = [n for f in figures if not f.of_events for n in _names_of(machine, f)]
         self._quantities = {name: catalogue(machine).find(name) for name in names}
-        self._series = Series(machine, [f for f in figures if f.of_events])
-        self._turns = Turns(machine)
+        self._series = EventSeries(machine, [f for f in figures if f.of_events])
+        self._turns = DriveTurns(machine)
         limits = Bound(since), Bound(until)
         self._windows: dict[tuple[Bound, Bound, bool], Window] = {}
         self._figures: dict[Figure, Window] = {}
@@ -94,7 +95,7 @@ class Measurement:
             window.figures.append(f)
             self._figures[f] = window
         for window in self._windows.values():
-            window.open(partial(Tally, machine, self._quantities, static), self._series)
+            window.open(partial(FigureTally, machine, self._quantities, static), self._series)
         self.units()  # what cannot be added fails before anything runs
 
     def units(self) -> dict[str, str]:
@@ -211,15 +212,15 @@ def _names_of(machine: Machine, f: Figure) -> list[str]:
 class Window:
     """The figures of one window, or of each whole revolution within it."""
 
-    def __init__(self, turns: Turns, since: Bound, until: Bound, each_turn: bool) -> None:
+    def __init__(self, turns: DriveTurns, since: Bound, until: Bound, each_turn: bool) -> None:
         self.figures: list[Figure] = []
         self._turns, self._since, self._until = turns, since, until
         self.per_revolution = each_turn
-        self._tallies: list[Tally] = []
+        self._tallies: list[FigureTally] = []
         self._ends: list[float] = []
         self._turn = 0
 
-    def open(self, new: Callable[[Sequence[Figure]], Tally], series: Series) -> None:
+    def open(self, new: Callable[[Sequence[Figure]], FigureTally], series: EventSeries) -> None:
         """Make ready for these figures, with what makes a tally of some."""
         self._series = series
         timed = [f for f in self.figures if not f.of_events]

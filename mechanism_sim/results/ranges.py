@@ -106,7 +106,7 @@ def search(
     return found
 
 
-class Ranges:
+class QuantityRanges:
     """Least and greatest values of quantities, and when, of the motion itself.
 
     Parameters
@@ -184,7 +184,7 @@ class LoadPeaks:
 
     Parameters
     ----------
-    since : as for `Ranges`
+    since : as for `QuantityRanges`
     shapes : whether to look how long the peaks last
     bearings : whether loads of bearings of shafts, and of bearings that tilt, are wanted too
     others : quantities whose ranges are taken in the same pass
@@ -204,7 +204,7 @@ class LoadPeaks:
         self._drives = {f'drive_torque.{c}': c for c in physics.driven}
         self._loads = [*self._joints, *self._drives] if physics.has_forces else []
         self._loads += _bearing_loads(machine) if bearings else []
-        self._ranges = Ranges(
+        self._ranges = QuantityRanges(
             machine, [*self._loads, *others], since, self._loads if shapes else ()
         )
         self._unbounded: dict[str, float] = {}  # forces without a limit, and when [s]
@@ -219,7 +219,7 @@ class LoadPeaks:
                     self._unbounded |= dict.fromkeys(names, found.t)
 
     def ends(self) -> dict[str, Ends]:
-        """Of all quantities, as `Ranges` has them."""
+        """Of all quantities, as `QuantityRanges` has them."""
         return self._ranges.ends()
 
     def peaks(self) -> dict[str, Peak]:

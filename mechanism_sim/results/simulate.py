@@ -142,7 +142,7 @@ class Stream(Runner):
 
     @property
     def stats(self) -> Stats:
-        """What the run cost so far, without what was done with its pieces."""
+        """Cost of the run so far, without what was done with its pieces."""
         cost = self._wall_time, self._cpu_time, self._compile_time
         return Stats(*cost, self.engine.steps, self.engine.events)
 

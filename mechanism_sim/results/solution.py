@@ -1,4 +1,4 @@
-"""What a run leaves behind: motion as polynomials, events, and the energy balance."""
+"""Results of a run: motion as polynomials, events, and the energy balance."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ IMPACT_UNITS = {
 
 @dataclass(frozen=True)
 class Stats:
-    """What a run cost."""
+    """Cost of a run."""
 
     wall_time: float  #: [s] with the start of the run, without compilation
     cpu_time: float  #: [s] of this process, likewise
@@ -74,7 +74,7 @@ class Piece(Rich):
 
     @property
     def physics(self) -> Physics:
-        """What the machine moves by."""
+        """Equations of the machine."""
         return self.machine.physics
 
     @property

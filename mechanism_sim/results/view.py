@@ -121,7 +121,7 @@ class View:
         return np.asarray(self.readings(pair)[field], float)
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
-        """What `make` gives, made once for all quantities that ask for this key."""
+        """Result of `make`, made once for all quantities that ask for this key."""
         if key not in self._known:
             self._known[key] = make()
         found: T = self._known[key]

@@ -144,7 +144,7 @@ class Rebuilt:
 
     def _turn_by_turn(self, values: Array) -> Array:
         """Faded above the band under a rectangular window of one turn, as [SB]."""
-        return fade(values, self._rate, band_pass(0.0, self._top), 'boxcar', self._turn)
+        return fade(values, self._rate, band_pass(0.0, self._top), self._turn)
 
     def _undone(self, values: Array) -> Array:
         """Gain and delay of the instrument taken out of the whole record."""

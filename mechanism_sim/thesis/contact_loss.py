@@ -89,16 +89,6 @@ class ClearanceLink:
     inertia: Callable[[Array], tuple[Array, Array]]
 
     @classmethod
-    def mass_point(cls, radial: float, mass: float) -> ClearanceLink:
-        """A pin with a mass [kg] of its own that is the same in all directions."""
-
-        def inertia(angle: Array) -> tuple[Array, Array]:
-            m = np.repeat(mass * np.eye(2)[:, :, None], np.size(angle), axis=2)
-            return m, np.zeros_like(m)
-
-        return cls(radial, inertia)
-
-    @classmethod
     def four_bar(
         cls, radial: float, linkage: FourBar, coupler_inertia: float, rocker_inertia: float
     ) -> ClearanceLink:
@@ -226,7 +216,7 @@ def unit_turn_over_force(cycle: ForceCycle, level: float = 1.0) -> Prediction:
     without an instant.
     """
     spans = index_spans(cycle, level)
-    forward = float(cycle.speed(np.zeros(1))[0]) > 0.0
+    forward = cycle.speed > 0.0
     angles = tuple(sorted(begin if forward else end for begin, end in spans))
     figure = max(cycle.largest(cycle.index)[1], *(m.index for m in cycle.minima))
     return Prediction('unit turn over force', angles, figure, 'rad/(N s)', level, figure > level)
@@ -318,7 +308,7 @@ def follow(
         If no force gives the link a direction at the start.
     """
     here = np.array([start])
-    speed = float(cycle.speed(here)[0])
+    speed = cycle.speed
     way = math.copysign(1.0, speed)
     force = cycle.curve(here, 0)[:, 0]
     if not math.hypot(*force) > _EPS * cycle.maximum[1]:
@@ -338,7 +328,7 @@ def follow(
         angle = start + way * turned
         m11, m12, _, m22, h11, h12, h21, h22 = inertia(angle)
         fx, fy = cycle.curve(angle, 0)
-        w = cycle.speed(angle)
+        w = cycle.speed
         nx, ny, c = np.cos(y[0]), np.sin(y[0]), link.radial
         mnx, mny, mtx, mty = (
             m11 * nx + m12 * ny, m12 * nx + m22 * ny, m12 * nx - m11 * ny, m22 * nx - m12 * ny
@@ -387,7 +377,7 @@ def _turning(cycle: ForceCycle, link: ClearanceLink, angle: Array) -> tuple[Arra
     rate, turn = rates.turn()
     force = rates.magnitude
     m, transport = link.inertia(angle)
-    H = cycle.speed(angle) * transport
+    H = cycle.speed * transport
     with np.errstate(invalid='ignore'):
         n = rates.force / force
         t = np.array([-n[1], n[0]])

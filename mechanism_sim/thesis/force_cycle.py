@@ -9,27 +9,19 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.thesis.periodic_functions import (
     TURN,
-    Clock,
     Curve,
-    Spline,
-    constant_speed,
     peaks,
     resolve,
     root,
     tip,
     with_tips,
 )
-
-_EPS = float(np.finfo(float).eps)
-_FEWEST_SAMPLES = 8
-_MOST_SAMPLES = 1 << 13
 
 
 @dataclass(frozen=True)
@@ -71,17 +63,17 @@ class ForceRates(NamedTuple):
 class ForceCycle:
     """Force of the pin on its bushing over one turn of the crank, periodic and smooth.
 
-    Made by `resolved`, `sampled` or `nominal`.
+    Made by `resolved` or `nominal`.
 
     Attributes
     ----------
     curve : the two components [N]
-    clock : time [s]; its first and second derivative by the crank angle are asked for only
+    speed : of the crank [rad/s], with its sign
     resolution : number of points in a turn that show every swing of the force
     """
 
     curve: Curve
-    clock: Curve
+    speed: float
     resolution: int
 
     @classmethod
@@ -100,66 +92,9 @@ class ForceCycle:
         """
         series = resolve(force, 'the force')
         points = max(360, 16 * series.order.size)
-        return cls(series, constant_speed(speed), points)
-
-    @classmethod
-    def sampled(
-        cls,
-        angle: ArrayLike,
-        force: ArrayLike,
-        *,
-        speed: float | None = None,
-        time: ArrayLike | None = None,
-    ) -> ForceCycle:
-        """A force known at some crank angles: as a periodic spline of degree 5.
-
-        Parameters
-        ----------
-        angle : (N,) [rad] of the crank over one turn, increasing or decreasing; the end of the
-            turn may be left out if the speed is given
-        force : (2, N) [N]
-        speed : of the crank [rad/s], or
-        time : (N,) [s], from the start to the end of the turn
-
-        Raises
-        ------
-        ValueError
-            If the samples do not make one turn.
-        """
-        x, f = np.asarray(angle, dtype=float), np.asarray(force, dtype=float)
-        if x.ndim != 1 or f.shape != (2, x.size) or x.size < _FEWEST_SAMPLES:
-            raise ValueError(
-                f'a cycle needs at least {_FEWEST_SAMPLES} angles (N,) and as many forces (2, N), '
-                f'not {x.shape} and {f.shape}'
-            )
-        if (speed is None) == (time is None):
-            raise ValueError('give either the speed of the crank or the times of the samples')
-        t = None if time is None else np.asarray(time, dtype=float)
-        if x[-1] < x[0]:
-            x, f, t = x[::-1], f[:, ::-1], None if t is None else t[::-1]
-        steps = np.diff(x)
-        closed = abs(x[-1] - x[0] - TURN) <= 1e-9
-        if not (steps > 0.0).all() or not (closed or x[-1] - x[0] < TURN):
-            raise ValueError('the crank angles must go one way, and once around at most')
-        if TURN - (x[-1] - x[0]) > 2.0 * steps.max():
-            raise ValueError(f'the samples cover {x[-1] - x[0]:.6g} rad only, not a turn')
-        if closed:
-            if np.abs(f[:, -1] - f[:, 0]).max() > 1e-6 * np.abs(f).max():
-                raise ValueError('the force at the end of the turn is not that at its start')
-            knots, values = x[:-1], f[:, :-1]
-        else:
-            knots, values = x, f
-        points = max(360, 4 * knots.size)
-        curve = Spline(knots, values)
-        if t is None:
-            return cls(curve, constant_speed(float(speed or 0.0)), points)
-        if not closed or t.shape != x.shape:
-            raise ValueError('times are needed for all samples, the end of the turn included')
-        if np.unique(np.sign(np.diff(t))).tolist() not in ([1.0], [-1.0]):
-            raise ValueError('times must increase from sample to sample')
-        mean = float(t[-1] - t[0]) / TURN
-        wave = Spline(knots, (t - t[0] - mean * (x - x[0]))[None, :-1])
-        return cls(curve, Clock(mean, wave), points)
+        if speed == 0.0 or not math.isfinite(speed):
+            raise ValueError(f'the crank must turn: its speed cannot be {speed:g} rad/s')
+        return cls(series, speed, points)
 
     @classmethod
     def nominal(
@@ -178,16 +113,11 @@ class ForceCycle:
 
         return cls.resolved(force, speed)
 
-    def speed(self, angle: Array) -> Array:
-        """Speed of the crank (N,) [rad/s]."""
-        return np.asarray(1.0 / self.clock(angle, 1)[0])
-
     def rates(self, angle: Array) -> ForceRates:
         """Force and derivatives in time at crank angles (N,) [rad]."""
         f, f1, f2 = (self.curve(angle, d) for d in range(3))
-        w = self.speed(angle)
-        drift = -(w**3) * self.clock(angle, 2)[0]  # angular acceleration of the crank
-        return ForceRates(f, w * f1, w * w * f2 + drift * f1)
+        w = self.speed
+        return ForceRates(f, w * f1, w * w * f2)
 
     def magnitude(self, angle: Array) -> Array:
         """R (N,) [N]."""
@@ -232,7 +162,7 @@ class ForceCycle:
         node, weight = np.polynomial.legendre.leggauss(6)
         half = 0.5 * np.diff(self._mesh)[:, None]
         x = (self._mesh[:-1, None] + half * (1.0 + node)).ravel()
-        dt = (half * weight).ravel() * self.clock(x, 1)[0]
+        dt = (half * weight).ravel()
         return float((self.magnitude(x) * dt).sum() / dt.sum())
 
     @property

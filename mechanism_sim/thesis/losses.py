@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.report.sections import Section, text
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
@@ -68,20 +69,25 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
 
 def render(found: Sequence[Losses]) -> str:
     """Criteria and reality for people."""
-    lines = []
-    for joint in found:
-        lines.append(f'{joint.joint}: what the ideal mechanism says')
-        for p in joint.predictions:
-            angles = ', '.join(f'{math.degrees(a):.1f}' for a in p.angles[:6])
-            lines.append(
-                f'  {p.criterion:26} {"loss" if p.predicts_loss else "no loss":8} '
-                f'{p.figure:10.4g} {p.unit if p.unit != "1" else ""} (limit {p.threshold:g})'
-                + (f', at {angles} deg' if angles else '')
-            )
-        really = ', '.join(f'{t:.6g}' for t in joint.turns[:8])
-        more = f' and {len(joint.turns) - 8} more' if len(joint.turns) > 8 else ''
-        lines.append(f'  really lost at            {really or "no time"}{more} revolutions')
-    return '\n'.join(lines)
+    return text(_section(joint) for joint in found)
+
+
+def _section(found: Losses) -> Section:
+    rows = []
+    for p in found.predictions:
+        at = ', '.join(f'{math.degrees(a):.1f}' for a in p.angles[:6])
+        unit = p.unit if p.unit != '1' else ''
+        verdict = 'loss' if p.predicts_loss else 'no loss'
+        where = f'at {at} deg' if at else ''
+        rows.append((p.criterion, verdict, f'{p.figure:.4g}', unit, f'{p.threshold:g}', where))
+    really = ', '.join(f'{t:.6g}' for t in found.turns[:8])
+    more = f' and {len(found.turns) - 8} more' if len(found.turns) > 8 else ''
+    return Section(
+        f'{found.joint}: predictions for the ideal mechanism',
+        table=[('criterion', '', 'figure', '', 'limit', ''), *rows],
+        notes=[f'really lost at {really or "no time"}{more} revolutions'],
+        left=(0, 1, 3, 5),
+    )
 
 
 def to_json(found: Sequence[Losses]) -> list[dict[str, object]]:

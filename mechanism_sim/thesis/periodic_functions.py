@@ -33,45 +33,6 @@ class Fourier:
         return np.asarray(((self.coefficient * (1j * self.order) ** derivative) @ wave).real)
 
 
-class Spline:
-    """A periodic spline through samples (k, N) at angles (N,) that make less than a turn."""
-
-    def __init__(self, angle: Array, values: Array) -> None:
-        self._first = angle[0]
-        self._spline = scipy.interpolate.make_interp_spline(
-            np.append(angle, angle[0] + TURN),
-            np.column_stack([values, values[:, 0]]).T,
-            k=5,
-            bc_type='periodic',
-        )
-
-    def __call__(self, angle: Array, derivative: int = 0) -> Array:
-        """Derivative (k, N) at angles (N,) [rad]."""
-        within = self._first + np.mod(angle - self._first, TURN)
-        return np.asarray(self._spline(within, derivative).T)
-
-
-@dataclass(frozen=True)
-class Clock:
-    """Time as a steady part [s/rad] and, maybe, a periodic one."""
-
-    steady: float
-    wave: Curve | None = None
-
-    def __call__(self, angle: Array, derivative: int = 0) -> Array:
-        """Derivative (1, N) at angles (N,) [rad]."""
-        steady = {0: self.steady * angle, 1: np.full_like(angle, self.steady)}
-        part = steady.get(derivative, np.zeros_like(angle))[None]
-        return part if self.wave is None else part + self.wave(angle, derivative)
-
-
-def constant_speed(speed: float) -> Clock:
-    """Of a crank at a speed [rad/s]; ValueError at rest."""
-    if speed == 0.0 or not math.isfinite(speed):
-        raise ValueError(f'the crank must turn: its speed cannot be {speed:g} rad/s')
-    return Clock(1.0 / speed)
-
-
 def resolve(function: Callable[[Array], Array], what: str) -> Fourier:
     """The Fourier series of a periodic function (N,) -> (k, N), with all terms above rounding."""
     n = 512  # a pulse of a force as narrow as that is met

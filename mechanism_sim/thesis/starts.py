@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.report.sections import Section, text
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
@@ -82,16 +83,16 @@ def _losses(piece: Piece) -> list[float]:
 
 def render(found: Sequence[StartAngle]) -> str:
     """Start angles for people, the best one named."""
-    lines = ['start angle   follows for     loses it at   impacts']
+    rows = []
     for s in found:
-        followed = f'{s.followed:.4f} rev' if math.isfinite(s.followed) else 'all of it'
-        lost = f'{math.degrees(s.lost_at):.1f} deg' if math.isfinite(s.followed) else ''
-        lines.append(
-            f'{math.degrees(s.angle):8.1f} deg  {followed:>12}  {lost:>14}  {s.impacts:8d}'
-        )
-    best = max(found, key=lambda s: s.followed)
-    lines.append(f'of these, contact lasts longest from {math.degrees(best.angle):.1f} deg')
-    return '\n'.join(lines)
+        kept = math.isinf(s.followed)
+        followed = 'all of it' if kept else f'{s.followed:.4f} rev'
+        lost = '' if kept else f'{math.degrees(s.lost_at):.1f} deg'
+        rows.append((f'{math.degrees(s.angle):.1f} deg', followed, lost, s.impacts))
+    best = math.degrees(max(found, key=lambda s: s.followed).angle)
+    head = 'start angle', 'follows for', 'loses it at', 'impacts'
+    note = f'of these, contact lasts longest from {best:.1f} deg'
+    return text([Section(table=[head, *rows], notes=[note], left=0)])
 
 
 def to_json(found: Sequence[StartAngle]) -> list[dict[str, object]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 import struct
 from itertools import pairwise
 
@@ -13,12 +14,11 @@ import pytest
 from scipy import stats
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import MotionDigest, analyze, render
+from mechanism_sim.analysis import MotionDigest, analyze
 from mechanism_sim.analysis.crank import Crank
 from mechanism_sim.analysis.details import Wanted, find_details
 from mechanism_sim.analysis.pieces import RecordedPiece
 from mechanism_sim.analysis.record import read_record
-from mechanism_sim.analysis.render_details import render_details
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import message_class, serialize
@@ -26,6 +26,7 @@ from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.recording import BagWriter, Qos, read_bag
+from mechanism_sim.report.bag import render, render_details
 from mechanism_sim.sensing.indicators import Moments
 from mechanism_sim.studies.plan import Extent
 from mechanism_sim.studies.row import SweepTask
@@ -252,7 +253,12 @@ def test_means_per_revolution_have_their_intervals(summary):
     width = 4.302652729911275 * math.sqrt((left**2).sum() / 2.0 / 3.0) / (5.0 / 3.0)
     assert each.half_width == pytest.approx(width)
     text = render(summary)
-    assert 'per revolution 1.66667 +- 1.4, 0.0103333 +- 0.029 N s (95 %, over the last 3)' in text
+    rows = dict(
+        re.split(r' {2,}', line.strip(), maxsplit=1)
+        for line in text.split('\n\n')[1].splitlines()[1:5]
+    )
+    assert rows['impacts per revolution'] == '1.66667 +- 1.4 (95 %, over the last 3)'
+    assert rows['normal impulse per revolution'] == '10.3333 +- 29 mN s'
 
 
 def test_the_hardest_impact_is_named(summary):
@@ -539,7 +545,7 @@ def test_text_and_json_say_the_same(summary):
     text = render(summary)
     for part in (
         '3 revolutions, 300 rpm',
-        'impacts: 5',
+        'impacts                        5',
         'hardest in a: 0.016',
         '2 of 13 are LOST',
     ):

@@ -143,6 +143,10 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
         ('plot slider_crank --ideal', '--ideal goes with the name of a quantity'),
         ('plot slider_crank velocity.crank --against angle -o x.csv',
          '--against is about a picture'),
+        # before anything is run: a run of this length would not end
+        ('plot slider_crank velocity.crank --against velocity.crnk --revolutions 1e12',
+         "no quantity 'velocity.crnk'; did you mean 'velocity.crank'?"),
+        ('plot slider_crank velocity.crnk --revolutions 1e12', "did you mean 'velocity.crank'?"),
         ('draw valve_train --profile contact --friction 0.1',
          'no figure of contact depends on friction'),
         ('draw worm_drive --profile pair --gear x', 'no outline in the plane'),

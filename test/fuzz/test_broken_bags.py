@@ -13,10 +13,11 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from running import run as command
 
-from mechanism_sim.analysis import analyze, render
+from mechanism_sim.analysis import analyze
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.recording import info, read_bag, render_info
+from mechanism_sim.report.bag import render
 
 pytestmark = pytest.mark.network
 

@@ -16,7 +16,7 @@ from running import ROOT, TIMEOUT, environment, run, run_json, start
 
 import mechanism_sim as ms
 from mechanism_sim import cli
-from mechanism_sim.analysis import analyze, render
+from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.reading import CamMode
 from mechanism_sim.joints.mesh.reading import MeshMode
@@ -25,6 +25,7 @@ from mechanism_sim.messages.part_states import KINDS, integrator_of, kinds_of
 from mechanism_sim.messages.segments import motion_of, pack
 from mechanism_sim.nodes.run import NODES, NodePlan
 from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.report.bag import render
 from mechanism_sim.sensing.joint_view import JointView
 from ros_interfaces.definitions import field_descriptions
 

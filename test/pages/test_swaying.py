@@ -16,7 +16,7 @@ from mechanism_sim.nodes.force_markers import ForceMarkers
 from mechanism_sim.nodes.markers import shapes
 from mechanism_sim.pages.live import Live
 from mechanism_sim.report import figures
-from mechanism_sim.report.screen import Screen, Shown
+from mechanism_sim.report.screen import FilmParts, Screen
 
 SCENE = 'four_bar_on_frame'
 T = np.linspace(0.02, 0.16, 8)
@@ -42,7 +42,7 @@ def moved(turn, to, cog):
 def test_in_a_film_the_frame_goes_as_far_as_the_scale_bar_says(record, true):
     """By the points of its patch, and the upper ends of its springs."""
     with figures.style():
-        screen = Screen(record, T, Shown(labels='all'), 1.0, 480)
+        screen = Screen(record, T, FilmParts(labels='all'), 1.0, 480)
     axes = screen.figure.axes[0]
     (patch,) = (x for x in axes.patches if x.get_gid() == 'frame-frame')
     (text,) = (x.get_text() for x in axes.texts if 'sway' in x.get_text())
@@ -85,7 +85,7 @@ def test_in_a_film_a_block_leans_as_its_corners_do():
     run = simulated('slider_with_play', {'links.slider.cog': ['15 mm', '10 mm']}, duration=0.05)
     t = np.linspace(0.01, 0.045, 6)
     with figures.style():
-        screen = Screen(run, t, Shown(), 1.0, 480)
+        screen = Screen(run, t, FilmParts(), 1.0, 480)
     axes = screen.figure.axes[1]
     (body,) = (x for x in axes.patches if x.get_gid() == 'lens-guide')
     told, lean = run.piece.sample(t), []

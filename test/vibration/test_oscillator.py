@@ -12,12 +12,13 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze, render
+from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.nodes.oscillator import fields
 from mechanism_sim.numerics.polynomials import gauss_nodes
 from mechanism_sim.numerics.rational import Rational
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.report.bag import render
 from mechanism_sim.sensing.chain import Amplifier
 from mechanism_sim.vibration.residues import receptance, through
 from mechanism_sim.vibration.shaking import Shaking

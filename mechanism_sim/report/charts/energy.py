@@ -14,10 +14,12 @@ from mechanism_sim.report.charts.chart import SMALL, TIME, Chart, ChartSection
 from mechanism_sim.report.charts.course import ChartedRun
 from mechanism_sim.report.charts.lines import OVER_TIME, panels
 from mechanism_sim.report.charts.thinning import SampledLine, thinned
-from mechanism_sim.report.facts import facts
+from mechanism_sim.report.summary import facts
 from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.instants import instants
 
 _BLOCK = 2**16  # instants at once
+_MOST = 2**24  # instants beside those where steps meet
 _TERMS = 'energy.kinetic', 'energy.potential', 'energy.drive_work', 'energy.dissipated'
 
 
@@ -46,11 +48,9 @@ def energy(course: ChartedRun) -> ChartSection | None:
 def balance(course: ChartedRun) -> dict[str, SampledLine]:
     """Terms of the energy balance, and its residual ``missing`` [J], at and between steps."""
     record, window = course.record, course.run
-    curve = record.piece.motion.curve
-    first = int(curve.locate(np.array([window.start]))[0])
-    steps = np.maximum(curve.start[first:], window.start)
-    marks = np.union1d(steps, np.arange(window.start, window.end, window.longest))
-    marks = np.append(marks, window.end)
+    marks = instants(
+        record.piece, window.start, window.end, 1.0 / window.longest, 2, _MOST, 0, steps=True
+    )
     beginning = _terms(record, np.array([record.start]))[:, 0]
 
     def blocks() -> Iterator[tuple[Array, Array]]:
@@ -81,7 +81,7 @@ def _chart(course: ChartedRun, key: str, title: str, found: Sequence[Series]) ->
 
 def solver(course: ChartedRun) -> ChartSection:
     """Steps, events, errors and digest of the run as a table."""
-    rows = tuple(facts(course.record))
+    rows = tuple((row.label, row.text) for row in facts(course.record))
     text = (
         'Errors are read from the finished polynomials, independently of the loop that made them. '
         'Runs with equal digests are equal bit by bit.'

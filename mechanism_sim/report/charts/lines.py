@@ -36,6 +36,7 @@ from mechanism_sim.report.charts.thinning import Envelope, SampledLine, tallest,
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.solution import Piece
+from mechanism_sim.scene import Machine
 from mechanism_sim.units import for_people
 
 TOGETHER = 4
@@ -85,11 +86,10 @@ def against(run: Piece | Cycle, what: str) -> Abscissa:
     """
     piece = run.solution if isinstance(run, Cycle) else run
     main, physics, curve = run.machine.main, piece.physics, piece.motion.curve
+    check_abscissa(run.machine, what)
     if what == 'time':
         return OVER_TIME
     if what == 'angle':
-        if main in physics.displacements:
-            raise InputError(f'{main} is driven straight, it has no angle')
         i = physics.coordinates.index(main)
         return over_turns(main, lambda t: np.asarray(np.degrees(curve(t)[:, i])))
     found = catalogue(run.machine).find(what)
@@ -101,6 +101,14 @@ def against(run: Piece | Cycle, what: str) -> Abscissa:
         return scale * sampled(run, [found.name], inside)[0].values
 
     return Abscissa(axis, at, of=found.name)
+
+
+def check_abscissa(machine: Machine, what: str) -> None:
+    """Refuse what a run of the machine cannot be drawn against."""
+    if what == 'angle' and machine.main in machine.physics.displacements:
+        raise InputError(f'{machine.main} is driven straight, it has no angle')
+    if what not in ('time', 'angle'):
+        catalogue(machine).find(what)
 
 
 def over_turns(drive: str, at: Callable[[Array], Array]) -> Abscissa:

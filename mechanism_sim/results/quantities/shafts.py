@@ -19,7 +19,7 @@ from mechanism_sim.scene import Machine
 
 
 class BearingLoads(NamedTuple):
-    """What k bearings do to a shaft, or k supports to a rotor, at N instants.
+    """Loads of k bearings on a shaft, or of k supports on a rotor, at N instants.
 
     Of a support that has a mass it is the force of the ground on that.
     """
@@ -99,7 +99,7 @@ def shafts_of(machine: Machine) -> dict[str, tuple[str, ...]]:
 
 
 def bearing_loads(view: View) -> dict[str, BearingLoads]:
-    """What the bearings of all shafts carry, by joint.
+    """Loads of the bearings of all shafts, by joint.
 
     Balance of forces and moments of every shaft: the plane knows the sum R of both bearings but
     for forces that it does not know, those of bevel and worm teeth. All but the teeth acts in the
@@ -135,7 +135,7 @@ def _teeth(view: View) -> dict[str, Sequence[ToothLoad]]:
 
 
 def _rotor(machine: Machine, joint: Joint) -> Rotor | None:
-    """What gives way in a joint that carries a rotor."""
+    """Compliance of a joint that carries a rotor."""
     own = machine.mechanism.tree_joints.get(joint.second) is joint
     return machine.mechanism.rotors.get(joint.second) if own else None
 

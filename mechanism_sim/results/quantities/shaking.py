@@ -1,4 +1,4 @@
-"""What a machine does to its frame."""
+"""Forces and moments of a machine on its frame."""
 
 from __future__ import annotations
 

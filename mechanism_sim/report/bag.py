@@ -1,0 +1,306 @@
+"""Summary of a bag, and what was asked of it beside, in sections."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from mechanism_sim.analysis.delivery_audit import Ledger
+from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
+from mechanism_sim.analysis.impacts import ImpactSummary
+from mechanism_sim.analysis.loads import LoadPeak, LoadSummary
+from mechanism_sim.analysis.modes import JointModes
+from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary
+from mechanism_sim.analysis.summary import Summary
+from mechanism_sim.analysis.vibration import SensorSummary
+from mechanism_sim.analysis.wear import WearMap
+from mechanism_sim.report.sections import Row, Section, text
+from mechanism_sim.report.summary import energy_rows, impact_rows
+from mechanism_sim.results.means import Mean
+from mechanism_sim.text_table import Cell
+
+_ROWS = 12  # of a table of revolutions, before its middle is left out
+_LINES = 10
+_ORDERS = 12
+_SECTORS = 6
+
+
+def render(summary: Summary) -> str:
+    """Return the text that the command line shows."""
+    return text(sections(summary))
+
+
+def render_details(details: Details) -> str:
+    """Return the text that the command line shows of what was asked."""
+    return text(detail_sections(details))
+
+
+def sections(s: Summary) -> Iterator[Section]:
+    """The parts of a summary that are known."""
+    drive = s.motion.crank if s.motion else ''
+    yield Section(rows=[*_head(s)])
+    if s.impacts is not None:
+        yield from _impacts(drive, s.impacts)
+    if s.modes is not None:
+        yield _modes(s.modes)
+    if s.loads is not None:
+        yield _loads(drive, s.loads)
+    if s.energy is not None:
+        yield _energy(s.energy)
+    for topic, parts in s.parts.items():
+        yield from _parts(PARTS[topic].title, parts)
+    if s.vibration is not None:
+        yield _vibration(s.vibration)
+    if s.ledger is not None:
+        yield _ledger(s.ledger)
+    if s.absent:
+        yield Section('not in this bag', notes=s.absent)
+
+
+def _head(s: Summary) -> Iterator[Row]:
+    cut = '' if s.complete else 'CUT SHORT: what could be read is analysed'
+    yield Row('bag', s.bag, words=cut)
+    yield Row('scene', s.scene or 'not recorded')
+    yield Row('time', f'{s.start:.9g} s to {s.end:.9g}', 's')
+    if s.motion is not None:
+        m = s.motion
+        how = f'slides, {m.mean_speed:.6g} m/s on average'
+        if m.revolutions is not None:
+            rpm = m.mean_speed * 30 / math.pi
+            how = f'{m.revolutions:.9g} revolutions, {rpm:.6g} rpm on average'
+        yield Row(m.crank, how)
+        yield Row('motion', f'{m.segments} segments of {", ".join(m.coordinates)}')
+        yield from (Row('MISSING', f'motion from {a:.9g} s to {b:.9g}', 's') for a, b in m.gaps)
+    if s.digest is not None:
+        yield Row('digest', s.digest)
+
+
+def _impacts(drive: str, impacts: ImpactSummary) -> Iterator[Section]:
+    rows = [*impact_rows(impacts.count, impacts.normal_impulse, impacts.means)]
+    if impacts.means is None and impacts.count_per_revolution is not None:
+        per = impacts.count_per_revolution, impacts.normal_impulse_per_revolution or 0.0
+        rows.append(Row('per revolution', f'{per[0]:.6g} impacts, {per[1]:.6g}', 'N s'))
+    table: list[Sequence[Cell]] = [
+        (j.joint, j.count, j.normal_impulse, Mean('I_n', 'N s', j.I_n, j.I_n_half_width).shown(),
+         j.energy_loss, j.largest_approach_speed)
+        for j in impacts.joints
+    ]  # fmt: skip
+    if table:
+        head = 'joint', 'impacts', 'impulse [N s]', 'I_n [N s]', 'loss [J]', 'fastest [m/s]'
+        table.insert(0, head)
+    hardest = [
+        f'hardest in {j.joint}: {d.normal_impulse:.6g} N s at {d.time:.9g} s'
+        f'{_at_angle(drive, d.crank_angle)}, {d.approach_speed:.6g} m/s'
+        for j in impacts.joints
+        for d in j.dominant
+    ]
+    yield Section('impacts', rows, table, hardest)
+    by_turn = impacts.table
+    if by_turn is None or not by_turn.joints:
+        return
+    turns = zip(by_turn.count.tolist(), by_turn.normal_impulse.tolist(), strict=True)
+    cells = [
+        [str(k), *(x for pair in zip(*both, strict=True) for x in pair)]
+        for k, both in enumerate(turns)
+    ]
+    head_row = ['revolution', *(x for joint in by_turn.joints for x in (joint, '[N s]'))]
+    elsewhere = f'{by_turn.elsewhere} at times of which the motion is not recorded'
+    notes = [elsewhere] if by_turn.elsewhere else []
+    yield Section('impacts by revolution', (), [head_row, *_without_middle(cells)], notes)
+
+
+def _without_middle(rows: Sequence[Sequence[Cell]]) -> list[Sequence[Cell]]:
+    """The first and the last rows of many."""
+    if len(rows) <= _ROWS:
+        return [*rows]
+    return [*rows[: _ROWS // 2], ['...'] + [''] * (len(rows[0]) - 1), *rows[-_ROWS // 2 :]]
+
+
+def _modes(joints: tuple[JointModes, ...]) -> Section:
+    names = sorted({mode for joint in joints for mode in joint.share})
+    rows = [
+        [j.joint, str(j.changes), *(f'{100 * j.share.get(mode, 0.0):.4g} %' for mode in names)]
+        for j in joints
+    ]
+    return Section('modes: share of time', table=[('joint', 'changes', *names), *rows])
+
+
+def _loads(drive: str, loads: LoadSummary) -> Section:
+    def row(peak: LoadPeak, unit: str) -> tuple[Cell, ...]:
+        angle = '' if peak.crank_angle is None else f'{math.degrees(peak.crank_angle):.4g} deg'
+        value, least = f'{peak.value:.6g} {unit}', '' if peak.whole else '>= '
+        if peak.duration is None or peak.impulse is None:
+            return peak.name, value, peak.time, angle, '', ''
+        impulse = f'{least}{peak.impulse:.4g} {unit.rstrip()} s'
+        return peak.name, value, peak.time, angle, f'{least}{peak.duration:.4g} s', impulse
+
+    rows = [row(peak, 'N  ') for peak in loads.joints] + [row(loads.drive_torque, 'N m')]
+    rows += [row(peak, 'N m') for peak in loads.moments]
+    columns = 6 if any(row[4] for row in rows) else 4
+    head = 'joint', 'largest', 'at [s]', drive, 'above half for', 'impulse'
+    published = '' if loads.samples is None else f', of {loads.samples} published instants'
+    table = [cells[:columns] for cells in (head, *rows)]
+    return Section(f'loads between impacts{published}', table=table)
+
+
+def _energy(e: EnergySummary) -> Section:
+    share = e.largest_residual / e.exchanged if e.exchanged else 0.0
+    balance = e.initial, e.final, e.drive_work, e.dissipated, e.residual_at_end, e.exchanged
+    note = (
+        f'among {e.samples} published instants at most {e.largest_residual:.3g} J are missing '
+        f'({share:.1g} of what was exchanged), at {e.largest_residual_time:.9g} s'
+    )
+    return Section('energy', [*energy_rows(*balance)], notes=[note])
+
+
+def _parts(title: str, parts: tuple[PartSummary, ...]) -> Iterator[Section]:
+    published = f': ranges of {sum(p.samples for p in parts)} published instants'
+    yield Section(f'{title}, in SI units{"" if all(p.of_motion for p in parts) else published}')
+    head = 'quantity', 'lowest', 'at [s]', 'highest', 'at [s]'
+    for p in parts:
+        share = ', '.join(f'{name} {100 * x:.4g} %' for name, x in p.share.items())
+        rows = [(r.quantity, r.lowest, r.lowest_time, r.highest, r.highest_time) for r in p.ranges]
+        yield Section(rows=[Row(p.joint, share)], table=[head, *rows])
+
+
+def _vibration(sensors: tuple[SensorSummary, ...]) -> Section:
+    rows: list[Sequence[Cell]] = [
+        (f'{s.sensor} on {s.link}', s.samples, s.missing, f'{s.rms:.6g} {s.unit}', s.peak,
+         '' if s.crest is None else s.crest, '' if s.kurtosis is None else s.kurtosis)
+        for s in sensors
+    ]  # fmt: skip
+    notes = [
+        f'strongest orders of {s.sensor}: '
+        + ', '.join(f'{order:.4g} ({size:.4g} {s.unit})' for order, size in s.orders)
+        for s in sensors
+        if s.orders
+    ]
+    notes += [
+        f'{s.sensor}: {s.overloads} samples were CUT at the end of the range'
+        for s in sensors
+        if s.overloads
+    ]
+    head = 'sensor', 'samples', 'missing', 'RMS', 'peak', 'crest', 'kurtosis'
+    return Section('vibration', table=[head, *rows], notes=notes)
+
+
+def _ledger(ledger: Ledger) -> Section:
+    total = sum(account.sent for account in ledger.topics)
+    table: list[Sequence[Cell]] = []
+    title = f'messages: all {total} that were sent are recorded'
+    if ledger.lost:
+        title = f'messages: {ledger.lost} of {total} are LOST'
+        lost = [(a.topic, a.sent, a.recorded, a.lost) for a in ledger.topics if a.lost]
+        table = [('topic', 'sent', 'recorded', 'lost'), *lost]
+    names = ', '.join(ledger.unfinished)
+    notes = [f'{names} did not finish: more may have been sent'] if names else []
+    return Section(title, table=table, notes=notes)
+
+
+def _at_angle(drive: str, angle: float | None) -> str:
+    """The angle of the driven coordinate, by its name: it need not be that of a crank."""
+    return '' if angle is None else f', {drive} at {math.degrees(angle):.4g} deg'
+
+
+def detail_sections(details: Details) -> Iterator[Section]:
+    """All that was asked for."""
+    drive = details.drive
+    yield from (_spectrum(name, line) for name, line in details.spectra.items())
+    for name, line in details.orders.items():
+        title = f'orders of {name}, in cycles a turn of the {drive}'
+        yield Section(title, table=[('order', line.unit), *line.spectrum.strongest(_LINES)])
+    yield from (_envelope(name, line) for name, line in details.envelopes.items())
+    yield from (_average(name, a, drive) for name, a in details.averages.items())
+    for name, struck in details.impacts.items():
+        yield from _struck(name, struck, drive)
+    for name, (bushing, pin) in details.wear.items():
+        yield from (_map(f'bushing of {name}', bushing), _map(f'pin of {name}', pin))
+    for name, beside in details.deviations.items():
+        yield from _beside(name, beside)
+
+
+def _spectrum(name: str, line: SignalSpectrum) -> Section:
+    s = line.spectrum
+    whole = float(s.values.sum()) or 1.0
+    rows = [(f, x, f'{100 * x / whole:.3g} %') for f, x in s.strongest(_LINES)]
+    title = (
+        f'power spectrum of {name}: lines {s.step:.4g} Hz apart up to {s.frequency[-1]:.4g} '
+        f'Hz, RMS {math.sqrt(whole * s.step):.6g} about the mean'
+    )
+    return Section(title, table=[('peak at [Hz]', line.unit, 'share of the whole'), *rows])
+
+
+def _envelope(name: str, line: SignalSpectrum) -> Section:
+    low, high = line.band or (0.0, 0.0)
+    title = f'spectrum of the squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz'
+    rows = line.spectrum.strongest(_LINES)
+    return Section(title, table=[('peak at [Hz]', line.unit), *rows])
+
+
+def _average(name: str, average: Average, drive: str) -> Section:
+    turns, n = average.turns, average.turns.values.shape[1]
+    mean, spread = turns.mean, turns.spread
+    rows = [
+        (f'{math.degrees(turns.angle[k]):.4g}', mean[k], spread[k])
+        for k in range(0, n, max(1, n // _ORDERS))
+    ]
+    title = f'{name} over the angle of the {drive}: {len(turns.values)} turns of {n} angles'
+    head = f'{drive} [deg]', f'mean [{average.unit}]', 'standard deviation'
+    return Section(title, table=[head, *rows])
+
+
+def _struck(name: str, struck: Struck, drive: str) -> Iterator[Section]:
+    rose, cycles = struck.rose, struck.cycles
+    angles = rose.crank_angle, rose.on_pin, rose.on_bushing
+    largest: list[Sequence[Cell]] = [
+        (f'Y{i}', float(rose.normal_impulse[k]), float(rose.time[k]),
+         *(float(math.degrees(x[k])) for x in angles))
+        for i, k in enumerate(rose.largest, 1)
+    ]  # fmt: skip
+    head = ('largest', 'impulse [N s]', 'at [s]', f'{drive} [deg]', f'on {rose.pin} [deg]',
+            f'on {rose.bushing} [deg]')  # fmt: skip
+    title = f'impacts in {name}: {len(rose)}; pin on {rose.pin}, bushing on {rose.bushing}'
+    yield Section(title, table=[head, *largest])
+    if cycles is None:
+        return
+    names = {'count': 'impacts', 'impulse': 'sum of impulses [N s]', 'I_n': 'I_n [N s]'}
+    means: list[Sequence[Cell]] = [(names[k], *found) for k, found in cycles.means.items()]
+    columns = f'{len(cycles.count)} turns', 'mean', '+/- (95 %)', 'standard deviation'
+    yield Section(table=[columns, *means])
+    by_turn: list[Sequence[Cell]] = [
+        [str(cycles.first + i), int(cycles.count[i]), float(cycles.impulse[i]),
+         *('' if k < 0 else f'{math.degrees(rose.crank_angle[k]):.4g} deg '
+           f'{rose.normal_impulse[k]:.3g}' for k in cycles.dominant[i])]
+        for i in range(len(cycles.count))
+    ]  # fmt: skip
+    by = 'turn', 'impacts', '[N s]', 'first', 'second', 'third'
+    yield Section(table=[by, *_without_middle(by_turn)])
+
+
+def _map(part: str, wear: WearMap) -> Section:
+    title = (
+        f'wear of the {part} on {wear.link}: impulses of impacts {wear.impulse.sum():.6g} N s, '
+        f'force times way {wear.load_way.sum():.6g} N m, sliding work {wear.work.sum():.6g} J'
+    )
+    hardest = sorted(range(len(wear.load_way)), key=lambda k: -wear.load_way[k])[:_SECTORS]
+    rows = [
+        (f'{math.degrees(wear.middles[k]):.4g}', float(wear.load_way[k]), float(wear.work[k]),
+         float(wear.impulse[k]))
+        for k in sorted(hardest)
+    ]  # fmt: skip
+    return Section(title, table=[('direction [deg]', 'N m', 'J', 'impacts [N s]'), *rows])
+
+
+def _beside(name: str, beside: Beside) -> Iterator[Section]:
+    d, a = beside.deviation, beside.alpha
+    ideal = float((d.ideal.values**2).mean()) ** 0.5
+    yield Section(
+        f'{name} beside the ideal machine: deviation {d.rms:.6g} {beside.unit} RMS, the ideal '
+        f'{ideal:.6g}'
+    )
+    if a is not None:
+        orders = zip(map(str, a.order[:_ORDERS]), a.by_order[:_ORDERS].tolist(), strict=True)
+        yield Section(
+            f'alpha over {beside.against}: {a.rms:.6g} by RMS, {a.spectrum:.6g} by spectrum',
+            table=[('order', 'alpha'), *orders],
+        )

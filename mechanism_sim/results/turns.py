@@ -1,0 +1,123 @@
+"""Turns of a coordinate: how many there are by a time, and when they end."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
+from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.results.measure_text import Bound
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.scene import Machine
+
+_BISECTIONS = 60
+
+Place = tuple[int, float]
+"""Whole turns, and [rad] beside them."""
+
+
+def beginning(curve: PiecewisePolynomial, column: int) -> Place:
+    """Place of a coordinate where a motion begins."""
+    local = curve.local(np.zeros(1, np.intp), np.zeros(1))
+    return int(curve.turns[0, column]), float(local[0, column])
+
+
+def turns_at(
+    curve: PiecewisePolynomial,
+    column: int,
+    k: NDArray[np.intp],
+    dt: Array,
+    since: Place = (0, 0.0),
+) -> Array:
+    """Signed turns (N,) of a coordinate; whole ones are integers, so long runs lose no digits.
+
+    Parameters
+    ----------
+    k, dt : (N,) segments, and times since they begin [s]
+    since : from where they are counted; from angle zero unless told
+    """
+    whole = curve.turns[k, column] - since[0]
+    return np.asarray(whole + (curve.local(k, dt)[:, column] - since[1]) / TWO_PI)
+
+
+def impacts_by_turn(
+    turn: NDArray[np.int64], impulse: Array, turns: int, joint: NDArray[np.int64] | int = 0,
+    joints: int = 1,
+) -> tuple[NDArray[np.int64], Array]:  # fmt: skip
+    """Numbers of impacts and sums of their normal impulses [N s], each (turns, joints).
+
+    Parameters
+    ----------
+    turn, joint : (n,) in which each impact happened
+    """
+    cell, size = turn * joints + joint, turns * joints
+    count = np.asarray(np.bincount(cell, minlength=size), np.int64)
+    total = np.asarray(np.bincount(cell, impulse, size), np.float64)
+    return count.reshape(turns, joints), total.reshape(turns, joints)
+
+
+class DriveTurns:
+    """When the drive has turned so many times, known as far as the motion is."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self._known = isinstance(machine.law, DriveLaw) and not machine.law.straight
+        self._index = machine.physics.coordinates.index(machine.main)
+        self._start: Place | None = None
+        self._edges: list[float] = []
+        self.end = 0.0
+
+    def add(self, piece: Piece) -> None:
+        """Look for whole turns in the piece that follows."""
+        curve = piece.motion.curve
+        begin, self.end = float(curve.start[0]), curve.end
+        if self._start is None:
+            self._start, self._edges = beginning(curve, self._index), [begin]
+        if self._known:
+            try:
+                while (t := self._machine.time_of(len(self._edges))) <= self.end * (1.0 + 1e-12):
+                    self._edges.append(min(t, self.end))
+            except InputError:
+                self._known = False
+            else:
+                return
+        ends = np.append(curve.start, self.end)
+        turned = self._turned(piece, ends)
+        while len(later := np.flatnonzero(turned >= len(self._edges))):
+            wanted, past = len(self._edges), int(later[0])
+            low, high = (float(ends[max(past - 1, 0)]), float(ends[past]))
+            for _ in range(_BISECTIONS):
+                middle = 0.5 * (low + high)
+                far = self._turned(piece, np.array([middle]))[0] >= wanted
+                low, high = (low, middle) if far else (middle, high)
+            self._edges.append(high)
+
+    def _turned(self, piece: Piece, t: Array) -> Array:
+        """Turns since the start (N,), in either direction."""
+        assert self._start is not None  # noqa: S101 - set where the first motion begins
+        curve = piece.motion.curve
+        return np.abs(turns_at(curve, self._index, *curve.find(t), self._start))
+
+    @property
+    def edges(self) -> list[float]:
+        """The start of the run, and the ends of its whole turns so far [s]."""
+        return self._edges
+
+    def time(self, bound: Bound) -> float:
+        """A bound in seconds; infinite if it is not reached yet."""
+        if not bound.revolutions:
+            return bound.value
+        whole = math.floor(bound.value)
+        if whole >= len(self._edges):
+            return math.inf
+        if bound.value == whole:
+            return self._edges[whole]
+        if whole + 1 >= len(self._edges):
+            return math.inf
+        a, b = self._edges[whole : whole + 2]
+        return a + (bound.value - whole) * (b - a)
