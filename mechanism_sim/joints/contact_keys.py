@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
 from mechanism_sim.keys.quantities import (
     POSITIVE,
     Angle,
@@ -22,6 +24,7 @@ from mechanism_sim.keys.quantities import (
     Friction as FrictionCoefficient,
 )
 from mechanism_sim.planar.points import rotate
+from mechanism_sim.planar.protocols import ForceLaw
 
 
 class Contact(Part):
@@ -100,6 +103,20 @@ class Play(Part):
         if self.film and not self.contact.roughness:
             return ''
         return 'soft' if self.contact.stiffness else 'rigid'
+
+    def law(self, share: float = 1.0) -> ForceLaw | None:
+        """Of its compliant contacts, with a share of the stiffness; None if they are rigid."""
+        contact = self.contact
+        if contact is None or contact.stiffness is None:
+            return None
+        if contact.law in ('hertz', 'film'):
+            return Hertz(share * contact.stiffness, contact.exponent)
+        laws: dict[str, Callable[[float, float, float], ForceLaw]] = {
+            'hunt_crossley': HuntCrossley,
+            'lankarani_nikravesh': LankaraniNikravesh,
+            'flores': Flores,
+        }
+        return laws[contact.law](share * contact.stiffness, self.restitution, contact.exponent)
 
 
 def play_of(given: Any, radial: float) -> Play:

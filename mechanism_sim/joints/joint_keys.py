@@ -7,7 +7,7 @@ lists kinds or keys finds it there.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 from pydantic import Field
 
@@ -17,7 +17,11 @@ from mechanism_sim.keys.quantities import Part
 from mechanism_sim.keys.registry import Registry
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
+from mechanism_sim.planar.play import walls
+from mechanism_sim.planar.protocols import ForceElement, Gap
 from mechanism_sim.planar.rotor import Rotor
+
+Contacts: TypeAlias = tuple[Sequence[Gap], Sequence[ForceElement]]
 
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
 """Two points, ``LINK.POINT``, or names of what a joint connects."""
@@ -83,6 +87,14 @@ class JointKeys(Part):
         """Those of the ideal joint of a mechanism."""
         return ()
 
+    def contacts(self, play: Play, joint: Any, mechanism: Mechanism) -> Contacts:
+        """The gaps of a loose joint; what it has instead where it is elastic or full of oil."""
+        gaps = () if joint.elastic else walls(
+            joint.closure(mechanism), play.radial, play.restitution, play.friction,
+            play.hypothesis, play.law(), play.pin_radius,
+        )  # fmt: skip
+        return gaps, joint.elements(mechanism)
+
     def rotor_of(self, names: Names, name: str) -> tuple[str, Rotor]:
         """The link whose axis it lets give way, and how."""
         raise NotImplementedError
@@ -94,6 +106,20 @@ class JointKeys(Part):
 
 KINDS = Registry[type[JointKeys]]()
 """All kinds of joints by name: the key whose value is what such a joint connects."""
+
+
+def contacts_of(
+    joints: Mapping[str, JointKeys], mechanism: Mechanism, clearances: Mapping[str, Play]
+) -> tuple[list[Gap], list[ForceElement]]:
+    """The gaps and the force elements of all loose joints of a mechanism."""
+    gaps: list[Gap] = []
+    elements: list[ForceElement] = []
+    for name, play in clearances.items():
+        keys = joints[name]
+        found = keys.kind_keys.contacts(keys, play, mechanism.joint(name), mechanism)
+        gaps += found[0]
+        elements += found[1]
+    return gaps, elements
 
 
 def keys_of(joint: JointKeys) -> list[str]:
