@@ -14,9 +14,7 @@ from xml.etree.ElementTree import SubElement
 from mechanism_sim.export.ideal import WORLD, check_names, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
-from mechanism_sim.joints.cam.constraint import CamPair
-from mechanism_sim.joints.geneva.constraint import Geneva
-from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Body, HigherPair, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene.machine import Machine
 
@@ -62,7 +60,7 @@ def left_out(machine: Machine) -> list[str]:
     return tilted + [
         f'{joint.name}: its profile is drawn as a circle'
         for joint in machine.plan.joints
-        if isinstance(joint, CamPair | Geneva)
+        if isinstance(joint, HigherPair) and joint.discs() and not joint.coupling
     ]
 
 

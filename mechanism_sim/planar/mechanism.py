@@ -130,6 +130,11 @@ class HigherPair(Connection, ABC):
         return ''
 
     @property
+    def coupling(self) -> Coupling | None:
+        """What other simulators can have of it: a sum over its links, if it keeps one."""
+        return None
+
+    @property
     def elastic(self) -> bool:
         """True if it has forces of its own, `elements`, instead of a closure and walls."""
         return False
@@ -213,6 +218,38 @@ class HigherPair(Connection, ABC):
     def discs(self) -> Sequence[tuple[LinkPoint, float]]:
         """Discs that it is made of: middle, and radius [m]."""
         return ()
+
+    def bars(self) -> Sequence[Bar]:
+        """Straight bars that it is made of."""
+        return ()
+
+
+class Coupling(NamedTuple):
+    """A sum over two links that keeps its value.
+
+    Attributes
+    ----------
+    joint : the pair
+    carrier : against which angles are counted
+    factors : of the angles [rad] of first and second, or of a rack's displacement [m]
+    racks : the guides of those that are racks
+    exact : whether the pair keeps it, not only on the mean
+    """
+
+    joint: HigherPair
+    carrier: str
+    factors: tuple[float, float]
+    racks: tuple[Prismatic | None, Prismatic | None] = (None, None)
+    exact: bool = True
+
+
+class Bar(NamedTuple):
+    """A straight bar on a link."""
+
+    end: LinkPoint  #: the middle of one of its long sides
+    length: float  #: [m]
+    axis: float  #: [rad] along it, in the link's frame
+    back: float  #: [rad] from that side across it
 
 
 class PairClosure(Relation, Protocol):

@@ -8,7 +8,6 @@ import numpy as np
 
 from mechanism_sim.analysis.series import Series, sampled
 from mechanism_sim.export.palette import numbers
-from mechanism_sim.joints.slot.constraint import PinInSlot
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.report.charts.chart import DIRECTION, Chart, ChartCurve, ChartSection, polar
 from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
@@ -158,7 +157,7 @@ def drive(course: ChartedRun) -> ChartSection | None:
 def guides(course: ChartedRun) -> ChartSection | None:
     """Forces and moments that guides and slots transmit."""
     machine = course.record.machine
-    joints = [j for j in machine.mechanism.joints if isinstance(j, Prismatic | PinInSlot)]
+    joints = [j for j in machine.mechanism.joints if j.line]
     if not machine.physics.has_forces or not joints:
         return None
     title, text = 'Force across each guide and slot', ''
