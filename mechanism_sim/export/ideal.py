@@ -15,9 +15,9 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import (
-    Body,
     Coupling,
     HigherPair,
     Joint,
@@ -153,10 +153,11 @@ class Ideal:
     def left_out(self) -> Iterator[str]:
         """Properties that the mechanism of any format lacks, in sentences."""
         plan = self.machine.plan
-        for link in plan.ideal.flexible:
-            yield f'{link}: it is rigid here, and stays in its plane'
-        for link in plan.ideal.rotors:
-            yield f'{link}: its shaft and supports do not give way here'
+        for link, own in plan.ideal.extensions.items():
+            if own.flexible:
+                yield f'{link}: it is rigid here, and stays in its plane'
+            else:
+                yield f'{link}: its shaft and supports do not give way here'
         for joint in plan.joints:
             if in_slot(joint):
                 yield f'{joint.name}: a block of {LIGHT:g} of the heaviest link is in the slot'

@@ -14,9 +14,10 @@ from functools import cached_property
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Prismatic
+from mechanism_sim.planar.mechanism import Joint, Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 
 

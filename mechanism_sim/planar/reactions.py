@@ -153,9 +153,9 @@ def energies(equations: Equations) -> tuple[Term, Term]:
         for axis, (jet, g) in enumerate(zip(position, equations.mechanism.gravity, strict=True)):
             gravity = equations.parameters(f'gravity:{axis}', g)
             potential.append(neg(mul(mul(mass, gravity), jet.value)))
-        if body.tilt and body.tilt.axial is not None:
+        rises = equations.mechanism.rise(body.name, body.cog)
+        for way in (equations.frames.q[c] for c, slope in rises.items() if slope):
             gravity = equations.parameters('gravity:2', equations.mechanism.axial_gravity)
-            way = equations.frames.q[f'{body.name}.axial']
             potential.append(neg(mul(mul(mass, gravity), way)))
     return mul(hy.expression(0.5), kinetic), add(*potential)
 

@@ -566,7 +566,8 @@ class Machine(Rich):
         rows = len(system.dynamics.rows) + len(system.dynamics.relation)
         tabulated = any(isinstance(s, Table) for s in system.switches)
         many = len(system.free) + rows >= _COMPACT_FROM
-        more = system.elements or system.lent or system.dynamics.rubs or self.mechanism.flexible
+        flexible = any(x.flexible for x in self.mechanism.extensions.values())
+        more = system.elements or system.lent or system.dynamics.rubs or flexible
         return bool(more) or tabulated or many
 
     def snapshot(self, run: Run) -> Snapshot:

@@ -22,12 +22,12 @@ from mechanism_sim.joints.mesh.gear_keys import read_wheel
 from mechanism_sim.joints.mesh.keys import backlashes, check_bearings, in_mesh
 from mechanism_sim.keys.names import Names, kind_of
 from mechanism_sim.linkages.forces import DriveEffort, UnknownForce
+from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import (
-    Body,
     HigherPair,
     Joint,
     Mechanism,
@@ -87,8 +87,7 @@ class Plan(Names):
         check_tilts(self, joints)
         rotors = self._read_rotors()
         massless = tuple(
-            elastic.get(link) or replace(without_mass(self, link), rotor=rotors.get(link))
-            for link in self.links
+            elastic.get(link) or without_mass(self, link, rotors.get(link)) for link in self.links
         )
         tree = Mechanism(massless, joints, self.closing)
         positions = self._read_drives(drives, tree)
@@ -235,7 +234,7 @@ class Plan(Names):
             rotor = rotors.get(link)
             inertia = body.inertia + added
             if rotor:
-                body = replace(body, mass=body.mass + rotor.mass, rotor=rotor)
+                body = replace(body, mass=body.mass + rotor.mass, extension=rotor)
                 inertia += rotor.inertia
             found.append(tilted(replace(body, inertia=inertia), self, added))
         return tuple(found)

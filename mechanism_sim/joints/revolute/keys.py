@@ -18,7 +18,7 @@ from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Position
 from mechanism_sim.planar.joint_friction import JournalFriction
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
-from mechanism_sim.planar.points import GROUND, Vector2
+from mechanism_sim.planar.points import Vector2
 from mechanism_sim.planar.protocols import ForceElement, Gap
 
 _IN_LINE = 1e-5
@@ -192,8 +192,7 @@ def leaning(mechanism: Mechanism, joint: str, clearance: Play) -> Leaning | None
         return None
     length, (pin, bushing) = clearance.length, _inclinations(clearance)
     off = 0.5 * length * (math.hypot(*pin) + math.hypot(*bushing))
-    ends = (mechanism.joint(joint).first, mechanism.joint(joint).second)
-    leans = any(mechanism.body(link).tilt for link in ends if link != GROUND)
+    leans = any(mechanism.lean(link, 1.0) for link, _ in mechanism.joint(joint).points)
     if not leans and off <= _IN_LINE * clearance.radial:
         return None
     return Leaning(length, pin, bushing, clearance.along)

@@ -17,8 +17,9 @@ from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.joints.prismatic.contact import corners
+from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
 from test.grid.case import variant
 
