@@ -6,7 +6,8 @@ from absolute import differences
 
 import mechanism_sim as ms
 from mechanism_sim.joints.cam.constraint import CamPair
-from mechanism_sim.joints.geneva.constraint import Geneva, SlottedRack
+from mechanism_sim.joints.geneva.constraint import Geneva
+from mechanism_sim.joints.rack.constraint import SlottedRack
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene import Level, Machine
 from mechanism_sim.scene.drives import is_straight
