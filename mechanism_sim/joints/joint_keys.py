@@ -6,7 +6,7 @@ lists kinds or keys finds it there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, TypeAlias
 
 from pydantic import Field
@@ -21,6 +21,7 @@ from mechanism_sim.planar.play import walls
 from mechanism_sim.planar.protocols import ForceElement, Gap
 from mechanism_sim.planar.rotor import Rotor
 
+Joints: TypeAlias = tuple[Joint, ...]
 Contacts: TypeAlias = tuple[Sequence[Gap], Sequence[ForceElement]]
 
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
@@ -40,8 +41,8 @@ class JointKeys(Part):
     #: the keys that its friction may have beside the coefficient, and whether the first, which
     #: says where friction acts, must be given; None of joints without friction
     rubs_by: ClassVar[tuple[tuple[str, ...], bool] | None] = None
-    #: loose because friction alone holds it
-    slips: ClassVar[bool] = False
+    #: its friction acts although it is loose
+    rubs_loose: ClassVar[bool] = False
     #: lets the axis of a link give way, see `rotor_of`
     gives_way: ClassVar[bool] = False
 
@@ -65,9 +66,25 @@ class JointKeys(Part):
         """The joint of that name of a mechanism."""
         raise NotImplementedError
 
-    def play(self) -> Play | None:
-        """Its clearance, if it is loose."""
+    def play(self, joint: Any) -> Play | None:
+        """Clearance of the joint of a mechanism, if it is loose."""
         return self.clearance
+
+    @classmethod
+    def check_all(cls, names: Names, joints: Joints, closing: Collection[str]) -> None:
+        """Refuse what does not fit together of all joints, of which `closing` are cut."""
+
+    @classmethod
+    def assembled(
+        cls, names: Names, joints: Joints, tree: Mechanism, start: Mapping[str, float]
+    ) -> Joints:
+        """The joints, those of this kind as they fit together at the start.
+
+        Parameters
+        ----------
+        start : coordinates; others are zero
+        """
+        return joints
 
     def wrong_play(self, given: Clearance) -> str:
         """An objection to a clearance of it; empty if there is none."""

@@ -190,7 +190,7 @@ class CamKeys(PhaseKeys):
                 raise
             raise InputError(f'{reader.where}: {error}') from error
 
-    def play(self) -> Play | None:
+    def play(self, joint: Any) -> Play | None:
         """The play of a cam that its follower may leave, or of a groove with clearance."""
         off, groove = self.lift_off, self.groove
         if off:
