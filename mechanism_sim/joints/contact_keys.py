@@ -1,4 +1,4 @@
-"""What a scene file says of a loose joint and its contacts."""
+"""Keys of a loose joint and its contacts."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Play(Part):
     restitution: Coefficient
     """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """What the coefficient relates: speeds, impulses or works; without friction the same."""
+    """Quantities that the coefficient relates: speeds, impulses or works; equal if smooth."""
     friction: FrictionCoefficient = 0.0
     """Coulomb's coefficient, in impacts and in following."""
     pin_radius: Radius = 0.0
@@ -92,7 +92,7 @@ class Play(Part):
 
     @property
     def film(self) -> bool:
-        """Whether oil fills it."""
+        """True if oil fills it."""
         return self.contact is not None and self.contact.law == 'film'
 
     @property
@@ -188,5 +188,5 @@ class Clearance(Play):
 
 
 def in_plane(clearance: Clearance | None) -> Clearance | None:
-    """The same without stops along the axis."""
+    """A clearance without stops along the axis."""
     return clearance.model_copy(update={'axial': None}) if clearance else None

@@ -58,7 +58,7 @@ class JointKeys(Part):
 
     @property
     def points(self) -> list[str]:
-        """What it connects."""
+        """Its two references, of points or of gears."""
         points: list[str] = getattr(self, self.kind)
         return points
 

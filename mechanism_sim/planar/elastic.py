@@ -74,7 +74,7 @@ class AxisPieces(NamedTuple):
 
 @dataclass(frozen=True)
 class Beam(LinkExtension):
-    """What is elastic of a link: its axis runs from the link's origin along its x axis.
+    """Elastic part of a link: its axis runs from the link's origin along its x axis.
 
     Coordinates are the amplitudes [m] of shape functions that are modes of the beam by itself
     under its reference conditions, or the nearest to them in polynomials of the least degree

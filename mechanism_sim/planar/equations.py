@@ -208,7 +208,7 @@ class _Vector(NamedTuple):
 
 
 class _Extensions:
-    """What extensions of links add: strain energy, damping, gyroscopic moments.
+    """Terms that extensions of links add: strain energy, damping, gyroscopic moments.
 
     And which terms are of too high an order.
     """

@@ -107,7 +107,7 @@ class HigherPair(Connection, ABC):
 
     @property
     def coupling(self) -> Coupling | None:
-        """What other simulators can have of it: a sum over its links, if it keeps one."""
+        """A sum over its links that it keeps, as other simulators can; None if it keeps none."""
         return None
 
     @property
@@ -162,7 +162,7 @@ class HigherPair(Connection, ABC):
     charts: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
 
     def reading(self, view: View) -> Any:
-        """What there is to read of it: a named tuple of (N,) arrays, the fields of a message.
+        """Readings of it: a named tuple of (N,) arrays, the fields of a message.
 
         Raises
         ------
@@ -274,7 +274,7 @@ class Tree:
 
     @cached_property
     def extensions(self) -> dict[str, LinkExtension]:
-        """What has coordinates of its own, by link."""
+        """Those of links that have coordinates of their own, by link."""
         return {body.name: body.extension for body in self.bodies if body.extension}
 
     def having(self, kind: type[Extension]) -> dict[str, Extension]:
@@ -505,7 +505,7 @@ class Mechanism(Tree):
         return {f'{link}.{name}': x for name, x in own.rise(at).items()} if own else {}
 
     def spread(self, link: str) -> tuple[Any, Spread]:
-        """The same with all masses (K,) in one array, and the arms of all points: (2, K) each.
+        """All masses (K,) of a link in one array, and the arms of all points: (2, K) each.
 
         Of a link with one particle, numbers instead.
         """
@@ -548,7 +548,7 @@ class Mechanism(Tree):
     def locate_all(
         self, link: str, q: NDArray[np.float64], at: Vector2 = (0.0, 0.0)
     ) -> NDArray[np.float64]:
-        """The same (2, N) [m] at N instants, with coordinates (n, N) in their order."""
+        """World coordinates (2, N) [m] at N instants, with coordinates (n, N) in their order."""
         place: NDArray[np.float64] = self.trace((link, at), q)[0]
         return place
 

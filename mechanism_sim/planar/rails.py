@@ -37,7 +37,7 @@ PARALLEL = 1e-9
 
 
 class Foot(NamedTuple):
-    """What a point sees of a rail."""
+    """Where a rail is, seen from a point."""
 
     away: Jet  #: [m] its distance from the line, to the left
     cosine: Jet  #: of the angle by which the rail is turned there from its link's x axis
@@ -68,7 +68,7 @@ class Rail:
     sense: float  #: 1 along the link's x axis, -1 against it
 
     def foot(self, frames: Frames, point: Pair, label: str, thick: bool = False) -> Foot:
-        """What a point of the world [m] sees.
+        """Foot of a point of the world [m].
 
         Parameters
         ----------

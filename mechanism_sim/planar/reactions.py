@@ -24,7 +24,7 @@ def tree_reactions(
     cut: Mapping[str, Wrench],
     loads: Sequence[Load] = (),
 ) -> dict[str, Wrench]:
-    """What the first-named link does to the second-named one in every joint.
+    """Wrench of the first-named link on the second-named one in every joint.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def tree_reactions(
 
 
 def _across(equations: Equations, joint: Prismatic, total: Wrench) -> Wrench:
-    """What a guide does by itself: along its line there is nothing but the force of a drive."""
+    """Wrench of a guide by itself: along its line there is but the force of a drive."""
     frames = equations.frames
     normal = equations.mechanism.direction(joint.first, joint.axis + 0.5 * math.pi)
     x, y = frames.position(normal, f'{joint.name}.normal')

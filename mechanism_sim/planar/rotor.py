@@ -36,7 +36,7 @@ SLOPE = 'tilt'
 
 @dataclass(frozen=True)
 class Support:
-    """What a support does to the shaft, by pair: minus ``stiffness r + damping r'``."""
+    """Force of a support on the shaft, by pair: minus ``stiffness r + damping r'``."""
 
     stiffness: Rows  #: (2, p) along x and along y [N/m, N/rad]
     damping: Rows  #: (2, p) [N s/m, N s/rad]
@@ -59,7 +59,7 @@ class Lump(NamedTuple):
 
 @dataclass(frozen=True)
 class Rotor(LinkExtension):
-    """What gives way of a link that turns with a shaft; p pairs of coordinates.
+    """Compliance of a rotor's shaft and supports; p pairs of coordinates.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ class Rotor(LinkExtension):
                 yield share * inertia, axis | self.moved(link, tilt)
 
     def forces(self, link: str, frames: Frames) -> RotorForces:
-        """What the rotor does to its coordinates."""
+        """Forces on its coordinates."""
         return RotorForces(self, link, frames)
 
     def support_force(self, name: str, q: Array, v: Array, spin: Array) -> Array:

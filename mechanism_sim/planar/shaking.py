@@ -1,4 +1,4 @@
-"""What a machine does to its ground, from the momentum of its links.
+"""Force of a machine on its ground, from the momentum of its links.
 
 By Newton's and Euler's laws for all links together the ground feels what is applied to them, less
 what changes their momentum:

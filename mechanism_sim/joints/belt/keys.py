@@ -32,7 +32,7 @@ class BeltKeys(PhaseKeys):
     radii: tuple[Length, Length] | None = None
     """Of a belt, required: of the first and of the second pulley, to the middle of the belt."""
     crossed: bool = False
-    """Whether the strands cross, so that the pulleys turn opposite ways."""
+    """True if the strands cross, so that the pulleys turn opposite ways."""
     stiffness: Annotated[float, si('N/m'), Field(gt=0.0)] | None = None
     """Of each strand; without it the belt is ideal."""
     damping: Annotated[float, si('N s/m'), Field(ge=0.0)] = 0.0

@@ -123,7 +123,7 @@ class LiftOffPart(Part):
     restitution: Coefficient
     """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """What the coefficient relates: speeds, impulses or works."""
+    """Quantities that the coefficient relates: speeds, impulses or works."""
     friction: FrictionCoefficient = 0.0
     """Coulomb's coefficient."""
     pin_radius: Radius = 0.0
@@ -140,7 +140,7 @@ class GroovePart(Part):
     restitution: Coefficient | None = None
     """Of both walls; required with a clearance."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """What the coefficient relates: speeds, impulses or works."""
+    """Quantities that the coefficient relates: speeds, impulses or works."""
     friction: FrictionCoefficient = 0.0
     """Coulomb's coefficient, on the pin of the roller."""
     pin_radius: Radius = 0.0
@@ -309,7 +309,7 @@ class _Reader:
         return _RIGHT[key]
 
     def _check_keys(self) -> None:
-        """What every cam needs, and what excludes each other."""
+        """Refuse cams without a key that all need, or with two that exclude each other."""
         joint, where = self.joint, self.where
         for key, what in (
             ('follower', "'knife', 'roller' or 'flat'"),

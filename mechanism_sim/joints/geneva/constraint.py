@@ -196,7 +196,7 @@ class GenevaClosure(HigherClosure[Geneva]):
         return self.pressed(frames, forces[0])
 
     def pressed(self, frames: Frames, force: Term) -> Wrench:
-        """What a force along the offset does to the wheel.
+        """Wrench on the wheel of a force along the offset.
 
         With play the slot is not quite along the pin's direction: there is a part of the force
         towards the wheel's centre, by the offset over the pin's distance.

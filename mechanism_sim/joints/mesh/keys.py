@@ -46,7 +46,7 @@ class BacklashPart(Part):
     restitution: Coefficient | None = None
     """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """What the coefficient relates: speeds, impulses or works."""
+    """Quantities that the coefficient relates: speeds, impulses or works."""
     friction: FrictionCoefficient = 0.0
     """Coulomb's coefficient of rigid flanks, at their mean distance from the pitch point."""
     contact: Contact | None = None
@@ -285,7 +285,7 @@ class MeshKeys(JointKeys):
 
 
 def _undercut(gears: Mapping[str, GearPart], mesh: GearMesh) -> Iterator[str]:
-    """What is left of undercut teeth, and the profile shifts that end it.
+    """Rest of undercut teeth, and the profile shifts that end it.
 
     A shift of one gear alone widens its teeth, so that they jam at the same centre distance: the
     mate gives as much, as far as it is not undercut itself; what is left needs a larger distance.

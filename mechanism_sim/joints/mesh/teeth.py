@@ -160,7 +160,7 @@ def limits(
     centre_distance: float | None,
     modules: Sequence[float],
 ) -> str:
-    """What a search was bound to, in words."""
+    """Limits of a search, in words."""
     said = [f'{teeth[0]} to {teeth[1]} teeth a gear', f'{stages} stage{"s" * (stages > 1)}']
     exact = tolerance <= _ROUNDING
     said.append('no error of the ratio' if exact else f'errors of {tolerance:g} of the ratio')

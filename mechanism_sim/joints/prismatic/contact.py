@@ -102,7 +102,7 @@ class GuideClearance(MeasuredGap):
         return (-nx, -ny) if self.side == 'left' else (nx, ny)
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """What the wall does to the block, at the corner."""
+        """Wrench of the wall on the block, at the corner."""
         force = contact_wrench(self.normal(frames), N, T)
         x, y = self._off(frames, self._guide.on_second, self._guide.second, 'block')
         return Wrench(force.x, force.y, moment_of((x.value, y.value), (force.x, force.y)))

@@ -14,7 +14,7 @@ from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 
 
 class AxisKeys(JointKeys):
-    """What slides."""
+    """Joints that slide along a line."""
 
     axis: Angle = 0.0
     """Direction of sliding: in the first link of a prismatic joint, in the second's slot."""

@@ -64,7 +64,7 @@ class Transmission(HigherPair):
         return Coupling(self, self.carrier, (p / q, 1.0))
 
     def bears(self, link: str) -> bool:
-        """What turns does so with the cross-section at its point."""
+        """A link that turns does so with the cross-section at its point."""
         return link in (self.first, self.second)
 
 
