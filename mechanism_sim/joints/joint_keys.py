@@ -41,6 +41,8 @@ class JointKeys(Part):
     #: the keys that its friction may have beside the coefficient, and whether the first, which
     #: says where friction acts, must be given; None of joints without friction
     rubs_by: ClassVar[tuple[tuple[str, ...], bool] | None] = None
+    #: its contacts come after those of other kinds in the order of gaps
+    last: ClassVar[bool] = False
     #: its friction acts although it is loose
     rubs_loose: ClassVar[bool] = False
     #: lets the axis of a link give way, see `rotor_of`

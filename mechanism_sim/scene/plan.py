@@ -101,7 +101,7 @@ class Plan(Names):
         self.begins |= {c: (positions.get(c, 0.0), 0.0) for c in tree.deformations}
         self.clearances: dict[str, Play] = {
             joint.name: play
-            for joint in self.joints
+            for joint in sorted(self.joints, key=lambda x: scene.joints[x.name].kind_keys.last)
             for keys in [scene.joints[joint.name]]
             if (play := keys.kind_keys.play(keys, joint)) is not None
         }

@@ -90,7 +90,7 @@ class MeshKeys(JointKeys):
 
     firm = "the play of teeth is their 'backlash'"
     rubs_by = (), False
-    rubs_loose = True
+    rubs_loose = last = True
 
     def read(self, names: Names, name: str) -> GearMesh:
         """Two gears in mesh; their phase is set by `assembled`."""
