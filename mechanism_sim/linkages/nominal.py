@@ -24,7 +24,7 @@ from mechanism_sim.hybrid.physics import each_instant, outside, rows
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.linkages.ideal import IdealMotion
 from mechanism_sim.linkages.passage import Passage, with_limits
-from mechanism_sim.linkages.piece_ends import HiddenEdges, LoadsOnPieces, Piece
+from mechanism_sim.linkages.piece_ends import HiddenEdges, LoadsOnPieces, NominalPiece
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
     Nodes,
@@ -226,7 +226,7 @@ class NominalRun:
                     if not (self._hidden or self._loads):
                         break
                     turns, now = self._turns.tolist(), self.time
-                    piece = Piece(coefficients, h, now, turns, self._present)
+                    piece = NominalPiece(coefficients, h, now, turns, self._present)
                     if self._hidden and h < looked:
                         looked, seen = h, [h * x for x in self._hidden.within(piece)]
                         if seen:

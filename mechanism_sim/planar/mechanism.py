@@ -30,7 +30,7 @@ from mechanism_sim.planar.protocols import ForceElement, Relation, Rubbing
 from mechanism_sim.planar.view import Draft, Side, ToothLoad, View
 
 
-class Line(NamedTuple):
+class StraightLine(NamedTuple):
     """A straight line of a link."""
 
     link: str
@@ -54,7 +54,7 @@ class Connection:
         return (self.first, self.on_first), (self.second, self.on_second)
 
     @property
-    def line(self) -> Line | None:
+    def line(self) -> StraightLine | None:
         """The straight line along which it lets one of its links slide."""
         return None
 
@@ -75,9 +75,9 @@ class Prismatic(Connection):
     angle: float = 0.0  #: [rad] of the frame of `second` in that of `first`
 
     @property
-    def line(self) -> Line:
+    def line(self) -> StraightLine:
         """That of `first`."""
-        return Line(self.first, self.on_first, self.axis)
+        return StraightLine(self.first, self.on_first, self.axis)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from mechanism_sim.numerics.symbolic import add, dense, mul, polynomial
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.mechanism import Line, Mechanism
+from mechanism_sim.planar.mechanism import Mechanism, StraightLine
 from mechanism_sim.planar.points import Vector2, rotate
 
 Pair = tuple[Jet, Jet]
@@ -125,7 +125,7 @@ class Rail:
         return Foot(away, cosine, sine, way, slip)
 
 
-def rail_of(mechanism: Mechanism, name: str, line: Line) -> Rail | None:
+def rail_of(mechanism: Mechanism, name: str, line: StraightLine) -> Rail | None:
     """The rail that a line of a link is if that is elastic and the line goes along its axis.
 
     Any other line is straight, and goes with the cross-section at its point.
@@ -135,7 +135,9 @@ def rail_of(mechanism: Mechanism, name: str, line: Line) -> Rail | None:
     return Rail(name, mechanism, line.link, line.on[1], math.copysign(1.0, math.cos(line.axis)))
 
 
-def along(mechanism: Mechanism, frames: Frames, line: Line, angle: float, label: str) -> Pair:
+def along(
+    mechanism: Mechanism, frames: Frames, line: StraightLine, angle: float, label: str
+) -> Pair:
     """The unit vector at an angle [rad] to a line that is straight, in the world."""
     return frames.position(mechanism.direction(line.link, line.axis + angle, line.on), label)
 

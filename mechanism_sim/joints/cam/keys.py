@@ -24,7 +24,7 @@ from mechanism_sim.joints.cam.laws import (
     Diagram,
     Eccentric,
     Law,
-    Measured,
+    MeasuredLaw,
     Raised,
     Segment,
     check_smoothness,
@@ -182,7 +182,7 @@ class CamKeys(PhaseKeys):
     def read(self, names: Names, name: str) -> CamPair:
         """A cam and its follower."""
         cam, follower = names.ends(name)
-        reader = _Reader(names, name, self)
+        reader = _CamReader(names, name, self)
         try:
             return reader.pair(cam, follower)
         except InputError as error:
@@ -245,7 +245,7 @@ _MOST = 32  # profiles that are known
 LARGEST_PRESSURE = {False: 30.0, True: 45.0}  # for followers that slide, that swing
 
 
-class _Reader:
+class _CamReader:
     """One joint with a cam; what it raises without the scene's name gets it from `_read`."""
 
     def __init__(self, names: Names, name: str, joint: CamKeys) -> None:
@@ -405,7 +405,7 @@ class _Reader:
                 ]
                 for k, straight in enumerate((self._slides, not guide.swings))
             )
-            return Measured(ways, rises, given.degree, self._slides)
+            return MeasuredLaw(ways, rises, given.degree, self._slides)
         if self._slides:
             raise InputError(
                 "law.eccentric is for cams that turn: describe this one's by 'segments' or "

@@ -29,7 +29,7 @@ _MICROMETRE = 1e-6
 _ROUNDING = 1e-12  # a ratio given as a float is not exact
 
 
-class Stage(NamedTuple):
+class ToothStage(NamedTuple):
     """One pair of a train."""
 
     driver: int  #: teeth
@@ -44,7 +44,7 @@ class Stage(NamedTuple):
 class Choice(NamedTuple):
     """Teeth of a whole train."""
 
-    stages: tuple[Stage, ...]
+    stages: tuple[ToothStage, ...]
     ratio: Fraction  #: speed of the first driver over that of the last driven gear, without sign
     error: float  #: relative, of the ratio; negative if it is too small
 
@@ -176,7 +176,7 @@ def just_outside(
     teeth: tuple[int, int] = (18, 120),
     centre_distance: float | None = None,
     modules: Sequence[float] = (),
-) -> Stage | None:
+) -> ToothStage | None:
     """The pair with the ratio that needs the smallest step beyond the range of teeth.
 
     Its numbers are from `FEWEST` to twice the most; parameters as of `choose`. None if there is
@@ -187,9 +187,9 @@ def just_outside(
         pairs = _pairs(FEWEST, most, centre_distance, modules)
     else:
         counts = ((a, round(a * wanted)) for a in range(FEWEST, most + 1))
-        pairs = (Stage(a, b, None) for a, b in counts if FEWEST <= b <= most)
+        pairs = (ToothStage(a, b, None) for a, b in counts if FEWEST <= b <= most)
 
-    def beyond(pair: Stage) -> tuple[int, float, int]:
+    def beyond(pair: ToothStage) -> tuple[int, float, int]:
         few, many = sorted(pair[:2])
         step = max(teeth[0] - few, many - teeth[1])
         return step, abs(float(_of(pair) / wanted) - 1.0), few
@@ -198,20 +198,20 @@ def just_outside(
     return min((p for p in near if beyond(p)[0] > 0), key=beyond, default=None)
 
 
-def _of(stage: Stage) -> Fraction:
+def _of(stage: ToothStage) -> Fraction:
     return Fraction(stage.driven, stage.driver)
 
 
 def _pairs(
     fewest: int, most: int, distance: float | None, modules: Sequence[float]
-) -> Iterator[Stage]:
+) -> Iterator[ToothStage]:
     counts = range(fewest, most + 1)
     if distance is None:
-        yield from (Stage(a, b, None) for a in counts for b in counts)
+        yield from (ToothStage(a, b, None) for a in counts for b in counts)
         return
     for module in modules:
         if not module > 0.0:
             raise InputError('a module is positive')
         total = round(2.0 * distance / module)
         if abs(total * module / 2.0 - distance) <= _MICROMETRE:
-            yield from (Stage(a, total - a, module) for a in counts if total - a in counts)
+            yield from (ToothStage(a, total - a, module) for a in counts if total - a in counts)
