@@ -10,6 +10,7 @@ the slot: the motion goes on without an impact.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -75,6 +76,10 @@ class IndexingPair(HigherPair):
     node: ClassVar[str] = 'geneva'
     reads: ClassVar[type] = GenevaReading
     charts: ClassVar[Mapping[str, tuple[str, ...]]] = DRIVEN
+
+    @abstractmethod
+    def reading(self, view: View) -> GenevaReading:
+        """Where the pin is in a slot, both motions and forces."""
 
     def _read(
         self, view: View, engaged: NDArray[np.bool_], centre: Array, effort: Array
