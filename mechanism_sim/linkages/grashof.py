@@ -27,7 +27,7 @@ _AT = 1e-3  # [rad] nearer to a change point than this its branches are not told
 _AHEAD = 0.05  # [rad] from there they are
 
 
-class Range(NamedTuple):
+class AngleRange(NamedTuple):
     """Angles [rad] from the least to the greatest."""
 
     least: float
@@ -116,24 +116,24 @@ def crank_turns(linkage: FourBar) -> bool:
     return bool(full_turns(linkage.lengths)[0])
 
 
-def crank_limits(linkage: FourBar) -> Range:
+def crank_limits(linkage: FourBar) -> AngleRange:
     """Least and greatest absolute crank angle [rad]; 0 and pi for one that turns freely.
 
     The crank swings between a and b and, mirrored, between -b and -a: through 180 degrees if b is
     pi, through zero if a is zero.
     """
     ground, crank, coupler, rocker = linkage.lengths
-    return Range(*limits(ground, crank, coupler, rocker).tolist())
+    return AngleRange(*limits(ground, crank, coupler, rocker).tolist())
 
 
-def rocker_limits(linkage: FourBar) -> Range:
+def rocker_limits(linkage: FourBar) -> AngleRange:
     """Least and greatest absolute rocker angle th4 [rad], as `crank_limits`."""
     ground, crank, coupler, rocker = linkage.lengths
     low, high = limits(ground, rocker, coupler, crank).tolist()
-    return Range(np.pi - high, np.pi - low)
+    return AngleRange(np.pi - high, np.pi - low)
 
 
-def swing(limits: Range) -> float:
+def swing(limits: AngleRange) -> float:
     """How far a link goes to and fro between its limits [rad]; 2 pi if it has none."""
     least, greatest = limits
     if least == 0.0:
@@ -188,7 +188,7 @@ def time_ratio(linkage: FourBar) -> float:
     return longer / (2.0 * np.pi - longer)
 
 
-def transmission_range(linkage: FourBar) -> Range:
+def transmission_range(linkage: FourBar) -> AngleRange:
     """Least and greatest transmission angle [rad] that the linkage comes to."""
     ground, crank, coupler, rocker = linkage.lengths
-    return Range(*limits(coupler, rocker, crank, ground).tolist())
+    return AngleRange(*limits(coupler, rocker, crank, ground).tolist())

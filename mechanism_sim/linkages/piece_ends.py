@@ -18,7 +18,7 @@ from mechanism_sim.planar.switched_functions import GuardRanges
 _FLOOR = 1e-12  # of what moves the lightest link as fast as the drives: no load
 
 
-class Piece:
+class NominalPiece:
     """A candidate for a piece of motion: polynomials of n coordinates.
 
     Parameters
@@ -53,7 +53,7 @@ class Piece:
         symbols: Array,
         parameters: Array,
     ) -> Course:
-        """What runs: derivatives and coordinates as in `SteepLoads.moving`, then the time."""
+        """All that runs: derivatives and coordinates as in `SteepLoads.moving`, then the time."""
         rows = [self._series[derivative][i] for derivative, i in moving]
         if timed:
             rows.append(np.zeros(self._series[0].shape[1]))
@@ -85,7 +85,7 @@ class LoadsOnPieces:
         self._parameters = np.array(parameters)
         self._turning = [coordinates.index(x.rpartition('.')[0]) for x in steep.outside]
 
-    def share(self, piece: Piece, fastest: float) -> float:
+    def share(self, piece: NominalPiece, fastest: float) -> float:
         """Share of a piece, from its start, on which the loads are as their nodes have them.
 
         Parameters
@@ -126,7 +126,7 @@ class HiddenEdges:
         self._turning = [coordinates.index(x.rpartition('.')[0]) for x in guards.outside]
         self._parameters = np.array(parameters)
 
-    def within(self, piece: Piece) -> list[float]:
+    def within(self, piece: NominalPiece) -> list[float]:
         """Shares of a piece at which present rows have ended, though they hold at its nodes."""
         moving, timed, _, ranges = self._guards
         symbols, known = piece.symbols, self._parameters

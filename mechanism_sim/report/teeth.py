@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from mechanism_sim import text_table
-from mechanism_sim.joints.mesh.teeth import Choice, Stage
+from mechanism_sim.joints.mesh.teeth import Choice, ToothStage
 
 #: rows for people; JSON has all
 SHOWN = 20
@@ -17,7 +17,7 @@ class Search(NamedTuple):
 
     found: Sequence[Choice]
     limits: str
-    outside: Stage | None
+    outside: ToothStage | None
 
 
 def render(search: Search) -> str:

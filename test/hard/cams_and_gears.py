@@ -10,7 +10,7 @@ import numpy as np
 
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.joints.cam.constraint import CamPair
-from mechanism_sim.joints.cam.laws import Measured
+from mechanism_sim.joints.cam.laws import MeasuredLaw
 from mechanism_sim.joints.mesh.joint import GearMesh
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.results.simulate import simulate, stream
@@ -113,7 +113,7 @@ def measured_law() -> list[Figure]:
     rise = 0.25 * RISE * (1.0 - np.cos(angle)) * (1.5 + 0.5 * np.sin(angle))
     points = [[float(x), float(u)] for x, u in zip(angle, rise, strict=True)]
     speed, costs, off, steps, closure = 30.0, [], 0.0, [], []
-    law = Measured(angle, rise)
+    law = MeasuredLaw(angle, rise)
     for given, turns in (({'points': points}, 1000), (CYCLOIDAL, 1000)):
         machine = valve(given, speed=speed)
         run = stream(machine, duration=turns * TURN / speed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from mechanism_sim.joints.bevel.constraint import pitch_angles
-from mechanism_sim.joints.worm.forces import ToothForce, Transmission
+from mechanism_sim.joints.worm.forces import GearedForces, ToothForce
 
 
 def helical(
@@ -15,7 +15,7 @@ def helical(
     helix_angle: float,
     ratio: float,
     efficiency: float = 1.0,
-) -> Transmission:
+) -> GearedForces:
     """Helical gears on parallel shafts, [V] eqs. 5.32 to 5.36; with helix angle 0 spur gears.
 
     Parameters
@@ -34,12 +34,12 @@ def helical(
         tangential * math.tan(pressure_angle) / math.cos(helix_angle),
         tangential * math.tan(abs(helix_angle)),
     )
-    return Transmission(force, force, ratio, efficiency, efficiency * torque * ratio)
+    return GearedForces(force, force, ratio, efficiency, efficiency * torque * ratio)
 
 
 def spur(
     torque: float, radius: float, pressure_angle: float, ratio: float, efficiency: float = 1.0
-) -> Transmission:
+) -> GearedForces:
     """Spur gears, [V] eqs. 5.8, 5.9, 5.11; parameters as in `helical`."""
     return helical(torque, radius, pressure_angle, 0.0, ratio, efficiency)
 
@@ -51,7 +51,7 @@ def bevel(
     ratio: float,
     shaft_angle: float = math.pi / 2,
     efficiency: float = 1.0,
-) -> Transmission:
+) -> GearedForces:
     """Straight-tooth bevel gears, [V] eqs. 5.38 to 5.42.
 
     `radius` is the driver's pitch radius [m] at the middle of the teeth; the rest as in
@@ -63,4 +63,4 @@ def bevel(
         ToothForce(tangential, across * math.cos(angle), across * math.sin(angle))
         for angle in pitch_angles(ratio, shaft_angle)
     )
-    return Transmission(driver, driven, ratio, efficiency, efficiency * torque * ratio)
+    return GearedForces(driver, driven, ratio, efficiency, efficiency * torque * ratio)

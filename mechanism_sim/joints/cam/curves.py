@@ -28,7 +28,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.cam.piecewise import Piece, Piecewise, from_spline
+from mechanism_sim.joints.cam.piecewise import LawPiece, Piecewise, from_spline
 
 #: the ends of a spline: 'natural', 'clamped', 'not-a-knot', or (order, value) for either end
 Ends = str | tuple[tuple[int, float], tuple[int, float]]
@@ -40,16 +40,16 @@ def _from_acceleration(parts: Sequence[tuple[float, float, float, float]]) -> Pi
     In each part the acceleration is proportional to ``constant*cos(frequency*s + phase)``; the
     curve is its second integral from rest, divided by the height reached.
     """
-    pieces: list[Piece] = []
+    pieces: list[LawPiece] = []
     place = speed = 0.0
     for length, constant, frequency, phase in parts:
         if frequency == 0.0:
-            piece = Piece(length, Polynomial([place, speed, 0.5 * constant]))
+            piece = LawPiece(length, Polynomial([place, speed, 0.5 * constant]))
         else:
             wave = -constant / frequency**2
-            turning = Piece(length, Polynomial([0.0]), wave, frequency, phase)
+            turning = LawPiece(length, Polynomial([0.0]), wave, frequency, phase)
             line = [place - turning.derivative(0.0, 0), speed - turning.derivative(0.0, 1)]
-            piece = Piece(length, Polynomial(line), wave, frequency, phase)
+            piece = LawPiece(length, Polynomial(line), wave, frequency, phase)
         place, speed = piece.derivative(length, 0), piece.derivative(length, 1)
         pieces.append(piece)
     return Piecewise(0.0, [p.scaled(1.0, 1.0 / place) for p in pieces])
@@ -57,18 +57,18 @@ def _from_acceleration(parts: Sequence[tuple[float, float, float, float]]) -> Pi
 
 #: [V] 4.14
 CYCLOIDAL = Piecewise(
-    0.0, [Piece(1.0, Polynomial([0, 1]), 0.5 / math.pi, 2 * math.pi, math.pi / 2)]
+    0.0, [LawPiece(1.0, Polynomial([0, 1]), 0.5 / math.pi, 2 * math.pi, math.pi / 2)]
 )
 #: [V] 4.33
-HARMONIC = Piecewise(0.0, [Piece(1.0, Polynomial([0.5]), -0.5, math.pi)])
+HARMONIC = Piecewise(0.0, [LawPiece(1.0, Polynomial([0.5]), -0.5, math.pi)])
 #: [V] A.5 In[1]: a quarter of a cosine
-HALF_HARMONIC = Piecewise(0.0, [Piece(1.0, Polynomial([1]), -1.0, math.pi / 2)])
+HALF_HARMONIC = Piecewise(0.0, [LawPiece(1.0, Polynomial([1]), -1.0, math.pi / 2)])
 #: [V] 4.45 and 4.48: two cubic splines for a rise, two for a return
 FOUR_SPLINE = Piecewise(
     0.0,
     [
-        Piece(0.5, Polynomial([0, 0, 0, 4])),
-        Piece(0.5, Polynomial([0.5, 3, -6, 4])),
+        LawPiece(0.5, Polynomial([0, 0, 0, 4])),
+        LawPiece(0.5, Polynomial([0.5, 3, -6, 4])),
     ],
 )
 #: constant accelerations, joined by quarters and a half of a sine
@@ -90,9 +90,9 @@ MODIFIED_SINE = _from_acceleration(
     ]
 )
 #: no velocity nor acceleration at the ends
-POLYNOMIAL_345 = Piecewise(0.0, [Piece(1.0, Polynomial([0, 0, 0, 10, -15, 6]))])
+POLYNOMIAL_345 = Piecewise(0.0, [LawPiece(1.0, Polynomial([0, 0, 0, 10, -15, 6]))])
 #: no velocity, acceleration nor jerk at the ends
-POLYNOMIAL_4567 = Piecewise(0.0, [Piece(1.0, Polynomial([0, 0, 0, 0, 35, -84, 70, -20]))])
+POLYNOMIAL_4567 = Piecewise(0.0, [LawPiece(1.0, Polynomial([0, 0, 0, 0, 35, -84, 70, -20]))])
 
 
 def spline_curve(x: ArrayLike, y: ArrayLike, ends: Ends = 'clamped') -> Piecewise:

@@ -16,7 +16,7 @@ from numpy.polynomial import Polynomial
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.joints.cam.laws import Eccentric, Law, Raised
-from mechanism_sim.joints.cam.piecewise import Piece, Piecewise
+from mechanism_sim.joints.cam.piecewise import LawPiece, Piecewise
 from mechanism_sim.numerics.symbolic import dense, polynomial
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
@@ -56,7 +56,7 @@ def rows_of(function: Piecewise) -> Rows:
     return Rows(np.array(breaks), np.array(values), terms)
 
 
-def _about(piece: Piece, middle: float, terms: int) -> list[float]:
+def _about(piece: LawPiece, middle: float, terms: int) -> list[float]:
     """A piece as a function of the way from `middle`."""
     coefficients = piece.polynomial(Polynomial([middle, 1.0])).coef.tolist()
     phase = math.remainder(piece.frequency * middle + piece.phase, 2.0 * math.pi)

@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.laws import Law
-from mechanism_sim.joints.cam.touch import Passage, Touch, angle_between, cross, turned
+from mechanism_sim.joints.cam.touch import CamTouch, FramePassage, angle_between, cross, turned
 
 
 class _Rolling(ABC):
-    """What followers with a knife or a roller have in common."""
+    """Common part of followers with a knife or a roller."""
 
     roller: float
 
@@ -32,13 +32,13 @@ class _Rolling(ABC):
     def motion(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
         """Direction of motion (2, N) of the roller's centre; rate (N,) of the follower's angle."""
 
-    def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> Touch:
+    def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> CamTouch:
         """Contact with a cam of this base radius [m] at angles (N,) [rad] or displacements [m].
 
         The pitch curve is the path of the roller's centre seen from the cam; the profile lies
         inside of it by the roller's radius. A knife is a roller of radius 0.
         """
-        angle, seen = np.atleast_1d(np.asarray(angle, dtype=float)), Passage.of(law)
+        angle, seen = np.atleast_1d(np.asarray(angle, dtype=float)), FramePassage.of(law)
         p, p1, p2 = self.path(law, base_radius, angle)
         along = p1 + seen.velocities(p)
         speed = np.hypot(*along)
@@ -49,7 +49,7 @@ class _Rolling(ABC):
         with np.errstate(divide='ignore'):
             radius = np.where(curvature == 0.0, inf, 1.0 / curvature - self.roller)
         direction, turning = self.motion(law, base_radius, angle)
-        return Touch(
+        return CamTouch(
             seen.places(p, angle),
             seen.places(p - self.roller * normal, angle),
             seen.directions(normal, angle),
@@ -153,7 +153,7 @@ class Oscillating(_Rolling):
 
 
 class _Flat(ABC):
-    """What flat-faced followers have in common."""
+    """Common part of flat-faced followers."""
 
     @abstractmethod
     def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
@@ -167,13 +167,13 @@ class _Flat(ABC):
     def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
         """Direction of motion and velocity by the angle of a point of the follower, (2, N)."""
 
-    def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> Touch:
+    def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> CamTouch:
         """Contact with a cam of this base radius [m] at angles (N,) [rad] or displacements [m].
 
         The distance of the face over the angle of its normal is the support function h of the
         profile: h along the normal, h' across, radius of curvature h + h''.
         """
-        angle, seen = np.atleast_1d(np.asarray(angle, dtype=float)), Passage.of(law)
+        angle, seen = np.atleast_1d(np.asarray(angle, dtype=float)), FramePassage.of(law)
         (h, h1, h2), (bearing, b1, b2) = self.face(law, base_radius, angle)
         b1 = b1 + seen.turning
         _require(
@@ -195,7 +195,7 @@ class _Flat(ABC):
         with np.errstate(divide='ignore'):
             curvature = 1.0 / radius
         place = seen.places(point, angle)
-        return Touch(
+        return CamTouch(
             place,
             place,
             seen.directions(normal, angle),

@@ -24,7 +24,7 @@ from mechanism_sim.joints.cam.laws import (
     Diagram,
     Eccentric,
     Law,
-    Measured,
+    MeasuredLaw,
     Raised,
     Segment,
     check_smoothness,
@@ -123,7 +123,7 @@ class LiftOffPart(Part):
     restitution: Coefficient
     """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """What the coefficient relates: speeds, impulses or works."""
+    """Quantities that the coefficient relates: speeds, impulses or works."""
     friction: FrictionCoefficient = 0.0
     """Coulomb's coefficient."""
     pin_radius: Radius = 0.0
@@ -140,7 +140,7 @@ class GroovePart(Part):
     restitution: Coefficient | None = None
     """Of both walls; required with a clearance."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """What the coefficient relates: speeds, impulses or works."""
+    """Quantities that the coefficient relates: speeds, impulses or works."""
     friction: FrictionCoefficient = 0.0
     """Coulomb's coefficient, on the pin of the roller."""
     pin_radius: Radius = 0.0
@@ -182,7 +182,7 @@ class CamKeys(PhaseKeys):
     def read(self, names: Names, name: str) -> CamPair:
         """A cam and its follower."""
         cam, follower = names.ends(name)
-        reader = _Reader(names, name, self)
+        reader = _CamReader(names, name, self)
         try:
             return reader.pair(cam, follower)
         except InputError as error:
@@ -190,7 +190,7 @@ class CamKeys(PhaseKeys):
                 raise
             raise InputError(f'{reader.where}: {error}') from error
 
-    def play(self) -> Play | None:
+    def play(self, joint: Any) -> Play | None:
         """The play of a cam that its follower may leave, or of a groove with clearance."""
         off, groove = self.lift_off, self.groove
         if off:
@@ -245,7 +245,7 @@ _MOST = 32  # profiles that are known
 LARGEST_PRESSURE = {False: 30.0, True: 45.0}  # for followers that slide, that swing
 
 
-class _Reader:
+class _CamReader:
     """One joint with a cam; what it raises without the scene's name gets it from `_read`."""
 
     def __init__(self, names: Names, name: str, joint: CamKeys) -> None:
@@ -309,7 +309,7 @@ class _Reader:
         return _RIGHT[key]
 
     def _check_keys(self) -> None:
-        """What every cam needs, and what excludes each other."""
+        """Refuse cams without a key that all need, or with two that exclude each other."""
         joint, where = self.joint, self.where
         for key, what in (
             ('follower', "'knife', 'roller' or 'flat'"),
@@ -405,7 +405,7 @@ class _Reader:
                 ]
                 for k, straight in enumerate((self._slides, not guide.swings))
             )
-            return Measured(ways, rises, given.degree, self._slides)
+            return MeasuredLaw(ways, rises, given.degree, self._slides)
         if self._slides:
             raise InputError(
                 "law.eccentric is for cams that turn: describe this one's by 'segments' or "

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.cam.piecewise import Piece, Piecewise, from_spline
+from mechanism_sim.joints.cam.piecewise import LawPiece, Piecewise, from_spline
 
 TURN = 2.0 * math.pi
 DERIVATIVES = ('displacement', 'velocity', 'acceleration', 'jerk')
@@ -41,7 +41,7 @@ class Segment:
     rise: float
     curve: Piecewise
 
-    def pieces(self, level: float) -> list[Piece]:
+    def pieces(self, level: float) -> list[LawPiece]:
         """The segment from a displacement on."""
         curve = self.curve if self.rise >= 0 else self.curve.mirrored()
         foot = min(level, level + self.rise)
@@ -49,7 +49,9 @@ class Segment:
         for piece in curve.pieces:
             part = piece.scaled(self.end - self.start, abs(self.rise))
             higher = part.polynomial + Polynomial([foot])
-            raised.append(Piece(part.length, higher, part.amplitude, part.frequency, part.phase))
+            raised.append(
+                LawPiece(part.length, higher, part.amplitude, part.frequency, part.phase)
+            )
         return raised
 
 
@@ -84,7 +86,7 @@ class Diagram:
         first = segments[0].start
         last = segments[-1].end if reciprocating else first + TURN
         starts = [s.start for s in segments[1:]] + [last]
-        pieces: list[Piece] = []
+        pieces: list[LawPiece] = []
         for segment, following, low, high in zip(
             segments, starts, levels[:-1], levels[1:], strict=True
         ):
@@ -99,7 +101,7 @@ class Diagram:
                 )
             pieces += segment.pieces(float(low))
             if dwell > 1e-12:
-                pieces.append(Piece(dwell, Polynomial([float(high)])))
+                pieces.append(LawPiece(dwell, Polynomial([float(high)])))
         self.function = Piecewise(first, pieces)
 
     @property
@@ -119,7 +121,7 @@ class Diagram:
         return f'from {ends}'
 
 
-class Measured:
+class MeasuredLaw:
     """The spline through measured points: periodic, or for a reciprocating cam with free ends.
 
     Of odd degree; the default 5 leaves the jerk smooth. Free ends are those of the spline that has
@@ -239,7 +241,7 @@ class Raised:
         return np.asarray(self.eccentricity * (wave + (order == 0)))
 
 
-Law: TypeAlias = Diagram | Measured | Eccentric | Raised
+Law: TypeAlias = Diagram | MeasuredLaw | Eccentric | Raised
 """A displacement as a function of the cam angle: periodic, unless the cam reciprocates."""
 
 

@@ -18,7 +18,7 @@ from mechanism_sim.arrays import Array
 
 
 @dataclass(frozen=True)
-class Piece:
+class LawPiece:
     """``polynomial(s) + amplitude*cos(frequency*s + phase)`` for s from 0 to `length`."""
 
     length: float
@@ -33,10 +33,10 @@ class Piece:
         turned = self.frequency * s + self.phase + order * np.pi / 2
         return float(p(s) + self.amplitude * self.frequency**order * np.cos(turned))
 
-    def scaled(self, span: float, height: float) -> Piece:
+    def scaled(self, span: float, height: float) -> LawPiece:
         """The piece drawn `span` times as long and `height` times as high."""
         rows = enumerate(self.polynomial.coef)
-        return Piece(
+        return LawPiece(
             self.length * span,
             Polynomial([height * float(c) / span**k for k, c in rows]),
             self.amplitude * height,
@@ -44,9 +44,9 @@ class Piece:
             self.phase,
         )
 
-    def mirrored(self) -> Piece:
+    def mirrored(self) -> LawPiece:
         """The piece run backwards."""
-        return Piece(
+        return LawPiece(
             self.length,
             self.polynomial(Polynomial([self.length, -1.0])),
             self.amplitude,
@@ -64,7 +64,7 @@ class Piecewise:
     pieces : each of positive length
     """
 
-    def __init__(self, start: float, pieces: Sequence[Piece]) -> None:
+    def __init__(self, start: float, pieces: Sequence[LawPiece]) -> None:
         self.pieces = tuple(pieces)
         self.breaks: Array = start + np.cumsum([0.0, *(p.length for p in pieces)])
         self._waves: Array = np.array([(p.amplitude, p.frequency, p.phase) for p in pieces]).T
@@ -100,4 +100,4 @@ class Piecewise:
 def from_spline(spline: scipy.interpolate.PPoly) -> Piecewise:
     """The pieces of a polynomial spline."""
     parts = zip(np.diff(spline.x), spline.c[::-1].T, strict=True)
-    return Piecewise(float(spline.x[0]), [Piece(float(h), Polynomial(c)) for h, c in parts])
+    return Piecewise(float(spline.x[0]), [LawPiece(float(h), Polynomial(c)) for h, c in parts])

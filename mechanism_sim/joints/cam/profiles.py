@@ -16,7 +16,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.followers import Follower, Oscillating, Translating
 from mechanism_sim.joints.cam.laws import Jump, Law, check_smoothness, spelled
-from mechanism_sim.joints.cam.touch import Touch
+from mechanism_sim.joints.cam.touch import CamTouch
 from mechanism_sim.numerics.extremes import ExtremeSearch
 
 #: points of a piece of a law at which an extreme is looked for first
@@ -44,7 +44,7 @@ class Cam:
             raise InputError('a base radius is positive')
         self.at(drawing_angles(self.law, extent(self.law) / 360))
 
-    def at(self, angle: ArrayLike) -> Touch:
+    def at(self, angle: ArrayLike) -> CamTouch:
         """Contact at cam angles (N,) [rad] or displacements [m]."""
         return self.follower.touch(self.law, self.base_radius, angle)
 

@@ -1,4 +1,4 @@
-"""What there is to read of a cam and its follower."""
+"""Readings of a cam and its follower."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.joints.cam.placement import PlacedCam
-from mechanism_sim.joints.cam.touch import Passage, Touch
+from mechanism_sim.joints.cam.touch import CamTouch, FramePassage
 from mechanism_sim.planar.view import Course, Told, View
 
 
@@ -31,7 +31,7 @@ class CamReading(NamedTuple):
     Lift and follower count from the base circle; those of a swinging follower are angles. Angle
     and speed of a cam that slides are its displacement and velocity, its torque is a force.
     Pressure angle, contact and speeds are those where they touch at this cam angle, or would;
-    speeds count counterclockwise about a cam that turns clockwise, as in `Touch`.
+    speeds count counterclockwise about a cam that turns clockwise, as in `CamTouch`.
     """
 
     cam_angle: Annotated[Array, Told('rad or m', 'cam angle', 'first', repeats=True)]
@@ -60,7 +60,7 @@ def read_cam(joint: PlacedCam, view: View) -> CamReading:
     lift, touch = joint.cam.law(angle), joint.cam.at(angle)
     follower = _follower(joint, view, lift)
     # from the frame of the cam to that of the follower, and to the world
-    nx, ny = Passage.of(joint.cam.law).directions(touch.normal, -angle)
+    nx, ny = FramePassage.of(joint.cam.law).directions(touch.normal, -angle)
     x, y = nx, joint.mirror * ny
     c, s = math.cos(joint.direction), math.sin(joint.direction)
     fx, fy = view.force
@@ -73,7 +73,7 @@ def read_cam(joint: PlacedCam, view: View) -> CamReading:
 
 
 def _touching(
-    joint: PlacedCam, view: View, touch: Touch, rate: Array
+    joint: PlacedCam, view: View, touch: CamTouch, rate: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Point of contact in the world [m]; its speed along the profile, and that of sliding [m/s].
 

@@ -20,7 +20,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.joints.cam.laws import Law
 
 
-class Touch(NamedTuple):
+class CamTouch(NamedTuple):
     """Where a follower touches its cam at cam angles or displacements (N,), in the cam's frame.
 
     Parameters
@@ -47,14 +47,14 @@ class Touch(NamedTuple):
     rate: Array
 
 
-class Passage(NamedTuple):
+class FramePassage(NamedTuple):
     """How the frame passes the cam, seen from it: per radian, or per metre if the cam slides."""
 
     turning: float
     velocity: Array  #: without the turning, (2, 1)
 
     @classmethod
-    def of(cls, law: Law) -> Passage:
+    def of(cls, law: Law) -> FramePassage:
         """The one that goes with a law."""
         slides = float(law.reciprocating)
         return cls(1.0 - slides, np.array([[0.0], [slides]]))

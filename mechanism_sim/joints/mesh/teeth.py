@@ -29,7 +29,7 @@ _MICROMETRE = 1e-6
 _ROUNDING = 1e-12  # a ratio given as a float is not exact
 
 
-class Stage(NamedTuple):
+class ToothStage(NamedTuple):
     """One pair of a train."""
 
     driver: int  #: teeth
@@ -44,7 +44,7 @@ class Stage(NamedTuple):
 class Choice(NamedTuple):
     """Teeth of a whole train."""
 
-    stages: tuple[Stage, ...]
+    stages: tuple[ToothStage, ...]
     ratio: Fraction  #: speed of the first driver over that of the last driven gear, without sign
     error: float  #: relative, of the ratio; negative if it is too small
 
@@ -92,23 +92,11 @@ def choose(
     list of Choice
         Ranked by error, then by the number of teeth (the fewer are the larger), then in order.
     """
-    fewest, most = teeth
-    if not 0 < ratio < math.inf:
-        raise InputError(f'a ratio must be positive and finite, not {float(ratio):g}')
-    if stages < 1:
-        raise InputError(f'a train has at least 1 stage, not {stages}')
-    if not 1 <= fewest <= most:
-        raise InputError(f'teeth go from few to many, as 18:120, not from {fewest} to {most}')
-    if not tolerance >= 0.0:
-        raise InputError(f'the tolerance of the ratio must be at least 0, not {tolerance:g}')
-    if stages > MOST_STAGES:
-        raise InputError(f'{stages} stages are too many: {MOST_STAGES} at most')
-    if most - fewest >= MOST_COUNTS:
-        raise InputError(f'the range of teeth is too wide: {MOST_COUNTS} numbers at most')
+    _check(ratio, stages, tolerance, teeth)
     wanted = Fraction(ratio)
     if (centre_distance is None) != (not modules):
         raise InputError('a centre distance and the modules for it belong together')
-    pairs = list(_pairs(fewest, most, centre_distance, modules))
+    pairs = list(_pairs(*teeth, centre_distance, modules))
     if not pairs:
         raise InputError('no gears of these modules and teeth have this centre distance')
     if len(pairs) ** (stages - 1) > MOST_STEPS:
@@ -148,6 +136,23 @@ def choose(
     return sorted(found, key=lambda c: (abs(c.error), c.teeth, c.stages))
 
 
+def _check(ratio: float | Fraction, stages: int, tolerance: float, teeth: tuple[int, int]) -> None:
+    """Refuse what no search can be bound to."""
+    fewest, most = teeth
+    if not 0 < ratio < math.inf:
+        raise InputError(f'a ratio must be positive and finite, not {float(ratio):g}')
+    if stages < 1:
+        raise InputError(f'a train has at least 1 stage, not {stages}')
+    if not 1 <= fewest <= most:
+        raise InputError(f'teeth go from few to many, as 18:120, not from {fewest} to {most}')
+    if not tolerance >= 0.0:
+        raise InputError(f'the tolerance of the ratio must be at least 0, not {tolerance:g}')
+    if stages > MOST_STAGES:
+        raise InputError(f'{stages} stages are too many: {MOST_STAGES} at most')
+    if most - fewest >= MOST_COUNTS:
+        raise InputError(f'the range of teeth is too wide: {MOST_COUNTS} numbers at most')
+
+
 def limits(
     teeth: tuple[int, int],
     stages: int,
@@ -155,7 +160,7 @@ def limits(
     centre_distance: float | None,
     modules: Sequence[float],
 ) -> str:
-    """What a search was bound to, in words."""
+    """Limits of a search, in words."""
     said = [f'{teeth[0]} to {teeth[1]} teeth a gear', f'{stages} stage{"s" * (stages > 1)}']
     exact = tolerance <= _ROUNDING
     said.append('no error of the ratio' if exact else f'errors of {tolerance:g} of the ratio')
@@ -171,7 +176,7 @@ def just_outside(
     teeth: tuple[int, int] = (18, 120),
     centre_distance: float | None = None,
     modules: Sequence[float] = (),
-) -> Stage | None:
+) -> ToothStage | None:
     """The pair with the ratio that needs the smallest step beyond the range of teeth.
 
     Its numbers are from `FEWEST` to twice the most; parameters as of `choose`. None if there is
@@ -182,9 +187,9 @@ def just_outside(
         pairs = _pairs(FEWEST, most, centre_distance, modules)
     else:
         counts = ((a, round(a * wanted)) for a in range(FEWEST, most + 1))
-        pairs = (Stage(a, b, None) for a, b in counts if FEWEST <= b <= most)
+        pairs = (ToothStage(a, b, None) for a, b in counts if FEWEST <= b <= most)
 
-    def beyond(pair: Stage) -> tuple[int, float, int]:
+    def beyond(pair: ToothStage) -> tuple[int, float, int]:
         few, many = sorted(pair[:2])
         step = max(teeth[0] - few, many - teeth[1])
         return step, abs(float(_of(pair) / wanted) - 1.0), few
@@ -193,20 +198,20 @@ def just_outside(
     return min((p for p in near if beyond(p)[0] > 0), key=beyond, default=None)
 
 
-def _of(stage: Stage) -> Fraction:
+def _of(stage: ToothStage) -> Fraction:
     return Fraction(stage.driven, stage.driver)
 
 
 def _pairs(
     fewest: int, most: int, distance: float | None, modules: Sequence[float]
-) -> Iterator[Stage]:
+) -> Iterator[ToothStage]:
     counts = range(fewest, most + 1)
     if distance is None:
-        yield from (Stage(a, b, None) for a in counts for b in counts)
+        yield from (ToothStage(a, b, None) for a in counts for b in counts)
         return
     for module in modules:
         if not module > 0.0:
             raise InputError('a module is positive')
         total = round(2.0 * distance / module)
         if abs(total * module / 2.0 - distance) <= _MICROMETRE:
-            yield from (Stage(a, total - a, module) for a in counts if total - a in counts)
+            yield from (ToothStage(a, total - a, module) for a in counts if total - a in counts)

@@ -45,9 +45,9 @@ class SupportPart(Part):
     damping: _Damping = 0.0
     """In all directions, or along x and along y."""
     mass: LinkMass = 0.0
-    """What moves with the shaft there."""
+    """Mass that moves with the shaft there."""
     clamped: bool = False
-    """Whether the shaft cannot tilt there."""
+    """True if the shaft cannot tilt there."""
 
 
 class DiskPart(Part):
@@ -56,7 +56,7 @@ class DiskPart(Part):
     along: Position
     """Where it is along the shaft, from the link's own disk."""
     mass: Mass
-    """What it weighs."""
+    """Its own."""
     inertia: AddedInertia = 0.0
     """Its polar moment of inertia."""
     cog: Offset = 0.0
@@ -213,7 +213,7 @@ class _Disk(NamedTuple):
         return [self.name] if self.diametral is None else [self.name, slope]
 
 
-class _Terms(NamedTuple):
+class _ShaftTerms(NamedTuple):
     """Matrices of n pairs of coordinates along x and along y, and masses on them."""
 
     pairs: list[str]
@@ -269,7 +269,7 @@ def _check(where: str, joint: RotorKeys, support: SupportPart) -> None:
         )
 
 
-def _bending(where: str, joint: RotorKeys, disks: Sequence[_Disk]) -> _Terms:
+def _bending(where: str, joint: RotorKeys, disks: Sequence[_Disk]) -> _ShaftTerms:
     """A rotor whose shaft bends."""
     shaft, supports = joint.shaft, joint.supports
     assert shaft  # noqa: S101 - it bends
@@ -283,7 +283,7 @@ def _bending(where: str, joint: RotorKeys, disks: Sequence[_Disk]) -> _Terms:
     heavy = {key: s for key, s in supports.items() if s.mass}
     pairs = [*(pair for disk in disks for pair in disk.pairs), *heavy]
     n, each = len(pairs), dict(zip(pairs, np.eye(len(pairs)), strict=True))
-    found = _Terms(pairs, [], [], [], [], np.zeros((n, n)), [0.0] * n, [0.0] * n, [])
+    found = _ShaftTerms(pairs, [], [], [], [], np.zeros((n, n)), [0.0] * n, [0.0] * n, [])
     for axis in (0, 1):
         bearings = [
             Bearing(
@@ -344,7 +344,7 @@ def _sections(
     return found
 
 
-def _stiff(where: str, joint: RotorKeys, disks: Sequence[_Disk]) -> _Terms:
+def _stiff(where: str, joint: RotorKeys, disks: Sequence[_Disk]) -> _ShaftTerms:
     """A rotor whose shaft is rigid."""
     supports = joint.supports
     tilts = joint.diametral_inertia is not None
@@ -364,7 +364,7 @@ def _stiff(where: str, joint: RotorKeys, disks: Sequence[_Disk]) -> _Terms:
     lumps += [Lump(d.mass, (1.0, d.along), d.cog, d.polar) for d in disks[1:]]
     diametral = [0.0, sum(disk.diametral or 0.0 for disk in disks)][:n]
     polar = [0.0, sum(disk.polar for disk in disks)][:n]
-    found = _Terms(['', SLOPE][:n], [], [], [], [], np.zeros((n, n)), diametral, polar, lumps)
+    found = _ShaftTerms(['', SLOPE][:n], [], [], [], [], np.zeros((n, n)), diametral, polar, lumps)
     for axis in (0, 1):
         k = np.array([_both(s.stiffness or 0.0)[axis] for s in supports.values()])
         c = np.array([_both(s.damping)[axis] for s in supports.values()])

@@ -11,7 +11,7 @@ from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
-from mechanism_sim.planar.mechanism import HigherPair, Line, Mechanism
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism, StraightLine
 from mechanism_sim.planar.play import Wall
 from mechanism_sim.planar.rails import Foot, along, rail_of
 from mechanism_sim.planar.view import Draft
@@ -34,9 +34,9 @@ class PinInSlot(HigherPair):
         draft.rail('slot', (self.second, self.on_second), self.axis, way)
 
     @property
-    def line(self) -> Line:
+    def line(self) -> StraightLine:
         """The centre line of the slot."""
-        return Line(self.second, self.on_second, self.axis)
+        return StraightLine(self.second, self.on_second, self.axis)
 
     def closure(self, mechanism: Mechanism) -> SlotClosure:
         """The pin stays on the centre line."""
@@ -131,7 +131,7 @@ class SlotWall(Wall):
         return slip
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """What the pin does to the slot, where it touches."""
+        """Wrench of the pin on the slot, where it touches."""
         force = contact_wrench(self.normal(frames), N, T)
         x, y = frames.position(self.closure.mechanism.separation(self.joint), self.joint)
         arm = frames.parameters(f'{self.name}.pin_radius', self.pin_radius)

@@ -27,8 +27,8 @@ class ToothForce(NamedTuple):
         return math.hypot(*self)
 
 
-class Transmission(NamedTuple):
-    """What one gear passes on to another."""
+class GearedForces(NamedTuple):
+    """Forces and power that one gear passes on to another."""
 
     driver: ToothForce
     driven: ToothForce
@@ -103,7 +103,7 @@ class WormPair:
 
     def forces(
         self, torque: float, friction: float = 0.0, *, wheel_drives: bool = False
-    ) -> Transmission:
+    ) -> GearedForces:
         """Forces at a torque [N m] of the driver: normal force and Coulomb's friction.
 
         The threads slide along their helix. The worm's axial force is the wheel's tangential one
@@ -135,4 +135,4 @@ class WormPair:
         efficiency = math.tan(self.lead_angle) * along / around
         if wheel_drives:
             efficiency = 1.0 / efficiency
-        return Transmission(driver, driven, speeds, efficiency, given)
+        return GearedForces(driver, driven, speeds, efficiency, given)

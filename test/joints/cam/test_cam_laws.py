@@ -14,7 +14,13 @@ from textbook import normalised
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam import curves
-from mechanism_sim.joints.cam.laws import Diagram, Eccentric, Measured, Segment, check_smoothness
+from mechanism_sim.joints.cam.laws import (
+    Diagram,
+    Eccentric,
+    MeasuredLaw,
+    Segment,
+    check_smoothness,
+)
 
 PI = math.pi
 CURVES = {
@@ -49,7 +55,7 @@ def away_from_breaks(law, distance):
 
 LAWS = {name: diagram(curve) for name, curve in CURVES.items()} | {
     'eccentric': Eccentric(4.0, 1.0),
-    'measured': Measured(np.linspace(0.3, 6.2, 24), np.sin(np.linspace(0.3, 6.2, 24)) ** 2),
+    'measured': MeasuredLaw(np.linspace(0.3, 6.2, 24), np.sin(np.linspace(0.3, 6.2, 24)) ** 2),
 }
 
 
@@ -166,7 +172,7 @@ def test_laws_of_a_sliding_cam_go_from_one_end_of_its_stroke_to_the_other():
     with pytest.raises(InputError, match=r'segment from 10 to 30 mm overlaps .* begins at 20 mm'):
         Diagram([Segment(0.01, 0.03, 1, curve), Segment(0.02, 0.04, 1, curve)], reciprocating=True)
     x = np.linspace(0, 9, 12)  # longer than a turn is
-    measured, at = Measured(x, np.cos(x), degree=3, reciprocating=True), np.linspace(0, 9, 77)
+    measured, at = MeasuredLaw(x, np.cos(x), degree=3, reciprocating=True), np.linspace(0, 9, 77)
     assert measured(at) == pytest.approx(CubicSpline(x, np.cos(x))(at), abs=1e-12)
     assert check_smoothness(measured, 2) == []
 
@@ -192,7 +198,7 @@ def test_splines_are_those_of_scipy_with_the_ends_asked_for():
 def test_a_measured_law_goes_through_its_points_and_is_smooth():
     truth = diagram(CURVES['POLYNOMIAL_4567'])
     x = np.linspace(0, 2 * PI, 181)[:-1]
-    law = Measured(x, truth(x))
+    law = MeasuredLaw(x, truth(x))
     assert law(x) == pytest.approx(truth(x), abs=1e-14)
     assert check_smoothness(law, 3) == []
     between = x + PI / 180
@@ -285,11 +291,11 @@ def test_segments_that_make_no_diagram_are_refused(segments, said):
 
 def test_points_that_make_no_law_are_refused():
     with pytest.raises(InputError, match='increase'):
-        Measured([0, 1, 2, 2, 3, 4], np.zeros(6))
+        MeasuredLaw([0, 1, 2, 2, 3, 4], np.zeros(6))
     with pytest.raises(InputError, match='6 angles at least'):
-        Measured([0, 1, 2], np.zeros(3))
+        MeasuredLaw([0, 1, 2], np.zeros(3))
     with pytest.raises(InputError, match='is odd'):
-        Measured(np.arange(6.0), np.zeros(6), degree=4)
+        MeasuredLaw(np.arange(6.0), np.zeros(6), degree=4)
     with pytest.raises(InputError, match=r'from \(0, 0\) to \(1, 1\)'):
         curves.spline_curve([0, 1], [0, 2])
     with pytest.raises(InputError, match='places of a spline increase'):

@@ -12,7 +12,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.joints.cam import curves
 from mechanism_sim.joints.cam.expressions import displacement
-from mechanism_sim.joints.cam.laws import Diagram, Eccentric, Measured, Raised, Segment
+from mechanism_sim.joints.cam.laws import Diagram, Eccentric, MeasuredLaw, Raised, Segment
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.frames import Frames, Parameters
@@ -116,7 +116,7 @@ def laws():
     ]
     return {
         'segments': Diagram(rises),
-        'measured': Measured(x, 4e-3 * (1 - np.cos(x)) + 1e-3 * np.sin(2 * x)),
+        'measured': MeasuredLaw(x, 4e-3 * (1 - np.cos(x)) + 1e-3 * np.sin(2 * x)),
         'eccentric': Eccentric(0.04, 0.01),
         'raised': Raised(0.01),
     }

@@ -22,7 +22,13 @@ from mechanism_sim.joints.cam.curves import (
 )
 from mechanism_sim.joints.cam.followers import FlatFaced, Oscillating, OscillatingFlat, Translating
 from mechanism_sim.joints.cam.interference import find_cut_away
-from mechanism_sim.joints.cam.laws import Diagram, Eccentric, Measured, Segment, check_smoothness
+from mechanism_sim.joints.cam.laws import (
+    Diagram,
+    Eccentric,
+    MeasuredLaw,
+    Segment,
+    check_smoothness,
+)
 from mechanism_sim.joints.cam.profiles import (
     Cam,
     find_flaws,
@@ -55,7 +61,7 @@ def stroke(lift=0.02):
 def swing(rate, change):
     """A reciprocating cam of 0.1 m under a face that swings one way."""
     x = np.linspace(0.0, 0.1, 8)
-    return Measured(x, rate * x + change * x**2, reciprocating=True)
+    return MeasuredLaw(x, rate * x + change * x**2, reciprocating=True)
 
 
 ROLLERS = {
@@ -452,7 +458,7 @@ def test_flaws_of_a_sliding_cam_are_named_in_millimetres():
     assert ' mm the profile is cut away by the follower' in str(found[0])
 
 
-SUNK = Measured(np.arange(8) * math.pi / 4, 0.02 * np.sin(np.arange(8) * math.pi / 4))
+SUNK = MeasuredLaw(np.arange(8) * math.pi / 4, 0.02 * np.sin(np.arange(8) * math.pi / 4))
 
 
 @pytest.mark.parametrize(
