@@ -48,7 +48,7 @@ class SensorRun:
     def instrument(self) -> Instrument:
         """The chain up to the converter, which takes samples from the start of the run on."""
         chain = self.machine.scene.sensors[SENSOR].chain()
-        return replace(chain, trigger=None, converter=Converter(), noise=Noise())
+        return replace(chain, trigger=None, adc=Converter(), noise=Noise())
 
     @property
     def times(self) -> Array:

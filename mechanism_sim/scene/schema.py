@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -40,11 +41,11 @@ from mechanism_sim.planar.motor import InductionMotor
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.loads.applied import EffortOrFormula
 from mechanism_sim.scene.oscillators import Oscillator
-from mechanism_sim.scene.sensor_keys import QUANTITIES, seated
+from mechanism_sim.scene.sensor_keys import seated
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.scene.tilted_links import TiltPart
-from mechanism_sim.sensing import chain
+from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import Source
 from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import Measure
@@ -292,26 +293,9 @@ class SensorPart(*SENSORS.values()):  # type: ignore[misc]
             raise ValueError('has adc.range = 0: it must be more')
         return self
 
-    def chain(self) -> chain.Instrument:
-        """The instrument in the terms of `mechanism_sim.sensing.chain`."""
-        adc, noise = self.adc, self.noise
-        limit = adc.range.value if adc.range else None
-        found = noise.hum
-        hum = chain.Hum(found.amplitude.value, found.frequency) if found else None
-        return chain.Instrument(
-            sample_rate=self.sample_rate,
-            transducer=chain.Transducer(**dict(self.transducer)),
-            amplifier=chain.Amplifier(**dict(self.amplifier)),
-            integrator=chain.Integrator(
-                ('acceleration', 'velocity', 'displacement').index(self.quantity),
-                self.integrator.high_pass if self.integrator else None,
-            ),
-            anti_alias=chain.AntiAlias(**dict(self.anti_alias)) if self.anti_alias else None,
-            impact_pulse=self.impact_pulse or 0.0,
-            trigger=chain.Trigger(**dict(self.trigger)) if self.trigger else None,
-            converter=chain.Converter(limit, adc.bits, adc.jitter),
-            noise=chain.Noise(noise.rms.value, noise.seed, hum),
-        )
+    def chain(self) -> Instrument:
+        """Its transfer functions, sampling and noise."""
+        return Instrument(**{x.name: getattr(self, x.name) for x in fields(Instrument)})
 
 
 def _merged(preset: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:

@@ -210,10 +210,10 @@ def _signals(
     chains = {name: sensor.chain() for name, sensor in sensors.items()}
     if high_pass is not None:
         chains = {
-            name: replace(c, amplifier=replace(c.amplifier, high_pass=high_pass))
+            name: replace(c, amplifier=c.amplifier.model_copy(update={'high_pass': high_pass}))
             for name, c in chains.items()
         }
-    bare = replace(next(iter(chains.values())), noise=Noise(), converter=Converter())
+    bare = replace(next(iter(chains.values())), noise=Noise(), adc=Converter())
     chosen = _samples(record, turns, bare)
     read = [
         all_samples(sensors[name].source(machine), c, name, motion) for name, c in chains.items()

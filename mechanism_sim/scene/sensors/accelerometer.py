@@ -7,14 +7,8 @@ from typing import Any, Literal
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import Offset
-from mechanism_sim.scene.sensor_keys import (
-    SENSORS,
-    Integrator,
-    OnLinkKeys,
-    ShockKeys,
-    Transducer,
-    check_link,
-)
+from mechanism_sim.scene.sensor_keys import SENSORS, OnLinkKeys, ShockKeys, check_link
+from mechanism_sim.sensing.chain import Integrator, Transducer
 from mechanism_sim.sensing.channel import Source
 from mechanism_sim.sensing.frame_point import PointOnFrame
 from mechanism_sim.sensing.point import PointOnLink
