@@ -297,7 +297,6 @@ def _check_oscillators(machine: Machine) -> None:
             raise InputError(f"the oscillator name '{name}' must be letters, digits and _")
         if name in (GROUND, *machine.links):
             raise InputError(f"the oscillator '{name}' has the name of a link")
-        machine.frame(name)
         if not machine.plan.weighed:
             raise InputError(f'{where}: what shakes it needs the masses of all links')
         if part.joints is None:

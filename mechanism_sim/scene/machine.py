@@ -25,7 +25,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.observer import Instants, Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
@@ -55,7 +55,6 @@ from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import Table
 from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
 from mechanism_sim.scene.elastic_links import stiffened
-from mechanism_sim.scene.oscillators import read_frame
 from mechanism_sim.scene.plan import Plan
 from mechanism_sim.scene.schema import Commands, JointPart, LinkPart, Scene
 from mechanism_sim.scene.start import Start
@@ -645,8 +644,13 @@ class Machine(Rich):
 
     def frame(self, name: str) -> Frame:
         """A frame of the scene on its springs; InputError if there is none of that name."""
-        with scene_errors(self.name):
-            return read_frame(self.scene.oscillators, name)
+        frames = self.scene.oscillators
+        if name not in frames:
+            raise SceneError(
+                f"{self.name}: there is no oscillator '{name}'{nearest(name, frames)}; "
+                f'oscillators: {", ".join(frames) or "none"}'
+            )
+        return frames[name]
 
     def forces_on(self, name: str) -> Forces:
         """The forces that shake a frame of the scene."""

@@ -40,7 +40,6 @@ from mechanism_sim.keys.quantities import (
 from mechanism_sim.planar.motor import InductionMotor
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.loads.applied import EffortOrFormula
-from mechanism_sim.scene.oscillators import Oscillator
 from mechanism_sim.scene.sensor_keys import seated
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
@@ -49,6 +48,7 @@ from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import Source
 from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import Measure
+from mechanism_sim.vibration.frame import Frame
 
 Place = Annotated[Measure, si_of('rad', 'm')]
 Pace = Annotated[Measure, si_of('rad/s', 'm/s')]
@@ -390,7 +390,7 @@ class AnyScene(Part):
     """What is published, and how often."""
     solver: Solver = Solver()
     """How exact the solution is to be."""
-    oscillators: dict[str, Oscillator] = {}
+    oscillators: dict[str, Frame] = {}
     """Frames on springs that the machine shakes, by name."""
     tables: dict[str, TablePart] = {}
     """Curves through points, by the names by which formulas call them, as in press(ram)."""

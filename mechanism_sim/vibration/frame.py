@@ -9,34 +9,64 @@ all from where the mounts carry it alone. A mount at r from the centre of gravit
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.keys.quantities import NOT_NEGATIVE, Inertia, Mass, Part, Position, si
 from mechanism_sim.planar.points import Vector2
 from mechanism_sim.vibration.residues import Receptance, receptance
 from mechanism_sim.vibration.systems import System
 
+_Stiffness = Annotated[float, si('N/m'), NOT_NEGATIVE]
+_Damping = Annotated[float, si('N s/m'), NOT_NEGATIVE]
+_Place = tuple[Position, Position]
 
-@dataclass(frozen=True)
-class Mount:
-    """Springs and dampers between a frame and the ground."""
-
-    at: Vector2  #: [m] in the world
-    stiffness: Vector2  #: along x and y [N/m]
-    damping: Vector2 = (0.0, 0.0)  #: likewise [N s/m]
+_FASTEST = 1e6
+"""[Hz] Natural frequencies beyond it are those of no frame."""
 
 
-@dataclass(frozen=True)
-class Frame:
-    """A rigid part on mounts."""
+class Mount(Part):
+    """Springs and dampers between a frame and the ground, along x and y."""
 
-    mass: float  #: [kg]
-    inertia: float | None  #: [kg m^2] about the centre of gravity; None if it cannot turn
-    cog: Vector2  #: [m] in the world
-    mounts: tuple[Mount, ...]
+    at: _Place = (0.0, 0.0)
+    """Where it is in the world."""
+    stiffness: tuple[_Stiffness, _Stiffness]
+    """Along x and along y."""
+    damping: tuple[_Damping, _Damping] = (0.0, 0.0)
+    """Along x and along y."""
+
+
+class Frame(Part):
+    """A rigid frame on mounts that the machine shakes."""
+
+    mass: Mass
+    """How heavy the frame is."""
+    inertia: Inertia | None = None
+    """About its centre of gravity; without one it does not turn."""
+    cog: _Place = (0.0, 0.0)
+    """Centre of gravity in the world."""
+    mounts: dict[str, Mount] = Field(min_length=1)
+    """Springs and dampers that carry it, by name."""
+    joints: list[str] | None = None
+    """Whose forces shake it; without, all that the machine does."""
+
+    @model_validator(mode='after')
+    def _is_held(self) -> Frame:
+        if not self.held:
+            raise ValueError(
+                'has mounts that do not hold it in every direction: give each direction a '
+                'stiffness, and a frame that can turn two mounts apart, or leave out its inertia'
+            )
+        if self.frequencies[-1] > _FASTEST:
+            raise ValueError(
+                f'has a highest natural frequency of {self.frequencies[-1]:.3g} Hz, above '
+                f'{_FASTEST:g} Hz: check mass, inertia and stiffness'
+            )
+        return self
 
     @property
     def freedom(self) -> int:
@@ -51,15 +81,15 @@ class Frame:
     @cached_property
     def C(self) -> Array:
         """Damping matrix (n, n)."""
-        return self._of_mounts([mount.damping for mount in self.mounts])
+        return self._of_mounts([mount.damping for mount in self.mounts.values()])
 
     @cached_property
     def K(self) -> Array:
         """Stiffness matrix (n, n)."""
-        return self._of_mounts([mount.stiffness for mount in self.mounts])
+        return self._of_mounts([mount.stiffness for mount in self.mounts.values()])
 
     def _of_mounts(self, values: list[Vector2]) -> Array:
-        moved = [self.motion_of(mount.at) for mount in self.mounts]
+        moved = [self.motion_of(mount.at) for mount in self.mounts.values()]
         return np.asarray(sum(B.T @ np.diag(k) @ B for B, k in zip(moved, values, strict=True)))
 
     def motion_of(self, at: Vector2) -> Array:
