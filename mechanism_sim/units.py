@@ -286,6 +286,8 @@ def to_si(value: object, unit: str) -> float:
     hint = f"write for example '{EXAMPLES[unit]}'"
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f'is not a quantity: {hint}')
+    if isinstance(value, int) and abs(value) > LARGEST:  # may be more than a float can be
+        raise ValueError(_BEYOND)
     number = float(value) if isinstance(value, int | float) else _text_to_si(value, unit, hint)
     if LARGEST < abs(number) < math.inf or 0.0 < abs(number) < SMALLEST:
         raise ValueError(_BEYOND)
@@ -310,7 +312,7 @@ def to_si_of(value: object, units: tuple[str, ...]) -> Measure:
     if isinstance(value, Measure):
         return value
     if isinstance(value, list | tuple) and len(value) == 2 and value[1] in ('', *units):
-        return Measure(float(value[0]), value[1])  # as JSON has it
+        return Measure(to_si(value[0], value[1]), value[1])  # as JSON has it
     said = []
     for unit in units:
         try:

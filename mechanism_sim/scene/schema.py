@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from mechanism_sim.errors import nearest
+from mechanism_sim.errors import nearest, quoted
+from mechanism_sim.joints.joint_keys import JointKeys, keys_of
 from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.joints.mesh.gear_keys import GearPart
 from mechanism_sim.keys.elastic_keys import ElasticPart
@@ -40,7 +41,7 @@ from mechanism_sim.keys.quantities import (
 from mechanism_sim.planar.motor import InductionMotor
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.loads.applied import EffortOrFormula
-from mechanism_sim.scene.sensor_keys import seated
+from mechanism_sim.scene.sensor_keys import SensorKeys, seated, sensor_keys_of
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.scene.tilted_links import TiltPart
@@ -207,6 +208,14 @@ class JointPart(*KINDS.values()):  # type: ignore[misc]
             raise ValueError(wrong)
         return self
 
+    @classmethod
+    def keys_for(cls, data: Any) -> list[str]:
+        """The keys of the kind whose key is there, or else those by which a kind is said."""
+        kinds = [kind for kind in KINDS if kind in data]
+        if len(kinds) != 1:
+            return [*KINDS, *JointKeys.model_fields]
+        return keys_of(cls.model_construct(**{kinds[0]: data[kinds[0]]}))
+
 
 class SensorPart(*SENSORS.values()):  # type: ignore[misc]
     """A sensor: of one kind."""
@@ -227,6 +236,16 @@ class SensorPart(*SENSORS.values()):  # type: ignore[misc]
         """Refuse what no machine has."""
         SENSORS[self.kind].check(self, machine, where)
 
+    @classmethod
+    def keys_for(cls, data: Any) -> list[str]:
+        """The keys of its kind."""
+        kind = data.get('kind', SensorKeys().kind)
+        return (
+            sensor_keys_of(SensorKeys(kind=kind))
+            if kind in SENSORS
+            else ['kind', *cls.model_fields]
+        )
+
     @property
     def measures(self) -> str:
         """What its samples are, one of `QUANTITIES`."""
@@ -244,9 +263,10 @@ class SensorPart(*SENSORS.values()):  # type: ignore[misc]
         name = data.get('instrument') if isinstance(data, dict) else None
         if name is None:
             return data
-        if name not in PRESETS:
+        if not isinstance(name, str) or name not in PRESETS:
             raise ValueError(
-                f"has the unknown instrument '{name}': known are {', '.join(sorted(PRESETS))}"
+                f'has the unknown instrument {quoted(name)}: known are '
+                f'{", ".join(sorted(PRESETS))}'
             )
         return _merged(PRESETS[name], data)
 

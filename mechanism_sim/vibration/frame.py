@@ -9,7 +9,6 @@ all from where the mounts carry it alone. A mount at r from the centre of gravit
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -73,17 +72,17 @@ class Frame(Part):
         """Number n of its coordinates: 3, or 2 if it cannot turn."""
         return 2 if self.inertia is None else 3
 
-    @cached_property
+    @property
     def M(self) -> Array:
         """Mass matrix (n, n)."""
         return np.diag([self.mass, self.mass, self.inertia or 0.0][: self.freedom])
 
-    @cached_property
+    @property
     def C(self) -> Array:
         """Damping matrix (n, n)."""
         return self._of_mounts([mount.damping for mount in self.mounts.values()])
 
-    @cached_property
+    @property
     def K(self) -> Array:
         """Stiffness matrix (n, n)."""
         return self._of_mounts([mount.stiffness for mount in self.mounts.values()])
@@ -97,7 +96,7 @@ class Frame(Part):
         x, y = at[0] - self.cog[0], at[1] - self.cog[1]
         return np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])[:, : self.freedom]
 
-    @cached_property
+    @property
     def held(self) -> bool:
         """True if the mounts hold it in every direction."""
         scale = np.sqrt(np.diag(self.K))
@@ -106,12 +105,12 @@ class Frame(Part):
         normalised = self.K / np.outer(scale, scale)
         return bool(np.linalg.eigvalsh(normalised)[0] > 1e-9)
 
-    @cached_property
+    @property
     def receptance(self) -> Receptance:
         """Its poles and residues; it must be held."""
         return receptance(self.M, self.C, self.K)
 
-    @cached_property
+    @property
     def frequencies(self) -> Array:
         """Natural frequencies without damping (n,) [Hz], the lowest first."""
         return System(self.M, self.C, self.K).modes.frequencies / (2.0 * np.pi)
