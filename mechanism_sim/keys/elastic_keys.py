@@ -1,4 +1,4 @@
-"""What a scene file says of an elastic link."""
+"""Keys of an elastic link."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ class ElasticPart(Part):
     stretch: Annotated[int, Field(ge=0, le=4)] = 0
     """How many shapes it stretches in; 0: it keeps its length."""
     ends: Literal['pinned', 'clamped'] = 'pinned'
-    """What its angle is: of the line through start and end, or of the tangent at its start."""
+    """Its angle is that of the line through start and end, or of the tangent at its start."""
     functions: Literal['modal', 'polynomial'] = 'modal'
     """Modes of the beam by itself, or the polynomials nearest to them: exact for end loads."""
     damping: Annotated[float, si(''), _SHARE] = 0.0
@@ -148,7 +148,7 @@ class ElasticPart(Part):
     rayleigh: RayleighPart = RayleighPart()
     """Damping by mass and by stiffness, beside that."""
     foreshortening: bool = True
-    """Whether the ends come nearer as it bends; without there is no stiffening by spin."""
+    """The ends come nearer as it bends; without there is no stiffening by spin."""
 
     @model_validator(mode='after')
     def _complete(self) -> ElasticPart:

@@ -12,7 +12,7 @@ from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.units import Measure
 
 RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi')
-"""What formulas of loads name beside links."""
+"""Names in formulas of loads beside links."""
 
 
 class SceneError(InputError):

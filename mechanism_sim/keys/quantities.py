@@ -165,7 +165,7 @@ class Part(BaseModel):
 
 @cache
 def meanings(part: type[Part]) -> dict[str, str]:
-    """What the keys of a part mean, by the text that stands below each in the source.
+    """Meanings of the keys of a part: the text that stands below each in the source.
 
     Pydantic could read them, too (``use_attribute_docstrings``), but would at every start.
     """

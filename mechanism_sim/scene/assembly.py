@@ -141,7 +141,7 @@ def closed_four_bar(plan: Plan) -> FourBarLoop | None:
 
 
 def _follows(plan: Plan) -> bool:
-    """Whether the ideal mechanism's start follows from its main drive alone."""
+    """True if the ideal mechanism's start follows from its main drive alone."""
     main = plan.main
     if main not in plan.held or main in plan.given[1]:
         return False
@@ -309,7 +309,7 @@ def _refusal(kinematics: Kinematics, q: Array, miss: float, targets: Array | Non
 
 
 def _advice(kinematics: Kinematics, q: Array, targets: Array | None) -> str:
-    """What to look at where no link is too long."""
+    """Advice where no link is too long."""
     freedom = len(q) - len(kinematics.rows)
     held = [kinematics.coordinates[i] for i in kinematics.held]
     if len(held) > freedom:

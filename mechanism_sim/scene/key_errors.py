@@ -33,7 +33,7 @@ _TYPES = {
     'bool_type': 'true or false',
     'finite_number': 'finite',
 }
-"""What a value must be, by the sort of problem."""
+"""Right values by the sort of problem."""
 
 _BOUNDS = {
     'greater_than': ('gt', 'more than'),
@@ -75,7 +75,7 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
 
 
 def _must_be(problem: ErrorDetails, model: type[BaseModel], path: list[str]) -> str:
-    """What a value must be by one of its problems."""
+    """Right values by one problem."""
     kind, context = problem['type'], problem.get('ctx', {})
     if kind in _TYPES:
         return _TYPES[kind]

@@ -277,7 +277,7 @@ class Machine(Rich):
         return {pair.name: why for pair in pairs if (why := pair.without_forces)}
 
     def started_at(self, angle: float) -> Machine:
-        """The same machine with its main drive at another angle [rad] at the start."""
+        """Copy with its main drive at another angle [rad] at the start."""
         scene = self.scene
         if not scene.drive:
             raise SceneError(f"{self.name}: there is no 'drive' to start at an angle")
@@ -297,7 +297,7 @@ class Machine(Rich):
 
     @cached_property
     def rigid(self) -> Machine:
-        """The same machine with rigid links, and shafts that do not give way.
+        """Copy with rigid links, and shafts that do not give way.
 
         It starts where this one does, although guides carry some links now.
         """
@@ -424,7 +424,7 @@ class Machine(Rich):
 
     @cached_property
     def ideal_observer(self) -> Observer:
-        """The same of the mechanism without clearance."""
+        """`observer` of the mechanism without clearance."""
         if not self.clearances:
             return self.observer
         ideal = self.plan.ideal
@@ -569,7 +569,7 @@ class Machine(Rich):
         return bool(more) or tabulated or many
 
     def snapshot(self, run: Run) -> Snapshot:
-        """What it takes for another run of this machine to go on where this one stands."""
+        """State from which another run of this machine goes on where this one stands."""
         return replace(run.snapshot(), machine=self.fingerprint)
 
     def resume(self, snapshot: Snapshot) -> Run:

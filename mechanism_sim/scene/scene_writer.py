@@ -205,7 +205,7 @@ def _entry(name: str, data: Any, note: str) -> Iterator[Line]:
 
 
 def _default(value: Any, facts: Facts) -> Any:
-    """What to write for a default: a quantity with its unit where there is one."""
+    """A default as it is written: a quantity with its unit where there is one."""
     if isinstance(value, Measure):
         return _quantity(value.value, value.unit)
     if isinstance(value, float) and len(facts.quantities) == 1:

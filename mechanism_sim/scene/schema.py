@@ -1,4 +1,4 @@
-"""What a scene file may say: every key, its unit, its bounds and its default."""
+"""Schema of scene files: every key, its unit, its bounds and its default."""
 
 from __future__ import annotations
 
@@ -130,10 +130,10 @@ class Commands(Part):
 
 
 class Outputs(Part):
-    """What is published, and how often in simulated time."""
+    """Outputs, and how often they are published in simulated time."""
 
     forces: bool = True
-    """Whether an ideal machine's forces are computed: reactions, torques, energies."""
+    """Forces of an ideal machine are computed: reactions, torques, energies."""
     joint_states: Rate = 100.0
     """Messages in a simulated second."""
     linkage_state: Rate = 100.0
@@ -248,7 +248,7 @@ class SensorPart(*SENSORS.values()):  # type: ignore[misc]
 
     @property
     def measures(self) -> str:
-        """What its samples are, one of `QUANTITIES`."""
+        """Quantity of its samples, one of `QUANTITIES`."""
         return SENSORS[self.kind].reads or str(self.quantity)
 
     @property
@@ -348,7 +348,7 @@ class AffineForce(Part):
 
 
 class DrivePart(Part):
-    """What moves a coordinate: a speed, a profile of speeds, a torque, a force, or a motor."""
+    """Motion of a coordinate by a speed, a profile of speeds, a torque, a force, or a motor."""
 
     coordinate: str | None = None
     """The driven link; the crank if there is one of that name."""
@@ -375,7 +375,7 @@ class DrivePart(Part):
 
     @property
     def added_inertia(self) -> float:
-        """What turns with the link beside its own inertia, as seen by it [kg m^2]."""
+        """Inertia that turns with the link beside its own, as seen by it [kg m^2]."""
         m = self.motor
         return self.flywheel + (m.inertia * m.ratio**2 if m else 0.0)
 
@@ -392,12 +392,12 @@ class InitialPart(Part):
 
 
 class AnyScene(Part):
-    """What scenes of every kind say."""
+    """Keys of scenes of every kind."""
 
     title: str
     """One line for lists."""
     description: str = ''
-    """What it is, and where its numbers come from."""
+    """Purpose of the scene, and where its numbers come from."""
     gravity: Gravity = (0.0, 0.0)
     """Acceleration along x and along y."""
     axial_gravity: Acceleration = 0.0
@@ -407,7 +407,7 @@ class AnyScene(Part):
     start: Literal['seated', 'centred'] = 'seated'
     """Where loose pins start: pressed on their bushings as by an ideal joint, or in the middle."""
     outputs: Outputs = Outputs()
-    """What is published, and how often."""
+    """Published outputs, and how often."""
     solver: Solver = Solver()
     """How exact the solution is to be."""
     oscillators: dict[str, Frame] = {}
@@ -425,12 +425,12 @@ class AnyScene(Part):
 
 
 class Linkage(AnyScene):
-    """What a scene that names its links and joints says, but for its loads."""
+    """Keys of a scene that names its links and joints, but for its loads."""
 
     mechanism: Literal['linkage']
     """Written out: links and joints have the names given here."""
     links: dict[str, LinkPart]
-    """What they measure and weigh, by name; ground is the frame."""
+    """Lengths, points and masses by name; ground is the frame."""
     joints: dict[str, JointPart]
     """Between points of two links, LINK.POINT, by name."""
     gears: dict[str, GearPart] = {}
@@ -438,7 +438,7 @@ class Linkage(AnyScene):
     masses: dict[str, PointMass] = {}
     """Point masses that links carry, by name."""
     drive: DrivePart | None = None
-    """What moves the machine; revolutions are turns of this link."""
+    """Main drive; revolutions are turns of this link."""
     drives: dict[str, DrivePart] = {}
     """Further drives, by link."""
     guess: dict[str, Place] = {}

@@ -21,7 +21,7 @@ class SensorKeys(Part):
     """The keys of sensors of every kind, and how they are read."""
 
     kind: str = 'accelerometer'
-    """What it is."""
+    """Kind of sensor."""
     sample_rate: Rate = 10000.0
     """In simulated time."""
     trigger: Trigger | None = None
@@ -58,7 +58,7 @@ class AnalogueKeys(SensorKeys):
     adc: Converter = Converter()
     """Analogue to digital."""
     noise: Noise = Noise()
-    """What is added to the samples."""
+    """Noise added to the samples."""
 
 
 class ShockKeys(AnalogueKeys):

@@ -283,7 +283,7 @@ class Start:
         return found
 
     def _leaning_seats(self, found: dict[str, Array], q: Array) -> dict[str, Array]:
-        """The same where pin and bushing are out of line, at coordinates (n,) of the machine."""
+        """Seats where pin and bushing are out of line, at coordinates (n,) of the machine."""
         mechanism = self._loose
         place = dict(zip(mechanism.coordinates, q.tolist(), strict=True))
         seated = {}

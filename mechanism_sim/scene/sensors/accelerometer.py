@@ -21,19 +21,19 @@ class AccelerometerKeys(OnLinkKeys, ShockKeys):
     at: Offset = 0.0
     """From the link's origin: along the link, as [x, y] in its frame, or a point of it by name."""
     axis: Literal['along', 'across'] = 'across'
-    """What it reads: along the link, or 90 degrees counterclockwise from that."""
+    """Direction of its reading: along the link, or 90 degrees counterclockwise from that."""
     instrument: str | None = None
     """A preset, of which what is given here replaces parts."""
     gravity: bool = False
-    """Whether it reads acceleration less that of gravity."""
+    """It reads acceleration less that of gravity."""
     transducer: Transducer = Transducer()
     """The seismic mass."""
     quantity: Literal['acceleration', 'velocity', 'displacement'] = 'acceleration'
-    """What comes out: integrated never, once or twice."""
+    """Quantity of the samples: integrated never, once or twice."""
     integrator: Integrator | None = None
     """The integrating circuit; only where something is integrated."""
     imu: bool = False
-    """Whether it is published as sensor_msgs/Imu, too."""
+    """It is published as sensor_msgs/Imu, too."""
 
     def _at(self) -> tuple[float, float]:
         return self.at if isinstance(self.at, tuple) else (self.at, 0.0)
