@@ -1,6 +1,6 @@
 """A machine: what a scene comes down to, part by part, each made once when it is first asked for.
 
-- `Machine.plan`: links, joints, drives and forces as the scene is read (`Plan`)
+- `Machine.plan`: links, joints, drives and forces as the scene is read (`ScenePlan`)
 - `Machine.assembly`: the mechanism without clearance at the start (`assemble`)
 - `Machine.level`: how much mechanics the scene needs
 - `Machine.ideal` and `Machine.inverse_dynamics`: motion and forces without clearance
@@ -55,7 +55,7 @@ from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import Table
 from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
 from mechanism_sim.scene.elastic_links import stiffened
-from mechanism_sim.scene.plan import Plan
+from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.scene.schema import Commands, JointPart, LinkPart, Scene
 from mechanism_sim.scene.start import Start
 from mechanism_sim.sensing.channel import Channel
@@ -113,10 +113,10 @@ class Machine(Rich):
     # --- as it is read --------------------------------------------------------------------------
 
     @cached_property
-    def plan(self) -> Plan:
+    def plan(self) -> ScenePlan:
         """Links, joints, drives and forces."""
         with scene_errors(self.name):
-            return Plan(self.scene)
+            return ScenePlan(self.scene)
 
     @property
     def links(self) -> dict[str, LinkPart]:

@@ -1,7 +1,8 @@
 """The mechanism of a scene: links, joints, drives and forces that fit together.
 
-A `Plan` is all of a machine that follows from reading its scene: names are resolved, everything is
-in SI units, teeth are in mesh and belts put on. Loops are not closed yet, nothing is compiled.
+A `ScenePlan` is all of a machine that follows from reading its scene: names are resolved,
+everything is in SI units, teeth are in mesh and belts put on. Loops are not closed yet, nothing is
+compiled.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ from mechanism_sim.scene.tilted_links import check_tilts, without_mass
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
 
-class Plan(Names):
+class ScenePlan(Names):
     """Links, joints, drives and forces of a scene, in SI units.
 
     Attributes

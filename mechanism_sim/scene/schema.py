@@ -46,7 +46,7 @@ from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.scene.tilted_links import TiltPart
 from mechanism_sim.sensing.chain import QUANTITIES, Instrument
-from mechanism_sim.sensing.channel import Source
+from mechanism_sim.sensing.channel import SensorSource
 from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import Measure
 from mechanism_sim.vibration.frame import Frame
@@ -220,7 +220,7 @@ class JointPart(*KINDS.values()):  # type: ignore[misc]
 class SensorPart(*SENSORS.values()):  # type: ignore[misc]
     """A sensor: of one kind."""
 
-    def source(self, machine: Any) -> Source:
+    def source(self, machine: Any) -> SensorSource:
         """Input of its chain."""
         return SENSORS[self.kind].source(self, machine)
 

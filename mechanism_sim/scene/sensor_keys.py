@@ -14,7 +14,7 @@ from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.keys.quantities import Angle, Duration, Part, Rate
 from mechanism_sim.keys.registry import Registry
 from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Converter, Noise, Trigger
-from mechanism_sim.sensing.channel import Source
+from mechanism_sim.sensing.channel import SensorSource
 
 
 class SensorKeys(Part):
@@ -32,7 +32,7 @@ class SensorKeys(Part):
     #: the quantity that it measures, one of `QUANTITIES`; empty if its keys say so
     reads: ClassVar[str] = ''
 
-    def source(self, machine: Any) -> Source:
+    def source(self, machine: Any) -> SensorSource:
         """Input of its chain."""
         raise NotImplementedError
 

@@ -20,7 +20,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
-from mechanism_sim.sensing.channel import Channel, Source
+from mechanism_sim.sensing.channel import Channel, SensorSource
 from mechanism_sim.thesis.angular_acceleration import TurningLink
 from mechanism_sim.thesis.angular_reconstruction import LINKS, Rebuilt, Reconstruction
 
@@ -299,7 +299,7 @@ def _rms(x: Array) -> float:
 
 
 def all_samples(
-    mount: Source, instrument: Instrument, name: str, motion: Motion
+    mount: SensorSource, instrument: Instrument, name: str, motion: Motion
 ) -> tuple[Array, int]:
     """All samples of an instrument, from the start of the motion on, and how many were cut."""
     channel = Channel(mount, replace(instrument, trigger=None), name)

@@ -18,7 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.keys.quantities import NOT_NEGATIVE, Inertia, Mass, Part, Position, si
 from mechanism_sim.planar.points import Vector2
 from mechanism_sim.vibration.residues import Receptance, receptance
-from mechanism_sim.vibration.systems import System
+from mechanism_sim.vibration.systems import LinearSystem
 
 _Stiffness = Annotated[float, si('N/m'), NOT_NEGATIVE]
 _Damping = Annotated[float, si('N s/m'), NOT_NEGATIVE]
@@ -113,4 +113,4 @@ class Frame(Part):
     @property
     def frequencies(self) -> Array:
         """Natural frequencies without damping (n,) [Hz], the lowest first."""
-        return System(self.M, self.C, self.K).modes.frequencies / (2.0 * np.pi)
+        return LinearSystem(self.M, self.C, self.K).modes.frequencies / (2.0 * np.pi)

@@ -9,7 +9,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import Offset
 from mechanism_sim.scene.sensor_keys import SENSORS, OnLinkKeys, ShockKeys, check_link
 from mechanism_sim.sensing.chain import Integrator, Transducer
-from mechanism_sim.sensing.channel import Source
+from mechanism_sim.sensing.channel import SensorSource
 from mechanism_sim.sensing.frame_point import PointOnFrame
 from mechanism_sim.sensing.point import PointOnLink
 
@@ -38,7 +38,7 @@ class AccelerometerKeys(OnLinkKeys, ShockKeys):
     def _at(self) -> tuple[float, float]:
         return self.at if isinstance(self.at, tuple) else (self.at, 0.0)
 
-    def source(self, machine: Any) -> Source:
+    def source(self, machine: Any) -> SensorSource:
         """A point of a link, or of a frame on springs."""
         mechanism, across, link = machine.mechanism, self.transducer.transverse, str(self.link)
         if link in machine.scene.oscillators:
