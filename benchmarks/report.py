@@ -19,7 +19,7 @@ from benchmarks.problem import OURS
 from benchmarks.scaling import Cost
 from mechanism_sim import output, strict_json, text_table
 from mechanism_sim.export.palette import INK
-from mechanism_sim.report.charts.chart import DASHES, MARKERS, Axis, Chart, Curve, Panel
+from mechanism_sim.report.charts.chart import DASHES, MARKERS, Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.figures import paint, save
 
 _PREFIXES = ((1.0, 's'), (1e-3, 'ms'), (1e-6, 'us'), (1e-9, 'ns'))
@@ -307,7 +307,7 @@ def costs_chart(costs: Sequence[Cost], machine: Mapping[str, Any]) -> Chart:
         high = None if log else 1.2 * float(times.max())
         x = Axis(family, log=max(sizes) > 8, names=tuple(f'{n:g}' for n in sizes), at=sizes)
         y = Axis(f'CPU time per {chosen[0].unit}', 's', None if log else 0.0, high, log)
-        panels.append(Panel(x, y, (Curve(np.array(sizes), times, family, marker='circle'),)))
+        panels.append(Panel(x, y, (ChartCurve(np.array(sizes), times, family, marker='circle'),)))
     return Chart('scaling', '', tuple(panels), columns=2, width=8.5, note=_short(machine))
 
 
@@ -322,7 +322,7 @@ def precision_chart(found: Measurement, machine: Mapping[str, Any]) -> Chart:
         rows = [r for r in found.rows if r.method.name == name and math.isfinite(r.error)]
         hollow = '-open' * (k % 2)
         curves.append(
-            Curve(
+            ChartCurve(
                 np.array([max(row.error, _FLOOR) for row in rows]),
                 np.array([row.fastest for row in rows]), name, '', INK if name == OURS else k,
                 k % len(DASHES), look='strong' if name == OURS else '',

@@ -96,7 +96,7 @@ _ROTATION = 'rad/s', 'rad/s^2'
 _FACTOR = re.compile(r'(\s+|\s*[*/]\s*|^)([A-Za-z]+)(?:(?:\^|\*\*)(-?\d))?')
 
 
-class _Unit(NamedTuple):
+class _UnitFactor(NamedTuple):
     factor: Decimal  # [SI]
     powers: list[int]
     angular: bool
@@ -112,7 +112,7 @@ def _powers(text: str) -> list[tuple[str, int]]:
 
 
 @lru_cache
-def _common_unit(text: str) -> _Unit | None:
+def _common_unit(text: str) -> _UnitFactor | None:
     """A product of different common units, without pint; none for anything else."""
     factors = _powers(text)
     names = {name for name, _ in factors}
@@ -123,7 +123,9 @@ def _common_unit(text: str) -> _Unit | None:
         factor, *own = _KNOWN[name]
         product *= factor**power
         powers = [total + power * p for total, p in zip(powers, own, strict=True)]
-    return _Unit(product, powers, not names.isdisjoint(_ANGULAR), not names.isdisjoint(_HERTZ))
+    return _UnitFactor(
+        product, powers, not names.isdisjoint(_ANGULAR), not names.isdisjoint(_HERTZ)
+    )
 
 
 def to_si_like(value: object, unit: str) -> float:
@@ -143,7 +145,7 @@ def to_si_like(value: object, unit: str) -> float:
     return found.value
 
 
-def to_si_text(value: object) -> Measure:
+def to_si_text(value: object) -> QuantityValue:
     """A quantity in any product of common units; a bare number has none.
 
     Raises
@@ -152,12 +154,12 @@ def to_si_text(value: object) -> Measure:
         One clause that says what is wrong.
     """
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return Measure(float(value), '')
+        return QuantityValue(float(value), '')
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
     if not match:
         raise ValueError("is not a number with a unit: write for example '64 mm'")
     unit = match[2].strip()
-    return read_common(match[1], unit) if unit else Measure(float(match[1]), '')
+    return read_common(match[1], unit) if unit else QuantityValue(float(match[1]), '')
 
 
 def alike(a: str, b: str) -> bool:
@@ -175,7 +177,7 @@ _SI_NAMES = {
 }  # fmt: skip
 
 
-def read_common(number: str, unit: str) -> Measure:
+def read_common(number: str, unit: str) -> QuantityValue:
     """A quantity in a product of common units, in SI units; ``1 kN mm`` is 1 N m.
 
     Raises
@@ -189,7 +191,7 @@ def read_common(number: str, unit: str) -> Measure:
     si = ''
     for name, power in _powers(unit):
         si = product(si, _SI_NAMES.get(name, name), power)
-    return Measure(float(Decimal(number) * known.factor), si)
+    return QuantityValue(float(Decimal(number) * known.factor), si)
 
 
 def product(a: str, b: str, power: int = 1) -> str:
@@ -294,14 +296,14 @@ def to_si(value: object, unit: str) -> float:
     return number
 
 
-class Measure(NamedTuple):
+class QuantityValue(NamedTuple):
     """A number in an SI unit, which is empty for a bare number."""
 
     value: float
     unit: str
 
 
-def to_si_of(value: object, units: tuple[str, ...]) -> Measure:
+def to_si_of(value: object, units: tuple[str, ...]) -> QuantityValue:
     """A quantity in the first of several SI units that it fits; a bare number fits any.
 
     Raises
@@ -309,10 +311,10 @@ def to_si_of(value: object, units: tuple[str, ...]) -> Measure:
     ValueError
         One clause that says what is wrong and what would do.
     """
-    if isinstance(value, Measure):
+    if isinstance(value, QuantityValue):
         return value
     if isinstance(value, list | tuple) and len(value) == 2 and value[1] in ('', *units):
-        return Measure(to_si(value[0], value[1]), value[1])  # as JSON has it
+        return QuantityValue(to_si(value[0], value[1]), value[1])  # as JSON has it
     said = []
     for unit in units:
         try:
@@ -323,7 +325,7 @@ def to_si_of(value: object, units: tuple[str, ...]) -> Measure:
             said.append(str(error).partition(':')[0])
             continue
         bare = unit != units[-1] and not (isinstance(value, str) and _NUMBER.sub(r'\2', value))
-        return Measure(found, '' if bare else unit)
+        return QuantityValue(found, '' if bare else unit)
     examples = ' or '.join(f"'{EXAMPLES[unit]}'" for unit in units)
     others = ''.join(f" or '{unit}'" for unit in units[1:]) if said[0] != said[-1] else ''
     raise ValueError(f'{said[0]}{others}: write for example {examples}')

@@ -10,7 +10,7 @@ from mechanism_sim.keys.quantities import Part, Quantity, meanings
 from mechanism_sim.scene.four_bar import FourBarScene, Link
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies.schema import SweepFile
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 
 PAGE = 'docs/keys'
 TITLES = {
@@ -86,7 +86,7 @@ def _row(part: type[Part], name: str) -> str:
 def _default(value: Any) -> str:
     if value is None or isinstance(value, Part) or value in ({}, (), ''):
         return ''
-    if isinstance(value, Measure):
+    if isinstance(value, QuantityValue):
         return f'`{value.value:g}`'
     if isinstance(value, tuple):
         return f'`[{", ".join(map(str, value))}]`'

@@ -78,7 +78,7 @@ def _report(options: argparse.Namespace) -> int:
     from mechanism_sim.pages.charts import sections  # noqa: PLC0415
     from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
     from mechanism_sim.report import measured, progress  # noqa: PLC0415
-    from mechanism_sim.report.charts.chart import Section  # noqa: PLC0415
+    from mechanism_sim.report.charts.chart import ChartSection  # noqa: PLC0415
     from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
 
     file = output.check_path(
@@ -97,7 +97,7 @@ def _report(options: argparse.Namespace) -> int:
             taken = Measurement(record.machine, measures, record.start, record.end)
             taken.add(record.piece)
             rows = measured.rows(taken.found())
-            parts = [Section('measures', 'Measures', '', (), rows), *parts]
+            parts = [ChartSection('measures', 'Measures', '', (), rows), *parts]
     text = report.page(shown, parts, source, digest)
     output.write_text(file, text)
     if options.json:
@@ -147,7 +147,7 @@ def _compare(options: argparse.Namespace) -> int:
     names = tuple(Path(source).name for source in sources)
     if options.others and not options.other:
         names = names[0], f'{names[1]} with {", ".join(options.others)}'
-    text = report.page(runs[0], parts, beside=report.Beside(runs[1], names, found))
+    text = report.page(runs[0], parts, beside=report.ComparedRun(runs[1], names, found))
     output.write_text(file, text)
     if options.json:
         print_json({'file': str(file), 'runs': names, 'differences': comparison.to_json(found)})

@@ -6,7 +6,7 @@ import re
 from io import StringIO
 from typing import Any
 
-from mechanism_sim.export.outlines import Circle, Curve, Outline
+from mechanism_sim.export.outlines import Circle, Outline, Polygon
 from mechanism_sim.packages import needed
 
 #: half the length of a line of the mark at the shaft [mm]
@@ -37,12 +37,12 @@ def to_dxf(outline: Outline) -> str:
     return text.getvalue()
 
 
-def _layer(part: Curve | Circle) -> str:
+def _layer(part: Polygon | Circle) -> str:
     """Named after the part; some characters may not be in it."""
     return re.sub(r'[<>/\\":;?*|=`]', '_', part.name.upper())
 
 
-def _draw(space: Any, part: Curve | Circle) -> None:
+def _draw(space: Any, part: Polygon | Circle) -> None:
     layer = {'layer': _layer(part)}
     if isinstance(part, Circle):
         centre = 1e3 * part.centre[0], 1e3 * part.centre[1]

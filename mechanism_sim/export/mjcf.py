@@ -35,7 +35,7 @@ def to_mjcf(machine: Machine) -> str:
     becomes less with the step. What is left out is in comments, see `left_out`.
     """
     check_names(machine)
-    return written(_Writer(Ideal(machine)).root)
+    return written(_MjcfWriter(Ideal(machine)).root)
 
 
 def left_out(machine: Machine) -> list[str]:
@@ -55,7 +55,7 @@ def left_out(machine: Machine) -> list[str]:
     return found
 
 
-class _Writer:
+class _MjcfWriter:
     """Writes one file."""
 
     def __init__(self, ideal: Ideal) -> None:

@@ -20,7 +20,7 @@ FLANK, ARC = 160, 32
 
 
 @dataclass(frozen=True)
-class Curve:
+class Polygon:
     """A polygon.
 
     Parameters
@@ -62,8 +62,8 @@ class Outline:
     shafts : [m]
     """
 
-    edges: tuple[Curve, ...]
-    guides: tuple[Curve | Circle, ...]
+    edges: tuple[Polygon, ...]
+    guides: tuple[Polygon | Circle, ...]
     shafts: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
 
     @property
@@ -96,15 +96,15 @@ def cam_outline(cam: Cam, clearance: float | None = None, step: float | None = N
     walls = {'profile': touch.profile}
     if clearance is not None:
         walls = dict(zip(('inner', 'outer'), cam.groove(at, clearance), strict=True))
-    guides: list[Curve | Circle] = []
+    guides: list[Polygon | Circle] = []
     if getattr(cam.follower, 'roller', 0.0) > 0.0:
-        guides.append(Curve('pitch', _distinct(touch.pitch, closed), closed))
+        guides.append(Polygon('pitch', _distinct(touch.pitch, closed), closed))
     if closed:
         guides.append(Circle('base', cam.base_radius))
     else:
         line = np.array([(cam.base_radius, cam.base_radius), (at[0], at[-1])])
-        guides.append(Curve('base', line, closed=False))
-    edges = [Curve(name, _distinct(wall, closed), closed) for name, wall in walls.items()]
+        guides.append(Polygon('base', line, closed=False))
+    edges = [Polygon(name, _distinct(wall, closed), closed) for name, wall in walls.items()]
     return Outline(tuple(edges), tuple(guides))
 
 
@@ -123,7 +123,7 @@ def gear_outline(gear: Gear, angle: float = 0.0) -> Outline:
         'tip': gear.tip_radius,
         'root': gear.root_radius,
     }
-    teeth = Curve('profile', gear.outline(FLANK, angle, ARC).T)
+    teeth = Polygon('profile', gear.outline(FLANK, angle, ARC).T)
     return Outline((teeth,), tuple(Circle(*item) for item in circles.items()))
 
 
@@ -132,7 +132,7 @@ def rack_outline(teeth: int, module: float, system: ToothSystem = FULL_DEPTH) ->
     points = rack_teeth(teeth, module, system).T
     line = np.array([(0.0, 0.0), points[1, [0, -1]]])
     return Outline(
-        (Curve('profile', points, closed=False),), (Curve('pitch', line, closed=False),)
+        (Polygon('profile', points, closed=False),), (Polygon('pitch', line, closed=False),)
     )
 
 
@@ -169,12 +169,12 @@ def gear_and_rack_outline(
     rack = rack_outline(teeth, gear.module, gear.system)
     up = 0.5 * (teeth - 1) * gear.circular_pitch
 
-    def turned(curve: Curve) -> Curve:
+    def turned(curve: Polygon) -> Polygon:
         x, y = curve.points
         return replace(curve, points=np.array([distance - x, up - y]))
 
     edges, guides = (
-        tuple(turned(c) for c in group if isinstance(c, Curve))
+        tuple(turned(c) for c in group if isinstance(c, Polygon))
         for group in (rack.edges, rack.guides)
     )
     rack = _named(replace(rack, edges=edges, guides=guides, shafts=()), names[1])

@@ -42,7 +42,7 @@ COIL = np.stack(
 """A spring (17, 2): how far along the line between its ends, 0 to 1; across it, in symbols."""
 
 
-class Path(NamedTuple):
+class ShapePath(NamedTuple):
     """Curves that are painted in one go; what lies within two closed ones is open."""
 
     style: Style
@@ -80,10 +80,10 @@ class Shape:
         return self.curves[0]
 
     @cached_property
-    def paths(self) -> tuple[Path, ...]:
+    def paths(self) -> tuple[ShapePath, ...]:
         """Paths in the order of painting, from back to front."""
         return tuple(
-            Path(style, self._fine(curves if style in OPEN else _turned(curves), style))
+            ShapePath(style, self._fine(curves if style in OPEN else _turned(curves), style))
             for style, curves in _BUILDERS.get(self.kind, _body)(self)
         )
 
@@ -185,36 +185,36 @@ def simplified(curve: Array, tolerance: float) -> Array:
         kept = np.union1d(kept, apart[np.unique(span[apart], return_index=True)[1]])
 
 
-def _body(shape: Shape) -> list[Path]:
+def _body(shape: Shape) -> list[ShapePath]:
     fine = tuple(simplified(curve, _FINE * shape.symbol) for curve in shape.curves)
-    return [Path('body', fine)]
+    return [ShapePath('body', fine)]
 
 
-def _link(shape: Shape) -> list[Path]:
+def _link(shape: Shape) -> list[ShapePath]:
     """A bar or a plate around all corners; nothing where a slider or a wheel is all there is."""
     corners = np.concatenate(shape.curves)
     if len(corners) < 2:
         return []
     thick = BAR * shape.symbol
-    return [Path('body' if len(shape.outline) < 3 else 'plate', (rounded(corners, thick),))]
+    return [ShapePath('body' if len(shape.outline) < 3 else 'plate', (rounded(corners, thick),))]
 
 
-def _frame(shape: Shape) -> list[Path]:
-    return [Path('plate', (rounded(shape.outline, 1.5 * shape.symbol),))]
+def _frame(shape: Shape) -> list[ShapePath]:
+    return [ShapePath('plate', (rounded(shape.outline, 1.5 * shape.symbol),))]
 
 
-def _slot(shape: Shape) -> list[Path]:
+def _slot(shape: Shape) -> list[ShapePath]:
     inner, outer = (rounded(shape.outline, x * shape.symbol) for x in (SLOT, SLOT + 0.35))
-    return [Path('body', (outer, inner)), Path('paper', (inner,))]
+    return [ShapePath('body', (outer, inner)), ShapePath('paper', (inner,))]
 
 
-def _rail(shape: Shape) -> list[Path]:
+def _rail(shape: Shape) -> list[ShapePath]:
     """A rod of a link; of the frame a line, hatched below where the slider does not reach.
 
     Of a guide with play each wall, hatched on its outer side.
     """
     if shape.link != GROUND:
-        return [Path('body', (rounded(shape.outline, 0.6 * BAR * shape.symbol),))]
+        return [ShapePath('body', (rounded(shape.outline, 0.6 * BAR * shape.symbol),))]
     start, end = shape.outline
     along = (end - start) / np.hypot(*(end - start))
     below = np.array([along[1], -along[0]])
@@ -223,49 +223,49 @@ def _rail(shape: Shape) -> list[Path]:
         return _hatched(shape.outline, below, shape.symbol)
     below = -below if below[1] > 1e-9 else below
     foot = shape.outline + 1.1 * shape.symbol * below
-    return [Path('line', (shape.outline,)), *_hatched(foot, below, shape.symbol)]
+    return [ShapePath('line', (shape.outline,)), *_hatched(foot, below, shape.symbol)]
 
 
-def _support(shape: Shape) -> list[Path]:
+def _support(shape: Shape) -> list[ShapePath]:
     at, s = shape.outline[0], shape.symbol
     foot = at + s * np.array([[-1.3, -2.2], [1.3, -2.2]])
     line = at + s * np.array([[-2.0, -2.2], [2.0, -2.2]])
     triangle = np.array([at, *foot])
-    return [Path('paper', (triangle,)), *_hatched(line, np.array([0.0, -1.0]), s)]
+    return [ShapePath('paper', (triangle,)), *_hatched(line, np.array([0.0, -1.0]), s)]
 
 
-def _hatched(line: Array, below: Array, s: float) -> list[Path]:
+def _hatched(line: Array, below: Array, s: float) -> list[ShapePath]:
     """The frame: a line (2, 2) with strokes on one side."""
     length = float(np.hypot(*(line[1] - line[0])))
     along = (line[1] - line[0]) / length
     feet = line[0] + np.arange(0.75 * s, length, 0.8 * s)[:, None] * along
     strokes = tuple(np.array([foot, foot + 0.7 * s * (below - along)]) for foot in feet)
-    return [Path('line', (line,)), Path('thin', strokes)]
+    return [ShapePath('line', (line,)), ShapePath('thin', strokes)]
 
 
-def _belt(shape: Shape) -> list[Path]:
-    return [Path('line', shape.curves)]
+def _belt(shape: Shape) -> list[ShapePath]:
+    return [ShapePath('line', shape.curves)]
 
 
-def _disc(style: Style, *radii: float) -> Callable[[Shape], list[Path]]:
-    def build(shape: Shape) -> list[Path]:
+def _disc(style: Style, *radii: float) -> Callable[[Shape], list[ShapePath]]:
+    def build(shape: Shape) -> list[ShapePath]:
         at = shape.outline[0]
-        return [Path(style, tuple(circle(r * shape.symbol, at, 32) for r in radii))]
+        return [ShapePath(style, tuple(circle(r * shape.symbol, at, 32) for r in radii))]
 
     return build
 
 
-def _cog(shape: Shape) -> list[Path]:
+def _cog(shape: Shape) -> list[ShapePath]:
     """A disc, quartered."""
     at, radius = shape.outline[0], 0.5 * shape.symbol
     quarters = []
     for start in (0.0, np.pi):
         turn = start + np.linspace(0.0, 0.5 * np.pi, 9)
         quarters.append(at + radius * np.vstack([[0.0, 0.0], points_of(np.exp(1j * turn))]))
-    return [Path('paper', (circle(radius, at, 32),)), Path('ink', tuple(quarters))]
+    return [ShapePath('paper', (circle(radius, at, 32),)), ShapePath('ink', tuple(quarters))]
 
 
-def _drive(shape: Shape) -> list[Path]:
+def _drive(shape: Shape) -> list[ShapePath]:
     """An arrow: straight from the first point towards the second, or round the first one."""
     (at, towards), s = shape.outline, shape.symbol
     if shape.label == 'straight':
@@ -279,10 +279,10 @@ def _drive(shape: Shape) -> list[Path]:
     band = np.concatenate([line + 0.15j * ahead, (line - 0.15j * ahead)[::-1]])
     way = complex(*(towards - at)) / math.dist(towards, at)
     sides = (x.conj() if shape.label == 'clockwise' else x for x in (band, head))
-    return [Path('accent', (points_of(s * way * x) + at,)) for x in sides]
+    return [ShapePath('accent', (points_of(s * way * x) + at,)) for x in sides]
 
 
-_BUILDERS: dict[Kind, Callable[[Shape], list[Path]]] = {
+_BUILDERS: dict[Kind, Callable[[Shape], list[ShapePath]]] = {
     'frame': _frame,
     'rail': _rail,
     'support': _support,

@@ -42,7 +42,7 @@ _RARELY = 98.0  # [%] of the instants have smaller forces
 
 
 @dataclass(frozen=True, eq=False)
-class Frames:
+class StageFrames:
     """A machine at N instants.
 
     L moving links, B loose bearings, W other plays, J joints, K of them higher pairs.
@@ -91,7 +91,7 @@ class Frames:
         return np.array(places).transpose(0, 2, 1)
 
     @classmethod
-    def joined(cls, parts: Sequence[Frames]) -> Frames:
+    def joined(cls, parts: Sequence[StageFrames]) -> StageFrames:
         """Several, one after the other."""
         return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
 
@@ -170,7 +170,7 @@ class Stage:
         return gaps
 
     def _off(self, o: Observation, pair: HigherPair | Prismatic) -> Array:
-        """Off the middle of the walls of a pair, and how a block stands (2, N), see `Frames.off`.
+        """Off the middle of the walls of a pair, and how a block stands (2, N), see `StageFrames`.
 
         What may part from one wall only is shown between that wall and how far it parts.
         """
@@ -227,7 +227,7 @@ class Stage:
 
     def frames(
         self, t: Array, o: Observation, modes: NDArray[np.uint8], sway: Array | None = None
-    ) -> Frames:
+    ) -> StageFrames:
         """The machine at times t (N,) [s].
 
         Parameters
@@ -253,7 +253,7 @@ class Stage:
         for k, joint in enumerate(bearings):
             for gap in gaps_of(self.machine.mechanism, joint.name, known):  # a film has none
                 touching[:, k] = np.maximum(touching[:, k], known[gap])
-        return Frames(
+        return StageFrames(
             t,
             poses,
             _by_instant([path[0] for path in pins], count),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
-from mechanism_sim.export.outlines import Circle, Curve, Outline
+from mechanism_sim.export.outlines import Circle, Outline, Polygon
 
 #: [mm]
 MARGIN = 5.0
@@ -39,7 +39,7 @@ def to_svg(outline: Outline) -> str:
     return ElementTree.tostring(root, encoding='unicode')
 
 
-def _draw(parent: ElementTree.Element, part: Curve | Circle, style: dict[str, str]) -> None:
+def _draw(parent: ElementTree.Element, part: Polygon | Circle, style: dict[str, str]) -> None:
     if isinstance(part, Circle):
         x, y = part.centre
         shape = {'id': part.name, 'r': f'{1e3 * part.radius:.6f}'}
@@ -54,6 +54,6 @@ def _cross(x: float, y: float) -> str:
     return f'M{x - CROSS:g},{y:g}h{2 * CROSS:g}M{x:g},{y - CROSS:g}v{2 * CROSS:g}'
 
 
-def _path(curve: Curve) -> str:
+def _path(curve: Polygon) -> str:
     points = 'L'.join(f'{1e3 * x:.6f},{-1e3 * y:.6f}' for x, y in curve.points.T)
     return f'M{points}{"Z" if curve.closed else ""}'

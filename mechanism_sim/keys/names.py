@@ -9,7 +9,7 @@ from typing import Any
 
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 
 RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi')
 """Names in formulas of loads beside links."""
@@ -134,7 +134,7 @@ class Names:
         return name
 
     def measure(
-        self, where: str, measure: Measure, straight: bool, units: tuple[str, str]
+        self, where: str, measure: QuantityValue, straight: bool, units: tuple[str, str]
     ) -> float:
         """A quantity in the first of the units if it is of an angle, else in the second."""
         wanted = units[straight]

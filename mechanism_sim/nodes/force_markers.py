@@ -18,7 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import frame_of
 from mechanism_sim.export.shapes import coil
-from mechanism_sim.export.stage import Frames
+from mechanism_sim.export.stage import StageFrames
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
 from mechanism_sim.nodes.markers import STEEL, Colour, marker, painted, sways
@@ -153,7 +153,7 @@ class ForceMarkers:
         flash.lifetime = message_class('builtin_interfaces/msg/Duration')(nanosec=_FLASH)
         return MarkerArray(markers=[flash])
 
-    def _arrows(self, frames: Frames) -> Iterator[Any]:
+    def _arrows(self, frames: StageFrames) -> Iterator[Any]:
         """The force of the first-named on the second-named link, from where it acts."""
         s = self._symbol
         acting = frames.acting(self._stage)
@@ -175,7 +175,7 @@ class ForceMarkers:
 
             yield arrow, write
 
-    def _pins(self, frames: Frames) -> Iterator[Any]:
+    def _pins(self, frames: StageFrames) -> Iterator[Any]:
         """Of each loose revolute joint the lens: bushing and pin; and where they touch."""
         s, physics = self._symbol, self._machine.physics
         for k, lens in enumerate(self._bearings):
@@ -197,7 +197,7 @@ class ForceMarkers:
             touch = bushing + (play.pin_radius + play.radial) * along
             yield self._moving(dot, touch, shown=closed)
 
-    def _walls(self, frames: Frames) -> Iterator[Any]:
+    def _walls(self, frames: StageFrames) -> Iterator[Any]:
         """Of every other play the lens: its walls, from left to right, and what is between."""
         number = 2 * len(self._bearings)
         for w, lens in enumerate(self._plays):
@@ -217,7 +217,7 @@ class ForceMarkers:
             yield self._leaning(body, lens, 0.5 * tilt, middle + moved, frames.touching[:, w] > 0)
             number += 1
 
-    def _beside(self, lens: _Lens, frames: Frames) -> tuple[Array, Array]:
+    def _beside(self, lens: _Lens, frames: StageFrames) -> tuple[Array, Array]:
         """The point of a joint and the middle of its lens (2, N) [m]."""
         place = np.array([lens.joint.on_second])
         at = self._stage.skeleton.placed(lens.joint.second, place, frames.poses)[:, 0].T
@@ -268,7 +268,7 @@ class ForceMarkers:
 
         return made, write
 
-    def _coils(self, frames: Frames) -> Iterator[Any]:
+    def _coils(self, frames: StageFrames) -> Iterator[Any]:
         """Springs as zigzags."""
         s = self._symbol
         for k, ends in enumerate(self._stage.skeleton.coiled(frames.poses, frames.sway)):
@@ -280,7 +280,7 @@ class ForceMarkers:
 
             yield made, write
 
-    def _bent(self, frames: Frames) -> Iterator[Any]:
+    def _bent(self, frames: StageFrames) -> Iterator[Any]:
         """Elastic links, in their frames."""
         for shape, made, points in self._elastic:
             placed = self._stage.skeleton.bent(shape.link, points, frames.poses)
@@ -291,7 +291,7 @@ class ForceMarkers:
 
             yield made, write
 
-    def _sway(self, frames: Frames) -> Iterator[Any]:
+    def _sway(self, frames: StageFrames) -> Iterator[Any]:
         """Frames on springs that sway: turned about where the world's origin has been moved to."""
         skeleton = self._stage.skeleton
         for shape, made in self._swaying:

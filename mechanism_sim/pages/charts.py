@@ -13,11 +13,18 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import DARK, GROUND, IMPACT, INK, LINKS, rgb
 from mechanism_sim.export.stage import packed
 from mechanism_sim.report.charts.bands import MODES
-from mechanism_sim.report.charts.chart import DASHES, LOOKS, Axis, Chart, Curve, Panel, Section
+from mechanism_sim.report.charts.chart import (
+    DASHES,
+    LOOKS,
+    Axis,
+    Chart,
+    ChartCurve,
+    Panel,
+)
 from mechanism_sim.report.charts.subjects import sections
 from mechanism_sim.units import typeset
 
-__all__ = ['NIGHT', 'Chart', 'Section', 'brief', 'figure', 'places', 'sections']
+__all__ = ['NIGHT', 'Chart', 'brief', 'figure', 'places', 'sections']
 
 _GRID, _LINE, _ZERO = '#e9ecf0', '#b6bec7', '#cdd3da'
 
@@ -75,11 +82,11 @@ def figure(chart: Chart) -> Json:
 
     Traces have the place of their panel and curve as ``meta``.
     """
-    page = _Figure(chart)
+    page = _PlotlyFigure(chart)
     return {'data': page.data, 'layout': page.layout, 'columns': page.columns}
 
 
-class _Figure:
+class _PlotlyFigure:
     """Panels on a figure of plotly, row by row."""
 
     def __init__(self, chart: Chart) -> None:
@@ -177,7 +184,7 @@ class _Figure:
                 'font': {'size': 12},
             })  # fmt: skip
 
-    def _column(self, panel: Panel, curve: Curve) -> None:
+    def _column(self, panel: Panel, curve: ChartCurve) -> None:
         """The last trace as columns of a table; no heading stands twice."""
         ideal = 'ideal machine' if curve.look == 'ideal' else ''
         words = dict.fromkeys((panel.title, curve.label or curve.of, ideal, panel.y.title))
@@ -257,7 +264,7 @@ def pale(shade: str, opacity: float) -> str:
     return f'rgba({r},{g},{b},{opacity:g})'
 
 
-def _traces(panel: Panel, curve: Curve) -> Iterator[Json]:
+def _traces(panel: Panel, curve: ChartCurve) -> Iterator[Json]:
     """Traces of a curve; the last one has its data."""
     round_ = panel.form == 'polar'
     look = LOOKS[curve.look]
@@ -311,7 +318,7 @@ def _traces(panel: Panel, curve: Curve) -> Iterator[Json]:
     yield trace
 
 
-def _hover(panel: Panel, curve: Curve) -> str:
+def _hover(panel: Panel, curve: ChartCurve) -> str:
     """Text beside a point."""
     x, y = (typeset(axis.unit) for axis in (panel.x, panel.y))
     digits = '.6f' if panel.x.unit == 's' else '.5g'
@@ -332,7 +339,7 @@ def _data(x: Array, y: Array, round_: bool) -> Json:
     return {'x': packed(places(x)), 'y': packed(brief(y))}
 
 
-def _outline(curve: Curve) -> tuple[Array, Array]:
+def _outline(curve: ChartCurve) -> tuple[Array, Array]:
     """Around an area: along its upper edge and back along the lower, part by part."""
     assert curve.low is not None  # noqa: S101 - it is an area
     parts = np.split(np.arange(len(curve.x)), np.flatnonzero(np.isnan(curve.x)))

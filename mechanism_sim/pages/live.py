@@ -11,7 +11,7 @@ import numpy as np
 
 from mechanism_sim.analysis.preview import preview
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.stage import Frames, Swaying, packed
+from mechanism_sim.export.stage import StageFrames, Swaying, packed
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import foreign, motion_of
@@ -134,5 +134,5 @@ class Live:
             speed.append(seen.velocity[main])
             torque.append(seen.drive_torque[0] if len(seen.drive_torque) else np.zeros(len(now)))
         rates = {'speed': np.concatenate(speed), 'torque': np.concatenate(torque)}
-        frames = Frames.joined(parts)
+        frames = StageFrames.joined(parts)
         return frames.packed() | {name: packed(x.astype('<f4')) for name, x in rates.items()}

@@ -16,7 +16,7 @@ from mechanism_sim.export.stage import packed
 from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import brief, places, sections
 from mechanism_sim.pages.recorded import recorded, together
-from mechanism_sim.report.charts.thinning import Line, thin
+from mechanism_sim.report.charts.thinning import SampledLine, thin
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Piece
@@ -111,7 +111,7 @@ def explore(
         if found.unit == 'm':  # of what touches only rounding is left
             rounding = np.abs(series.values) < _NOTHING * machine.mechanism.size
             series = replace(series, values=np.where(rounding, 0.0, series.values))
-        lines.append(thin(Line(series.t, series.values)))
+        lines.append(thin(SampledLine(series.t, series.values)))
     size = max(abs(line.values).max() for line in lines)
     unit, scale = for_people(found.unit, size)
     curves = {

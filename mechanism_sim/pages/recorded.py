@@ -10,7 +10,7 @@ import numpy as np
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.stage import Frames, Stage, Swaying, packed, stage_of
+from mechanism_sim.export.stage import Stage, StageFrames, Swaying, packed, stage_of
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.results.instants import instants
 
@@ -41,13 +41,13 @@ class Recorded:
 
     record: Record
     stage: Stage
-    frames: Frames
+    frames: StageFrames
     impacts: list[Impact]
     hardest: float
     left_out: int
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data of the run; see `Stage.to_json`, `Frames.packed`."""
+        """Plain data of the run; see `Stage.to_json`, `StageFrames.packed`."""
         return {
             'stage': self.stage.to_json(),
             'frames': self.frames.packed(),
@@ -91,10 +91,10 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
             show(float(some[-1]), int(np.searchsorted([i.t for i in kept], some[-1])))
     hardest = max((i.normal_impulse for i in kept), default=0.0)
     left_out = len(hardest_first) - len(kept)
-    return Recorded(record, stage, Frames.joined(parts), kept, hardest, left_out)
+    return Recorded(record, stage, StageFrames.joined(parts), kept, hardest, left_out)
 
 
-def frames_at(record: Record, stage: Stage, t: Array) -> Frames:
+def frames_at(record: Record, stage: Stage, t: Array) -> StageFrames:
     """A run at times t (N,) [s]."""
     sway = Swaying(record.machine).take(record.history)
     view = record.piece.view(t)

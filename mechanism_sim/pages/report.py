@@ -15,8 +15,9 @@ from plotly.offline import get_plotlyjs
 from mechanism_sim.analysis.comparison import Difference, texts
 from mechanism_sim.catalogue import installed_version
 from mechanism_sim.pages.assets import embedded, import_map, render, styles
-from mechanism_sim.pages.charts import NIGHT, Section, figure
+from mechanism_sim.pages.charts import NIGHT, figure
 from mechanism_sim.pages.recorded import Recorded
+from mechanism_sim.report.charts.chart import ChartSection
 from mechanism_sim.units import typeset
 
 MODULES = (
@@ -50,7 +51,7 @@ class Family(NamedTuple):
     curves: dict[str, Any]
 
 
-class Beside(NamedTuple):
+class ComparedRun(NamedTuple):
     """Another run that a page compares its own with.
 
     Attributes
@@ -64,8 +65,9 @@ class Beside(NamedTuple):
 
 
 def page(
-    run: Recorded, parts: Sequence[Section] = (), source: str = '', digest: str = '',
-    beside: Beside | None = None, family: Family | None = None, library: str = '', back: str = '',
+    run: Recorded, parts: Sequence[ChartSection] = (), source: str = '', digest: str = '',
+    beside: ComparedRun | None = None, family: Family | None = None, library: str = '',
+    back: str = '',
 ) -> str:  # fmt: skip
     """The page of a run as HTML.
 

@@ -44,7 +44,7 @@ def print_address(address: str) -> None:
     print(f'View: {address}', flush=True)
 
 
-class View(DescribedNode):
+class ViewNode(DescribedNode):
     """Shows the machine that runs, and passes on what is asked of it; no node waits for this one.
 
     Parameters of the node: ``port`` of the web server, 0 for any that is free; ``open``, to open

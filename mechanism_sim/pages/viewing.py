@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from mechanism_sim import ending
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.process import report_end, run_nodes
-from mechanism_sim.pages.view import View, print_address
+from mechanism_sim.pages.view import ViewNode, print_address
 
 
 def view(
@@ -33,8 +33,8 @@ def view(
     signal.signal(signal.SIGTSTP, signal.SIG_IGN)  # asleep it would hold up who publishes
     runs: list[subprocess.Popen[bytes]] = []
 
-    def make() -> list[View]:
-        node = View(parameters, opened or print_address, bool(run))
+    def make() -> list[ViewNode]:
+        node = ViewNode(parameters, opened or print_address, bool(run))
         if run:  # now that there is a network to join
             command = [sys.executable, '-m', 'mechanism_sim', 'run', *run, '--json']
             runs.append(ending.start(command, stdout=subprocess.DEVNULL))

@@ -13,7 +13,7 @@ from matplotlib.transforms import Affine2D
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import ACCENT, INK, PAPER, colour, tint
-from mechanism_sim.export.shapes import OPEN, Path, Shape, coil, subdivided
+from mechanism_sim.export.shapes import OPEN, Shape, ShapePath, coil, subdivided
 from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.planar.points import GROUND
 
@@ -34,7 +34,7 @@ class Brush:
         self._frames = {link: Affine2D() for link in skeleton.links}
         self._swaying = {name: Affine2D() for name in skeleton.mounts}
         self._coils: Any = None
-        self._bent: list[tuple[str, Path, Any]] = []
+        self._bent: list[tuple[str, ShapePath, Any]] = []
 
     def thick(self, points: float) -> float:
         """So many points of print in metres of the drawing."""
@@ -83,20 +83,22 @@ class Brush:
             if curve is not None:
                 if shape.bends:
                     curve = subdivided(curve, shape.symbol)
-                path = self._deformed(shape.link, Path('line', (curve,)), pose)
+                path = self._deformed(shape.link, ShapePath('line', (curve,)), pose)
                 frame = Affine2D().rotate(angle).translate(x, y)
                 self._patch(path, frame, zorder=1.2, fc='none', ec=shade, lw=0.8)
 
-    def _patch(self, path: Path, frame: Affine2D, **how: Any) -> Any:
+    def _patch(self, path: ShapePath, frame: Affine2D, **how: Any) -> Any:
         patch = PathPatch(_outline(path), joinstyle='round', capstyle='round', **how)
         patch.set_transform(frame + self._axes.transData)
         return self._axes.add_artist(patch)
 
-    def _deformed(self, link: str, path: Path, pose: Array) -> Path:
-        return Path(path.style, tuple(self._skeleton.deformed(link, c, pose) for c in path.curves))
+    def _deformed(self, link: str, path: ShapePath, pose: Array) -> ShapePath:
+        return ShapePath(
+            path.style, tuple(self._skeleton.deformed(link, c, pose) for c in path.curves)
+        )
 
 
-def _outline(path: Path) -> Outline:
+def _outline(path: ShapePath) -> Outline:
     closed = path.style not in OPEN
     return Outline.make_compound_path(*(Outline(_closed(c) if closed else c) for c in path.curves))
 

@@ -11,7 +11,7 @@ from mechanism_sim.analysis.details import Average, Beside, Details, Struck
 from mechanism_sim.analysis.roses import Rose
 from mechanism_sim.analysis.wear import WearMap
 from mechanism_sim.export.palette import GROUND
-from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, Curve, Panel, joined, whole
+from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, ChartCurve, Panel, joined, whole
 from mechanism_sim.report.charts.impacts import rose_chart, wear_chart
 from mechanism_sim.report.charts.lines import turn_of
 from mechanism_sim.report.charts.sensors import density, envelope, orders
@@ -55,9 +55,9 @@ def _average(name: str, average: Average, drive: str) -> Chart:
     unit, scale = for_people(average.unit)
     angle, mean, spread = np.degrees(turns.angle), scale * turns.mean, scale * turns.spread
     curves = (
-        Curve(angle, mean + spread, 'standard deviation', name, form='area', look='range',
+        ChartCurve(angle, mean + spread, 'standard deviation', name, form='area', look='range',
               low=mean - spread),
-        Curve(angle, mean, f'mean of {len(turns.values)} turns', name),
+        ChartCurve(angle, mean, f'mean of {len(turns.values)} turns', name),
     )  # fmt: skip
     panel = Panel(turn_of(drive), Axis(name.replace('_', ' '), unit), curves)
     return Chart('average', f'{name}, turn by turn', (panel,), 'angle', name)
@@ -75,18 +75,22 @@ def _cycles(name: str, struck: Struck, drive: str) -> Chart:
     rose, cycles = struck.rose, struck.cycles
     assert cycles is not None  # noqa: S101 - asked before
     angle, impulse = np.degrees(rose.crank_angle), 1e3 * rose.normal_impulse
-    curves = [Curve(angle, impulse, colour=GROUND, form='dots', look='fine', marker='circle-open')]
+    curves = [
+        ChartCurve(angle, impulse, colour=GROUND, form='dots', look='fine', marker='circle-open')
+    ]
     marks = ('first', 'circle'), ('second', 'square'), ('third', 'triangle-up')
     for n, ((label, mark), column) in enumerate(zip(marks, cycles.dominant.T, strict=True)):
         k = column[column >= 0]
         curves.append(
-            Curve(angle[k], impulse[k], f'{label} of its turn', '', n, form='dots', marker=mark)
+            ChartCurve(
+                angle[k], impulse[k], f'{label} of its turn', '', n, form='dots', marker=mark
+            )
         )
     turn = (cycles.first + np.arange(len(cycles.count))).astype(float)
     x = Axis(f'turn of the {drive}', '', every=whole(len(turn)))
     panels = [Panel(turn_of(drive), Axis('normal impulse', 'mN s', low=0.0), tuple(curves))]
     for sums, words in (cycles.impulse, 'sum of impulses'), (cycles.I_n, 'impulse per impact'):
-        curve = Curve(turn, 1e3 * sums, words, form='steps')
+        curve = ChartCurve(turn, 1e3 * sums, words, form='steps')
         panels.append(Panel(x, Axis(words, 'mN s', low=0.0), (curve,), height=SMALL))
     return Chart('cycles', f'impacts in {name}, turn by turn', tuple(panels), 'angle', name)
 
@@ -109,8 +113,8 @@ def _deviation(name: str, beside: Beside, drive: str) -> Chart:
     unit, scale = for_people(beside.unit)
     angle = np.degrees(own.angle)
     curves = (
-        Curve(angle, scale * own.values[-1], 'the last turn', name),
-        Curve(angle, scale * ideal.values[-1], 'ideal machine', name, GROUND, look='ideal'),
+        ChartCurve(angle, scale * own.values[-1], 'the last turn', name),
+        ChartCurve(angle, scale * ideal.values[-1], 'ideal machine', name, GROUND, look='ideal'),
     )
     panel = Panel(turn_of(drive), Axis(name.replace('_', ' '), unit), curves[::-1])
     return Chart('deviation', f'{name} beside the ideal machine', (panel,), 'angle', name)

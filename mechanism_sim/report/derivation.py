@@ -21,7 +21,7 @@ from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.planar.switches import Switch
 from mechanism_sim.planar.virtual_work import generalised
-from mechanism_sim.report.equations import Equation, MachineEquations, Part
+from mechanism_sim.report.equations import Equation, EquationGroup, MachineEquations
 from mechanism_sim.report.symbols import Expression, Symbol, Symbols
 from mechanism_sim.report.vectors import Vectors
 from mechanism_sim.scene.machine import Level, Machine
@@ -66,20 +66,20 @@ class _Derivation:
         self._load()
         self._drives()
         parts = [
-            Part('drive_laws', 'Drive', self._laws()),
-            Part('closures', 'Closures', closures[0]),
-            Part('closure_rates', 'Closures, differentiated once', closures[1]),
-            Part('closure_accelerations', 'Closures, differentiated twice', closures[2]),
+            EquationGroup('drive_laws', 'Drive', self._laws()),
+            EquationGroup('closures', 'Closures', closures[0]),
+            EquationGroup('closure_rates', 'Closures, differentiated once', closures[1]),
+            EquationGroup('closure_accelerations', 'Closures, differentiated twice', closures[2]),
             gaps[0],
-            Part('gap_rates', 'Gaps, differentiated once', gaps[1]),
-            Part('gap_accelerations', 'Gaps, differentiated twice', gaps[2]),
-            Part('forces', 'Forces', self._abridged()),
-            Part('motion', 'Equations of motion', self._motion(), tuple(self._rubs)),
+            EquationGroup('gap_rates', 'Gaps, differentiated once', gaps[1]),
+            EquationGroup('gap_accelerations', 'Gaps, differentiated twice', gaps[2]),
+            EquationGroup('forces', 'Forces', self._abridged()),
+            EquationGroup('motion', 'Equations of motion', self._motion(), tuple(self._rubs)),
         ]
-        parts.insert(1, Part('switches', 'Parts of the cycle', self._switches(parts)))
+        parts.insert(1, EquationGroup('switches', 'Parts of the cycle', self._switches(parts)))
         used = _symbols_of(parts)
         vectors = tuple(e for e in self._vectors.equations if e.left[0] in used)
-        parts.insert(1, Part('vectors', 'Vectors', vectors))
+        parts.insert(1, EquationGroup('vectors', 'Vectors', vectors))
         shown = _all_terms(parts)
         derivatives = [(symbols.q[c], symbols.v[c], symbols.a[c]) for c in symbols.q]
         own = {x for triple in derivatives for x in triple}
@@ -145,7 +145,7 @@ class _Derivation:
                     self._push(jet, force)
         return tuple(map(tuple, orders))
 
-    def _gaps(self) -> tuple[Part, tuple[Equation, ...], tuple[Equation, ...]]:
+    def _gaps(self) -> tuple[EquationGroup, tuple[Equation, ...], tuple[Equation, ...]]:
         """Gaps with their forces; and their derivatives."""
         lines: tuple[list[Equation], ...] = ([], [], [])
         for i, gap in enumerate(self._equations.gaps):
@@ -156,7 +156,7 @@ class _Derivation:
             lines[2].clear()
         values, first, second = map(tuple, lines)
         notes = tuple(map(_condition, self._equations.gaps))
-        return Part('gaps', 'Gaps', values, notes), first, second
+        return EquationGroup('gaps', 'Gaps', values, notes), first, second
 
     def _gap(self, i: int, gap: Gap, lines: tuple[list[Equation], ...]) -> None:
         """The i-th gap: its value with its slip, its derivatives, its forces."""
@@ -225,7 +225,7 @@ class _Derivation:
             for c, term in found.items():
                 self._on[c].append(sympy.Mul(size, self._in_symbols(term)))
 
-    def _switches(self, parts: Sequence[Part]) -> tuple[Equation, ...]:
+    def _switches(self, parts: Sequence[EquationGroup]) -> tuple[Equation, ...]:
         """Where that acts which does so in a part of the cycle only."""
         lines, used = [], _symbols_of(parts)
         for name, switch in self._equations.frames.switches.items():
@@ -311,12 +311,12 @@ class _Derivation:
         return tuple(lines)
 
 
-def _all_terms(parts: Sequence[Part]) -> list[Expression]:
+def _all_terms(parts: Sequence[EquationGroup]) -> list[Expression]:
     """All terms of all equations."""
     return [x for p in parts for e in p.equations for x in (*e.left, *e.right)]
 
 
-def _symbols_of(parts: Sequence[Part]) -> set[Expression]:
+def _symbols_of(parts: Sequence[EquationGroup]) -> set[Expression]:
     """All symbols in all equations."""
     return set().union(*(x.free_symbols for x in _all_terms(parts)))
 

@@ -18,7 +18,7 @@ class Equation:
 
 
 @dataclass(frozen=True)
-class Part:
+class EquationGroup:
     """Equations of one kind."""
 
     name: str
@@ -37,4 +37,4 @@ class MachineEquations:
     coordinates: tuple[tuple[Symbol, Symbol, Symbol], ...]  #: with rate and acceleration
     parameters: tuple[Symbol, ...]  #: constants of the scene
     variables: tuple[Symbol, ...]  #: forces, gaps and what else follows from the motion
-    parts: tuple[Part, ...]
+    parts: tuple[EquationGroup, ...]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import ACCENT, INK, colour, tint
-from mechanism_sim.export.stage import HALF, PLAY, Frames, Stage
+from mechanism_sim.export.stage import HALF, PLAY, Stage, StageFrames
 from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.results.instants import instants
 
@@ -62,7 +62,7 @@ class Lens:
 
 
 def lens_of(
-    axes: Any, record: Record, stage: Stage, joint: str, frames: Frames, pace: float
+    axes: Any, record: Record, stage: Stage, joint: str, frames: StageFrames, pace: float
 ) -> Lens:
     """The lens over a joint with play.
 
@@ -81,7 +81,7 @@ class _Bushing(Lens):
     """The pin of a revolute joint in its bushing."""
 
     def __init__(
-        self, axes: Any, record: Record, stage: Stage, joint: str, frames: Frames, pace: float
+        self, axes: Any, record: Record, stage: Stage, joint: str, frames: StageFrames, pace: float
     ) -> None:
         machine, t = record.machine, frames.t
         bearing = [j.name for j in stage.bearings].index(joint)
@@ -153,7 +153,7 @@ class _Bushing(Lens):
 class _Slit(Lens):
     """A part between the walls of a pair with play, or off the one it may leave."""
 
-    def __init__(self, axes: Any, stage: Stage, joint: str, frames: Frames) -> None:
+    def __init__(self, axes: Any, stage: Stage, joint: str, frames: StageFrames) -> None:
         k = [pair.name for pair in stage.plays].index(joint)
         about = stage.to_json()['plays'][k]
         super().__init__(axes, about['words'], frames.touching[:, k])

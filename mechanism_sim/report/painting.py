@@ -18,7 +18,7 @@ from mechanism_sim.report.charts.chart import (
     MARKERS,
     SMALL,
     Chart,
-    Curve,
+    ChartCurve,
     Panel,
 )
 from mechanism_sim.report.picture import Picture
@@ -163,7 +163,7 @@ def _limit(axes: Any, panel: Panel) -> None:
             getattr(axes, f'set_{name}lim')(axis.low, axis.high)
 
 
-def _stroke(curve: Curve) -> dict[str, Any]:
+def _stroke(curve: ChartCurve) -> dict[str, Any]:
     look = LOOKS[curve.look]
     pattern = DASHES[curve.dash % len(DASHES)]
     hollow = curve.marker.endswith('-open')
@@ -175,7 +175,7 @@ def _stroke(curve: Curve) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _draw(axes: Any, panel: Panel, curve: Curve) -> list[Any]:
+def _draw(axes: Any, panel: Panel, curve: ChartCurve) -> list[Any]:
     """The artists of a curve; the last one has its data."""
     x = np.radians(curve.x) if panel.form == 'polar' else curve.x
     y, label = curve.y, curve.label or '_nolegend_'
@@ -205,7 +205,7 @@ def _draw(axes: Any, panel: Panel, curve: Curve) -> list[Any]:
     return found
 
 
-def _sample(curve: Curve) -> Any:
+def _sample(curve: ChartCurve) -> Any:
     """Sign of a curve in the legend."""
     if curve.form == 'area':
         return Patch(color=curve.shade, alpha=LOOKS[curve.look].opacity, lw=0.0)

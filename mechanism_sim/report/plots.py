@@ -8,7 +8,7 @@ from itertools import chain
 
 from mechanism_sim.analysis.series import sampled
 from mechanism_sim.export.palette import numbers
-from mechanism_sim.report.charts.chart import Axis, Chart, Curve, Over, Panel, joined
+from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Over, Panel, joined
 from mechanism_sim.report.charts.lines import against, chart, columns
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
@@ -81,7 +81,7 @@ def _hodographs(cycle: Cycle) -> Chart:
 
 def _paths(cycle: Cycle) -> Chart:
     """All paths in one panel, true to scale."""
-    found: list[Curve] = []
+    found: list[ChartCurve] = []
     for name in cycle.points:
         (panel,) = _over(cycle, f'position.{name}.x', f'position.{name}.y')
         for c in panel.curves:

@@ -16,7 +16,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.export.palette import ACCENT, INK
 from mechanism_sim.export.skeleton import bounds
-from mechanism_sim.export.stage import Frames, Stage, Swaying, stage_of
+from mechanism_sim.export.stage import Stage, StageFrames, Swaying, stage_of
 from mechanism_sim.report.brush import Brush
 from mechanism_sim.report.drawing import PATHS, rule, trace
 from mechanism_sim.report.labels import Labels, Move
@@ -169,7 +169,9 @@ class Screen:
 
         return show
 
-    def _callout(self, axes: Any, under: Any, lens: str, frames: Frames) -> Callable[[int], None]:
+    def _callout(
+        self, axes: Any, under: Any, lens: str, frames: StageFrames
+    ) -> Callable[[int], None]:
         """A line from the joint to its lens."""
         joint = self._record.machine.mechanism.joint(lens)
         if joint in self._stage.joints:
@@ -190,7 +192,7 @@ class Screen:
 
         return show
 
-    def _arrows(self, axes: Any, frames: Frames) -> Callable[[int], None]:
+    def _arrows(self, axes: Any, frames: StageFrames) -> Callable[[int], None]:
         """The force of the first-named on the second-named link of each joint, where it acts."""
         at, force = frames.acting(self._stage), frames.forces.transpose(1, 2, 0)  # (j, 2, N)
         size = np.hypot(*force.swapaxes(0, 1))

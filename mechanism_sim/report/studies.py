@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechanism_sim.export.palette import INK
-from mechanism_sim.report.charts.chart import Axis, Chart, Curve, Mark, Panel
+from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Mark, Panel
 from mechanism_sim.strict_json import plain
 from mechanism_sim.units import for_people
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # each is slow to load, and a command needs but one
     from mechanism_sim.studies.find import Finding
     from mechanism_sim.studies.identification import Result
     from mechanism_sim.studies.lift_off import LiftOff
-    from mechanism_sim.studies.periodic import Response
+    from mechanism_sim.studies.periodic import PeriodicResponse
     from mechanism_sim.studies.statistics import Statistics
 
 _MEAN = 'mean', 'half_width', 'unit'
@@ -29,7 +29,7 @@ _STABLE = {
 }
 
 
-def periodic(response: Response) -> str:
+def periodic(response: PeriodicResponse) -> str:
     """A periodic response for people."""
     sizes = ', '.join(f'{abs(m):.4g}' for m in response.multipliers)
     unit, scale = for_people('N s', response.impulse)
@@ -45,7 +45,7 @@ def periodic(response: Response) -> str:
     )
 
 
-def periodic_json(response: Response | None) -> dict[str, object]:
+def periodic_json(response: PeriodicResponse | None) -> dict[str, object]:
     """The same as JSON; a machine that does not repeat has ``period: null``."""
     if response is None:
         return {'period': None}
@@ -147,11 +147,11 @@ def finding_chart(finding: Finding, title: str) -> Chart:
     """The figure over the parameter, with what was wanted and found."""
     unit, scale = for_people(finding.unit)
     x, y = np.array(finding.curve).T
-    curves = [Curve(x, scale * y, finding.goal.name, marker='circle')]
+    curves = [ChartCurve(x, scale * y, finding.goal.name, marker='circle')]
     if found := finding.found:
         at, figures = (np.array([getattr(f, k) for f in found]) for k in ('value', 'figure'))
         curves.append(
-            Curve(at, scale * figures, 'found', '', INK, form='dots', marker='circle-open',
+            ChartCurve(at, scale * figures, 'found', '', INK, form='dots', marker='circle-open',
                   texts=[f'{value:.4g}' for value in at])
         )  # fmt: skip
     wanted = finding.wanted

@@ -12,13 +12,13 @@ import numpy as np
 
 from mechanism_sim import text_table
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.report.charts.chart import DASHES, MARKERS, Axis, Chart, Curve, Panel
+from mechanism_sim.report.charts.chart import DASHES, MARKERS, Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.figures import check_picture
 from mechanism_sim.strict_json import plain
 from mechanism_sim.studies.effects import effects, exceedances, measures_of, number
-from mechanism_sim.studies.plan import REPEAT, Plan
+from mechanism_sim.studies.plan import REPEAT, SweepPlan
 from mechanism_sim.studies.runs import Row, has_failed
-from mechanism_sim.studies.sweep import Summary
+from mechanism_sim.studies.sweep import SweepSummary
 from mechanism_sim.units import for_people
 
 _PANELS = (
@@ -29,7 +29,7 @@ _PANELS = (
 _MOST_ROWS, _MOST_TICKS = 40, 8
 
 
-def render(summary: Summary, plan: Plan, rows: Sequence[Row]) -> str:
+def render(summary: SweepSummary, plan: SweepPlan, rows: Sequence[Row]) -> str:
     """The outcome of a sweep for people: its figures if they are few, its failures, its table."""
     lines = _few(plan, rows) if len(rows) <= _MOST_ROWS else []
     lines += _spreads(plan, rows)
@@ -52,7 +52,7 @@ def render(summary: Summary, plan: Plan, rows: Sequence[Row]) -> str:
     )
 
 
-def _few(plan: Plan, rows: Sequence[Row]) -> list[str]:
+def _few(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
     """A line for each run: its measures, or its impacts, and what was swept."""
     measures = plan.measured
     table: list[list[str]] = []
@@ -106,7 +106,7 @@ def _text(value: float) -> str:
     return f'{value:.6g}' if math.isfinite(value) else 'none'
 
 
-def _spreads(plan: Plan, rows: Sequence[Row]) -> list[str]:
+def _spreads(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
     """How measures are distributed over the runs, what does it, and who exceeds limits."""
     measures = plan.measured
     if not measures or len(rows) < 2:
@@ -150,7 +150,7 @@ def _spreads(plan: Plan, rows: Sequence[Row]) -> list[str]:
     return lines
 
 
-def to_json(summary: Summary, plan: Plan, rows: Sequence[Row]) -> dict[str, Any]:
+def to_json(summary: SweepSummary, plan: SweepPlan, rows: Sequence[Row]) -> dict[str, Any]:
     """The outcome as JSON: the summary, and effects and shares of what was measured."""
     if not plan.measures:
         return dict(vars(summary))
@@ -167,14 +167,14 @@ def _mean_text(row: Row, name: str, scale: float) -> str:
 
 
 @dataclass(frozen=True)
-class Asked:
+class SweepChart:
     """A picture to be drawn of a sweep, over the values at the path `over`."""
 
     file: Path
     over: str
 
 
-def chart_of(plan: Plan, file: str | None, over: str | None) -> Asked | None:
+def chart_of(plan: SweepPlan, file: str | None, over: str | None) -> SweepChart | None:
     """What is asked for; nothing without a file."""
     if file is None:
         if over is not None:
@@ -191,10 +191,10 @@ def chart_of(plan: Plan, file: str | None, over: str | None) -> Asked | None:
     chosen = over or (numeric[-1] if numeric else None)
     if chosen not in numeric:
         raise InputError(f'--plot {file}: this needs a swept value that is a number in every run')
-    return Asked(path, chosen)
+    return SweepChart(path, chosen)
 
 
-def sweep_chart(asked: Asked, plan: Plan, rows: Sequence[Row]) -> Chart:
+def sweep_chart(asked: SweepChart, plan: SweepPlan, rows: Sequence[Row]) -> Chart:
     """Impulses, impacts and I_n over a swept value, a line for each of the other values.
 
     Bars are 95 % confidence intervals; repetitions are put together.
@@ -213,7 +213,7 @@ def sweep_chart(asked: Asked, plan: Plan, rows: Sequence[Row]) -> Chart:
 Lines = dict[str, dict[float, list[Row]]]
 
 
-def _lines(asked: Asked, plan: Plan, rows: Sequence[Row]) -> Lines:
+def _lines(asked: SweepChart, plan: SweepPlan, rows: Sequence[Row]) -> Lines:
     """Finished rows by line of the picture and by place on it."""
     lines: Lines = {}
     for run, row in zip(plan.runs, rows, strict=True):
@@ -227,17 +227,19 @@ def _lines(asked: Asked, plan: Plan, rows: Sequence[Row]) -> Lines:
     return lines
 
 
-def _curve(places: dict[float, list[Row]], name: str, scale: float, label: str, k: int) -> Curve:
+def _curve(
+    places: dict[float, list[Row]], name: str, scale: float, label: str, k: int
+) -> ChartCurve:
     xs = sorted(places)
     means = [[number(row, name) * scale for row in places[x]] for x in xs]
     halves = [[number(row, f'{name}_half_width') * scale for row in places[x]] for x in xs]
     y = np.array([sum(m) / len(m) for m in means])
     error = np.array([math.hypot(*h) / len(h) for h in halves])
-    return Curve(np.array(xs), y, label, '', k, k % len(DASHES), marker=MARKERS[k % len(MARKERS)],
-                 error=error)  # fmt: skip
+    marker = MARKERS[k % len(MARKERS)]
+    return ChartCurve(np.array(xs), y, label, '', k, k % len(DASHES), marker=marker, error=error)
 
 
-def _axis(asked: Asked, plan: Plan) -> Axis:
+def _axis(asked: SweepChart, plan: SweepPlan) -> Axis:
     """The values as the file has them, with their units, where there is room for them."""
     said: dict[float, Any] = {
         float(run.values[asked.over] or 0.0): run.given.get(asked.over) for run in plan.runs
@@ -248,7 +250,7 @@ def _axis(asked: Asked, plan: Plan) -> Axis:
     return Axis(words, 'SI')
 
 
-def effects_chart(plan: Plan, rows: Sequence[Row]) -> Chart:
+def effects_chart(plan: SweepPlan, rows: Sequence[Row]) -> Chart:
     """Main effects: a row for each measure, a column for each factor, means with errors.
 
     Bars are two standard errors of a mean; the share is that of the variance which the factor
@@ -270,7 +272,9 @@ def effects_chart(plan: Plan, rows: Sequence[Row]) -> Chart:
                 np.array([by * getattr(level, k) for level in levels])
                 for by, k in ((scale, 'mean'), (2.0 * scale, 'error'))
             )
-            curve = Curve(np.array(x, np.float64), mean, of=factor, marker='circle', error=error)
+            curve = ChartCurve(
+                np.array(x, np.float64), mean, of=factor, marker='circle', error=error
+            )
             said = f'{100.0 * e.share:.0f} %' if e and math.isfinite(e.share) else ''
             said += f', total index {e.total[0]:.2f}' if e and e.total else ''
             short = '.'.join(factor.split('.')[-3:])

@@ -11,11 +11,11 @@ from mechanism_sim import text_table
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import GROUND, INK, LINKS
 from mechanism_sim.numerics.polynomials import TWO_PI
-from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, Curve, Mark, Panel, whole
+from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, ChartCurve, Mark, Panel, whole
 from mechanism_sim.report.charts.lines import colours
 from mechanism_sim.strict_json import plain
 from mechanism_sim.studies.harmonics import Harmonics
-from mechanism_sim.studies.modes import CriticalSpeed, Mode, Station
+from mechanism_sim.studies.modes import CriticalSpeed, NormalMode, Station
 from mechanism_sim.studies.response import ComplexArray, FrequencyResponse
 
 _UNDAMPED = 1e-9  # damping ratio up to which there is none but for rounding
@@ -72,7 +72,7 @@ def modes_json(table: ModeTable) -> dict[str, Any]:
     return found
 
 
-def _mode(mode: Mode) -> dict[str, Any]:
+def _mode(mode: NormalMode) -> dict[str, Any]:
     return {
         'frequency': mode.frequency,
         'damping_ratio': mode.damping_ratio,
@@ -131,16 +131,16 @@ def modes_text(table: ModeTable) -> str:
     return '\n'.join(lines)
 
 
-def _frequency(mode: Mode) -> str:
+def _frequency(mode: NormalMode) -> str:
     """Natural frequency [Hz]; none of a real root alone, 0 of a rigid-body mode."""
     return '-' if len(mode.roots) == 1 and mode.time_constants else f'{mode.frequency:.6g}'
 
 
-def _damping_ratio(mode: Mode) -> str:
+def _damping_ratio(mode: NormalMode) -> str:
     return '-' if mode.damping_ratio is None else f'{mode.damping_ratio:.6g}'
 
 
-def _time_constants(mode: Mode) -> str:
+def _time_constants(mode: NormalMode) -> str:
     """Of one or two real roots, and of which a motion grows."""
     shown = [f'{abs(x):.6g}{" (grows)" if x < 0.0 else ""}' for x in mode.time_constants]
     return ' and '.join(shown) or '-'
@@ -172,15 +172,17 @@ def modes_chart(table: ModeTable, title: str) -> Chart:
     x = np.array([table.abscissa(s) for s in table.stations])
     count = min(len(s.oscillating) for s in table.stations)
     curves = [
-        Curve(x, np.array([s.oscillating[k].frequency for s in table.stations]), f'mode {k + 1}',
-              colour=k, dash=k // len(LINKS))
+        ChartCurve(
+            x, np.array([s.oscillating[k].frequency for s in table.stations]), f'mode {k + 1}',
+            colour=k, dash=k // len(LINKS),
+        )
         for k in range(count)
     ]  # fmt: skip
     if table.over == 'speed':
-        curves.append(Curve(x, np.abs(x) / TWO_PI, 'rotation', colour=GROUND, look='fine'))
+        curves.append(ChartCurve(x, np.abs(x) / TWO_PI, 'rotation', colour=GROUND, look='fine'))
         w = np.array([critical.speed for critical in table.critical], np.float64)
         curves.append(
-            Curve(w, np.abs(w) / TWO_PI, 'critical speed', '', INK, form='dots',
+            ChartCurve(w, np.abs(w) / TWO_PI, 'critical speed', '', INK, form='dots',
                   marker='circle-open')
         )  # fmt: skip
     axis = Axis(f'{table.over} of {table.main}', 'rad/s' if table.over == 'speed' else 'rad')
@@ -188,13 +190,13 @@ def modes_chart(table: ModeTable, title: str) -> Chart:
     return Chart('frequencies', title, (panel,))
 
 
-def _shape(mode: Mode) -> Panel:
+def _shape(mode: NormalMode) -> Panel:
     """A mode shape: real parts, and imaginary ones where the parts do not move in step."""
     places = np.arange(len(mode.shape), dtype=np.float64)
     z = np.array([*mode.shape.values()])
-    curves = [Curve(places, z.real, 'now', form='stems', marker='circle')]
+    curves = [ChartCurve(places, z.real, 'now', form='stems', marker='circle')]
     if np.abs(z.imag).max() > 1e-9:
-        curves.append(Curve(places, z.imag, 'a quarter period later', '', 1, form='stems',
+        curves.append(ChartCurve(places, z.imag, 'a quarter period later', '', 1, form='stems',
                             marker='circle-open'))  # fmt: skip
     head = f'{mode.frequency:.4g} Hz'
     if mode.damping_ratio is not None:
@@ -251,11 +253,11 @@ def response_chart(found: FrequencyResponse, title: str) -> Chart:
     for unit in dict.fromkeys(_per(found, name) for name in names):
         sizes = {n: np.abs(found.amplitudes[n]) for n in names if _per(found, n) == unit}
         log = all((y > 0.0).any() for y in sizes.values())
-        curves = tuple(Curve(found.frequency, y, n, n, shades[n]) for n, y in sizes.items())
+        curves = tuple(ChartCurve(found.frequency, y, n, n, shades[n]) for n, y in sizes.items())
         head = next(iter(sizes)) if len(sizes) == 1 else ''
         panels.append(Panel(x, Axis('amplitude', unit, log=log), curves, head))
     phases = tuple(
-        Curve(found.frequency, np.degrees(np.unwrap(np.angle(z))), name, name, shades[name])
+        ChartCurve(found.frequency, np.degrees(np.unwrap(np.angle(z))), name, name, shades[name])
         for name, z in found.amplitudes.items()
     )
     return Chart('response', title, (*panels, Panel(x, Axis('phase', 'deg'), phases)), 'frequency')
@@ -309,7 +311,9 @@ def harmonics_chart(found: Harmonics, title: str) -> Chart:
     for k, (name, s) in enumerate(found.series.items()):
         number = np.arange(1.0, len(s.amplitudes) + 1.0)
         x = Axis(f'harmonic of {1.0 / found.period:.6g} Hz', every=whole(len(number)))
-        curve = Curve(number, np.abs(s.amplitudes), name, name, k, form='stems', marker='circle')
+        curve = ChartCurve(
+            number, np.abs(s.amplitudes), name, name, k, form='stems', marker='circle'
+        )
         y = Axis('amplitude', found.units[name], low=0.0)
         panels.append(Panel(x, y, (curve,), name, height=SMALL + 0.3))
     return Chart('harmonics', title, tuple(panels), 'frequency')

@@ -19,7 +19,7 @@ from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.remarks import doubts, unused
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.scene.tilted_links import tilt_notes
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
@@ -194,7 +194,7 @@ def _drive(machine: Machine, coordinate: str) -> str:
         )
     given = machine.scene.drives.get(coordinate, machine.scene.drive)
     effort = given.effort if given else None
-    shown = f'{effort.value:g} {force}' if isinstance(effort, Measure) else effort
+    shown = f'{effort.value:g} {force}' if isinstance(effort, QuantityValue) else effort
     with_effort = '' if effort is None else f', with {shown}'
     if len(laws) > 1:
         return f'prescribed, a profile of speeds in {len(laws)} pieces{with_effort}'

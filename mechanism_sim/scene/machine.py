@@ -60,7 +60,7 @@ from mechanism_sim.scene.schema import Commands, JointPart, LinkPart, Scene
 from mechanism_sim.scene.start import Start
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.imu import InertialUnit
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.joint_forces import JointForces
 from mechanism_sim.vibration.shaken_frame import ShakenFrame
@@ -288,7 +288,7 @@ class Machine(Rich):
         }
         if self.closed_form:
             near = zip(self.closed_form.links[1:], self.closed_form.positions(angle), strict=True)
-            found = {c: Measure(float(x), 'rad') for c, x in near if math.isfinite(x)}
+            found = {c: QuantityValue(float(x), 'rad') for c, x in near if math.isfinite(x)}
             changed['guess'] = {**scene.guess, **found}
         return self._changed(changed)
 
@@ -329,7 +329,7 @@ class Machine(Rich):
         tree = self._changed(changed | {'guess': {}}).plan.ideal
         q, _ = converted(ideal, tree, self.assembly.q, self.assembly.v)
         guess = {
-            c: Measure(x, 'm' if c in tree.displacements else 'rad')
+            c: QuantityValue(x, 'm' if c in tree.displacements else 'rad')
             for c, x in zip(tree.coordinates, q.tolist(), strict=True)
         }
         return self._changed(changed | {'guess': guess})

@@ -15,7 +15,7 @@ from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.schema import DrivePart
 from mechanism_sim.scene.tilted_links import tilted
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 
 Values = dict[str, float]
 
@@ -143,7 +143,11 @@ def read_bodies(
 
 
 def read_values(
-    names: Names, where: str, given: Mapping[str, Measure], tree: Mechanism, units: tuple[str, str]
+    names: Names,
+    where: str,
+    given: Mapping[str, QuantityValue],
+    tree: Mechanism,
+    units: tuple[str, str],
 ) -> Values:
     """Quantities by coordinate, in the first of the units for angles, else in the second."""
     return {
@@ -155,7 +159,7 @@ def read_values(
     }
 
 
-def floats(names: Names, name: str, measure: Measure, tree: Mechanism) -> bool:
+def floats(names: Names, name: str, measure: QuantityValue, tree: Mechanism) -> bool:
     """True if a quantity is one of a link that hangs on loose joints, and of `tree` is none.
 
     That is its place, ``LINK.x`` and ``LINK.y``, or the angle of a link that a guide of

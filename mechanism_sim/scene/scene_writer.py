@@ -15,7 +15,7 @@ from mechanism_sim.keys.quantities import Part, meanings
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.facts import Facts, facts_of
 from mechanism_sim.scene.schema import AnyScene, LinkPart
-from mechanism_sim.units import Measure, to_si
+from mechanism_sim.units import to_si
 
 WIDTH, COLUMN = 99, 40
 """Of the file, and where comments begin."""
@@ -206,7 +206,7 @@ def _entry(name: str, data: Any, note: str) -> Iterator[Row]:
 
 def _default(value: Any, facts: Facts) -> Any:
     """A default as it is written: a quantity with its unit where there is one."""
-    if isinstance(value, Measure):
+    if isinstance(value, QuantityValue):
         return _quantity(value.value, value.unit)
     if isinstance(value, float) and len(facts.quantities) == 1:
         (unit,) = facts.quantities[0].units[:1]

@@ -48,11 +48,11 @@ from mechanism_sim.scene.tilted_links import TiltPart
 from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import SensorSource
 from mechanism_sim.sensing.presets import PRESETS
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 from mechanism_sim.vibration.frame import Frame
 
-Place = Annotated[Measure, si_of('rad', 'm')]
-Pace = Annotated[Measure, si_of('rad/s', 'm/s')]
+Place = Annotated[QuantityValue, si_of('rad', 'm')]
+Pace = Annotated[QuantityValue, si_of('rad/s', 'm/s')]
 PerSpeed = Annotated[float, si('N s/m')]
 PerPosition = Annotated[float, si('N/m')]
 Vector = tuple[Position, Position]

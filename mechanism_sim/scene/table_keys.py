@@ -15,13 +15,13 @@ from mechanism_sim.catalogue import TABLE_FOLDERS
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.keys.quantities import Part, si_of
 from mechanism_sim.numerics.curves import Curve, through
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 
 _ALONG = 'rad', 'm', 's', 'rad/s', 'm/s', ''
 _VALUES = 'N', 'N m', ''
 
-Along = Annotated[Measure, si_of(*_ALONG)]
-Value = Annotated[Measure, si_of(*_VALUES)]
+Along = Annotated[QuantityValue, si_of(*_ALONG)]
+Value = Annotated[QuantityValue, si_of(*_VALUES)]
 
 
 class TablePart(Part):

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from mechanism_sim.keys.quantities import Angle, Part, Quantity, Rate, Time, si
 from mechanism_sim.numerics.rational import Rational
-from mechanism_sim.units import Measure, to_si_of
+from mechanism_sim.units import QuantityValue, to_si_of
 
 TWO_PI = 2.0 * math.pi
 
@@ -99,7 +99,7 @@ class Trigger(Part):
     """Of a block; without it a block ends where the next begins."""
 
 
-def _reading(value: Any) -> Measure:
+def _reading(value: Any) -> QuantityValue:
     """A quantity in the unit of the measured one, which the sensor checks."""
     measure = to_si_of(value, tuple(QUANTITIES.values()))
     if not 0.0 <= measure.value < math.inf:
@@ -107,7 +107,7 @@ def _reading(value: Any) -> Measure:
     return measure
 
 
-Reading = Annotated[Measure, Quantity(_reading, tuple(QUANTITIES.values()))]
+Reading = Annotated[QuantityValue, Quantity(_reading, tuple(QUANTITIES.values()))]
 
 
 class Converter(Part):
@@ -138,7 +138,7 @@ class Hum(Part):
 class Noise(Part):
     """White noise of the samples, and hum."""
 
-    rms: Reading = Measure(0.0, '')
+    rms: Reading = QuantityValue(0.0, '')
     """Of white noise, in the unit of the measured quantity."""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
     """Of noise and jitter."""

@@ -10,7 +10,7 @@ from mechanism_sim.results.measures import Measurement
 from mechanism_sim.scene import Machine
 
 
-class Figure(NamedTuple):
+class ResultColumn(NamedTuple):
     """A column of numbers of a table of runs."""
 
     name: str
@@ -19,12 +19,12 @@ class Figure(NamedTuple):
 
 
 MEANS = (
-    Figure('impacts', '', 'impacts per revolution'),
-    Figure('impulse', 'N s', 'sum of normal impulses per revolution'),
-    Figure('losses_of_contact', '', 'losses of contact per revolution'),
-    Figure('share_of_flight', '', 'share of the time in flight, mean of the loose joints'),
-    Figure('dissipated', 'J', 'energy dissipated per revolution'),
-    Figure('I_n', 'N s', 'normal impulse per impact'),
+    ResultColumn('impacts', '', 'impacts per revolution'),
+    ResultColumn('impulse', 'N s', 'sum of normal impulses per revolution'),
+    ResultColumn('losses_of_contact', '', 'losses of contact per revolution'),
+    ResultColumn('share_of_flight', '', 'share of the time in flight, mean of the loose joints'),
+    ResultColumn('dissipated', 'J', 'energy dissipated per revolution'),
+    ResultColumn('I_n', 'N s', 'normal impulse per impact'),
 )
 """Figures with a confidence interval: those of `Tally.table`, and the ratio of two of them."""
 
@@ -34,14 +34,16 @@ FIGURES = (
         for mean in MEANS
         for column in (
             mean,
-            Figure(f'{mean.name}_half_width', mean.unit, 'half of its 95 % confidence interval'),
+            ResultColumn(
+                f'{mean.name}_half_width', mean.unit, 'half of its 95 % confidence interval'
+            ),
         )
     ),
-    Figure('revolutions', '', 'of the crank that these figures are made of'),
-    Figure('largest_impulse', 'N s', 'of an impact'),
-    Figure('largest_force', 'N', 'in any joint, between impacts'),
-    Figure('max_penetration', 'm', 'deepest violation of an open gap, whole run'),
-    Figure('energy_residual', 'J', 'what the energy balance leaves over, whole run'),
+    ResultColumn('revolutions', '', 'of the crank that these figures are made of'),
+    ResultColumn('largest_impulse', 'N s', 'of an impact'),
+    ResultColumn('largest_force', 'N', 'in any joint, between impacts'),
+    ResultColumn('max_penetration', 'm', 'deepest violation of an open gap, whole run'),
+    ResultColumn('energy_residual', 'J', 'what the energy balance leaves over, whole run'),
 )
 """Numbers of a row, besides its steps, its digest and its status."""
 
@@ -55,16 +57,16 @@ def of_sensors(machine: Machine, given: Sequence[Measure] = ()) -> list[Measure]
     return read_all([text for text in texts if text not in known], machine.name)
 
 
-def own_columns(machine: Machine, measures: Sequence[Measure] = ()) -> list[Figure]:
+def own_columns(machine: Machine, measures: Sequence[Measure] = ()) -> list[ResultColumn]:
     """Figures that a machine has beside `FIGURES`: of joints and drives, and measures."""
     physics, found = machine.physics, []
     if physics.has_forces:
         found += [
-            Figure(f'largest_force.{joint}', 'N', 'in this joint, between impacts')
+            ResultColumn(f'largest_force.{joint}', 'N', 'in this joint, between impacts')
             for joint in physics.joints
         ]
         found += [
-            Figure(
+            ResultColumn(
                 f'largest_torque.{c}',
                 'N' if c in physics.displacements else 'N m',
                 'of this drive, between impacts, with its sign',
@@ -73,10 +75,10 @@ def own_columns(machine: Machine, measures: Sequence[Measure] = ()) -> list[Figu
         ]
     for joint in physics.clearances:
         found += [
-            Figure(f'impacts.{joint}', '', 'in this joint, in the whole window'),
-            Figure(f'largest_impulse.{joint}', 'N s', 'of an impact in this joint'),
+            ResultColumn(f'impacts.{joint}', '', 'in this joint, in the whole window'),
+            ResultColumn(f'largest_impulse.{joint}', 'N s', 'of an impact in this joint'),
         ]
     if measures:
         units = Measurement(machine, measures).units()
-        found += [Figure(m.name, units[m.name], m.text) for m in measures]
+        found += [ResultColumn(m.name, units[m.name], m.text) for m in measures]
     return found

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.studies.design import INDICES
-from mechanism_sim.studies.plan import Plan
+from mechanism_sim.studies.plan import SweepPlan
 from mechanism_sim.studies.runs import Row
 
 CLASSES = 8
@@ -22,7 +22,7 @@ _LEAST = 5  # runs of a class
 
 
 @dataclass(frozen=True)
-class Level:
+class FactorLevel:
     """A value of a factor, or a class of values: `x` in SI units, or a text."""
 
     x: float | str
@@ -46,7 +46,7 @@ class Effect:
 
     factor: str
     measure: str
-    levels: tuple[Level, ...]
+    levels: tuple[FactorLevel, ...]
     effect: float
     share: float
     first: tuple[float, float, float] | None = None
@@ -66,12 +66,12 @@ class Exceedance:
     high: float
 
 
-def measures_of(plan: Plan) -> list[str]:
+def measures_of(plan: SweepPlan) -> list[str]:
     """The figures whose effects are wanted: the measures, or those of a row without any."""
     return plan.measure_names or ['impulse', 'impacts', 'I_n']
 
 
-def effects(plan: Plan, rows: Sequence[Row]) -> list[Effect]:
+def effects(plan: SweepPlan, rows: Sequence[Row]) -> list[Effect]:
     """The effect of every swept value on every measure; none of what never varies."""
     found = []
     for measure in measures_of(plan):
@@ -93,7 +93,7 @@ def effects(plan: Plan, rows: Sequence[Row]) -> list[Effect]:
     return found
 
 
-def exceedances(plan: Plan, rows: Sequence[Row]) -> list[Exceedance]:
+def exceedances(plan: SweepPlan, rows: Sequence[Row]) -> list[Exceedance]:
     """Which share of the runs exceeds each limit of the sweep."""
     found = []
     for name, limit in plan.limits.items():
@@ -118,7 +118,7 @@ def number(row: Row, name: str) -> float:
     return float(value) if isinstance(value, int | float) else math.nan
 
 
-def _levels(x: NDArray[Any], y: Array) -> list[Level]:
+def _levels(x: NDArray[Any], y: Array) -> list[FactorLevel]:
     """Means of figures at each value, or in classes of equally many runs."""
     known = np.isfinite(y)
     x, y = x[known], y[known]
@@ -138,11 +138,11 @@ def _levels(x: NDArray[Any], y: Array) -> list[Level]:
     for value, rows in groups:
         n = len(rows)
         error = float(y[rows].std(ddof=1) / math.sqrt(n)) if n > 1 else math.nan
-        levels.append(Level(value, float(y[rows].mean()), error, n))
+        levels.append(FactorLevel(value, float(y[rows].mean()), error, n))
     return levels
 
 
-def _share(levels: Sequence[Level], y: Array) -> float:
+def _share(levels: Sequence[FactorLevel], y: Array) -> float:
     """Epsilon squared: explained variance without what chance explains."""
     y = y[np.isfinite(y)]
     n, k = len(y), len(levels)
@@ -154,7 +154,7 @@ def _share(levels: Sequence[Level], y: Array) -> float:
     return max(0.0, 1.0 - within * (n - 1) / total)
 
 
-def _indices(plan: Plan, y: Array) -> dict[str, Any]:
+def _indices(plan: SweepPlan, y: Array) -> dict[str, Any]:
     """First and total indices with their intervals, by factor."""
     if plan.design is None or plan.design.kind != INDICES or not np.isfinite(y).all():
         return {}

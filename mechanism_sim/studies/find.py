@@ -21,7 +21,7 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.parameters import Parameter, parameters
-from mechanism_sim.studies.runs import Call, Row, Rows, Show, Workers, has_failed
+from mechanism_sim.studies.runs import Call, FinishedRows, Row, Show, Workers, has_failed
 from mechanism_sim.units import to_si_like
 
 _ROUNDING = 1e-12
@@ -118,7 +118,7 @@ def find(
     places: Array = np.linspace(ends[0], ends[1], samples)
     with workers or Workers(1) as pool:
         tasks = [Call(str(k), curve.point, (place,)) for k, place in enumerate(places.tolist())]
-        known = pool.do(tasks, Rows(), show)
+        known = pool.do(tasks, FinishedRows(), show)
         rows = [known[task.key] for task in tasks]
         figures: Array = np.array([row.get('figure', math.nan) for row in rows])
         failed = tuple(

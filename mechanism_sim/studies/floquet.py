@@ -20,7 +20,7 @@ from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.results.run import Runner
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
-from mechanism_sim.studies.modes import Mode, Roots, Station, about, derivatives
+from mechanism_sim.studies.modes import NormalMode, Roots, Station, about, derivatives
 
 _TURNS = 400  # after which a machine that has not settled is given up
 _NEAR = 1e-2  # change from turn to turn from which Newton's method takes over
@@ -29,7 +29,7 @@ _STEP = 1e-5  # of differences, over the size of coordinates
 _FADED = 1e-7  # multipliers below it are rounding
 
 
-class Turns:
+class FloquetMap:
     """The map of a machine that a torque turns, from one state to the one a time later.
 
     States are those of k independent coordinates: their values and rates (2 k,), over `scale`.
@@ -156,7 +156,7 @@ def repeated(machine: Machine) -> Station:
             'the other: there are no modes; look at its motion by solve'
         )
     state, period, speed = _settled(machine)
-    turns = Turns(machine, state, speed)
+    turns = FloquetMap(machine, state, speed)
     x, period, J = _repeated(machine, turns, period)
     values, vectors = np.linalg.eig(J)
     faded = np.abs(values) < _FADED
@@ -170,7 +170,9 @@ def repeated(machine: Machine) -> Station:
         amplitudes = shape / shape[np.abs(shape).argmax()] * turns.scale[: len(shape)]
         amplitudes /= turns.scale[np.abs(shape).argmax()]
         found.append(
-            Mode(Roots.of(complex(root)), dict(zip(turns.names, amplitudes.tolist(), strict=True)))
+            NormalMode(
+                Roots.of(complex(root)), dict(zip(turns.names, amplitudes.tolist(), strict=True))
+            )
         )
     found.sort(key=lambda mode: mode.roots.size)
     pace = math.copysign(2.0 * np.pi / period, speed)
@@ -212,7 +214,7 @@ def _settled(machine: Machine) -> tuple[State, float, float]:
     )
 
 
-def _repeated(machine: Machine, turns: Turns, period: float) -> tuple[Array, float, Array]:
+def _repeated(machine: Machine, turns: FloquetMap, period: float) -> tuple[Array, float, Array]:
     """The state and the period of the motion that repeats itself, by Newton's method.
 
     Returns

@@ -32,7 +32,7 @@ from mechanism_sim.studies.modes import (
 from mechanism_sim.studies.response import (
     DERIVATIVES,
     FrequencyResponse,
-    Source,
+    HarmonicSource,
     frame_units,
     unit_of,
 )
@@ -157,7 +157,7 @@ def unbalance_response(
         kind, _, rest = name.partition('.')
         amplitude = z[:, one.derivatives.coordinates.index(rest)]
         found[name] = (1j * w) ** DERIVATIVES[kind] * amplitude
-    source = Source(f'rotation of {main}', '')
+    source = HarmonicSource(f'rotation of {main}', '')
     return FrequencyResponse(source, w / (2.0 * np.pi), found, units)
 
 

@@ -34,7 +34,7 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.kernel_regression import KernelRegression
 from mechanism_sim.results.sensor_record import SensorRecord
 from mechanism_sim.studies.parameters import Parameter
-from mechanism_sim.studies.runs import Call, Row, Rows, Show, Workers, has_failed
+from mechanism_sim.studies.runs import Call, FinishedRows, Row, Show, Workers, has_failed
 
 ROUNDS = (128, 48, 48, 48)
 """Simulations of each round; those of earlier rounds that lie in the box serve again."""
@@ -48,7 +48,7 @@ _LOST = 0.05  # likeness below which a box seems not to hold the truth any more
 
 
 @dataclass(frozen=True)
-class Estimate:
+class IdentifiedParameter:
     """A parameter that was looked for.
 
     Attributes
@@ -86,7 +86,7 @@ class Result:
         if it is nearly 0, the scene or its chain is not that of the measurement
     """
 
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[IdentifiedParameter, ...]
     correlation: Array
     simulations: int
     failed: int
@@ -135,7 +135,7 @@ class Identification:
         show: Show | None = None,
     ) -> None:
         self.measurements, self.parameters = tuple(measurements), tuple(parameters)
-        self._made = Rows()
+        self._made = FinishedRows()
         self._workers, self._show = workers or Workers(1), show
         self._random = np.random.default_rng(seed)
         self.low = np.array([p.to_scale(p.low) for p in parameters])
@@ -196,7 +196,7 @@ class Identification:
             middle = float(np.clip(np.median(may_be[:, k]), *limits))
             share = float(np.ptp(limits) / (self.high[k] - self.low[k]))
             below, above = map(p.value, limits.tolist())
-            estimates.append(Estimate(p, p.value(middle), below, above, share))
+            estimates.append(IdentifiedParameter(p, p.value(middle), below, above, share))
         misfit, likeness = _likeness(near, fits, observed)
         correlation = np.atleast_2d(np.corrcoef(may_be.T))
         return Result(

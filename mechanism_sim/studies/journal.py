@@ -15,13 +15,13 @@ from typing import Any, Self
 
 from mechanism_sim import output, strict_json
 from mechanism_sim.errors import InputError
-from mechanism_sim.studies.runs import Rows, RunResult, has_failed
+from mechanism_sim.studies.runs import FinishedRows, RunResult, has_failed
 
 _RULING = ('mechanism_sim', 'heyoka', 'numpy')
 """Packages whose version may change the last digit, and with it the impacts of a long run."""
 
 
-class Journal(Rows):
+class Journal(FinishedRows):
     """The finished runs of a study, on disk.
 
     Parameters

@@ -95,7 +95,7 @@ class Roots(tuple[complex, ...]):
 
 
 @dataclass(frozen=True)
-class Mode:
+class NormalMode:
     """A free motion in which all coordinates keep their proportions and phases.
 
     Attributes
@@ -150,11 +150,11 @@ class Station(NamedTuple):
 
     position: dict[str, float]  #: of all coordinates, where they are linearised [rad, m]
     speed: float  #: of the drive [rad/s, m/s]
-    modes: list[Mode]
+    modes: list[NormalMode]
     faded: int = 0  #: modes besides that die out in less than a turn, too fast to be told
 
     @property
-    def oscillating(self) -> list[Mode]:
+    def oscillating(self) -> list[NormalMode]:
         """The modes that oscillate, the slowest first."""
         return [mode for mode in self.modes if mode.oscillates]
 
@@ -191,7 +191,7 @@ class LinearMachine:
         advice = "leave the frequency out, or give a spring 'damping'"
         return Vibrating(*self.matrices, self.machine.name, '', advice)
 
-    def modes(self) -> list[Mode]:
+    def modes(self) -> list[NormalMode]:
         """The slowest first."""
         M, C, K = self.matrices
         names = self.derivatives.coordinates
@@ -208,7 +208,7 @@ class LinearMachine:
         found = []
         for roots, z in natural_modes(M, C, K):
             shape = _shape([names[i] for i in free], B @ z, scale)
-            found.append(Mode(roots, shape, self._whirl(shape)))
+            found.append(NormalMode(roots, shape, self._whirl(shape)))
         return found
 
     def _whirl(self, shape: Mapping[str, complex]) -> float | None:
@@ -442,7 +442,7 @@ def steady_rates(machine: Machine, speed: float) -> Array:
     return rates
 
 
-def modes(machine: Machine) -> list[Mode]:
+def modes(machine: Machine) -> list[NormalMode]:
     """The modes of a machine, as `about`, and of its frames on springs."""
     return about(machine).modes
 
@@ -466,13 +466,13 @@ def about(machine: Machine, turning: bool = False) -> Station:
     return own._replace(modes=sorted([*found, *own.modes], key=lambda m: m.roots.size))
 
 
-def _frame_modes(machine: Machine, name: str) -> list[Mode]:
+def _frame_modes(machine: Machine, name: str) -> list[NormalMode]:
     """The modes of a frame, which the machine does not feel."""
     frame = machine.frame(name)
     scale = np.array([machine.plan.ideal.size, machine.plan.ideal.size, 1.0])[: frame.freedom]
     names = [f'{name}.{part}' for part in ('x', 'y', 'angle')[: frame.freedom]]
     return [
-        Mode(roots, _shape(names, z, scale))
+        NormalMode(roots, _shape(names, z, scale))
         for roots, z in natural_modes(frame.M, frame.C, frame.K)
     ]
 

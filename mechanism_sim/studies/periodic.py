@@ -23,7 +23,7 @@ from mechanism_sim.scene import Machine
 
 
 @dataclass(frozen=True)
-class Response:
+class PeriodicResponse:
     """A periodic response.
 
     Attributes
@@ -52,7 +52,7 @@ class Response:
         return None if abs(largest - 1.0) <= self.spread else largest < 1.0
 
 
-class Section:
+class PoincareMap:
     """The map of a machine from one passage of its start angle to a later one."""
 
     def __init__(self, machine: Machine) -> None:
@@ -119,7 +119,7 @@ def find_periodic(
     transient: int = 60,
     tolerance: float = 1e-9,
     progress: Callable[[str], None] = lambda _: None,
-) -> Response | None:
+) -> PeriodicResponse | None:
     """The periodic response that the machine settles to, if it has one.
 
     Parameters
@@ -133,7 +133,7 @@ def find_periodic(
     -------
     ``None`` if the motion does not come back after the transient, or Newton's method does not end.
     """
-    section = Section(machine)
+    section = PoincareMap(machine)
     progress(f'{transient} revolutions until it has settled')
     state, _, _ = section.map(machine.initial_state(), transient)
     visited = [state]
@@ -150,7 +150,9 @@ def find_periodic(
     return _refine(section, visited[-1], period, tolerance)
 
 
-def _refine(section: Section, state: State, period: int, tolerance: float) -> Response | None:
+def _refine(
+    section: PoincareMap, state: State, period: int, tolerance: float
+) -> PeriodicResponse | None:
     """Newton's method on what a period changes."""
     residual = np.inf
     for _ in range(12):
@@ -173,10 +175,12 @@ def _refine(section: Section, state: State, period: int, tolerance: float) -> Re
     # closed contacts may leave nothing free at the section: then there are no multipliers
     spread = max((abs(a - b) for a, b in zip(*by_size, strict=True)), default=0.0)
     found = tuple(complex(m) for m in by_size[0])
-    return Response(period, residual, state, impacts, impulse, found, float(spread))
+    return PeriodicResponse(period, residual, state, impacts, impulse, found, float(spread))
 
 
-def jacobian(section: Section, state: State, period: int, h: float = 1e-6) -> tuple[Array, Array]:
+def jacobian(
+    section: PoincareMap, state: State, period: int, h: float = 1e-6
+) -> tuple[Array, Array]:
     """How changes of the state grow in a period, by central differences.
 
     A closed contact leaves fewer directions free: changes are brought back into contact before

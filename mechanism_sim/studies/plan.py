@@ -32,11 +32,11 @@ from mechanism_sim.scene.files import (
 )
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies import windows
-from mechanism_sim.studies.columns import FIGURES, RESERVED, Figure, of_sensors, own_columns
+from mechanism_sim.studies.columns import FIGURES, RESERVED, ResultColumn, of_sensors, own_columns
 from mechanism_sim.studies.runs import Row
 from mechanism_sim.studies.schema import DesignPart, SweepFile, WindowsPart
 from mechanism_sim.tables import Column
-from mechanism_sim.units import Measure, to_si, to_si_like, to_si_text
+from mechanism_sim.units import QuantityValue, to_si, to_si_like, to_si_text
 
 if TYPE_CHECKING:
     from mechanism_sim.studies.design import Factor
@@ -98,7 +98,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Plan:
+class SweepPlan:
     """A sweep to be made.
 
     Attributes
@@ -119,7 +119,7 @@ class Plan:
     bags: bool
     windows: WindowsPart | None
     units: Mapping[str, str] = field(default_factory=dict)
-    own: tuple[Figure, ...] = ()
+    own: tuple[ResultColumn, ...] = ()
     measures: tuple[str, ...] = ()
     factors: tuple[Factor, ...] = ()
     design: DesignPart | None = None
@@ -136,7 +136,7 @@ class Plan:
         return [text.partition(' = ')[0] for text in self.measures]
 
     @property
-    def measured(self) -> list[Figure]:
+    def measured(self) -> list[ResultColumn]:
         """The measures, as figures of a row."""
         return [figure for figure in self.own if figure.name in self.measure_names]
 
@@ -171,7 +171,7 @@ class Plan:
         Columns: `labels`, `FIGURES`, those of the scene's own joints, drives and measures,
         ``steps``, ``digest``, ``status``, with units and meanings.
         """
-        last = (Figure(name, '', '') for name in ('steps', 'digest', 'status'))
+        last = (ResultColumn(name, '', '') for name in ('steps', 'digest', 'status'))
         figures = [
             Column(name, [row.get(name) for row in rows], unit, meaning)
             for name, unit, meaning in (*FIGURES, *self.own, *last)
@@ -182,7 +182,7 @@ class Plan:
 
 def read_plan(
     name: str, measures: Sequence[str] = (), show: Callable[[str], None] | None = None
-) -> Plan:
+) -> SweepPlan:
     """The sweep of a file, or of one that comes with the package.
 
     Parameters
@@ -204,7 +204,7 @@ def read_plan(
         n.startswith('sensors.') for m in taken for f in m.figures for n in f.names
     )
     factors, drawn = _drawn(path.name, file)
-    own: dict[str, Figure] = {}
+    own: dict[str, ResultColumn] = {}
     limits: dict[str, float] = {}
     measured: set[str] = set()
     listed, total = file.runs or [{}], math.prod(map(len, grid)) * len(drawn) * file.repeat
@@ -253,7 +253,7 @@ def read_plan(
             raise InputError(f'{where}: {error}') from error
     units = _units(columns, runs) | {f.path: f.unit for f in factors}
     design = file.design if factors else None
-    return Plan(
+    return SweepPlan(
         path.stem, file.title, extent, columns, tuple(runs), file.bags, file.windows, units,
         tuple(own.values()), kept, tuple(factors), design, limits,
     )  # fmt: skip
@@ -293,7 +293,7 @@ def _drawn(file: str, sweep: SweepFile) -> tuple[list[Factor], list[dict[str, fl
     return factors, [dict(zip(paths, row, strict=True)) for row in rows.tolist()]
 
 
-def _limits(file: str, sweep: SweepFile, own: Mapping[str, Figure]) -> dict[str, float]:
+def _limits(file: str, sweep: SweepFile, own: Mapping[str, ResultColumn]) -> dict[str, float]:
     """The limits in the units of their measures."""
     found = {}
     for name, text in sweep.limits.items():
@@ -358,7 +358,7 @@ def _value(scene: Scene, path: str) -> float | str | bool | None:
         place = place.get(part) if isinstance(place, Mapping) else getattr(place, part, None)
     if place is None or isinstance(place, bool | str | float | int):
         return place
-    if isinstance(place, Measure):
+    if isinstance(place, QuantityValue):
         return place.value
     return json.dumps(place.to_document() if isinstance(place, Part) else place)
 

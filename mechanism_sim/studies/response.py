@@ -28,7 +28,7 @@ _AXES = ('x', 'y')
 
 
 @dataclass(frozen=True)
-class Source:
+class HarmonicSource:
     """What shakes the machine harmonically, with an amplitude of one in SI units.
 
     Attributes
@@ -59,7 +59,7 @@ class FrequencyResponse:
     units : of the quantities
     """
 
-    source: Source
+    source: HarmonicSource
     frequency: Array
     amplitudes: dict[str, ComplexArray]
     units: dict[str, str]
@@ -71,7 +71,7 @@ def read_source(
     direction: float | None = None,
     torque: str | None = None,
     base: str | None = None,
-) -> Source:
+) -> HarmonicSource:
     """A source from names of the scene.
 
     Parameters
@@ -93,26 +93,26 @@ def read_source(
                 f'{nearest(base, prescribed)}; such are: {known}'
             )
         straight = base in machine.plan.ideal.displacements
-        return Source(f'base {base}', 'm' if straight else 'rad', base=base)
+        return HarmonicSource(f'base {base}', 'm' if straight else 'rad', base=base)
     option, reference = ('--force', force) if force is not None else ('--torque', torque)
     if str(reference).partition('.')[0] in machine.scene.oscillators:
         own = frames.load_on(machine, option, str(reference), direction)
         name = f'{option.strip("-")} {reference}'
         unit = 'N m' if direction is None else 'N'
-        return Source(name, unit, frame=(str(reference).partition('.')[0], own))
+        return HarmonicSource(name, unit, frame=(str(reference).partition('.')[0], own))
     with scene_errors(machine.name):
         point = machine.plan.find(option, str(reference))
     if point[0] == GROUND:
         raise InputError(f'{machine.name}: {option} {reference}: the ground does not move')
     if direction is None:
-        return Source(f'torque {torque}', 'N m', Excitation(point, None))
+        return HarmonicSource(f'torque {torque}', 'N m', Excitation(point, None))
     way = (math.cos(direction), math.sin(direction))
-    return Source(f'force {force}', 'N', Excitation(point, way))
+    return HarmonicSource(f'force {force}', 'N', Excitation(point, way))
 
 
 def response(
     machine: Machine,
-    source: Source,
+    source: HarmonicSource,
     quantities: Sequence[str],
     frequency: Array,
     speed: float = 0.0,
@@ -156,7 +156,7 @@ def response(
 
 
 def _frame_response(
-    machine: Machine, source: Source, quantities: Sequence[str], frequency: Array
+    machine: Machine, source: HarmonicSource, quantities: Sequence[str], frequency: Array
 ) -> FrequencyResponse:
     """That of a frame on springs to a load on itself."""
     assert source.frame  # noqa: S101 - the caller looked
@@ -189,7 +189,9 @@ def frame_units(
     return units
 
 
-def _steady(one: LinearMachine, source: Source, w: Array) -> tuple[ComplexArray, ComplexArray]:
+def _steady(
+    one: LinearMachine, source: HarmonicSource, w: Array
+) -> tuple[ComplexArray, ComplexArray]:
     """Amplitudes of all coordinates (N, n), and of the forces of closures (N, c)."""
     linear, B, free = one.linear, one.B, one.derivatives.free
     n = len(one.derivatives.coordinates)
@@ -246,7 +248,7 @@ def _amplitudes(
     w: Array,
     moved: ComplexArray,
     forces: ComplexArray,
-    source: Source,
+    source: HarmonicSource,
 ) -> ComplexArray:
     kind, _, rest = name.partition('.')
     if kind in DERIVATIVES:

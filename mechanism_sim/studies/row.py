@@ -22,14 +22,14 @@ from mechanism_sim.studies.columns import FIGURES
 from mechanism_sim.studies.plan import Extent
 from mechanism_sim.studies.run_bag import RunBag
 from mechanism_sim.studies.runs import Row
-from mechanism_sim.studies.statistics import Tally
+from mechanism_sim.studies.statistics import StatisticsTally
 
 if TYPE_CHECKING:
     from mechanism_sim.studies.shards import Channels, Shard
 
 
 @dataclass(frozen=True)
-class Task:
+class SweepTask:
     """One motion of a sweep; `bag` is a file to record it in.
 
     Runs that differ in their sensors only share a motion, and write a shard each.
@@ -74,13 +74,13 @@ class _Figures:
     since : when the first of them begins of which figures are made [s]
     """
 
-    def __init__(self, machine: Machine, task: Task) -> None:
+    def __init__(self, machine: Machine, task: SweepTask) -> None:
         self.edges, self._skip = task.extent.edges(machine)
         self.since = self.edges[self._skip]
         self._whole = bool(task.extent.revolutions)
         self._main = machine.physics.coordinates.index(machine.main)
         self._crank = np.full(len(self.edges), math.nan)  # its angle at the edges [rad]
-        self._tally, self._digest = Tally(self.edges), MotionDigest()
+        self._tally, self._digest = StatisticsTally(self.edges), MotionDigest()
         self._peaks = LoadPeaks(machine, self.since)
         self._struck: dict[str, list[float]] = {joint: [] for joint in machine.physics.clearances}
         self._taken = Measurement(machine, task.measures, self.since) if task.measures else None

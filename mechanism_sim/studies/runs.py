@@ -101,7 +101,7 @@ def has_failed(row: Row) -> bool:
     return bool(row['status'] != DONE)
 
 
-class Rows:
+class FinishedRows:
     """Rows of finished runs.
 
     Attributes
@@ -163,7 +163,9 @@ class Workers:
         self._lost, self._started = lost, ExitStack()
         self._submit: Callable[[Task], Any] | None = None
 
-    def do(self, tasks: Sequence[Task], rows: Rows, show: Show | None = None) -> dict[str, Row]:
+    def do(
+        self, tasks: Sequence[Task], rows: FinishedRows, show: Show | None = None
+    ) -> dict[str, Row]:
         """Add the rows of tasks as they are finished, and return all."""
         for finished in self._results(tasks):
             rows.add(finished)
@@ -173,7 +175,7 @@ class Workers:
 
     def do_all(self, tasks: Sequence[Task], show: Show | None = None) -> list[Row]:
         """The rows of tasks in their order; the first that fails raises its error."""
-        rows = Rows()
+        rows = FinishedRows()
         self.do(tasks, rows, show)
         for task in tasks:
             if error := rows.errors.get(task.key):

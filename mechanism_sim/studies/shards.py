@@ -20,7 +20,7 @@ from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Channel
-from mechanism_sim.studies.plan import Plan
+from mechanism_sim.studies.plan import SweepPlan
 from mechanism_sim.studies.runs import file_errors
 from mechanism_sim.studies.schema import WindowsPart
 from mechanism_sim.studies.windows import Cutter
@@ -62,7 +62,7 @@ class Shard:
         return ShardWriter(self, name, since, channels)
 
 
-def shards(plan: Plan, folder: Path) -> dict[int, Shard]:
+def shards(plan: SweepPlan, folder: Path) -> dict[int, Shard]:
     """The file of every run of a sweep with windows, by the number of the run."""
     assert plan.windows  # noqa: S101 - it has some
     columns, size = plan.labels(), plan.windows.samples
@@ -111,7 +111,7 @@ class ShardWriter:
         scene, windows = machine.scene, shard.windows
         self._main = machine.mechanism.coordinates.index(machine.main)
         self._sensors = [
-            _Sensor(shard, machine, n, since, channels) for n in windows.sensors_of(scene)
+            _ShardSensor(shard, machine, n, since, channels) for n in windows.sensors_of(scene)
         ]
         self._rows: list[dict[str, Any]] = []
         self._signals: list[np.ndarray[Any, Any]] = []
@@ -199,7 +199,7 @@ class ShardWriter:
             self._part.unlink(missing_ok=True)
 
 
-class _Sensor:
+class _ShardSensor:
     """A sensor of a shard: its channel, its cutter, and the labels of its rows."""
 
     def __init__(

@@ -37,7 +37,7 @@ class Statistics:
     measures: tuple[Mean, ...] = ()
 
 
-class Tally:
+class StatisticsTally:
     """Figures of a run in n intervals of time, all loose joints together.
 
     Parameters
@@ -117,7 +117,7 @@ def statistics(
         )
     T = machine.period
     taken = Measurement(machine, per_turn(measures, skip)) if measures else None
-    tally = Tally(np.arange(revolutions + 1.0) * T)
+    tally = StatisticsTally(np.arange(revolutions + 1.0) * T)
     observers = [tally.add, *([taken.add] if taken else [])]
     stream(machine, duration=revolutions * T, progress=progress, observers=observers).finish()
     *means, I_n = tally.means(skip)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from mechanism_sim import output, tables
 from mechanism_sim.errors import InputError
 from mechanism_sim.studies.journal import Journal, journal_of
-from mechanism_sim.studies.plan import Plan, Run
-from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.plan import Run, SweepPlan
+from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import Row, Show, Workers, has_failed
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ _LOST = 'the same command goes on from the finished runs, --workers 1 takes the 
 
 
 @dataclass(frozen=True)
-class Summary:
+class SweepSummary:
     """How a sweep went; `cpu_time` [s] is that of the runs computed now, over all workers."""
 
     sweep: str
@@ -41,7 +41,7 @@ class SweepInterrupted(Exception):  # noqa: N818 - nothing went wrong
 
 
 def sweep(
-    plan: Plan,
+    plan: SweepPlan,
     table: Path,
     workers: int | None = None,
     dask: str | None = None,
@@ -49,7 +49,7 @@ def sweep(
     windows: str | None = None,
     restart: bool = False,
     show: Show | None = None,
-) -> tuple[Summary, list[Row]]:
+) -> tuple[SweepSummary, list[Row]]:
     """Make the runs of a sweep that are not made yet, and write its table.
 
     Parameters
@@ -89,7 +89,7 @@ def sweep(
             ) from None
         rows = [journal.rows[run.key] for run in plan.runs]
         plan.write(table, rows)
-    summary = Summary(
+    summary = SweepSummary(
         plan.name,
         str(table),
         len(rows),
@@ -104,14 +104,14 @@ def sweep(
     return summary, rows
 
 
-def _is_complete(task: Task, row: Row | None) -> bool:
+def _is_complete(task: SweepTask, row: Row | None) -> bool:
     """True if a run need not be made: its row is known, and so are its windows if it has any."""
     if row is None:
         return False
     return has_failed(row) or all(shard.file.exists() for shard in task.shards)
 
 
-def _tasks(plan: Plan, bags: Path | None, windows: Path | None) -> list[Task]:
+def _tasks(plan: SweepPlan, bags: Path | None, windows: Path | None) -> list[SweepTask]:
     """What is to be computed: a motion for all runs that differ in their sensors only."""
     cut: dict[int, Shard] = {}
     if windows:
@@ -125,11 +125,11 @@ def _tasks(plan: Plan, bags: Path | None, windows: Path | None) -> list[Task]:
     for key, (run, *others) in sharing.items():
         bag = bags / f'{run.stem}.mcap' if bags else None
         files = tuple(cut[r.index] for r in (run, *others)) if cut else ()
-        tasks.append(Task(key, run.name, run.scene, plan.extent, bag, files, run.measures))
+        tasks.append(SweepTask(key, run.name, run.scene, plan.extent, bag, files, run.measures))
     return tasks
 
 
-def _bag_folder(plan: Plan, table: Path, bags: str | None) -> Path | None:
+def _bag_folder(plan: SweepPlan, table: Path, bags: str | None) -> Path | None:
     """Where runs are to be recorded, if they are."""
     if not bags and not plan.bags:
         return None
@@ -137,7 +137,9 @@ def _bag_folder(plan: Plan, table: Path, bags: str | None) -> Path | None:
     return output.make_folder(folder.resolve(), "the bags' folder ")
 
 
-def _window_folder(plan: Plan, table: Path, windows: str | None, restart: bool) -> Path | None:
+def _window_folder(
+    plan: SweepPlan, table: Path, windows: str | None, restart: bool
+) -> Path | None:
     """Where windows are to be written, if there are any; what is there of this sweep stays."""
     if not plan.windows:
         if windows:

@@ -67,7 +67,7 @@ def with_seed(scene: Scene, index: int, swept: Collection[str]) -> Scene:
     return scene.model_copy(update={'sensors': sensors})
 
 
-class Window(NamedTuple):
+class SampleWindow(NamedTuple):
     """Consecutive samples; `start` [s] is when the first is due."""
 
     start: float
@@ -96,7 +96,7 @@ class Cutter:
         """No window that is still to come begins before this time [s]."""
         return self._start + (self._index - 2) / self._rate
 
-    def cut(self, blocks: Iterable[Block]) -> Iterator[Window]:
+    def cut(self, blocks: Iterable[Block]) -> Iterator[SampleWindow]:
         """The windows that more blocks complete."""
         size, hop = self._windows.samples, self._windows.hop
         for block in blocks:
@@ -107,6 +107,6 @@ class Cutter:
             while len(self._samples) >= size:
                 start = self._start + self._index / self._rate
                 if start >= self._since:
-                    yield Window(start, self._samples[:size])
+                    yield SampleWindow(start, self._samples[:size])
                 self._samples = self._samples[hop:]
                 self._index += hop

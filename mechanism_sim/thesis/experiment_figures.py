@@ -11,7 +11,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import INK
-from mechanism_sim.report.charts.chart import MARKERS, Axis, Chart, Curve, Panel
+from mechanism_sim.report.charts.chart import MARKERS, Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.charts.lines import turn_of
 from mechanism_sim.report.condition import rose_picture
 from mechanism_sim.sensing.spectra import power
@@ -114,7 +114,7 @@ def _last_turn(trial: Trial, link: str) -> tuple[slice, Array]:
 def _spectrum(trial: Trial) -> Chart:
     """[SB] 7.8."""
     found = power([trial.swings['coupler'].reading], trial.sample_rate)
-    curve = Curve(found.frequency[1:], found.values[1:])
+    curve = ChartCurve(found.frequency[1:], found.values[1:])
     x = Axis('frequency', 'Hz', 0.0, float(found.frequency[-1]))
     panel = Panel(x, Axis('power density', '(m/s^2)^2/Hz', log=True), (curve,))
     return Chart('7_08', f'sensor on the coupler, {trial.condition}', (panel,), 'frequency')
@@ -137,7 +137,7 @@ def _measured(trials: Sequence[Trial], link: str, quantity: str) -> Chart:
 def _panel(row: _Row, lines: Sequence[tuple[str, Array, Array]], title: str = '') -> Panel:
     """Lines over a turn of the crank, by their labels; the ideal mechanism beneath."""
     curves = [
-        Curve(x, y, label, '', *_STROKES.get(label, (0, 0)), look=_LOOKS.get(label, ''))
+        ChartCurve(x, y, label, '', *_STROKES.get(label, (0, 0)), look=_LOOKS.get(label, ''))
         for label, x, y in lines
     ]
     return Panel(turn_of('crank'), Axis(row.words, row.unit), tuple(curves), title)
@@ -160,7 +160,7 @@ def _severity(found: Experiment, over: int, scale: float, words: str, unit: str)
             name = f'{other * 30.0 / math.pi:.0f} rpm' if over else f'{1e3 * other:.4g} mm'
             y, half = size * np.array([read(group) for group in here.values()]).T
             curves.append(
-                Curve(
+                ChartCurve(
                     scale * np.array([*here]), y, '' if panels else name, '', k, k,
                     marker=MARKERS[k], error=half if np.isfinite(half).all() else None,
                 )
@@ -215,9 +215,9 @@ def _dominant(trial: Trial) -> Chart:
         label = (
             f'Y{k + 1}: {1e3 * rose.normal_impulse[i]:.3g} mN s at {math.degrees(th2[0]):.0f} deg'
         )
-        curves.append(Curve(bars.real, bars.imag, label, '', k, k, marker='circle'))
+        curves.append(ChartCurve(bars.real, bars.imag, label, '', k, k, marker='circle'))
         size = 100.0 * rose.normal_impulse[i] / longest
         arrow = 1e3 * pin + size * np.exp(1j * rose.in_world[i]) * _ARROW
-        curves.append(Curve(arrow.real, arrow.imag, colour=k, look='strong'))
+        curves.append(ChartCurve(arrow.real, arrow.imag, colour=k, look='strong'))
     panel = Panel(Axis('x', 'mm'), Axis('y', 'mm'), tuple(curves), form='equal', height=3.6)
     return Chart('8_12', f'dominant impacts of a turn, {trial.condition}', (panel,), width=7.0)

@@ -28,7 +28,7 @@ from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.recording import BagWriter, Qos, read_bag
 from mechanism_sim.sensing.indicators import Moments
 from mechanism_sim.studies.plan import Extent
-from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import compute
 
 # A crank at 300 rpm goes round three times in 0.6 s; a rocker swings by 1 + 2 t + 3 t^2.
@@ -570,7 +570,7 @@ def test_angles_are_of_the_named_drive(tmp_path):
     """The motor of this machine turns twice as fast as its crank; the angle is the motor's."""
     machine = ms.load_scene('whole_machine')
     bag = tmp_path / 'whole.mcap'
-    compute(Task('', machine.name, machine.scene, Extent(None, 0.15, 0.0), bag))
+    compute(SweepTask('', machine.name, machine.scene, Extent(None, 0.15, 0.0), bag))
     found = analyze(bag)
     text = render(found)
     hardest = max(
@@ -590,7 +590,7 @@ def test_angles_are_of_the_named_drive(tmp_path):
 def test_impacts_by_direction_name_the_drive(tmp_path):
     machine = ms.load_scene('whole_machine')
     bag = tmp_path / 'whole.mcap'
-    compute(Task('', machine.name, machine.scene, Extent(None, 0.15, 0.0), bag))
+    compute(SweepTask('', machine.name, machine.scene, Extent(None, 0.15, 0.0), bag))
     text = render_details(find_details(read_record(bag), Wanted(impacts=['coupler_rocker'])))
     assert 'motor [deg]' in text
     assert 'drive [deg]' not in text

@@ -11,7 +11,7 @@ from mechanism_sim.scene import Level, Machine
 from mechanism_sim.scene.drives import is_straight
 from mechanism_sim.scene.files import read_scene
 from mechanism_sim.scene.schema import AffineForce, AffineTorque, Scene
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 
 # unchecked: every worker collects these names, and checking all machines takes 5 s
 MACHINES = [Machine(*read_scene(name)) for name in ms.scene_names()]
@@ -138,7 +138,7 @@ def freed(scene):
     """The scene with its drives let go, at the speed they have at the start or a slow one."""
 
     def let_go(drive, straight):
-        slow = Measure(0.05, 'm/s') if straight else Measure(1.0, 'rad/s')
+        slow = QuantityValue(0.05, 'm/s') if straight else QuantityValue(1.0, 'rad/s')
         free = {'force': AffineForce()} if straight else {'torque': AffineTorque()}
         speed = {'profile': None, 'speed': slow} if drive.profile else {}
         return drive.model_copy(update=free | speed)

@@ -17,7 +17,7 @@ from mechanism_sim.results.cycle import cycle
 from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.results.measures import EXACT, Measurement, measure
 from mechanism_sim.studies.plan import Extent
-from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.run_bag import RunBag
 from mechanism_sim.studies.runs import compute
 from mechanism_sim.studies.statistics import statistics
@@ -32,7 +32,7 @@ TEXTS = (
 
 
 def of_a_sweep(machine, texts, extent):
-    task = Task('key', machine.name, machine.scene, extent, measures=tuple(texts))
+    task = SweepTask('key', machine.name, machine.scene, extent, measures=tuple(texts))
     return compute(task).row
 
 

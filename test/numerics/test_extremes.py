@@ -10,7 +10,7 @@ import mechanism_sim as ms
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.studies.plan import Extent
-from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import compute
 
 POINTS = 1_000_000
@@ -94,7 +94,7 @@ def test_cycle_bag_and_sweep_agree(tmp_path):
     torque = ends['drive_torque']
     largest = max(-torque.least.value, torque.greatest.value)
     assert abs(loads['drive_torque']['value']) == pytest.approx(largest, rel=1e-9)
-    row = compute(Task('', machine.name, machine.scene, Extent(2, None, 0))).row
+    row = compute(SweepTask('', machine.name, machine.scene, Extent(2, None, 0))).row
     most = max(peak['value'] for peak in loads['joints'])
     assert row['largest_force'] == pytest.approx(most, rel=1e-9)
 

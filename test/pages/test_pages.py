@@ -95,7 +95,7 @@ def pages(tmp_path_factory):
             return report.page(recorded(run), sections(run))
         worn = simulated('four_bar_clearance', {'drive.speed': '300 rpm'}, revolutions=2)
         one, two = together(recorded(run), recorded(worn))
-        beside = report.Beside(two, ('a', 'b'), compare(run, worn))
+        beside = report.ComparedRun(two, ('a', 'b'), compare(run, worn))
         return report.page(one, overlaid(sections(run), sections(worn)), beside=beside)
 
     def file(kind):

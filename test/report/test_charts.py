@@ -19,8 +19,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.pages.charts import figure, sections
 from mechanism_sim.report.charts import bands, contacts, impacts
-from mechanism_sim.report.charts.course import Course
-from mechanism_sim.report.charts.thinning import MOST, Line, thin, thinned
+from mechanism_sim.report.charts.course import ChartedRun
+from mechanism_sim.report.charts.thinning import MOST, SampledLine, thin, thinned
 
 JOINT = 'coupler_rocker'
 
@@ -115,11 +115,11 @@ def test_a_turn_may_begin_at_any_angle():
 
 
 def test_there_is_no_ideal_of_a_drive_that_was_commanded_otherwise(loose):
-    assert Course(loose).ideal is not None
+    assert ChartedRun(loose).ideal is not None
     faster = ms.load_scene('four_bar_clearance', {'drive.speed': '36.7 rad/s'})
-    assert Course(Record(faster, loose.piece, {})).ideal is None
-    assert Course(simulated('pendulum')).ideal is None
-    assert Course(simulated('four_bar_nominal', revolutions=2)).ideal is None
+    assert ChartedRun(Record(faster, loose.piece, {})).ideal is None
+    assert ChartedRun(simulated('pendulum')).ideal is None
+    assert ChartedRun(simulated('four_bar_nominal', revolutions=2)).ideal is None
 
 
 def test_forces_are_vectors_in_the_world(loose, charts):
@@ -176,7 +176,7 @@ def test_thinned_lines_keep_the_extremes_of_every_bin(data):
 
 
 def test_a_line_that_is_short_stays_as_it_is():
-    line = Line(np.arange(5.0), np.arange(5.0))
+    line = SampledLine(np.arange(5.0), np.arange(5.0))
     assert thin(line) is line
 
 
@@ -191,7 +191,7 @@ def test_there_is_a_stem_for_every_impact(loose, charts):
 
 def test_of_many_impacts_the_hardest_are_drawn(loose, monkeypatch):
     monkeypatch.setattr(impacts, 'STEMS', 30)
-    course = Course(loose)
+    course = ChartedRun(loose)
     section = impacts.impacts(course, 0)
     (c,) = curves(section.charts[1], JOINT)
     assert len(c.x) <= 30
@@ -206,7 +206,7 @@ def test_the_band_shows_how_long_the_pin_flies(loose, monkeypatch):
     (told,) = collector.summary(loose.start, loose.end)
     for single in (10**6, 0):
         monkeypatch.setattr(bands, '_SINGLE', single)
-        panel = charts_of([contacts.contacts(Course(loose))])[f'gap-{JOINT}-run'].panels[1]
+        panel = charts_of([contacts.contacts(ChartedRun(loose))])[f'gap-{JOINT}-run'].panels[1]
         found = {c.label: c for c in panel.curves}
         high = 2.0 * bands._HALF
         for mode, words in ((Mode.FREE_FLIGHT, 'free flight'), (Mode.FOLLOWING, 'following')):
@@ -263,7 +263,7 @@ def test_sensors_and_frames_of_a_part_are_those_of_the_whole(loose):
     assert run.tolist() == all_of_it[first : first + len(run)].tolist()
     whole = simulated('four_bar_on_frame', revolutions=1.5)
     (name,) = whole.machine.scene.oscillators
-    line = Course(whole.between(0.5 * whole.end)).run.lines[f'oscillator.{name}.y']
+    line = ChartedRun(whole.between(0.5 * whole.end)).run.lines[f'oscillator.{name}.y']
     frame = whole.machine.oscillator(name).take(whole.piece.motion)
     assert np.ptp(line.values) > 0.0
     assert line.values == pytest.approx(frame(line.at).position[1], rel=1e-9, abs=1e-15)

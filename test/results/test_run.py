@@ -17,7 +17,7 @@ from mechanism_sim.results.run import Batch, Runner, run
 from mechanism_sim.studies.floquet import station
 from mechanism_sim.studies.periodic import find_periodic
 from mechanism_sim.studies.plan import Extent
-from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import compute
 from mechanism_sim.studies.statistics import statistics
 
@@ -143,7 +143,7 @@ def test_nobody_observes_what_fails():
 @pytest.mark.usefixtures('sunk')
 def test_a_row_of_a_sweep_says_that_its_run_fails():
     machine = loose()
-    row = compute(Task('key', machine.name, machine.scene, Extent(20, None, 0))).row
+    row = compute(SweepTask('key', machine.name, machine.scene, Extent(20, None, 0))).row
     assert 'violated' in row['status']
     assert len(row) == 1
 

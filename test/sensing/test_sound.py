@@ -27,7 +27,7 @@ from mechanism_sim.sensing.sound import (
     strikes,
 )
 from mechanism_sim.studies.plan import Extent
-from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import compute
 
 
@@ -141,7 +141,7 @@ def test_what_a_drive_holds_is_silent():
 def test_a_recorded_turn_sounds_like_its_scene(tmp_path, capsys):
     scene = ms.load_scene('four_bar_clearance', {'start': 'centred'})
     bag, args = tmp_path / 'bag.mcap', [scene.name, '--set', 'start=centred', '--revolutions', '1']
-    compute(Task('', scene.name, scene.scene, Extent(1, None, 0), bag))
+    compute(SweepTask('', scene.name, scene.scene, Extent(1, None, 0), bag))
     files = tmp_path / 'bag.wav', tmp_path / 'live.wav'
     told = []
     for source, file in zip(([str(bag)], args), files, strict=True):

@@ -6,7 +6,7 @@ import signal
 import pytest
 
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.studies.runs import Call, FileError, Rows, Workers, file_errors
+from mechanism_sim.studies.runs import Call, FileError, FinishedRows, Workers, file_errors
 
 
 def odd(k):
@@ -29,7 +29,7 @@ TASKS = [Call(str(k), odd, (k,)) for k in range(4)]
 
 @pytest.mark.parametrize('count', [1, 2])
 def test_rows_of_tasks_that_fail_hold_the_reason(count):
-    rows, shown = Rows(), []
+    rows, shown = FinishedRows(), []
     with Workers(count) as workers:
         found = workers.do(TASKS, rows, lambda *x: shown.append(x))
         assert workers.do([], rows) is found
@@ -50,12 +50,12 @@ def test_rows_of_tasks_that_fail_hold_the_reason(count):
 
 def test_a_process_that_dies_ends_the_study_with_a_hint():
     with Workers(1, apart=True) as workers, pytest.raises(RunError, match='--workers 1 takes'):
-        workers.do([Call('0', die, ())], Rows())
+        workers.do([Call('0', die, ())], FinishedRows())
 
 
 def test_a_file_that_cannot_be_written_fails_no_run():
     with pytest.raises(FileError, match="'here' cannot be written: no space"):
-        Workers(1).do([Call('0', write, ())], Rows())
+        Workers(1).do([Call('0', write, ())], FinishedRows())
 
 
 @pytest.mark.parametrize(('given', 'said'), [((0,), 'at least 1'), ((2, 'tcp://x'), 'exclude')])

@@ -14,7 +14,7 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import batches, quotient, ratio
 from mechanism_sim.report.studies import periodic as periodic_text
-from mechanism_sim.studies.periodic import Response, Section, find_periodic
+from mechanism_sim.studies.periodic import PeriodicResponse, PoincareMap, find_periodic
 from mechanism_sim.studies.runs import Workers
 from mechanism_sim.studies.statistics import statistics
 from mechanism_sim.thesis.losses import losses
@@ -61,7 +61,7 @@ def test_the_largest_multiplier_is_the_rate_at_which_a_change_dies_out(name):
     overrides, period = SCENES[name]
     machine = ms.load_scene('four_bar_clearance', overrides | {f'{JOINT}.hypothesis': 'poisson'})
     response = find_periodic(machine)
-    section = Section(machine)
+    section = PoincareMap(machine)
     state = section.start(section.displace(response.state, np.array([1e-5, -1e-5, 1e-5, 1e-5])))
     sizes = []
     for _ in range(5):
@@ -223,7 +223,7 @@ def test_a_run_of_a_loose_machine_has_means_with_intervals():
 
 def test_stability_is_not_told_where_a_multiplier_is_one_but_for_its_error():
     def response(*multipliers):
-        return Response(1, 1e-12, None, 0, 0.0, multipliers, 1e-6)
+        return PeriodicResponse(1, 1e-12, None, 0, 0.0, multipliers, 1e-6)
 
     assert response(0.5, 0.999).stable is True
     assert response(1.001).stable is False

@@ -22,7 +22,7 @@ from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.studies.plan import Extent, read_plan
-from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import DONE, compute
 from mechanism_sim.studies.statistics import statistics
 from mechanism_sim.studies.sweep import SweepInterrupted, sweep
@@ -192,7 +192,7 @@ def test_bad_input_is_refused_in_one_sentence(tmp_path):
 
 
 def row_of(machine, extent, bag=None):
-    return compute(Task('key', machine.name, machine.scene, extent, bag)).row
+    return compute(SweepTask('key', machine.name, machine.scene, extent, bag)).row
 
 
 def test_a_row_says_what_the_solution_says():

@@ -22,7 +22,7 @@ from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Instrument
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.point import PointOnLink
 from mechanism_sim.studies.plan import Extent, read_plan
-from mechanism_sim.studies.row import Task
+from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import DONE, compute
 from mechanism_sim.thesis import experiment_figures
 from mechanism_sim.thesis.angular_acceleration import TurningLink
@@ -63,7 +63,7 @@ def record(folder, sweep, *numbers):
     for n in numbers:
         chosen = plan.runs[n]
         bag = folder / f'{sweep}_{n:05d}.mcap'
-        row = compute(Task('', chosen.name, chosen.scene, Extent(TURNS, None, 0), bag)).row
+        row = compute(SweepTask('', chosen.name, chosen.scene, Extent(TURNS, None, 0), bag)).row
         assert row['status'] == DONE
 
 
@@ -510,7 +510,7 @@ def test_what_is_no_such_experiment_is_refused(bags, tmp_path):
     assert nominal.level is Level.INVERSE_DYNAMICS
     for machine, said in ((nominal, 'has clearance'), (unmeasured, 'across the coupler')):
         file = tmp_path / f'{machine.name}.mcap'
-        compute(Task('', machine.name, machine.scene, Extent(3, None, 0), file))
+        compute(SweepTask('', machine.name, machine.scene, Extent(3, None, 0), file))
         with pytest.raises(InputError, match=said):
             read_experiment([file], skip=1)
 
@@ -522,7 +522,7 @@ def test_machines_that_differ_in_more_than_their_start_are_no_repeats(tmp_path):
             'links.coupler.mass': mass, 'drive.start_angle': f'{60 * k} deg',
         })  # fmt: skip
         files.append(tmp_path / f'{k}.mcap')
-        compute(Task('', machine.name, machine.scene, Extent(4, None, 0), files[-1]))
+        compute(SweepTask('', machine.name, machine.scene, Extent(4, None, 0), files[-1]))
     with pytest.raises(
         InputError, match='differ in more than the angle of the crank at the start'
     ):

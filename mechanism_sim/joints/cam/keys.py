@@ -49,12 +49,12 @@ from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.planar.joint_friction import ContactFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Vector2, rotate
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 
-Way = Annotated[Measure, si_of('rad', 'm')]
+Way = Annotated[QuantityValue, si_of('rad', 'm')]
 """An angle of a cam, or a displacement if it slides."""
 
-Rise = Annotated[Measure, si_of('m', 'rad')]
+Rise = Annotated[QuantityValue, si_of('m', 'rad')]
 """A displacement of the follower: an angle if it swings."""
 
 Curve = Literal[

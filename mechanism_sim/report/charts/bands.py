@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mechanism_sim.analysis.series import Series
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.report.charts.chart import ROW, TIME, Axis, Curve, Panel
+from mechanism_sim.report.charts.chart import ROW, TIME, Axis, ChartCurve, Panel
 
 MODES: dict[int, str] = {
     Mode.UNKNOWN: '#dfe3e8', Mode.FREE_FLIGHT: '#2a5b8a', Mode.FOLLOWING: '#e6a065',
@@ -63,12 +63,12 @@ def modes(rows: Mapping[str, Spells], x: Axis = TIME) -> Panel:
     return Panel(x, y, tuple(curves), height=ROW * max(len(rows), 1))
 
 
-def _curve(mode: int, x: Array, low: Array, high: Array) -> Curve:
+def _curve(mode: int, x: Array, low: Array, high: Array) -> ChartCurve:
     name = Mode(mode).name.replace('_', ' ').lower()
-    return Curve(x, high, name, '', MODES[mode], form='area', look='body', low=low)
+    return ChartCurve(x, high, name, '', MODES[mode], form='area', look='body', low=low)
 
 
-def _blocks(found: Spells) -> Iterator[Curve]:
+def _blocks(found: Spells) -> Iterator[ChartCurve]:
     for mode in np.unique(found.modes).tolist():
         own = found.modes == mode
         start, end = found.marks[:-1][own], found.marks[1:][own]
@@ -78,7 +78,7 @@ def _blocks(found: Spells) -> Iterator[Curve]:
         yield _curve(mode, x, level, level + 1.0)
 
 
-def _stacked(found: Spells) -> Iterator[Curve]:
+def _stacked(found: Spells) -> Iterator[ChartCurve]:
     edges = np.linspace(found.marks[0], found.marks[-1], _SHARES + 1)
     below = np.zeros(_SHARES)
     shared = shares(found, edges)

@@ -92,7 +92,7 @@ DIRECTION = Axis('direction', 'deg')
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class ChartCurve:
     """Curve of one quantity, drawn in one way.
 
     Attributes
@@ -132,7 +132,7 @@ class Curve:
         """The colour, as #rrggbb."""
         return self.colour if isinstance(self.colour, str) else palette.colour(self.colour)
 
-    def start(self) -> Curve:
+    def start(self) -> ChartCurve:
         """A dot where it begins."""
         when = None if self.when is None else self.when[:1]
         return replace(
@@ -166,7 +166,7 @@ class Panel:
 
     x: Axis
     y: Axis
-    curves: tuple[Curve, ...]
+    curves: tuple[ChartCurve, ...]
     title: str = ''
     form: Literal['plain', 'equal', 'polar'] = 'plain'
     height: float = PANEL
@@ -224,7 +224,7 @@ class Chart:
 
 
 @dataclass(frozen=True)
-class Section:
+class ChartSection:
     """A subject with its charts.
 
     Attributes
@@ -253,7 +253,12 @@ def joined(title: str, charts: Sequence[Chart], columns: int = 1) -> Chart:
 
 
 def polar(
-    key: str, title: str, unit: str, curves: Sequence[Curve], joint: str = '', words: str = 'size'
+    key: str,
+    title: str,
+    unit: str,
+    curves: Sequence[ChartCurve],
+    joint: str = '',
+    words: str = 'size',
 ) -> Chart:
     """A round chart that has all of its curves."""
     largest = max((float(np.nanmax(c.y)) for c in curves if len(c.y)), default=0.0) or 1.0

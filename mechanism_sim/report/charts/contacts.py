@@ -8,14 +8,14 @@ import numpy as np
 
 from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.report.charts.bands import Spells, modes
-from mechanism_sim.report.charts.chart import Chart, Section
-from mechanism_sim.report.charts.course import Course, Window
+from mechanism_sim.report.charts.chart import Chart, ChartSection
+from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.curves import over_time
 
 _SHUT = 1e-9  # [mm], never opened
 
 
-def contacts(course: Course) -> Section | None:
+def contacts(course: ChartedRun) -> ChartSection | None:
     """Gap and mode of every joint with clearance."""
     gaps = gaps_of(course)
     if not gaps:
@@ -30,10 +30,10 @@ def contacts(course: Course) -> Section | None:
         'where spells are too short to be told apart, it says which share of the time each mode '
         'has.'
     )
-    return Section('contact', 'Contact', text, tuple(charts))
+    return ChartSection('contact', 'Contact', text, tuple(charts))
 
 
-def gaps_of(course: Course) -> dict[str, list[str]]:
+def gaps_of(course: ChartedRun) -> dict[str, list[str]]:
     """The gaps of each loose joint: of one with two walls there are two."""
     machine = course.record.machine
     found: dict[str, list[str]] = {}
@@ -43,7 +43,7 @@ def gaps_of(course: Course) -> dict[str, list[str]]:
 
 
 def _chart(
-    course: Course, window: Window, joint: str, names: list[str], title: str, key: str
+    course: ChartedRun, window: ChartWindow, joint: str, names: list[str], title: str, key: str
 ) -> Chart:
     found = over_time(course, key, title, [f'gap.{name}' for name in names], joint, window)
     panel = found.panels[0]
@@ -59,7 +59,7 @@ def _chart(
     return replace(found, panels=(replace(panel, y=y), modes(rows, panel.x)))
 
 
-def spells(window: Window, gap: int) -> Spells:
+def spells(window: ChartWindow, gap: int) -> Spells:
     """The modes of a gap in a window, exact to the last digit: steps end where modes change."""
     motion = window.record.piece.motion
     first, last = motion.curve.locate(np.array([window.start, window.end]))

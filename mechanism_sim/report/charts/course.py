@@ -15,7 +15,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.report.charts.lines import OVER_TIME, TURNS, Abscissa, over_turns
-from mechanism_sim.report.charts.thinning import MOST, Envelope, Line, thinned
+from mechanism_sim.report.charts.thinning import MOST, Envelope, SampledLine, thinned
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.quantity import Quantity, Shown
 from mechanism_sim.results.view import View
@@ -29,7 +29,7 @@ _FEWEST = 4  # places in each
 _PER_TURN = 400  # places at least
 
 
-class Window:
+class ChartWindow:
     """A part of a run; every quantity in it is a line.
 
     Each step of the integration is read at several places from its start to its end. Steps are
@@ -55,7 +55,7 @@ class Window:
         self._reach = Envelope(len(self.quantities)) if turning else None
 
     @cached_property
-    def lines(self) -> dict[str, Line]:
+    def lines(self) -> dict[str, SampledLine]:
         """By name: quantities of the catalogue that make lines, and frames on springs."""
         curve = self.record.piece.motion.curve
         first, last = curve.locate(np.array([self.start, self.end]))
@@ -136,7 +136,7 @@ def _of_frame(name: str, frame: FrameMotion) -> Iterator[Quantity]:
         )  # fmt: skip
 
 
-class Course:
+class ChartedRun:
     """Quantities and marks of a run that charts draw.
 
     Attributes
@@ -160,11 +160,11 @@ class Course:
         self.turns = _last_turns(record, skip)
         first, last = record.whole_turns(skip) if record.has_turns else (0, 0)
         many = record.machine.dynamic and last - first > TURNS
-        self.run = Window(record, self.begin, record.end, self._frames, many)
+        self.run = ChartWindow(record, self.begin, record.end, self._frames, many)
         self.detail = self.run
         if self.turns:
             start, end = record.times_at(np.array(self.turns)).tolist()
-            self.detail = Window(record, start, end, self._frames)
+            self.detail = ChartWindow(record, start, end, self._frames)
 
     @property
     def over(self) -> Abscissa:
@@ -183,14 +183,14 @@ class Course:
         """True if the run is so much longer than its detail that both are worth a chart."""
         return self.run.end - self.run.start > 1.2 * (self.detail.end - self.detail.start)
 
-    def windows(self, key: str) -> Iterator[tuple[Window, str, str]]:
+    def windows(self, key: str) -> Iterator[tuple[ChartWindow, str, str]]:
         """Windows over time that are worth a chart, in words, and the key of its chart."""
         if self.long:
             yield self.detail, 'the last turns', key
         yield self.run, 'the whole run', f'{key}-run'
 
     @cached_property
-    def ideal(self) -> Window | None:
+    def ideal(self) -> ChartWindow | None:
         """The detail of the same machine with ideal joints under the same drive.
 
         None where the machine is ideal itself, the drives do not prescribe the motion or were
@@ -210,7 +210,7 @@ class Course:
         own, told = (_driven(x, t) for x in (self.record, beside))
         if not np.allclose(own, told, rtol=0.0, atol=_SAME):
             return None
-        return Window(beside, detail.start, end)
+        return ChartWindow(beside, detail.start, end)
 
 
 def _last_turns(record: Record, skip: int) -> tuple[float, float] | None:

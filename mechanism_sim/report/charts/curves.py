@@ -9,14 +9,19 @@ import numpy as np
 
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.report.charts.chart import Chart
-from mechanism_sim.report.charts.course import Course, Window
+from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.lines import OVER_TIME, Abscissa, columns, panels
 
 _ROUNDING = {'m': 1e-12, 'rad': 1e-12, 'N': 1e-9, 'N m': 1e-10}
 
 
 def quantities(
-    course: Course, key: str, title: str, names: Sequence[str], joint: str = '', run: bool = False
+    course: ChartedRun,
+    key: str,
+    title: str,
+    names: Sequence[str],
+    joint: str = '',
+    run: bool = False,
 ) -> list[Chart]:
     """Quantities in one unit over the drive, and over a long run; none if all are rounding."""
     values = [course.run.series(name) for name in names]
@@ -30,7 +35,7 @@ def quantities(
 
 
 def over_drive(
-    course: Course, key: str, title: str, names: Sequence[str], joint: str = ''
+    course: ChartedRun, key: str, title: str, names: Sequence[str], joint: str = ''
 ) -> Chart:
     """Quantities in one unit over the angle of the drive in its last turns, their ideal beneath.
 
@@ -40,8 +45,8 @@ def over_drive(
 
 
 def over_time(
-    course: Course, key: str, title: str, names: Sequence[str], joint: str = '',
-    window: Window | None = None,
+    course: ChartedRun, key: str, title: str, names: Sequence[str], joint: str = '',
+    window: ChartWindow | None = None,
 ) -> Chart:  # fmt: skip
     """Quantities in one unit over time: of all the run, or of a window of it."""
     window = window or course.run
@@ -52,8 +57,8 @@ def over_time(
 
 
 def _chart(
-    course: Course, key: str, title: str, names: Sequence[str], joint: str, window: Window,
-    over: Abscissa,
+    course: ChartedRun, key: str, title: str, names: Sequence[str], joint: str,
+    window: ChartWindow, over: Abscissa,
 ) -> Chart:  # fmt: skip
     found, ideal = [window.series(name) for name in names], course.ideal
     if over.turns == bool(course.turns) and ideal is not None:

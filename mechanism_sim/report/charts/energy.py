@@ -10,10 +10,10 @@ import numpy as np
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.series import Series
 from mechanism_sim.arrays import Array
-from mechanism_sim.report.charts.chart import SMALL, TIME, Chart, Section
-from mechanism_sim.report.charts.course import Course
+from mechanism_sim.report.charts.chart import SMALL, TIME, Chart, ChartSection
+from mechanism_sim.report.charts.course import ChartedRun
 from mechanism_sim.report.charts.lines import OVER_TIME, panels
-from mechanism_sim.report.charts.thinning import Line, thinned
+from mechanism_sim.report.charts.thinning import SampledLine, thinned
 from mechanism_sim.report.facts import facts
 from mechanism_sim.results.catalogue import catalogue
 
@@ -21,7 +21,7 @@ _BLOCK = 2**16  # instants at once
 _TERMS = 'energy.kinetic', 'energy.potential', 'energy.drive_work', 'energy.dissipated'
 
 
-def energy(course: Course) -> Section | None:
+def energy(course: ChartedRun) -> ChartSection | None:
     """Kinetic and potential energy, work of the drives, what was dissipated, what is missing."""
     if not course.record.machine.physics.has_forces:
         return None
@@ -40,10 +40,10 @@ def energy(course: Course) -> Section | None:
             ', should stay what it was at the start. Which of several drives did the work of an '
             'impact is not recorded, so that this cannot be checked here.'
         )
-    return Section('energy', 'Energy', text, tuple(charts))
+    return ChartSection('energy', 'Energy', text, tuple(charts))
 
 
-def balance(course: Course) -> dict[str, Line]:
+def balance(course: ChartedRun) -> dict[str, SampledLine]:
     """Terms of the energy balance, and its residual ``missing`` [J], at and between steps."""
     record, window = course.record, course.run
     curve = record.piece.motion.curve
@@ -70,7 +70,7 @@ def _terms(record: Record, t: Array) -> Array:
     return np.array([*found.values()])
 
 
-def _chart(course: Course, key: str, title: str, found: Sequence[Series]) -> Chart:
+def _chart(course: ChartedRun, key: str, title: str, found: Sequence[Series]) -> Chart:
     axis = replace(TIME, low=course.run.start, high=course.run.end)
     known = [s for s in found if np.isfinite(s.values).all()]
     made = panels(known, OVER_TIME._replace(axis=axis), {})
@@ -79,11 +79,11 @@ def _chart(course: Course, key: str, title: str, found: Sequence[Series]) -> Cha
     return Chart(key, title, tuple(made), 'time')
 
 
-def solver(course: Course) -> Section:
+def solver(course: ChartedRun) -> ChartSection:
     """Steps, events, errors and digest of the run as a table."""
     rows = tuple(facts(course.record))
     text = (
         'Errors are read from the finished polynomials, independently of the loop that made them. '
         'Runs with equal digests are equal bit by bit.'
     )
-    return Section('solver', 'Solver', text, (), rows)
+    return ChartSection('solver', 'Solver', text, (), rows)

@@ -12,9 +12,17 @@ from mechanism_sim.analysis.wear import wear_maps
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.planar.play import joint_of_gap
-from mechanism_sim.report.charts.chart import TIME, Axis, Chart, Curve, Panel, Section, polar
+from mechanism_sim.report.charts.chart import (
+    TIME,
+    Axis,
+    Chart,
+    ChartCurve,
+    ChartSection,
+    Panel,
+    polar,
+)
 from mechanism_sim.report.charts.contacts import gaps_of
-from mechanism_sim.report.charts.course import Course, Window
+from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.thinning import tallest
 
 STEMS = 1500
@@ -24,7 +32,7 @@ RAYS = 600
 """Impacts that a rose shows: of more, the hardest."""
 
 
-def impacts(course: Course, skip: int) -> Section | None:
+def impacts(course: ChartedRun, skip: int) -> ChartSection | None:
     """Impacts over time, by direction, and what wears the bearings."""
     record = course.record
     struck = [i for i in record.piece.impacts if i.t >= course.begin]
@@ -44,10 +52,10 @@ def impacts(course: Course, skip: int) -> Section | None:
             ]
         if record.machine.physics.has_forces:
             charts += _wear(course, joint, skip)
-    return Section('impacts', 'Impacts', _text(course, struck), tuple(charts))
+    return ChartSection('impacts', 'Impacts', _text(course, struck), tuple(charts))
 
 
-def _text(course: Course, struck: list[Impact]) -> str:
+def _text(course: ChartedRun, struck: list[Impact]) -> str:
     hardest = max(struck, key=lambda i: i.normal_impulse)
     lost = sum(i.energy_loss for i in struck)
     many = f'{len(struck):,} impacts' if len(struck) > 1 else '1 impact'
@@ -65,14 +73,16 @@ def _text(course: Course, struck: list[Impact]) -> str:
     return text
 
 
-def _stems(course: Course, struck: list[Impact], window: Window, title: str, key: str) -> Chart:
+def _stems(
+    course: ChartedRun, struck: list[Impact], window: ChartWindow, title: str, key: str
+) -> Chart:
     curves = []
     for name, number, twin in _places(course):
         own = [i for i in struck if i.joint == name and window.start <= i.t <= window.end]
         sizes = np.array([(i.t, i.normal_impulse) for i in own]).reshape(-1, 2).T
         own = [own[k] for k in tallest(sizes[0], sizes[1], STEMS)]
         if own:
-            curves.append(Curve(
+            curves.append(ChartCurve(
                 np.array([i.t for i in own]), 1e3 * np.array([i.normal_impulse for i in own]),
                 name, name, number, form='stems', marker='circle-open' if twin else 'circle',
                 notes=[f'approach {i.approach_speed:.4g} m/s' for i in own],
@@ -82,7 +92,7 @@ def _stems(course: Course, struck: list[Impact], window: Window, title: str, key
     return Chart(key, title, (panel,), 'time')
 
 
-def _places(course: Course) -> list[tuple[str, int, bool]]:
+def _places(course: ChartedRun) -> list[tuple[str, int, bool]]:
     """The gaps with the number of their joint's colour, and whether it is the joint's second."""
     joints = course.record.machine.physics.joints
     return [
@@ -100,10 +110,10 @@ def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:
     chosen = np.argsort(-impulse, kind='stable')[:RAYS]
     y = rose.largest
     curves = (
-        Curve(
+        ChartCurve(
             degrees[chosen], impulse[chosen], of=joint, colour=number, form='stems', look='fine'
         ),
-        Curve(
+        ChartCurve(
             degrees[y], impulse[y], of=joint, colour=number, form='dots', marker='circle',
             when=rose.time[y], texts=_labels(impulse[y], np.radians(degrees[y])),
             notes=[f'Y{i}' for i in range(1, len(y) + 1)],
@@ -135,7 +145,7 @@ def _labels(size: Array, direction: Array) -> list[str]:
     return found
 
 
-def _wear(course: Course, gap: str, skip: int) -> list[Chart]:
+def _wear(course: ChartedRun, gap: str, skip: int) -> list[Chart]:
     """Archard's measure of wear by direction on bushing and pin."""
     maps = wear_maps(course.record, gap, skip=skip)
     joint, number = _joint(course, gap)
@@ -155,11 +165,11 @@ def wear_chart(
     """Sums (n,) over sectors between edges (n + 1,) [rad]."""
     high = np.repeat(sums, 2)
     x = np.degrees(np.repeat(edges, 2)[1:-1])
-    curve = Curve(x, high, of=joint, colour=number, form='area', look='wear', low=0.0 * high)
+    curve = ChartCurve(x, high, of=joint, colour=number, form='area', look='wear', low=0.0 * high)
     return polar(key, title, unit, [curve], joint, 'sum')
 
 
-def _joint(course: Course, gap: str) -> tuple[str, int]:
+def _joint(course: ChartedRun, gap: str) -> tuple[str, int]:
     """The joint of a gap, and the number of its colour."""
     name = joint_of_gap(course.record.machine.mechanism, gap).name
     return name, course.record.machine.physics.joints.index(name)

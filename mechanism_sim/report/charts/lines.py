@@ -28,11 +28,11 @@ from mechanism_sim.report.charts.chart import (
     TIME,
     Axis,
     Chart,
-    Curve,
+    ChartCurve,
     Over,
     Panel,
 )
-from mechanism_sim.report.charts.thinning import Envelope, Line, tallest, thin
+from mechanism_sim.report.charts.thinning import Envelope, SampledLine, tallest, thin
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.solution import Piece
@@ -216,7 +216,7 @@ class Drawn(NamedTuple):
 
 def _curves(
     drawn: Sequence[Drawn], over: Abscissa, scale: float, reach: Mapping[str, Array]
-) -> Iterator[Curve]:
+) -> Iterator[ChartCurve]:
     """Ranges beneath, then ideal machines, turns before the last, and the last."""
     used: Counter[int] = Counter()
     dashes: dict[str, int] = {}
@@ -224,7 +224,7 @@ def _curves(
         if d.series.name not in dashes:
             dashes[d.series.name] = used[index(d.colour)]
             used[index(d.colour)] += 1
-    found: list[Curve] = []
+    found: list[ChartCurve] = []
     offsets: dict[str, float] = {}
     for d in sorted(drawn, key=lambda d: d.series.ideal):  # the own ones say where angles begin
         name = d.series.name
@@ -234,13 +234,13 @@ def _curves(
     order = {'range': 0, 'ideal': 1, 'earlier': 2, '': 3}
     yield from sorted(found, key=lambda c: order[c.look])
     if any(d.series.ideal for d in drawn):
-        yield Curve(NOTHING, NOTHING, 'ideal machine', colour=GROUND, look='ideal')
+        yield ChartCurve(NOTHING, NOTHING, 'ideal machine', colour=GROUND, look='ideal')
 
 
 def _of(
     d: Drawn, over: Abscissa, scale: float, dash: int, offsets: dict[str, float],
     reach: Array | None,
-) -> Iterator[Curve]:  # fmt: skip
+) -> Iterator[ChartCurve]:  # fmt: skip
     s = d.series
     same: dict[str, Any] = {'of': s.name, 'colour': d.colour}
     x, y = over.at(s.t), scale * s.values
@@ -250,16 +250,16 @@ def _of(
         same |= {'label': d.label}
     if s.events:
         x = np.mod(x, 360.0) if over.turns else x
-        yield Curve(x, y, form='dots', marker='circle-open', **same)
+        yield ChartCurve(x, y, form='dots', marker='circle-open', **same)
         return
     if over.of:
-        line = Curve(x, y, dash=0 if s.ideal else dash, when=s.t, **same)
+        line = ChartCurve(x, y, dash=0 if s.ideal else dash, when=s.t, **same)
         yield from [line] if s.ideal else [line, line.start()]
         return
     if not over.turns:
         if np.isfinite(y).all():
-            x, y = thin(Line(x, y), _MANY)
-        yield Curve(x, y, dash=0 if s.ideal else dash, **same)
+            x, y = thin(SampledLine(x, y), _MANY)
+        yield ChartCurve(x, y, dash=0 if s.ideal else dash, **same)
         return
     pieces = _pieces(x, y, s.t)
     whole = [k for k, (x, *_) in enumerate(pieces) if np.ptp(x) > _WHOLE]
@@ -271,7 +271,7 @@ def _of(
     if reach is not None and s.unit != 'rad':
         at, low, high = reach
         quiet = same | {'look': 'range', 'label': ''}
-        yield Curve(at, scale * high, low=scale * low, form='area', **quiet)
+        yield ChartCurve(at, scale * high, low=scale * low, form='area', **quiet)
     elif newest and not s.ideal:
         quiet = same | {'look': 'earlier', 'label': ''}
         yield _curve(pieces[max(0, newest - TURNS + 1) : newest], dash=dash, **quiet)
@@ -321,12 +321,12 @@ def _within(pieces: list[Turn], newest: int, offsets: dict[str, float], name: st
     return [(x, y - 360.0 * round((y[0] - offset) / 360.0), t) for x, y, t in pieces]
 
 
-def _curve(pieces: list[Turn], **same: Any) -> Curve:
+def _curve(pieces: list[Turn], **same: Any) -> ChartCurve:
     """Turns as one curve that breaks between them."""
     gap = np.full((3, 1), np.nan)
     rows = [part for piece in pieces for part in (gap, np.array(piece))][1:]
     x, y, t = np.concatenate(rows, axis=1)
-    return Curve(x, y, when=t, **same)
+    return ChartCurve(x, y, when=t, **same)
 
 
 def chart(

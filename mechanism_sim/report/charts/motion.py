@@ -10,8 +10,8 @@ from mechanism_sim.analysis.series import Series, sampled
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.joints.slot.constraint import PinInSlot
 from mechanism_sim.planar.mechanism import Prismatic
-from mechanism_sim.report.charts.chart import DIRECTION, Chart, Curve, Section, polar
-from mechanism_sim.report.charts.course import Course, Window
+from mechanism_sim.report.charts.chart import DIRECTION, Chart, ChartCurve, ChartSection, polar
+from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.curves import over_drive, over_time, quantities
 from mechanism_sim.report.charts.lines import Abscissa, panels
 
@@ -25,7 +25,7 @@ _KINDS = {
 }
 
 
-def over(course: Course) -> str:
+def over(course: ChartedRun) -> str:
     """In words, what is to be seen over which turns."""
     if course.turns is None:
         return f'Over time, for the {course.record.machine.main} makes no whole turn.'
@@ -42,7 +42,7 @@ def over(course: Course) -> str:
     return f'{found}.'
 
 
-def motion(course: Course) -> Section:
+def motion(course: ChartedRun) -> ChartSection:
     """Angles, rates and accelerations of all coordinates but those of elastic links."""
     machine = course.record.machine
     physics, rotors, charts = machine.physics, machine.mechanism.rotors, []
@@ -65,15 +65,15 @@ def motion(course: Course) -> Section:
     if course.turns and course.long and _varies(course, speed):
         title = f'Speed of the {machine.main} over the whole run'
         charts.append(over_time(course, 'motion-speed-run', title, [speed]))
-    return Section('motion', 'Motion', over(course), tuple(charts))
+    return ChartSection('motion', 'Motion', over(course), tuple(charts))
 
 
-def _varies(course: Course, name: str) -> bool:
+def _varies(course: ChartedRun, name: str) -> bool:
     values = course.detail.lines[name].values
     return bool(np.ptp(values) > _NOTHING * np.abs(values).max())
 
 
-def elastic(course: Course) -> Section | None:
+def elastic(course: ChartedRun) -> ChartSection | None:
     """Deflection and stress of elastic links."""
     beams = course.record.machine.mechanism.beams
     known, charts = course.run.quantities, []
@@ -81,10 +81,10 @@ def elastic(course: Course) -> Section | None:
         names = [name for link in beams if (name := f'{kind}.{link}') in known]
         charts += quantities(course, f'elastic-{kind}', title, names)
     text = 'Deflection is across the link; stress is that at the outer fibres.'
-    return Section('elastic', 'Elastic links', text, tuple(charts)) if charts else None
+    return ChartSection('elastic', 'Elastic links', text, tuple(charts)) if charts else None
 
 
-def forces(course: Course) -> Section | None:
+def forces(course: ChartedRun) -> ChartSection | None:
     """Forces in all joints: their size, and as vectors."""
     machine = course.record.machine
     if not machine.physics.has_forces:
@@ -110,14 +110,14 @@ def forces(course: Course) -> Section | None:
         'that of the first-named on the second-named link of the joint, without the impulses of '
         'impacts.'
     )
-    return Section('forces', 'Joint forces', text, tuple(charts))
+    return ChartSection('forces', 'Joint forces', text, tuple(charts))
 
 
-def _hodograph(course: Course, joint: str) -> Chart:
+def _hodograph(course: ChartedRun, joint: str) -> Chart:
     """The force of a joint over its direction, beneath it that of the ideal machine."""
     mechanism = course.record.machine.mechanism
     own = numbers(mechanism)
-    curves: list[Curve] = []
+    curves: list[ChartCurve] = []
     for window in (course.ideal, course.detail):
         if window is not None and f'reaction.{joint}.size' in window.quantities:
             force, over = _vector(window, joint)
@@ -129,7 +129,7 @@ def _hodograph(course: Course, joint: str) -> Chart:
     return polar(f'forces-{joint}', title, 'N', curves, joint, 'force')
 
 
-def _vector(window: Window, joint: str) -> tuple[Series, Abscissa]:
+def _vector(window: ChartWindow, joint: str) -> tuple[Series, Abscissa]:
     """The size of a force where its line is, and its direction there."""
     names = [f'reaction.{joint}.{part}' for part in ('size', 'direction')]
     t = np.unique(window.lines[names[0]].at)
@@ -138,7 +138,7 @@ def _vector(window: Window, joint: str) -> tuple[Series, Abscissa]:
     return force, Abscissa(DIRECTION, lambda _: degrees, of=direction.name)
 
 
-def drive(course: Course) -> Section | None:
+def drive(course: ChartedRun) -> ChartSection | None:
     """Torque or force of every drive."""
     physics = course.record.machine.physics
     if not physics.has_forces or not physics.driven:
@@ -152,10 +152,10 @@ def drive(course: Course) -> Section | None:
         ]
         if names:
             charts += quantities(course, f'drive-{word}', f'Drive {word}', names, run=True)
-    return Section('drive', 'Drive', '', tuple(charts))
+    return ChartSection('drive', 'Drive', '', tuple(charts))
 
 
-def guides(course: Course) -> Section | None:
+def guides(course: ChartedRun) -> ChartSection | None:
     """Forces and moments that guides and slots transmit."""
     machine = course.record.machine
     joints = [j for j in machine.mechanism.joints if isinstance(j, Prismatic | PinInSlot)]
@@ -170,4 +170,4 @@ def guides(course: Course) -> Section | None:
             'The moment is that of the first-named on the second-named link, about the point that '
             'slides.'
         )
-    return Section('guides', 'Guides and slots', text, tuple(charts)) if charts else None
+    return ChartSection('guides', 'Guides and slots', text, tuple(charts)) if charts else None

@@ -5,13 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from mechanism_sim.report.charts.chart import DOTTED, NOTHING, Chart, Curve, Panel, Section
+from mechanism_sim.report.charts.chart import (
+    DOTTED,
+    NOTHING,
+    Chart,
+    ChartCurve,
+    ChartSection,
+    Panel,
+)
 
 FIRST, SECOND = 'A', 'B'
 """Names of the runs in legends."""
 
 
-def overlaid(first: Sequence[Section], second: Sequence[Section]) -> list[Section]:
+def overlaid(first: Sequence[ChartSection], second: Sequence[ChartSection]) -> list[ChartSection]:
     """The sections of two runs: a chart that both have holds the lines of both.
 
     Lines of the second run are dotted, in the colour that the quantity has in the first one.
@@ -25,7 +32,7 @@ def overlaid(first: Sequence[Section], second: Sequence[Section]) -> list[Sectio
     return [*found, *(_only(section, SECOND) for section in others.values())]
 
 
-def _together(one: Section, two: Section) -> Section:
+def _together(one: ChartSection, two: ChartSection) -> ChartSection:
     charts: list[Chart] = []
     others = {chart.key: chart for chart in two.charts}
     for chart in one.charts:
@@ -39,7 +46,7 @@ def _together(one: Section, two: Section) -> Section:
     return replace(one, charts=tuple(charts), rows=tuple(_rows(one.rows, two.rows)))
 
 
-def _only(section: Section, name: str) -> Section:
+def _only(section: ChartSection, name: str) -> ChartSection:
     charts = tuple(_marked(chart, name) for chart in section.charts)
     return replace(
         section, charts=charts, rows=tuple((k, f'{name}: {x}') for k, x in section.rows)
@@ -59,7 +66,7 @@ def _axes(chart: Chart) -> list[tuple[str, str, str]]:
     ]
 
 
-def _named(panel: Panel, name: str) -> Iterator[Curve]:
+def _named(panel: Panel, name: str) -> Iterator[ChartCurve]:
     """The lines of a run, but for those of its ideal machine; in the legend all have its name."""
     kept = [c for c in panel.curves if c.look != 'ideal']
     plain = not any(c.label for c in kept) and next((c for c in kept if not c.look), None)

@@ -6,13 +6,13 @@ import numpy as np
 
 from mechanism_sim.analysis.published import PARTS
 from mechanism_sim.messages.part_states import kinds_of
-from mechanism_sim.report.charts.chart import Chart, Section
-from mechanism_sim.report.charts.course import Course
+from mechanism_sim.report.charts.chart import Chart, ChartSection
+from mechanism_sim.report.charts.course import ChartedRun
 from mechanism_sim.report.charts.curves import over_time, quantities
 from mechanism_sim.report.charts.motion import over
 
 
-def parts(course: Course) -> list[Section]:
+def parts(course: ChartedRun) -> list[ChartSection]:
     """A section for each kind of parts that the machine has."""
     machine, known, found = course.record.machine, course.run.quantities, []
     for node, kind in kinds_of(machine).items():
@@ -27,13 +27,13 @@ def parts(course: Course) -> list[Section]:
         title = PARTS[kind.topic].title
         if charts:
             title = title[:1].upper() + title[1:]
-            found.append(Section(node.replace('_', '-'), title, over(course), tuple(charts)))
+            found.append(ChartSection(node.replace('_', '-'), title, over(course), tuple(charts)))
     if machine.scene.oscillators:
         found.append(_oscillators(course))
     return found
 
 
-def _oscillators(course: Course) -> Section:
+def _oscillators(course: ChartedRun) -> ChartSection:
     charts = []
     for name in course.record.machine.scene.oscillators:
         for title, fields in (
@@ -52,4 +52,4 @@ def _oscillators(course: Course) -> Section:
         'How far each frame is from where its mounts carry it alone, and what its mounts transmit '
         'to the ground, less its own weight.'
     )
-    return Section('oscillators', 'Frames on springs', text, tuple(charts))
+    return ChartSection('oscillators', 'Frames on springs', text, tuple(charts))

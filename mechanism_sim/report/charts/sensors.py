@@ -10,9 +10,17 @@ from mechanism_sim.analysis.details import ORDERS, Wanted, everything, find_deta
 from mechanism_sim.analysis.details import Line as Spectral
 from mechanism_sim.analysis.signals import Signal
 from mechanism_sim.arrays import Array
-from mechanism_sim.report.charts.chart import TIME, Axis, Chart, Curve, Mark, Panel, Section
-from mechanism_sim.report.charts.course import Course, Window
-from mechanism_sim.report.charts.thinning import Line, thin
+from mechanism_sim.report.charts.chart import (
+    TIME,
+    Axis,
+    Chart,
+    ChartCurve,
+    ChartSection,
+    Mark,
+    Panel,
+)
+from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
+from mechanism_sim.report.charts.thinning import SampledLine, thin
 
 _MARKED = 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000
 _NUMBERED = 1, 10, 100, 1000
@@ -20,7 +28,7 @@ _FREQUENCY = Axis('frequency', 'Hz')
 _DECADES = 1e-7  # below the highest line nothing is drawn
 
 
-def sensors(course: Course, skip: int) -> Section | None:
+def sensors(course: ChartedRun, skip: int) -> ChartSection | None:
     """Signal, power spectral density, orders and envelope spectrum of every sensor."""
     record = course.record
     names = record.sampled_sensors
@@ -47,17 +55,17 @@ def sensors(course: Course, skip: int) -> Section | None:
             f' Dotted lines mark orders: multiples of the {found.drive_rate:.5g} Hz at which the '
             f'{found.drive} turns.'
         )
-    return Section('sensors', 'Sensors', text, tuple(charts))
+    return ChartSection('sensors', 'Sensors', text, tuple(charts))
 
 
-def _signal(signal: Signal, window: Window, number: int, title: str, key: str) -> Chart:
+def _signal(signal: Signal, window: ChartWindow, number: int, title: str, key: str) -> Chart:
     parts: list[Array] = []
     for t, run in zip(signal.times, signal.runs, strict=True):
         inside = (t >= window.start) & (t <= window.end)
         if inside.any():
-            parts += [np.full((2, 1), np.nan), np.array(thin(Line(t[inside], run[inside])))]
+            parts += [np.full((2, 1), np.nan), np.array(thin(SampledLine(t[inside], run[inside])))]
     x, y = np.concatenate([*parts[1:], np.empty((2, 0))], axis=1)
-    curve = Curve(x, y, of=signal.sensor, colour=number)
+    curve = ChartCurve(x, y, of=signal.sensor, colour=number)
     axis = replace(TIME, low=window.start, high=window.end)
     panel = Panel(axis, Axis(signal.quantity, signal.unit), (curve,))
     return Chart(key, title, (panel,), 'time', signal.sensor)
@@ -68,12 +76,12 @@ def density(name: str, line: Spectral, rate: float | None, number: int = 0) -> C
     found, highest = line.spectrum, float(line.spectrum.values[1:].max(initial=0.0))
     shown = found.frequency > 0.0
     x, y = found.frequency[shown], found.values[shown]
-    at, values = thin(Line(np.log10(x), y), 2000)
+    at, values = thin(SampledLine(np.log10(x), y), 2000)
     across = replace(_FREQUENCY, low=float(x[0]), high=float(x[-1]), log=True)
     up = Axis('power density', line.unit)
     if highest:
         up = replace(up, low=_DECADES * highest, high=3.0 * highest, log=True)
-    curve = Curve(10.0**at, values, of=name, colour=number)
+    curve = ChartCurve(10.0**at, values, of=name, colour=number)
     panel = Panel(across, up, (curve,), marks=_orders_at(rate, across))
     title = f'{name}: power spectral density'
     return Chart(f'sensor-{name}-density', title, (panel,), 'frequency', name)
@@ -98,7 +106,7 @@ def envelope(name: str, line: Spectral, rate: float | None, number: int = 0) -> 
 def _amplitudes(name: str, line: Spectral, rate: float | None, axis: Axis, number: int) -> Panel:
     """A spectrum in which the first order lies at `rate`."""
     end, *shown = line.significant_part(rate)
-    curve = Curve(*thin(Line(*shown)), of=name, colour=number)
+    curve = ChartCurve(*thin(SampledLine(*shown)), of=name, colour=number)
     up = Axis('amplitude', line.unit, low=0.0)
     return Panel(replace(axis, low=0.0, high=end), up, (curve,))
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.report.charts.chart import Section
+from mechanism_sim.report.charts.chart import ChartSection
 from mechanism_sim.report.charts.contacts import contacts
-from mechanism_sim.report.charts.course import Course
+from mechanism_sim.report.charts.course import ChartedRun
 from mechanism_sim.report.charts.energy import energy, solver
 from mechanism_sim.report.charts.impacts import impacts
 from mechanism_sim.report.charts.motion import drive, elastic, forces, guides, motion
@@ -13,7 +13,7 @@ from mechanism_sim.report.charts.parts import parts
 from mechanism_sim.report.charts.sensors import sensors
 
 
-def sections(record: Record, skip: int = 0) -> list[Section]:
+def sections(record: Record, skip: int = 0) -> list[ChartSection]:
     """All that there is to see of a run, subject by subject; only what its machine has.
 
     However long the run, a line has no more than some 4,000 points; each keeps its extremes.
@@ -22,7 +22,7 @@ def sections(record: Record, skip: int = 0) -> list[Section]:
     ----------
     skip : whole turns of the main drive at the start that are left out
     """
-    course = Course(record, skip)
+    course = ChartedRun(record, skip)
     found = (
         motion(course),
         elastic(course),

@@ -14,7 +14,7 @@ MOST = 4000
 """Points that a line keeps: about two for every pixel across a wide page."""
 
 
-class Line(NamedTuple):
+class SampledLine(NamedTuple):
     """Values (N,) at places (N,) that do not fall, such as times [s].
 
     A place may occur twice: before an event and after it.
@@ -24,7 +24,7 @@ class Line(NamedTuple):
     values: Array
 
 
-class Extremes:
+class BinExtremes:
     """The least and the largest value of C rows in each of n bins, and their first and last.
 
     Memory does not grow with what is entered.
@@ -61,7 +61,7 @@ class Extremes:
                 new = better(found, kept[k])
                 kept[k, new], places[k, new] = found[new], at[a + best[new]]
 
-    def lines(self) -> list[Line]:
+    def lines(self) -> list[SampledLine]:
         """The C rows, two points or one of each bin in which there is something, and the ends."""
         at = np.stack([self._at_least, self._at_largest], axis=1)
         values = np.stack([self._least, self._largest], axis=1)
@@ -121,16 +121,16 @@ class Envelope:
         return found.rows()[0]
 
 
-def _tidy(at: Array, values: Array) -> Line:
+def _tidy(at: Array, values: Array) -> SampledLine:
     """Without empty bins, and no point twice."""
     known = np.isfinite(values)
     at, values = at[known], values[known]
     new = (np.diff(at, prepend=np.nan) != 0.0) | (np.diff(values, prepend=np.nan) != 0.0)
-    return Line(at[new], values[new])
+    return SampledLine(at[new], values[new])
 
 
 def thinned(blocks: Iterable[tuple[Array, Array]], count: int, span: tuple[float, float],
-            most: int = MOST) -> list[Line]:  # fmt: skip
+            most: int = MOST) -> list[SampledLine]:  # fmt: skip
     """Lines of C rows that come in blocks: places (N,), values (C, N).
 
     Parameters
@@ -142,16 +142,16 @@ def thinned(blocks: Iterable[tuple[Array, Array]], count: int, span: tuple[float
     if count <= most:
         parts = list(found)
         at = np.concatenate([at for at, _ in parts])
-        return [Line(at, row) for row in np.concatenate([x for _, x in parts], axis=1)]
+        return [SampledLine(at, row) for row in np.concatenate([x for _, x in parts], axis=1)]
     at, values = next(found)
-    extremes = Extremes(*span, len(values), most // 2)
+    extremes = BinExtremes(*span, len(values), most // 2)
     extremes.add(at, values)
     for at, values in found:
         extremes.add(at, values)
     return extremes.lines()
 
 
-def thin(line: Line, most: int = MOST) -> Line:
+def thin(line: SampledLine, most: int = MOST) -> SampledLine:
     """One line with its extremes."""
     if len(line.at) <= most:
         return line

@@ -24,18 +24,18 @@ from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.expressions import parse, unit_hint, unit_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.load_keys import LOADS, ElementKeys, Elements
-from mechanism_sim.units import Measure, alike, to_si, to_si_of
+from mechanism_sim.units import QuantityValue, alike, to_si, to_si_of
 
-Place = Annotated[Measure, si_of('rad', 'm')]
+Place = Annotated[QuantityValue, si_of('rad', 'm')]
 
 
 def _or_formula(*units: str) -> Quantity:
     """A quantity, or a formula such as ``-5*vx + 3*sin(20*t)``.
 
-    Of one of several units it is a `Measure`.
+    Of one of several units it is a `QuantityValue`.
     """
 
-    def read(value: Any) -> float | Measure | str:
+    def read(value: Any) -> float | QuantityValue | str:
         try:
             return to_si(value, *units) if len(units) == 1 else to_si_of(value, units)
         except ValueError as error:
@@ -55,7 +55,7 @@ def _or_formula(*units: str) -> Quantity:
 
 ForceOrFormula = Annotated[float | str, _or_formula('N')]
 TorqueOrFormula = Annotated[float | str, _or_formula('N m')]
-EffortOrFormula = Annotated[Measure | str, _or_formula('N m', 'N')]
+EffortOrFormula = Annotated[QuantityValue | str, _or_formula('N m', 'N')]
 
 
 class DuringPart(Part):
@@ -152,7 +152,7 @@ def _unknown(
 
 
 def read_effort(
-    places: Names, where: str, link: str, effort: Measure | str, tree: Mechanism
+    places: Names, where: str, link: str, effort: QuantityValue | str, tree: Mechanism
 ) -> Callable[[Mechanism], DriveEffort]:
     """Torque or force of a drive while the motion of its link is prescribed."""
     if isinstance(effort, str):

@@ -14,10 +14,10 @@ from mechanism_sim.linkages.forces import Spring, TorsionSpring
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.scene.load_keys import LOADS, ElementKeys, Elements
-from mechanism_sim.units import Measure
+from mechanism_sim.units import QuantityValue
 
-Stiffness = Annotated[Measure, si_of('N/m', 'N m/rad')]
-Damping = Annotated[Measure, si_of('N s/m', 'N m s/rad')]
+Stiffness = Annotated[QuantityValue, si_of('N/m', 'N m/rad')]
+Damping = Annotated[QuantityValue, si_of('N s/m', 'N m s/rad')]
 
 
 class SpringPart(ElementKeys):
@@ -25,9 +25,9 @@ class SpringPart(ElementKeys):
 
     between: Reference
     """Two points; two links for a torsion spring."""
-    stiffness: Stiffness = Measure(0.0, '')
+    stiffness: Stiffness = QuantityValue(0.0, '')
     """Per length or per angle, which says what kind of spring it is."""
-    damping: Damping = Measure(0.0, '')
+    damping: Damping = QuantityValue(0.0, '')
     """Per speed of the same kind."""
     free_length: Annotated[float, si('m')] | None = None
     """Where it pulls nothing; else 0."""
