@@ -15,7 +15,7 @@ from mechanism_sim.keys.quantities import Part, meanings
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.facts import Facts, facts_of
 from mechanism_sim.scene.schema import AnyScene, LinkPart
-from mechanism_sim.units import to_si
+from mechanism_sim.units import QuantityValue, to_si
 
 WIDTH, COLUMN = 99, 40
 """Of the file, and where comments begin."""
