@@ -12,6 +12,7 @@ from benchmarks.integration import event_loop, run_solve_ivp, solve_ivp_methods
 from benchmarks.peers.exudyn_beams import method, prepare_slider_crank
 from benchmarks.problem import OURS, Answer, Method, Problem, Run
 from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.scene import Machine, load_scene
 
 STRETCH = 'rod.stretch1', 'rod.stretch2'
@@ -25,7 +26,7 @@ def error(answer: Answer) -> float:
 
 def elongations(machine: Machine) -> Answer:
     """Elongations of the middle and of the end of the rod (2, 2) by its coordinates."""
-    return machine.mechanism.beams['rod'].elongation(np.array([0.5, 1.0]) * simeon.L2).T
+    return machine.mechanism.having(Beam)['rod'].elongation(np.array([0.5, 1.0]) * simeon.L2).T
 
 
 def stretching(**changes: Any) -> Machine:

@@ -10,6 +10,7 @@ from benchmarks.four_bar import reference
 from benchmarks.integration import event_loop, positions
 from benchmarks.peers.exudyn_beams import method, prepare_spinning_beam
 from benchmarks.problem import OURS, Answer, Method, Problem, Run
+from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.scene import load_scene
 
 END = 8.0  #: [s] near the largest deflection
@@ -23,7 +24,7 @@ def error(answer: Answer) -> float:
 def ours(modes: float) -> Run:
     """The event loop of `simulate`, with so many modes."""
     machine = load_scene('spinning_beam', {'links.arm.elastic.modes': int(modes)})
-    at_end, tip = positions(END), machine.mechanism.beams['arm'].deflection(10.0)
+    at_end, tip = positions(END), machine.mechanism.having(Beam)['arm'].deflection(10.0)
     return event_loop(machine, END, lambda *run: np.array([tip @ at_end(*run)[1:]]))
 
 

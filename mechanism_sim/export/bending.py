@@ -89,7 +89,7 @@ def bendings(
     magnified : 0: so that bending is visible, a round number
     """
     found: dict[str, Bending] = {}
-    for link, beam in mechanism.beams.items():
+    for link, beam in mechanism.having(Beam).items():
         sides = [
             side for j in mechanism.joints
             for side in j.points

@@ -15,12 +15,10 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.mesh.joint import GearMesh
-from mechanism_sim.joints.slot.constraint import PinInSlot
-from mechanism_sim.joints.transmission.constraint import Transmission
+from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import (
-    Body,
+    Coupling,
     HigherPair,
     Joint,
     Mechanism,
@@ -66,14 +64,15 @@ class Ideal:
         bodies = [self._weighed(body) for body in plan.bodies]
         joints: list[Joint] = []
         for joint in plan.joints:
-            if not isinstance(joint, PinInSlot):
+            if not in_slot(joint):
                 joints.append(joint)
                 continue
+            assert joint.line  # noqa: S101 - in_slot has seen it
             block = f'{joint.name}.block'
             bodies.append(self._weighed(Body(block, 0.0, 0.0, (0.0, 0.0))))
             joints += [
                 Prismatic(f'{joint.name}.slot', joint.second, block, joint.on_second,
-                          (0.0, 0.0), joint.axis),
+                          (0.0, 0.0), joint.line.axis),
                 Revolute(joint.name, joint.first, block, joint.on_first, (0.0, 0.0)),
             ]  # fmt: skip
         links = [body.name for body in bodies]
@@ -114,7 +113,7 @@ class Ideal:
             angle = tree.angle(body.name, known)
             found[body.name] = np.array([*place, angle]), np.array([*velocity, turning])
         for joint in self.machine.plan.joints:
-            if isinstance(joint, PinInSlot):
+            if in_slot(joint):
                 pin, velocity = _carried(*found[joint.first], joint.on_first)
                 pose, rate = found[joint.second]
                 block = np.array([*pin, pose[2]]), np.array([*velocity, rate[2]])
@@ -142,19 +141,8 @@ class Ideal:
     @cached_property
     def couplings(self) -> tuple[Coupling, ...]:
         """Gears and transmissions, rigid and without backlash."""
-        found = []
-        for joint in self.mechanism.joints:
-            if isinstance(joint, GearMesh):
-                racks = tuple(
-                    joint.guide if joint.guide and joint.guide.second == link else None
-                    for link in joint.ends
-                )
-                scaled = tuple(joint.per_phase * wave for wave in joint.waves)
-                found.append(Coupling(joint, joint.carrier, scaled, racks))
-            elif isinstance(joint, Transmission):
-                p, q = joint.waves
-                found.append(Coupling(joint, joint.carrier, (p / q, 1.0), (None, None)))
-        return tuple(found)
+        pairs = (j for j in self.mechanism.joints if isinstance(j, HigherPair))
+        return tuple(c for joint in pairs if (c := joint.coupling))
 
     @property
     def closing(self) -> Iterator[Revolute]:
@@ -165,17 +153,18 @@ class Ideal:
     def left_out(self) -> Iterator[str]:
         """Properties that the mechanism of any format lacks, in sentences."""
         plan = self.machine.plan
-        for link in plan.ideal.flexible:
-            yield f'{link}: it is rigid here, and stays in its plane'
-        for link in plan.ideal.rotors:
-            yield f'{link}: its shaft and supports do not give way here'
+        for link, own in plan.ideal.extensions.items():
+            if own.flexible:
+                yield f'{link}: it is rigid here, and stays in its plane'
+            else:
+                yield f'{link}: its shaft and supports do not give way here'
         for joint in plan.joints:
-            if isinstance(joint, PinInSlot):
+            if in_slot(joint):
                 yield f'{joint.name}: a block of {LIGHT:g} of the heaviest link is in the slot'
-            elif isinstance(joint, HigherPair) and not isinstance(joint, GearMesh | Transmission):
+            elif isinstance(joint, HigherPair) and not joint.coupling:
                 yield f'{joint.name}: left out ({joint.parts}): {joint.second} moves without it'
                 continue
-            if isinstance(joint, GearMesh) and (joint.elastic or joint.errors):
+            elif isinstance(joint, HigherPair) and joint.coupling and not joint.coupling.exact:
                 yield f'{joint.name}: its teeth are rigid and true here'
             if joint.name in plan.clearances:
                 yield f'{joint.name}: it has no clearance here'
@@ -196,22 +185,9 @@ class Ideal:
             yield f'{", ".join(turning)}: without inertia, here with a radius of {radius:g} m'
 
 
-@dataclass(frozen=True)
-class Coupling:
-    """A sum over two links that keeps its value.
-
-    Parameters
-    ----------
-    joint : the pair
-    carrier : against which angles are counted
-    factors : of the angles [rad] of first and second, or of a rack's displacement [m]
-    racks : the guides of those that are racks
-    """
-
-    joint: HigherPair
-    carrier: str
-    factors: tuple[float, ...]
-    racks: tuple[Prismatic | None, ...]
+def in_slot(joint: Joint) -> bool:
+    """True of a higher pair that lets a pin of its first link slide along a line of its second."""
+    return isinstance(joint, HigherPair) and joint.line is not None
 
 
 def check_names(machine: Machine) -> None:

@@ -10,12 +10,12 @@ from __future__ import annotations
 from functools import cached_property
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import WORLD, Coupling, Ideal, check_names, steady, time_step, way
+from mechanism_sim.export.ideal import WORLD, Ideal, check_names, steady, time_step, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.linkages.forces import AppliedForce, Spring, TorsionSpring
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Coupling, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.machine import Machine
 

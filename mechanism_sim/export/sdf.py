@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import WORLD, Coupling, Ideal, check_names, time_step, way
+from mechanism_sim.export.ideal import WORLD, Ideal, check_names, time_step, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
-from mechanism_sim.planar.mechanism import Body, Joint, Prismatic, Revolute
+from mechanism_sim.planar.bodies import Body
+from mechanism_sim.planar.mechanism import Coupling, Joint, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene.machine import Machine
 

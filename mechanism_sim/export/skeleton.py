@@ -19,6 +19,7 @@ from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.poses import Poses
+from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.planar.view import Kind, circle
 from mechanism_sim.scene import Machine
 
@@ -94,7 +95,7 @@ class Skeleton:
         covered += [
             self._poses.at((j.second, j.on_second)) + side * mechanism.body(j.second).disk_radius
             for j in joints
-            if j.second in mechanism.rotors
+            if j.second in mechanism.having(Rotor)
             for side in (-1.0, 1.0)
         ]
         widest = max(float(np.ptp(covered, axis=(0, 2)).max()), mechanism.longest)
@@ -219,7 +220,7 @@ class Skeleton:
             self._support(side)
         if joint.name in self._loose:
             self.add('bushing', joint.second, np.array([joint.on_second]))
-        if joint.second in self.mechanism.rotors:
+        if joint.second in self.mechanism.having(Rotor):
             radius = self.mechanism.body(joint.second).disk_radius
             notch = _plus(joint.on_second, (0.85 * radius, 0.0))
             rim = np.vstack([[notch], circle(radius, joint.on_second)[1:]])

@@ -12,7 +12,6 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.ideal import Ideal
-from mechanism_sim.joints.mesh.joint import GearMesh
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, rotate
 from mechanism_sim.scene.machine import Machine
@@ -112,15 +111,12 @@ def _guide(
 
 
 def _discs(joint: Joint, layers: dict[str, float], thick: float) -> Iterator[Solid]:
-    """Discs of a higher pair, and a rack."""
+    """Discs and bars of a higher pair."""
     if not isinstance(joint, HigherPair):
         return
     for (link, at), radius in joint.discs():
         yield Solid(link, 'cylinder', (radius, 0.5 * thick), (*at, layers[link]))
-    if isinstance(joint, GearMesh) and joint.guide is not None:  # on which a rack slides
-        link, at = joint.second, joint.on_second
-        long = 2.0 * math.pi * joint.reach
-        back = rotate((0.5 * thick, 0.0), joint.towards - joint.guide.angle)
-        place = (at[0] + back[0], at[1] + back[1], layers[link])
-        turn = joint.guide.axis - joint.guide.angle
-        yield Solid(link, 'box', (long, thick, 0.5 * thick), place, turn)
+    for (link, at), long, axis, back in joint.bars():
+        x, y = rotate((0.5 * thick, 0.0), back)
+        place = (at[0] + x, at[1] + y, layers[link])
+        yield Solid(link, 'box', (long, thick, 0.5 * thick), place, axis)

@@ -14,10 +14,10 @@ from xml.etree.ElementTree import SubElement
 from mechanism_sim.export.ideal import WORLD, check_names, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
-from mechanism_sim.joints.cam.constraint import CamPair
-from mechanism_sim.joints.geneva.constraint import Geneva
-from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.bodies import Body
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, Vector2
+from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.machine import Machine
 
 
@@ -56,13 +56,13 @@ def left_out(machine: Machine) -> list[str]:
     """Properties of a machine that URDF cannot show, in sentences."""
     tilted = [
         f'{link}: it does not tilt here'
-        for link, rotor in machine.mechanism.rotors.items()
+        for link, rotor in machine.mechanism.having(Rotor).items()
         if rotor.angles
     ]
     return tilted + [
         f'{joint.name}: its profile is drawn as a circle'
         for joint in machine.plan.joints
-        if isinstance(joint, CamPair | Geneva)
+        if isinstance(joint, HigherPair) and joint.discs() and not joint.coupling
     ]
 
 
@@ -103,7 +103,7 @@ class _Tree:
             turn, child = -j.angle if ahead else j.angle, self._before(link, here)
             self._joint(link, 'prismatic', parent, child, there, turn, way(j, link))
             return
-        if link in m.rotors:
+        if link in m.having(Rotor):
             self._shifted(link, parent, there)
             self._turning(link, f'{link}.y', (0.0, 0.0), here)
             return

@@ -38,6 +38,7 @@ from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.step_check import StepCheck
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.protocols import Directed
 
 _MAX_SIMULTANEOUS = 100
@@ -430,7 +431,7 @@ class EventLoop:
                     f'the ends of {e.name} meet at t = {self._base.high + tau:.9g} s, where its '
                     'force has no direction; one without free_length and damping may pass there'
                 )
-        far = ', or its elastic links bend too far' if self._system.mechanism.beams else ''
+        far = ', or its elastic links bend too far' if self._system.mechanism.having(Beam) else ''
         return RunError(
             f'the integration broke down at t = {self._base.high + tau:.9g} s: the state '
             f'became infinite; the mechanism may be at a singular position{far}'

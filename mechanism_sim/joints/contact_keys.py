@@ -1,12 +1,14 @@
-"""What a scene file says of a loose joint and its contacts."""
+"""Keys of a loose joint and its contacts."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
 from mechanism_sim.keys.quantities import (
     POSITIVE,
     Angle,
@@ -22,6 +24,7 @@ from mechanism_sim.keys.quantities import (
     Friction as FrictionCoefficient,
 )
 from mechanism_sim.planar.points import rotate
+from mechanism_sim.planar.protocols import ForceLaw
 
 
 class Contact(Part):
@@ -79,7 +82,7 @@ class Play(Part):
     restitution: Coefficient
     """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """What the coefficient relates: speeds, impulses or works; without friction the same."""
+    """Quantities that the coefficient relates: speeds, impulses or works; equal if smooth."""
     friction: FrictionCoefficient = 0.0
     """Coulomb's coefficient, in impacts and in following."""
     pin_radius: Radius = 0.0
@@ -89,7 +92,7 @@ class Play(Part):
 
     @property
     def film(self) -> bool:
-        """Whether oil fills it."""
+        """True if oil fills it."""
         return self.contact is not None and self.contact.law == 'film'
 
     @property
@@ -100,6 +103,20 @@ class Play(Part):
         if self.film and not self.contact.roughness:
             return ''
         return 'soft' if self.contact.stiffness else 'rigid'
+
+    def law(self, share: float = 1.0) -> ForceLaw | None:
+        """Of its compliant contacts, with a share of the stiffness; None if they are rigid."""
+        contact = self.contact
+        if contact is None or contact.stiffness is None:
+            return None
+        if contact.law in ('hertz', 'film'):
+            return Hertz(share * contact.stiffness, contact.exponent)
+        laws: dict[str, Callable[[float, float, float], ForceLaw]] = {
+            'hunt_crossley': HuntCrossley,
+            'lankarani_nikravesh': LankaraniNikravesh,
+            'flores': Flores,
+        }
+        return laws[contact.law](share * contact.stiffness, self.restitution, contact.exponent)
 
 
 def play_of(given: Any, radial: float) -> Play:
@@ -171,5 +188,5 @@ class Clearance(Play):
 
 
 def in_plane(clearance: Clearance | None) -> Clearance | None:
-    """The same without stops along the axis."""
+    """A clearance without stops along the axis."""
     return clearance.model_copy(update={'axial': None}) if clearance else None

@@ -6,8 +6,8 @@ lists kinds or keys finds it there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, ClassVar
+from collections.abc import Collection, Mapping, Sequence
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 from pydantic import Field
 
@@ -17,7 +17,12 @@ from mechanism_sim.keys.quantities import Part
 from mechanism_sim.keys.registry import Registry
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
+from mechanism_sim.planar.play import walls
+from mechanism_sim.planar.protocols import ForceElement, Gap
 from mechanism_sim.planar.rotor import Rotor
+
+Joints: TypeAlias = tuple[Joint, ...]
+Contacts: TypeAlias = tuple[Sequence[Gap], Sequence[ForceElement]]
 
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
 """Two points, ``LINK.POINT``, or names of what a joint connects."""
@@ -36,8 +41,10 @@ class JointKeys(Part):
     #: the keys that its friction may have beside the coefficient, and whether the first, which
     #: says where friction acts, must be given; None of joints without friction
     rubs_by: ClassVar[tuple[tuple[str, ...], bool] | None] = None
-    #: loose because friction alone holds it
-    slips: ClassVar[bool] = False
+    #: its contacts come after those of other kinds in the order of gaps
+    last: ClassVar[bool] = False
+    #: its friction acts although it is loose
+    rubs_loose: ClassVar[bool] = False
     #: lets the axis of a link give way, see `rotor_of`
     gives_way: ClassVar[bool] = False
 
@@ -53,7 +60,7 @@ class JointKeys(Part):
 
     @property
     def points(self) -> list[str]:
-        """What it connects."""
+        """Its two references, of points or of gears."""
         points: list[str] = getattr(self, self.kind)
         return points
 
@@ -61,9 +68,25 @@ class JointKeys(Part):
         """The joint of that name of a mechanism."""
         raise NotImplementedError
 
-    def play(self) -> Play | None:
-        """Its clearance, if it is loose."""
+    def play(self, joint: Any) -> Play | None:
+        """Clearance of the joint of a mechanism, if it is loose."""
         return self.clearance
+
+    @classmethod
+    def check_all(cls, names: Names, joints: Joints, closing: Collection[str]) -> None:
+        """Refuse what does not fit together of all joints, of which `closing` are cut."""
+
+    @classmethod
+    def assembled(
+        cls, names: Names, joints: Joints, tree: Mechanism, start: Mapping[str, float]
+    ) -> Joints:
+        """The joints, those of this kind as they fit together at the start.
+
+        Parameters
+        ----------
+        start : coordinates; others are zero
+        """
+        return joints
 
     def wrong_play(self, given: Clearance) -> str:
         """An objection to a clearance of it; empty if there is none."""
@@ -83,6 +106,14 @@ class JointKeys(Part):
         """Those of the ideal joint of a mechanism."""
         return ()
 
+    def contacts(self, play: Play, joint: Any, mechanism: Mechanism) -> Contacts:
+        """The gaps of a loose joint; what it has instead where it is elastic or full of oil."""
+        gaps = () if joint.elastic else walls(
+            joint.closure(mechanism), play.radial, play.restitution, play.friction,
+            play.hypothesis, play.law(), play.pin_radius,
+        )  # fmt: skip
+        return gaps, joint.elements(mechanism)
+
     def rotor_of(self, names: Names, name: str) -> tuple[str, Rotor]:
         """The link whose axis it lets give way, and how."""
         raise NotImplementedError
@@ -94,6 +125,20 @@ class JointKeys(Part):
 
 KINDS = Registry[type[JointKeys]]()
 """All kinds of joints by name: the key whose value is what such a joint connects."""
+
+
+def contacts_of(
+    joints: Mapping[str, JointKeys], mechanism: Mechanism, clearances: Mapping[str, Play]
+) -> tuple[list[Gap], list[ForceElement]]:
+    """The gaps and the force elements of all loose joints of a mechanism."""
+    gaps: list[Gap] = []
+    elements: list[ForceElement] = []
+    for name, play in clearances.items():
+        keys = joints[name]
+        found = keys.kind_keys.contacts(keys, play, mechanism.joint(name), mechanism)
+        gaps += found[0]
+        elements += found[1]
+    return gaps, elements
 
 
 def keys_of(joint: JointKeys) -> list[str]:

@@ -148,7 +148,7 @@ class ElasticPart(Part):
     rayleigh: RayleighPart = RayleighPart()
     """Damping by mass and by stiffness, beside that."""
     foreshortening: bool = True
-    """The ends come nearer as it bends; without there is no stiffening by spin."""
+    """True if the ends come nearer as it bends; without there is no stiffening by spin."""
 
     @model_validator(mode='after')
     def _complete(self) -> ElasticPart:

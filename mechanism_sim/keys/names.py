@@ -12,7 +12,7 @@ from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.units import QuantityValue
 
 RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi')
-"""Names in formulas of loads beside links."""
+"""Names in formulas of loads beside those of links."""
 
 
 class SceneError(InputError):

@@ -146,7 +146,7 @@ class Part(BaseModel):
         return {k: v for k, v in data.items() if v is not None or k not in known}
 
     @classmethod
-    def keys_for(cls, data: Any) -> list[str]:  # noqa: ARG003 - a hook for parts of several kinds
+    def keys_for(cls, data: Any) -> list[str]:
         """The keys that may stand beside those of `data`: of its kind, if there are several."""
         return [field.alias or name for name, field in cls.model_fields.items()]
 
@@ -165,7 +165,7 @@ class Part(BaseModel):
 
 @cache
 def meanings(part: type[Part]) -> dict[str, str]:
-    """Meanings of the keys of a part: the text that stands below each in the source.
+    """Meanings of the keys of a part, by the text that stands below each in the source.
 
     Pydantic could read them, too (``use_attribute_docstrings``), but would at every start.
     """

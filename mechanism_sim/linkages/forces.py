@@ -397,7 +397,7 @@ class UnknownForce(AppliedForce):
 
 @dataclass(frozen=True)
 class DriveEffort(AppliedForce):
-    """What a drive supplies, a number or a formula, while its motion is prescribed."""
+    """Effort of a drive, a number or a formula, while its motion is prescribed."""
 
     def effort(self, frames: Frames) -> Term:
         """Its torque [N m], or the force [N] of one that slides."""

@@ -20,7 +20,7 @@ _EPS = float(np.finfo(float).eps)
 
 
 class FourBarMotion:
-    """The same as `LinkageMotion` of a four-bar, in closed form."""
+    """Motion of a four-bar in closed form, as `LinkageMotion` has it."""
 
     sliding: list[int] = []  # noqa: RUF012 - a list, because it is an index
     edges = None
@@ -63,7 +63,7 @@ class FourBarMotion:
         return np.asarray(q[self._links] + np.array(self.loop.turned)[:, None])
 
     def rounding(self, q: Array) -> float:
-        """What rounding leaves open, by the angle between coupler and rocker."""
+        """Residual of rounding, by the angle between coupler and rocker."""
         _, th3, th4 = self._angles(q)
         return _rounding(np.abs(np.sin(th3 - th4)))
 
@@ -182,7 +182,7 @@ class LinkageMotion:
         return self._closed(near)
 
     def _parameter(self, driven: Array) -> tuple[Array, Array, Array]:
-        """What branches are followed along: the driven coordinate; time, if there are several.
+        """Branches are followed along it: the driven coordinate; time, if there are several.
 
         Parameters
         ----------

@@ -33,7 +33,7 @@ class FourBarLoop:
     turned: tuple[float, float, float]
 
     def on(self, branch: Branch) -> FourBarLoop:
-        """The same on a branch."""
+        """Its loop on a branch."""
         return replace(self, linkage=replace(self.linkage, branch=branch))
 
     def positions(self, crank: ArrayLike) -> tuple[Array, Array]:

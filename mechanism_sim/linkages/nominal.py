@@ -322,7 +322,7 @@ class NominalRun:
         return h
 
     def _states(self, edges: Edges, times: Array, follow: bool) -> Array:
-        """What `edges` ask for at times [s] from now, of coordinates that follow if need be."""
+        """States for `edges` at times [s] from now, of coordinates that follow if need be."""
         q = self._followed(times)[0] if follow else self._driven(times)
         v = np.zeros_like(q)
         if edges.rated:
@@ -357,7 +357,7 @@ class NominalRun:
         return self._ideal.follow(self._last, times, driven, now, self._slope)
 
     def _driven(self, times: Array) -> Array:
-        """The same, zero for those that follow."""
+        """Those of driven coordinates, zero for those that follow."""
         q = np.zeros((len(self._last), len(times)))
         for (turns, local), i in zip(self._local, self._ideal.driven, strict=True):
             self._turns[i], self._last[i] = turns, local[0]
@@ -376,7 +376,7 @@ class NominalRun:
         raise KeyError(joint)
 
     def snapshot(self) -> Snapshot:
-        """What it takes to go on: `since` counts short pieces, `stabilisation` is their share."""
+        """To go on from here: `since` counts short pieces, `stabilisation` is their share."""
         turns = dict(zip(self._ideal.coordinates, self._turns.tolist(), strict=True))
         slope = () if self._slope is None else self._slope.tolist()
         return Snapshot(
@@ -447,7 +447,7 @@ class NominalPhysics:
         dt: Array | Nodes,
         limited: bool = True,
     ) -> Observation:
-        """The same without whole turns; limits of forces in joints, which take time, on request.
+        """Observed without whole turns; limits of forces in joints, which take time, on request.
 
         Angles that have turned often have lost digits which closures and forces need.
         """
@@ -490,7 +490,7 @@ class NominalPhysics:
     def _outside(
         self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Array:
-        """What loads ask for beside the motion."""
+        """Inputs that loads ask for beside the motion."""
         assert self._forces is not None  # noqa: S101 - nobody asks otherwise
         return outside(self._forces.outside, self.coordinates, curve, segments, dt)
 
@@ -632,7 +632,7 @@ class NominalPhysics:
     def _idle(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array, rests: bool
     ) -> list[NoLimit]:
-        """What is said of instants at which unknown loads do no work, or from which on."""
+        """Note on instants at which unknown loads do no work, or from which on."""
         if not dt.size:
             return []
         seen, t = self.observe(motion, segments, dt), motion.curve.start[segments] + dt
@@ -716,7 +716,7 @@ class NominalPhysics:
         segments: NDArray[np.intp],
         dt: Array | Nodes,
     ) -> Array:
-        """The same, where coordinates and rates are known."""
+        """Power of loads, where coordinates and rates are known."""
         assert self._forces is not None  # noqa: S101 - nobody asks otherwise
         acting = rows(self._forces.edges, self.coordinates, curve, segments, dt)
         return self._forces.load_power(q, v, self._outside(curve, segments, dt), acting)

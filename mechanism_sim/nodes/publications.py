@@ -25,6 +25,7 @@ from mechanism_sim.messages import (
     float64_array,
     uint8_array,
 )
+from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
@@ -62,7 +63,7 @@ def _rows(view: View, names: Sequence[str], missing: float = np.nan) -> Array:
 
 def linkage_states(machine: Machine, world: str) -> Callable[[View], list[bytes]]:
     """LinkageState messages, in the frame of the world."""
-    physics, elastic = machine.physics, [*machine.mechanism.beams]
+    physics, elastic = machine.physics, [*machine.mechanism.having(Beam)]
     names, joints = list(physics.coordinates), list(physics.clearances)
     each, gap = float64_array(np.zeros(len(names))), float64_array(np.zeros(len(joints)))
     message = LinkageState(coordinates=names, joints=joints)

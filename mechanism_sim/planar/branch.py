@@ -212,7 +212,7 @@ def _fitted(
 
 
 def limits(values: Array, determinant: Array, independence: Array) -> Array:
-    """What M functions of time come to in the middle of N intervals, along a branch.
+    """Limits of M functions of time in the middle of N intervals, along a branch.
 
     Each is the quotient of analytic functions over the determinant of what it was solved from. It
     is a polynomial where that vanishes, if the quotient has a limit there; or the quotient of two.
@@ -274,7 +274,7 @@ def roots(values: Array) -> Array:
 
 
 def _inverse(basis: Array) -> Array:
-    """What takes samples (N, K) to the coefficients (N, d + 1) nearest to them: (N, d + 1, K)."""
+    """Matrix (N, d + 1, K) from samples (N, K) to the coefficients nearest to them."""
     q, r = np.linalg.qr(basis)
     return np.linalg.solve(r, q.transpose(0, 2, 1))
 

@@ -108,7 +108,7 @@ J = TypeVar('J', bound=HigherPair)
 
 @dataclass(frozen=True)
 class HigherClosure(Generic[J]):
-    """What the closures of all higher pairs have: their pair, and the tree it closes."""
+    """Closure of a higher pair: its pair, and the tree it closes."""
 
     joint: J
     mechanism: Mechanism

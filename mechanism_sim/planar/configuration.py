@@ -14,9 +14,10 @@ from functools import cached_property
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Prismatic
+from mechanism_sim.planar.mechanism import Joint, Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 
 
@@ -56,7 +57,7 @@ class Constraints:
         return self._floating.mechanism.size
 
     def linearise(self, poses: Array) -> tuple[Array, Array]:
-        """What the closures leave, and its derivatives.
+        """Residuals of the closures, and their derivatives.
 
         Parameters
         ----------
@@ -81,7 +82,7 @@ class Constraints:
 
     @property
     def scale(self) -> Array:
-        """What a unit of each normalised coordinate is (n, 3) [m, m, rad]."""
+        """Units of the normalised coordinates (n, 3) [m, m, rad]."""
         return np.tile([self.size, self.size, 1.0], (len(self.links), 1))
 
 

@@ -1,4 +1,4 @@
-"""What a drive does to its coordinate: prescribe its angle, or supply a torque."""
+"""Drives of coordinates: a prescribed angle, or a torque."""
 
 from __future__ import annotations
 

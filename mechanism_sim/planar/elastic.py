@@ -21,10 +21,11 @@ starts. Stretch is zero where the axis starts.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement, pairwise
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -32,7 +33,8 @@ from numpy.polynomial import legendre
 from mechanism_sim.arrays import Array
 from mechanism_sim.planar.beam_sections import Taper
 from mechanism_sim.planar.beam_shapes import Ends, Functions, gauss, shapes, tapered
-from mechanism_sim.planar.points import Vector2
+from mechanism_sim.planar.bodies import Arms, Body, LinkExtension
+from mechanism_sim.planar.points import Point, Vector2
 
 ROUNDING = 1e-13
 """Of a shape function's size: less is rounding, and no term of the equations."""
@@ -71,8 +73,8 @@ class AxisPieces(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Beam:
-    """What is elastic of a link: its axis runs from the link's origin along its x axis.
+class Beam(LinkExtension):
+    """Elastic part of a link: its axis runs from the link's origin along its x axis.
 
     Coordinates are the amplitudes [m] of shape functions that are modes of the beam by itself
     under its reference conditions, or the nearest to them in polynomials of the least degree
@@ -103,6 +105,8 @@ class Beam:
     spin: float = 0.0
     fibre: float | None = None
     taper: Taper | None = None
+
+    bends: ClassVar[bool] = True
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -171,7 +175,7 @@ class Beam:
         slopes = self.deflection(places, 1)
         return np.asarray((slopes * weights) @ slopes.T)
 
-    def arms(self, at: Vector2) -> dict[tuple[str, ...], Vector2]:
+    def arms(self, at: Vector2) -> Arms:
         """How a point of the link moves in the link's frame: vectors by products of coordinates.
 
         Beside the axis a point moves with its cross-section, beyond the beam with the end of it.
@@ -183,7 +187,7 @@ class Beam:
         x = min(max(at[0], 0.0), self.length)
         beyond, y = at[0] - x, at[1]
         w, slope = self.deflection(x), self.deflection(x, 1)
-        found: dict[tuple[str, ...], Vector2] = {}
+        found: Arms = {}
         for i in range(self.modes):
             turned = float(slope[i])
             found[self.names[i],] = (-y * turned, float(w[i]) + beyond * turned)
@@ -200,12 +204,10 @@ class Beam:
             found[names] = (d[0] if abs(d[0]) > least else 0.0, d[1] if abs(d[1]) > least else 0.0)
         return {names: d for names, d in found.items() if d != (0.0, 0.0)}
 
-    def turned(self, at: Vector2, v: Vector2) -> dict[tuple[str, ...], Vector2]:
+    def turned(self, at: Vector2, v: Vector2) -> Arms:
         """How a vector moves that is fixed to the cross-section at a point, like `arms`."""
         slope = self.slopes(at)
-        found: dict[tuple[str, ...], Vector2] = {
-            (name,): (-x * v[1], x * v[0]) for name, x in slope.items()
-        }
+        found: Arms = {(name,): (-x * v[1], x * v[0]) for name, x in slope.items()}
         if self.shortens:
             for (i, x), (j, y) in combinations_with_replacement(slope.items(), 2):
                 share = (-0.5 if i == j else -1.0) * x * y
@@ -255,6 +257,14 @@ class Beam:
         mass = (self.density * self._shares(places)[0] * weights).tolist()
         return (*((m, (x, 0.0)) for m, x in zip(mass, places.tolist(), strict=True)), *self.lumps)
 
+    def masses(self, body: Body, place: Callable[..., Point]) -> list[tuple[float, Point]]:
+        """Those of the quadrature, and the lumps."""
+        return [(mass, place(at)) for mass, at in self.particles]
+
+    def spin_of(self, body: Body) -> float:
+        """Of what turns with the link's frame."""
+        return self.spin
+
     @cached_property
     def _modal(self) -> tuple[Array, Array]:
         """Mass [kg] and stiffness [N/m] (n,) of each coordinate of the beam by itself."""
@@ -270,19 +280,15 @@ class Beam:
         return np.array(mass), np.array(stiffness)
 
     @property
-    def stiffness(self) -> dict[str, float]:
-        """Of each coordinate [N/m]."""
-        return dict(zip(self.names, self._modal[1].tolist(), strict=True))
-
-    @property
     def frequencies(self) -> dict[str, float]:
         """Natural angular frequency [rad/s] of each coordinate of the beam by itself."""
         mass, stiffness = self._modal
         return dict(zip(self.names, np.sqrt(stiffness / mass).tolist(), strict=True))
 
     @property
-    def resistance(self) -> dict[str, float]:
-        """Damping of each coordinate [N s/m]."""
+    def springs(self) -> dict[str, tuple[float, float]]:
+        """Stiffness [N/m] and damping [N s/m] of each coordinate."""
         (mass, stiffness), d = self._modal, self.damping
         found = 2.0 * d.ratio * np.sqrt(mass * stiffness) + d.mass * mass + d.stiffness * stiffness
-        return dict(zip(self.names, found.tolist(), strict=True))
+        pairs = zip(stiffness.tolist(), found.tolist(), strict=True)
+        return dict(zip(self.names, pairs, strict=True))

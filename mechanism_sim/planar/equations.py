@@ -54,14 +54,14 @@ class Equations:
         self.coordinates = mechanism.coordinates
         self.frames = Frames(self.coordinates, self.parameters)
         self._spread = {b.name: mechanism.spread(b.name) for b in mechanism.bodies}
-        self._beams = _Beams(mechanism, self.frames)
+        self._extensions = _Extensions(mechanism, self.frames)
         self.M = [[self._inertia(f, g) for g in self.coordinates] for f in self.coordinates]
         self.weight = [self._weight(f) for f in self.coordinates]
         self.bias = [
-            add(self._velocity_product(f), weight, self._beams.damping(f))
+            add(self._velocity_product(f), weight, self._extensions.damping(f))
             for f, weight in zip(self.coordinates, self.weight, strict=True)
         ]
-        self.strain_energy, self.strain_loss = self._beams.energy, self._beams.loss
+        self.strain_energy, self.strain_loss = self._extensions.energy, self._extensions.loss
         self.gap_jets = [gap.value(self.frames) for gap in self.gaps]
         self.relation_jets = [v for r in self.relations for v in r.values(self.frames)]
 
@@ -149,15 +149,15 @@ class Equations:
                 (mass, a, b)
                 for a in self._tangents(point, f)
                 for b in self._tangents(point, g)
-                if self._beams.counts((f, g), a, b)
+                if self._extensions.counts((f, g), a, b)
             ]
             if f == g == self.mechanism.frame(body.name)[0]:
                 # about the centre of gravity, as if of a mass at the radius of gyration
                 unit = _Vector(f, (), (1.0, 0.0))
-                own = self.mechanism.flexible.get(body.name)
-                pairs.append((own.spin if own else body.inertia, unit, unit))
-            if f == g and body.tilt and f.startswith(f'{body.name}.'):
-                own_way = body.tilt.rising.get(f.partition('.')[2], 0.0)
+                own = body.extension
+                pairs.append((own.spin_of(body) if own else body.inertia, unit, unit))
+            if f == g and body.extension and f.startswith(f'{body.name}.'):
+                own_way = body.extension.rising.get(f.partition('.')[2], 0.0)
                 unit = _Vector(GROUND, (), (1.0, 0.0))
                 pairs += [(own_way, unit, unit)] if own_way else []
         return self._products(f'inertia:{f}:{g}', pairs)
@@ -170,7 +170,7 @@ class Equations:
             for tangent in self._tangents(point, f):
                 for vector, rates in accelerated:
                     # arms that turn together: nothing along the tangent
-                    if rates != (f, f) and self._beams.counts((f, *rates), tangent, vector):
+                    if rates != (f, f) and self._extensions.counts((f, *rates), tangent, vector):
                         pairs.setdefault(rates, []).append((mass, tangent, vector))
         order = {c: i for i, c in enumerate(self.coordinates)}
         rows = []
@@ -192,10 +192,11 @@ class Equations:
             ),
         )
         link, _, name = f.partition('.')
-        if name == 'axial':
-            along = -self.mechanism.body(link).mass * self.mechanism.axial_gravity
+        body = self.mechanism.body(link)
+        if name and self.mechanism.rise(link, body.cog).get(f):
+            along = -body.mass * self.mechanism.axial_gravity
             weight = self.parameters(f'weight:{f}.along', along)
-        return add(weight, self._beams.stiffness(f))
+        return add(weight, self._extensions.stiffness(f))
 
 
 class _Vector(NamedTuple):
@@ -206,8 +207,8 @@ class _Vector(NamedTuple):
     d: tuple[Any, Any]  #: one vector, or (2, K) at the K particles of an elastic link
 
 
-class _Beams:
-    """What elastic links and rotors add: strain energy, damping, gyroscopic moments.
+class _Extensions:
+    """Terms that extensions of links add: strain energy, damping, gyroscopic moments.
 
     And which terms are of too high an order.
     """
@@ -218,16 +219,17 @@ class _Beams:
         p, half = frames.parameters, hy.expression(0.5)
         self._forces: dict[str, Term] = {}
         self._losses: dict[str, Term] = {}
-        for link, beam in mechanism.flexible.items():
-            for name, size in beam.stiffness.items():
+        for link, own in mechanism.extensions.items():
+            for name, (stiffness, damping) in own.springs.items():
                 c = f'{link}.{name}'
-                self._forces[c] = mul(p(f'links:{c}.stiffness', size), q[c])
-                damping = p(f'links:{c}.damping', beam.resistance[name])
-                self._losses[c] = mul(damping, v[c])
+                self._forces[c] = mul(p(f'links:{c}.stiffness', stiffness), q[c])
+                self._losses[c] = mul(p(f'links:{c}.damping', damping), v[c])
         self.energy: Term = add(*(mul(half, mul(f, q[c])) for c, f in self._forces.items()))
         self.loss: Term = add(*(mul(f, v[c]) for c, f in self._losses.items()))
-        for link, rotor in mechanism.rotors.items():
-            found = rotor.forces(link, frames)
+        for link, own in mechanism.extensions.items():
+            found = own.forces(link, frames)
+            if found is None:
+                continue
             self._forces |= found.elastic
             self._losses |= found.other
             self.energy, self.loss = add(self.energy, found.energy), add(self.loss, found.loss)

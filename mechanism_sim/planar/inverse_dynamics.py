@@ -61,7 +61,7 @@ class Observation(NamedTuple):
         return turns
 
     def with_turns(self, turns: NDArray[np.int64]) -> Observation:
-        """The same where whole turns (n, N) had been taken off the position."""
+        """Itself, where whole turns (n, N) had been taken off the position."""
         if not turns.any():
             return self
         return self._replace(position=self.position + TWO_PI * turns, without_turns=self.position)
@@ -142,7 +142,7 @@ class InverseDynamics:
 
     @property
     def outside(self) -> tuple[str, ...]:
-        """What must be known beside the motion: ``time``, ``COORDINATE.turns``."""
+        """Names of inputs beside the motion: ``time``, ``COORDINATE.turns``."""
         return tuple(self.equations.frames.outside)
 
     @property
@@ -185,13 +185,13 @@ class InverseDynamics:
         return SwitchedFunction(frames, [[self._taken]], motion)
 
     def load_power(self, q: Array, v: Array, outside: Array, rows: Array | None = None) -> Array:
-        """What springs, dampers and loads take (N,) [W]."""
+        """Power (N,) [W] that springs, dampers and loads take."""
         found: Array = self._load_power(np.concatenate([q, v, outside]), rows)[0][0]
         return found
 
     @cached_property
     def _functions(self) -> tuple[SwitchedFunction, SwitchedFunction]:
-        """What must be supplied with the closure rows; and the joint forces from the closures'."""
+        """Efforts to supply with the closure rows; and the joint forces from the closures'."""
         eq = self.equations
         frames, a = eq.frames, dict(eq.frames.a)
         accelerated = a if self._inertia else None

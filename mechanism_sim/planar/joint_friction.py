@@ -86,7 +86,7 @@ class JointFriction(ABC):
     @property
     @abstractmethod
     def law(self) -> str:
-        """What bounds it, in words; {0} is its symbol, {1} the joint."""
+        """Law that bounds it, in words; {0} is its symbol, {1} the joint."""
 
     @property
     def unit(self) -> str:
@@ -99,11 +99,11 @@ class JointFriction(ABC):
 
     @abstractmethod
     def loads(self, frames: Frames, T: Term) -> list[Load]:
-        """What T does to both links."""
+        """Loads of T on both links."""
 
     @abstractmethod
     def wrench(self, frames: Frames, T: Term) -> Wrench:
-        """The same as part of what the joint does to the second-named link."""
+        """Its part of the wrench of the joint on the second-named link."""
 
     @abstractmethod
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
@@ -194,7 +194,7 @@ class JournalFriction(JointFriction):
 
 @dataclass(frozen=True)
 class LineFriction(JointFriction):
-    """What slides along a straight line: a block in a guide, or a pin in a slot.
+    """Friction along a straight line: of a block in a guide, or a pin in a slot.
 
     A block of a given length L carries a moment with its ends:
     ``b = mu (|N/2 + M/L| + |N/2 - M/L|)`` with the moment M about its middle, the joint's point on
@@ -329,7 +329,7 @@ class FlankFriction(JointFriction):
 
     @property
     def _ends(self) -> list[tuple[str, str, Vector2, float]]:
-        """What its moments act on: a name, the link and its point, and the arm [m]."""
+        """Ends on which its moments act: a name, the link and its point, and the arm [m]."""
         j, (one, two) = self.joint, self.arms
         ends = [('first', j.first, j.on_first, one), ('second', j.second, j.on_second, two)]
         fixed = self.carrier == GROUND
@@ -438,7 +438,7 @@ class Rub(NamedTuple):
 
     @property
     def power_lost(self) -> Term:
-        """What it dissipates [W]."""
+        """Power that it dissipates [W]."""
         return neg(mul(self.T, self.slip.rate))
 
 

@@ -52,7 +52,7 @@ class _Closures:
 
     @cached_property
     def facing(self) -> SwitchedFunction | None:
-        """What is positive where links face each other as their joints say; None if they must."""
+        """Values positive where links face each other as joints say; None if they must."""
         frames = self._frames
         found = [x for relation in self._relations for x in relation.facing(frames)]
         return SwitchedFunction(frames, [found], [*frames.q.values()]) if found else None
@@ -88,13 +88,13 @@ class Kinematics:
         self.sought = [i for i in range(len(self.coordinates)) if i not in self.held]
 
     def holding(self, held: Sequence[str]) -> Kinematics:
-        """The same closures with other coordinates held; what is compiled serves both."""
+        """These closures with other coordinates held; compiled functions serve both."""
         other = copy(self)
         other._hold(held)
         return other
 
     def released(self) -> Kinematics:
-        """The same closures with no coordinate held."""
+        """These closures with no coordinate held."""
         return self.holding(())
 
     @property
@@ -108,7 +108,7 @@ class Kinematics:
         return self._closures.edges
 
     def closure(self, q: Array, rows: Array | None = None) -> tuple[Array, Array]:
-        """What is left open (N, r) [m] and the Jacobian (N, r, n) at coordinates q (n, N).
+        """Residual (N, r) [m] and the Jacobian (N, r, n) at coordinates q (n, N).
 
         `rows` are the values of the switches, if not those at these places.
         """

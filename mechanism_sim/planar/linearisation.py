@@ -115,7 +115,7 @@ class Linearisation:
 
     @property
     def outside(self) -> tuple[str, ...]:
-        """What must be known beside the motion: ``time``, ``COORDINATE.turns``."""
+        """Names of inputs beside the motion: ``time``, ``COORDINATE.turns``."""
         return tuple(self.equations.frames.outside)
 
     def _variables(self) -> list[hy.expression]:

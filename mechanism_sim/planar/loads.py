@@ -33,7 +33,7 @@ class Wrench(NamedTuple):
 
 
 def contact_wrench(normal: tuple[Jet, Jet], N: Term, T: Term, arm: Term = None) -> Wrench:
-    """What a contact does to the second-named link.
+    """Wrench of a contact on the second-named link.
 
     Parameters
     ----------

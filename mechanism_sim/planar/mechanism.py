@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.planar.elastic import Beam
+from mechanism_sim.planar.bodies import Arms, Body, LinkExtension
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.points import (
@@ -27,31 +27,7 @@ from mechanism_sim.planar.points import (
     trace,
 )
 from mechanism_sim.planar.protocols import ForceElement, Relation, Rubbing
-from mechanism_sim.planar.rotor import Rotor
-from mechanism_sim.planar.tilt import Tilt
 from mechanism_sim.planar.view import Draft, Side, ToothLoad, View
-
-
-@dataclass(frozen=True)
-class Body:
-    """A link; of an elastic one mass, inertia and centre of gravity before it is deformed.
-
-    Mass and inertia of a rotor are those of all disks and supports, the centre of gravity is that
-    of the link's own disk.
-    """
-
-    name: str
-    mass: float  #: [kg]
-    inertia: float  #: [kg m^2] about the centre of gravity
-    cog: Vector2  #: [m] centre of gravity in the link's frame
-    beam: Beam | None = None  #: what is elastic of it
-    tilt: Tilt | None = None  #: how it leans out of its plane
-    rotor: Rotor | None = None  #: how its axis gives way
-
-    @property
-    def disk_radius(self) -> float:
-        """Of an even disk with its mass and inertia [m]."""
-        return math.sqrt(2.0 * self.inertia / self.mass) if self.mass else 0.0
 
 
 class Line(NamedTuple):
@@ -130,6 +106,11 @@ class HigherPair(Connection, ABC):
         return ''
 
     @property
+    def coupling(self) -> Coupling | None:
+        """A sum over its links that it keeps, as other simulators can; None if it keeps none."""
+        return None
+
+    @property
     def elastic(self) -> bool:
         """True if it has forces of its own, `elements`, instead of a closure and walls."""
         return False
@@ -181,7 +162,7 @@ class HigherPair(Connection, ABC):
     charts: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
 
     def reading(self, view: View) -> Any:
-        """What there is to read of it: a named tuple of (N,) arrays, the fields of a message.
+        """Readings of it: a named tuple of (N,) arrays, the fields of a message.
 
         Raises
         ------
@@ -214,6 +195,38 @@ class HigherPair(Connection, ABC):
         """Discs that it is made of: middle, and radius [m]."""
         return ()
 
+    def bars(self) -> Sequence[Bar]:
+        """Straight bars that it is made of."""
+        return ()
+
+
+class Coupling(NamedTuple):
+    """A sum over two links that keeps its value.
+
+    Attributes
+    ----------
+    joint : the pair
+    carrier : against which angles are counted
+    factors : of the angles [rad] of first and second, or of a rack's displacement [m]
+    racks : the guides of those that are racks
+    exact : whether the pair keeps it, not only on the mean
+    """
+
+    joint: HigherPair
+    carrier: str
+    factors: tuple[float, float]
+    racks: tuple[Prismatic | None, Prismatic | None] = (None, None)
+    exact: bool = True
+
+
+class Bar(NamedTuple):
+    """A straight bar on a link."""
+
+    end: LinkPoint  #: the middle of one of its long sides
+    length: float  #: [m]
+    axis: float  #: [rad] along it, in the link's frame
+    back: float  #: [rad] from that side across it
+
 
 class PairClosure(Relation, Protocol):
     """The closure of a higher pair: one row, its offset [m] from where it is closed."""
@@ -230,15 +243,18 @@ class PairClosure(Relation, Protocol):
 Joint: TypeAlias = Revolute | Prismatic | HigherPair
 
 
+Extension = TypeVar('Extension', bound=LinkExtension)
+
+
 @dataclass(frozen=True)
-class Mechanism:
-    """Links, joints, and which joints are cut so that the rest is a tree.
+class Tree:
+    """Links, joints, which joints are cut so that the rest is a tree, and its coordinates.
 
     Coordinates are named after their links, in the order of `bodies`: the absolute angle [rad] of
     a link, or the displacement [m] of a link that a prismatic joint of the tree carries. A link
     that no uncut joint ties to the ground, not even by way of others, floats: its angle is
     followed, after those of all links, by two displacements of its centre of gravity. Last come
-    the elastic coordinates, see `Beam`, and the inclinations of links that lean, see `Tilt`.
+    the coordinates of links' extensions.
     """
 
     bodies: tuple[Body, ...]
@@ -257,43 +273,29 @@ class Mechanism:
         return (*(body.name for body in self.bodies), *placed, *self.deformations)
 
     @cached_property
-    def beams(self) -> dict[str, Beam]:
-        """What is elastic, by link."""
-        return {body.name: body.beam for body in self.bodies if body.beam}
+    def extensions(self) -> dict[str, LinkExtension]:
+        """Those of links that have coordinates of their own, by link."""
+        return {body.name: body.extension for body in self.bodies if body.extension}
 
-    @cached_property
-    def flexible(self) -> dict[str, Beam | Tilt]:
-        """What has coordinates of its own and moves points of its link, by link."""
-        parts = ((b.name, b.beam or b.tilt) for b in self.bodies)
-        return {link: part for link, part in parts if part}
+    def having(self, kind: type[Extension]) -> dict[str, Extension]:
+        """Those of one kind, by link."""
+        return {link: x for link, x in self.extensions.items() if isinstance(x, kind)}
 
     @cached_property
     def deformations(self) -> tuple[str, ...]:
-        """The elastic coordinates, inclinations and what rotors give way by."""
-        parts = ((b.name, b.beam or b.tilt or b.rotor) for b in self.bodies)
-        return tuple(f'{link}.{name}' for link, part in parts if part for name in part.names)
-
-    @property
-    def tilts(self) -> tuple[str, ...]:
-        """The inclinations of links that lean among them [rad]."""
-        tilted = {body.name: body.tilt for body in self.bodies if body.tilt}
-        return tuple(f'{link}.{name}' for link, x in tilted.items() for name in x.inclinations)
-
-    @cached_property
-    def rotors(self) -> dict[str, Rotor]:
-        """What gives way of the links that are rotors."""
-        return {body.name: body.rotor for body in self.bodies if body.rotor}
+        """The coordinates of extensions."""
+        return tuple(f'{link}.{name}' for link, x in self.extensions.items() for name in x.names)
 
     def amplitudes(self, link: str) -> list[int]:
-        """Numbers of the elastic coordinates of a link."""
-        names = self.beams[link].names if link in self.beams else ()
+        """Numbers of the coordinates of a link's extension."""
+        names = self.extensions[link].names if link in self.extensions else ()
         return [self.coordinates.index(f'{link}.{name}') for name in names]
 
     @cached_property
     def displacements(self) -> tuple[str, ...]:
         """The coordinates that are displacements."""
-        turning = [b.name for b in self.bodies if b.name not in self.sliding] + [*self.tilts]
-        turning += [f'{link}.{c}' for link, rotor in self.rotors.items() for c in rotor.angles]
+        turning = [b.name for b in self.bodies if b.name not in self.sliding]
+        turning += [f'{link}.{c}' for link, x in self.extensions.items() for c in x.angles]
         return tuple(c for c in self.coordinates if c not in turning)
 
     @cached_property
@@ -324,7 +326,7 @@ class Mechanism:
         """Longest distance between two points of one link, or extent of a higher pair [m].
 
         The points are its joints, its origin and its centre of gravity; a higher pair may reach
-        farther, and so may the disk of a rotor. 0 if all coincide.
+        farther, and so may a link's extension. 0 if all coincide.
         """
         ends: dict[str, list[Vector2]] = {b.name: [(0.0, 0.0), b.cog] for b in self.bodies}
         for link, at in (point for j in self.joints for point in j.points):
@@ -336,8 +338,8 @@ class Mechanism:
             for b in points
         )
         extents = (j.extent for j in self.joints if isinstance(j, HigherPair))
-        disks = (body.disk_radius for body in self.bodies if body.rotor)
-        return max(longest, *extents, *disks, 0.0)
+        own = (body.extension.extent(body) for body in self.bodies if body.extension)
+        return max(longest, *extents, *own, 0.0)
 
     @cached_property
     def reach(self) -> float:
@@ -393,6 +395,11 @@ class Mechanism:
         frame, offset = self.frame(self.parent(link))
         return frame, offset + (j.angle if j.second == link else -j.angle)
 
+
+@dataclass(frozen=True)
+class Mechanism(Tree):
+    """A tree of links, and where their points are as the coordinates have it."""
+
     def turn(self, link: str, v: Vector2) -> Vector2:
         """A vector of a link's frame in the frame with which the link turns."""
         return rotate(v, self.frame(link)[1])
@@ -400,14 +407,14 @@ class Mechanism:
     def direction(self, link: str, angle: float, at: Vector2 | None = None) -> Point:
         """The unit vector at an angle [rad] in a link's frame, as a sum over arms.
 
-        With the point `at` of an elastic link it turns with the cross-section there; to the second
-        order in elastic coordinates, as points do, see `Beam`.
+        With the point `at` it turns with the cross-section there, to the second order in the
+        coordinates of an extension, as points do.
         """
         frame, offset = self.frame(link)
         found: Point = {(frame, None): rotate((1.0, 0.0), angle + offset)}
-        if at is None or link not in self.beams:
+        if at is None or link not in self.extensions:
             return found
-        turned = self.beams[link].turned(at, rotate((1.0, 0.0), angle))
+        turned = self.extensions[link].turned(at, rotate((1.0, 0.0), angle))
         return _plus(found, self._arms(link, turned))
 
     def turning(self, frames: Frames, link: str, at: Vector2, label: str) -> Jet:
@@ -417,13 +424,16 @@ class Mechanism:
         ----------
         label : of the parameters
         """
-        angle = frames.angle(self.frame(link)[0])
-        return angle + self.bent(frames, link, at, label) if link in self.beams else angle
+        return frames.angle(self.frame(link)[0]) + self.bent(frames, link, at, label)
 
     def bent(self, frames: Frames, link: str, at: Vector2, label: str) -> Jet:
         """How far the cross-section at a point of a link has turned in its frame [rad]."""
-        slopes = self.beams[link].slopes(at) if link in self.beams else {}
-        return frames.turn({f'{link}.{name}': x for name, x in slopes.items()}, label)
+        return frames.turn(self._slopes(link, at), label)
+
+    def _slopes(self, link: str, at: Vector2) -> dict[str, float]:
+        """How much a cross-section turns with each coordinate of its link's extension [rad/m]."""
+        own = self.extensions.get(link)
+        return {f'{link}.{name}': x for name, x in own.slopes(at).items()} if own else {}
 
     def point(self, link: str, at: Vector2 = (0.0, 0.0), deformed: bool = True) -> Point:
         """The point `at` (in the link's frame, [m]) as a sum over arms.
@@ -452,16 +462,17 @@ class Mechanism:
         moved = _minus(self._deformed(link, here))
         if deformed:
             moved = _plus(self._deformed(link, at), moved)
-        if deformed and link in self.rotors:
-            moved = _plus(moved, self.rotors[link].moved(link))
+        if deformed and link in self.extensions:
+            moved = _plus(moved, self.extensions[link].moved(link))
         rigid: Point = {(frame, None): rotate((at[0] - here[0], at[1] - here[1]), offset)}
         return _plus(_plus(result, rigid), moved)
 
     def _deformed(self, link: str, at: Vector2) -> Point:
         """How the deformation of a link moves its points in its frame."""
-        return self._arms(link, self.flexible[link].arms(at)) if link in self.flexible else {}
+        own = self.extensions.get(link)
+        return self._arms(link, own.arms(at)) if own else {}
 
-    def _arms(self, link: str, arms: Mapping[tuple[str, ...], Vector2]) -> Point:
+    def _arms(self, link: str, arms: Arms) -> Point:
         """Vectors of a link's frame by products of its elastic coordinates, as a sum over arms."""
         return {
             (link, names[0] if len(names) == 1 else names): d
@@ -475,38 +486,31 @@ class Mechanism:
         A rigid link has one, at its centre of gravity, beside its moment of inertia.
         """
         body = self.body(link)
-        if body.beam:
-            return [(mass, self.point(link, at)) for mass, at in body.beam.particles]
-        if body.tilt:
-            return [
-                (mass, _plus(self.point(link, (x, y)), self.lean(link, height)))
-                for mass, (x, y, height) in body.tilt.particles
-            ]
-        if not body.rotor:
+        if body.extension is None:
             return [(body.mass, self.point(link, body.cog))]
-        disk = body.mass - body.rotor.mass, self.point(link, body.cog)
-        return [disk, *body.rotor.particles(link)]
+
+        def place(at: Vector2, height: float = 0.0) -> Point:
+            return _plus(self.point(link, at), self.lean(link, height))
+
+        return [*body.extension.masses(body, place)]
 
     def lean(self, link: str, height: float = 0.0) -> Point:
         """How a point above a link's plane [m] moves in the plane when the link leans."""
-        tilt = self.body(link).tilt if height and link != GROUND else None
-        if not tilt:
-            return {}
-        along, across = (f'{link}.{name}' for name in tilt.inclinations)
-        return {(link, along): (height, 0.0), (link, across): (0.0, height)}
+        own = self.extensions.get(link)
+        return self._arms(link, own.lean(height)) if own and height else {}
 
     def rise(self, link: str, at: Vector2) -> dict[str, float]:
         """How much a point of a link's plane moves along the axes with each coordinate."""
-        tilt = None if link == GROUND else self.body(link).tilt
-        return {f'{link}.{name}': x for name, x in tilt.rise(at).items()} if tilt else {}
+        own = self.extensions.get(link)
+        return {f'{link}.{name}': x for name, x in own.rise(at).items()} if own else {}
 
     def spread(self, link: str) -> tuple[Any, Spread]:
-        """The same with all masses (K,) in one array, and the arms of all points: (2, K) each.
+        """All masses (K,) of a link in one array, and the arms of all points: (2, K) each.
 
-        Of a rigid link with one particle, numbers instead.
+        Of a link with one particle, numbers instead.
         """
         found = self.particles(link)
-        if len(found) == 1 and link not in self.flexible:
+        if len(found) == 1:
             return found[0]
         arms = dict.fromkeys(arm for _, point in found for arm in point)
         none = (0.0, 0.0)
@@ -517,7 +521,7 @@ class Mechanism:
     def centre(self, link: str) -> Point:
         """The centre of gravity of a link."""
         body = self.body(link)
-        if not (body.beam or body.rotor):
+        if not (body.extension and body.extension.scattered):
             return self.point(link, body.cog)
         found: Point = {}
         for mass, point in self.particles(link):
@@ -529,9 +533,7 @@ class Mechanism:
         """How much a link turns at a point with each coordinate: 1, or [rad/m]."""
         frame = self.frame(link)[0]
         found = {} if frame == GROUND else {frame: 1.0}
-        if link in self.flexible:
-            found |= {f'{link}.{name}': x for name, x in self.flexible[link].slopes(at).items()}
-        return found
+        return found | self._slopes(link, at)
 
     def locate(self, link: str, q: Mapping[str, float], at: Vector2 = (0.0, 0.0)) -> Vector2:
         """World coordinates [m] of a point of a link; the default is its origin."""
@@ -546,7 +548,7 @@ class Mechanism:
     def locate_all(
         self, link: str, q: NDArray[np.float64], at: Vector2 = (0.0, 0.0)
     ) -> NDArray[np.float64]:
-        """The same (2, N) [m] at N instants, with coordinates (n, N) in their order."""
+        """World coordinates (2, N) [m] at N instants, with coordinates (n, N) in their order."""
         place: NDArray[np.float64] = self.trace((link, at), q)[0]
         return place
 
@@ -666,8 +668,8 @@ def closing_joints(
 
 
 def bending_guides(bodies: Sequence[Body], joints: Sequence[Joint]) -> list[str]:
-    """The prismatic joints of elastic links, which turn by themselves there: no tree has them."""
-    bent = {b.name for b in bodies if b.beam}
+    """The prismatic joints of links that bend, and turn by themselves there: no tree has them."""
+    bent = {b.name for b in bodies if b.extension and b.extension.bends}
     return [j.name for j in joints if isinstance(j, Prismatic) and bent & {j.first, j.second}]
 
 

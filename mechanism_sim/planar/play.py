@@ -94,7 +94,7 @@ class Wall(MeasuredGap):
         return lift(dense(pressed.x)), lift(dense(pressed.y))
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """What the closure would do with the wall's force along its row, and friction."""
+        """That of the closure with the wall's force along its row, and friction."""
         pressed = self.closure.wrench(frames, [neg(N) if self.side == 'left' else N])
         if T is None:
             return pressed

@@ -21,7 +21,7 @@ Point: TypeAlias = dict[Arm, Vector2]
 """A point of the mechanism as a sum over its arms: R(theta) (x, y), or s R(theta) (x, y)."""
 
 Spread: TypeAlias = dict[Arm, Any]
-"""The same of one point, or of K points at once, whose vectors are arrays (2, K)."""
+"""Arms of one point, or of K points at once, whose vectors are arrays (2, K)."""
 LinkPoint: TypeAlias = tuple[str, Vector2]
 """A link, and a point in its frame [m]."""
 
@@ -42,7 +42,7 @@ def factors(slide: Slide) -> tuple[str, ...]:
 
 
 def product(slide: Any, course: Callable[[Any], Sequence[Any]]) -> tuple[Any, Any, Any]:
-    """What scales an arm, with its first two time derivatives, from those of coordinates."""
+    """Scale of an arm, with its first two time derivatives, from those of coordinates."""
     names = factors(slide)
     if not names:
         return 1.0, 0.0, 0.0

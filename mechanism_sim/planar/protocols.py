@@ -1,4 +1,4 @@
-"""What the engine asks of a relation (bilateral) and of a gap (unilateral), and no more.
+"""Protocols of relations (bilateral) and of gaps (unilateral), as the engine asks for them.
 
 Both are functions of the coordinates, written with the poses that `Frames` gives; these carry
 their derivatives along, so that Jacobian rows and curvature terms follow by themselves.
@@ -27,13 +27,13 @@ class Relation(Protocol):
         """The components that vanish [m]."""
 
     def facing(self, frames: Frames) -> list[Term]:
-        """What is positive where it is closed, and negative half a turn, or half a slot, off.
+        """Terms positive where it is closed, and negative half a turn, or half a slot, off.
 
         There the components of some kinds vanish, too.
         """
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """What the first-named does to the second-named link, by the forces along the rows."""
+        """Wrench of the first-named on the second-named link, by the forces along the rows."""
 
 
 @runtime_checkable
@@ -45,13 +45,13 @@ class ForceElement(Protocol):
         """Its name, which is that of the joint if it replaces one."""
 
     def loads(self, frames: Frames) -> list[Load]:
-        """What it does to the links; of a joint on the first-named, then the second-named link."""
+        """Loads on the links; of a joint on the first-named, then the second-named link."""
 
     def power_lost(self, frames: Frames) -> Term:
-        """What it dissipates [W]; negative if it feeds energy in."""
+        """Power that it dissipates [W]; negative if it feeds energy in."""
 
     def energy(self, frames: Frames) -> Term:
-        """What it stores [J]."""
+        """Energy that it stores [J]."""
 
 
 @runtime_checkable
@@ -59,7 +59,7 @@ class JointForce(ForceElement, Protocol):
     """A force element in the place of a joint."""
 
     def wrench(self, frames: Frames) -> Wrench:
-        """What the first-named does to the second-named link.
+        """Wrench of the first-named on the second-named link.
 
         Any loads beyond those on these two act on other links. It need not have a Taylor series.
         """
@@ -91,7 +91,7 @@ class Rubbing(Protocol):
         """Velocity of the second-named link on the first [m/s]."""
 
     def wrench(self, frames: Frames, T: Term) -> Wrench:
-        """What a force T along the slip does to the second-named link."""
+        """Wrench on the second-named link of a force T along the slip."""
 
     def engaged(self, frames: Frames) -> Term:
         """1 while it rubs, 0 where something else holds the links; None if it always does."""
@@ -108,7 +108,7 @@ class ForceLaw(Protocol):
         """Force [N] at a depth [m], its rate [m/s], and the rate of the first touch."""
 
     def relief(self, rate: Any, approach: Any) -> Any:
-        """What has the sign of the force [m/s]: where it is negative, the contact carries none."""
+        """Rate of the force's sign [m/s]: where it is negative, the contact carries none."""
 
     def resting_depth(self, load: float) -> float:
         """Depth [m] under a load [N] that rests."""
@@ -141,7 +141,7 @@ class Gap(Protocol):
 
     @property
     def hypothesis(self) -> str:
-        """What the coefficient of restitution relates: 'newton', 'poisson' or 'stronge'."""
+        """Law that the coefficient of restitution belongs to: 'newton', 'poisson' or 'stronge'."""
 
     @property
     def law(self) -> ForceLaw | None:
@@ -171,7 +171,7 @@ class Gap(Protocol):
         """Along this the first-named link presses on the second, when closed; only a direction."""
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """What the first-named does to the second-named link, by normal force and friction [N].
+        """Wrench of the first-named on the second-named link, by normal force and friction [N].
 
         The friction force acts on the first-named link, along the normal turned by +90 degrees.
         """
@@ -186,7 +186,7 @@ class EndGap(Gap, Protocol):
 
     @property
     def thrust(self) -> float:
-        """What of it pushes the second-named link towards the reader: 1 for all, or -1, or 0."""
+        """Share of it that pushes the second-named link towards the reader: 1, -1 or 0."""
 
     def moment(self, q: Array, N: Array, T: Array) -> Array:
         """Moment (2, N) [N m] on the second-named link about the middle of the joint.

@@ -24,6 +24,7 @@ from typing import NamedTuple
 import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import add, dense, mul, polynomial
+from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.mechanism import Line, Mechanism
@@ -36,7 +37,7 @@ PARALLEL = 1e-9
 
 
 class Foot(NamedTuple):
-    """What a point sees of a rail."""
+    """Where a rail is, seen from a point."""
 
     away: Jet  #: [m] its distance from the line, to the left
     cosine: Jet  #: of the angle by which the rail is turned there from its link's x axis
@@ -67,14 +68,14 @@ class Rail:
     sense: float  #: 1 along the link's x axis, -1 against it
 
     def foot(self, frames: Frames, point: Pair, label: str, thick: bool = False) -> Foot:
-        """What a point of the world [m] sees.
+        """Foot of a point of the world [m].
 
         Parameters
         ----------
         label : of the point
         thick : whether it may be off the axis
         """
-        m, beam = self.mechanism, self.mechanism.beams[self.link]
+        m, beam = self.mechanism, self.mechanism.having(Beam)[self.link]
         ux, uy = frames.position(m.direction(self.link, 0.0), f'{self.name}.rail.x')
         origin = m.point(self.link, deformed=False)
         ox, oy = frames.position(origin, f'{self.name}.rail.origin')
@@ -129,7 +130,7 @@ def rail_of(mechanism: Mechanism, name: str, line: Line) -> Rail | None:
 
     Any other line is straight, and goes with the cross-section at its point.
     """
-    if line.link not in mechanism.beams or abs(math.sin(line.axis)) > PARALLEL:
+    if line.link not in mechanism.having(Beam) or abs(math.sin(line.axis)) > PARALLEL:
         return None
     return Rail(name, mechanism, line.link, line.on[1], math.copysign(1.0, math.cos(line.axis)))
 
@@ -146,7 +147,7 @@ def chord(mechanism: Mechanism, frames: Frames, link: str, a: Vector2, b: Vector
     ----------
     a, b : [m] in the link's frame, before it is deformed
     """
-    beam, apart = mechanism.beams[link], (b[0] - a[0], b[1] - a[1])
+    beam, apart = mechanism.having(Beam)[link], (b[0] - a[0], b[1] - a[1])
     there, here = beam.arms(b), beam.arms(a)
     label, none = f'links:{link}.chord:{a}:{b}', (0.0, 0.0)
     along = lift(dense(frames.parameters(f'{label}.length', math.hypot(*apart))))

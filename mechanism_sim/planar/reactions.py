@@ -24,7 +24,7 @@ def tree_reactions(
     cut: Mapping[str, Wrench],
     loads: Sequence[Load] = (),
 ) -> dict[str, Wrench]:
-    """What the first-named link does to the second-named one in every joint.
+    """Wrench of the first-named link on the second-named one in every joint.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def tree_reactions(
 
 
 def _across(equations: Equations, joint: Prismatic, total: Wrench) -> Wrench:
-    """What a guide does by itself: along its line there is nothing but the force of a drive."""
+    """Wrench of a guide by itself: along its line there is but the force of a drive."""
     frames = equations.frames
     normal = equations.mechanism.direction(joint.first, joint.axis + 0.5 * math.pi)
     x, y = frames.position(normal, f'{joint.name}.normal')
@@ -153,9 +153,9 @@ def energies(equations: Equations) -> tuple[Term, Term]:
         for axis, (jet, g) in enumerate(zip(position, equations.mechanism.gravity, strict=True)):
             gravity = equations.parameters(f'gravity:{axis}', g)
             potential.append(neg(mul(mul(mass, gravity), jet.value)))
-        if body.tilt and body.tilt.axial is not None:
+        rises = equations.mechanism.rise(body.name, body.cog)
+        for way in (equations.frames.q[c] for c, slope in rises.items() if slope):
             gravity = equations.parameters('gravity:2', equations.mechanism.axial_gravity)
-            way = equations.frames.q[f'{body.name}.axial']
             potential.append(neg(mul(mul(mass, gravity), way)))
     return mul(hy.expression(0.5), kinetic), add(*potential)
 

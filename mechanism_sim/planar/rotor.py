@@ -17,15 +17,16 @@ of Rotating Systems, 2005, sections 2.4, 2.5 and 4.2).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import ClassVar, NamedTuple, TypeAlias
 
 import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
+from mechanism_sim.planar.bodies import Body, LinkExtension
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.points import GROUND, Point
 
@@ -35,7 +36,7 @@ SLOPE = 'tilt'
 
 @dataclass(frozen=True)
 class Support:
-    """What a support does to the shaft, by pair: minus ``stiffness r + damping r'``."""
+    """Force of a support on the shaft, by pair: minus ``stiffness r + damping r'``."""
 
     stiffness: Rows  #: (2, p) along x and along y [N/m, N/rad]
     damping: Rows  #: (2, p) [N s/m, N s/rad]
@@ -57,8 +58,8 @@ class Lump(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Rotor:
-    """What gives way of a link that turns with a shaft; p pairs of coordinates.
+class Rotor(LinkExtension):
+    """Compliance of a rotor's shaft and supports; p pairs of coordinates.
 
     Attributes
     ----------
@@ -82,6 +83,8 @@ class Rotor:
     place: tuple[float, float] = (0.0, 0.0)
     relaxation: float = 0.0
 
+    flexible: ClassVar[bool] = False
+
     @property
     def names(self) -> tuple[str, ...]:
         """Of the coordinates: ``x``, ``y``, ``tilt_x``, ``tilt_y``, ``DISK_x``, ..."""
@@ -103,6 +106,10 @@ class Rotor:
         """Polar moment of inertia of further disks [kg m^2]."""
         return sum(lump.polar for lump in self.lumps)
 
+    def extent(self, body: Body) -> float:
+        """The disk's radius."""
+        return body.disk_radius
+
     def moved(self, link: str, shares: Sequence[float] = (1.0,)) -> Point:
         """How a point of the axis moves that pairs move by these shares; the disk's centre."""
         found: Point = {}
@@ -112,23 +119,24 @@ class Rotor:
                 found |= {(GROUND, x): (share, 0.0), (GROUND, y): (0.0, share)}
         return found
 
-    def particles(self, link: str) -> Iterator[tuple[float, Point]]:
-        """Masses [kg] beside the link's own disk and their points.
+    def masses(self, body: Body, place: Callable[..., Point]) -> Iterator[tuple[float, Point]]:
+        """The link's own disk, then what is beside it.
 
-        Those of a tilt are points of the axis a metre from the disk, which have together neither
+        Masses of a tilt are points of the axis a metre from the disk, which have together neither
         a mass nor a momentum.
         """
-        axis: Point = {(GROUND, None): self.place}
+        link, axis = body.name, Point({(GROUND, None): self.place})
+        yield body.mass - self.mass, place(body.cog)
         for lump in self.lumps:
             off: Point = {(link, None): lump.cog} if any(lump.cog) else {}
             yield lump.mass, axis | self.moved(link, lump.shares) | off
         for k, inertia in enumerate(self.diametral):
-            for share, place in ((0.5, 1.0), (0.5, -1.0), (-1.0, 0.0)) if inertia else ():
-                tilt = [place * (j == k) for j in range(len(self.pairs))]
+            for share, along in ((0.5, 1.0), (0.5, -1.0), (-1.0, 0.0)) if inertia else ():
+                tilt = [along * (j == k) for j in range(len(self.pairs))]
                 yield share * inertia, axis | self.moved(link, tilt)
 
     def forces(self, link: str, frames: Frames) -> RotorForces:
-        """What the rotor does to its coordinates."""
+        """Forces on its coordinates."""
         return RotorForces(self, link, frames)
 
     def support_force(self, name: str, q: Array, v: Array, spin: Array) -> Array:

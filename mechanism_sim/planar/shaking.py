@@ -1,4 +1,4 @@
-"""What a machine does to its ground, from the momentum of its links.
+"""Force of a machine on its ground, from the momentum of its links.
 
 By Newton's and Euler's laws for all links together the ground feels what is applied to them, less
 what changes their momentum:
@@ -97,12 +97,12 @@ class ShakingForce:
 def _masses(mechanism: Mechanism) -> Iterator[tuple[str, str, float, Point, float]]:
     """Names, links, masses [kg], points, and moments of inertia [kg m^2] that turn with links.
 
-    A rigid link has one mass, an elastic one or a rotor many.
+    A rigid link has one mass, others have many.
     """
     for body in mechanism.bodies:
-        if not (body.beam or body.rotor):
+        own = body.extension
+        if not (own and own.scattered):
             yield body.name, body.name, body.mass, mechanism.centre(body.name), body.inertia
             continue
         for k, (mass, point) in enumerate(mechanism.particles(body.name)):
-            spin = body.beam.spin if body.beam else body.inertia
-            yield f'{body.name}@{k}', body.name, mass, point, 0.0 if k else spin
+            yield f'{body.name}@{k}', body.name, mass, point, 0.0 if k else own.spin_of(body)

@@ -238,7 +238,7 @@ class Edges:
         return values
 
     def left(self, states: Array, present: Array) -> Array:
-        """What is negative (g, N) in states (2n + k, N) where the present rows have ended."""
+        """Values (g, N), negative in states (2n + k, N) where the present rows have ended."""
         known = np.repeat(present, states.shape[1], axis=1)
         found: Array = self._guards(np.concatenate([states, known]))[0] + self._slack
         return found

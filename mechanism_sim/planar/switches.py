@@ -1,4 +1,4 @@
-"""What changes from one part of a cycle to another: flags, and tables of numbers.
+"""Switches between parts of a cycle: flags, and tables of numbers.
 
 The integrator knows the present row only, as runtime parameters; a guard ends a step where the
 next row begins. So a table of any length costs the same.
@@ -64,7 +64,7 @@ class Switch(NamedTuple):
 
     @property
     def place(self) -> hy.expression:
-        """What the present row follows from."""
+        """Value from which the present row follows."""
         return self.inside
 
     def row_at(self, place: float) -> int:

@@ -16,18 +16,18 @@ order a and s have no inertia in common.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
-from mechanism_sim.planar.points import Vector2
+from mechanism_sim.planar.bodies import Arms, Body, LinkExtension
+from mechanism_sim.planar.points import Point, Vector2
 
 
 @dataclass(frozen=True)
-class Tilt:
-    """What holds a rigid link in its plane, and what it takes to turn out of it.
-
-    Its interface is that of `mechanism_sim.planar.elastic.Beam`.
-    """
+class Tilt(LinkExtension):
+    """Stiffness that holds a rigid link in its plane, and inertia of its way out of it."""
 
     mass: float  #: [kg]
     cog: Vector2  #: [m] in the link's frame
@@ -37,12 +37,13 @@ class Tilt:
     spin: float = 0.0  #: [kg m^2] that turns with the link in the plane, but does not lean
     axial: float | None = None  #: [N/m] stiffness along the axes; None if it does not move there
 
-    inclinations = 'tilt_x', 'tilt_y'
+    scattered: ClassVar[bool] = False
+    angles = 'tilt_x', 'tilt_y'
 
     @property
     def names(self) -> tuple[str, ...]:
         """Of the coordinates: the inclinations, and the way along the axes."""
-        return self.inclinations if self.axial is None else (*self.inclinations, 'axial')
+        return self.angles if self.axial is None else (*self.angles, 'axial')
 
     def rise(self, at: Vector2) -> dict[str, float]:
         """How much a point of the link's plane moves towards the reader with each coordinate.
@@ -61,19 +62,27 @@ class Tilt:
         x, y, z = (max(0.0, total - own) for own in self.inertia)
         return x, y, z
 
-    @property
-    def particles(self) -> tuple[tuple[float, tuple[float, float, float]], ...]:
-        """Masses [kg] and their points [m] that stand for the link, the third above its plane."""
+    def masses(self, body: Body, place: Callable[..., Point]) -> list[tuple[float, Point]]:
+        """Six that stand for the link, at its principal axes, two above and below its plane."""
         share, (x, y) = self.mass / 6.0, self.cog
         a, b, c = (math.sqrt(3.0 * moment / self.mass) for moment in self._moments)
         off = (a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c)
-        return tuple(
-            (share, (x + sign * u, y + sign * v, sign * w))
+        return [
+            (share, place((x + sign * u, y + sign * v), sign * w))
             for u, v, w in off
             for sign in (1.0, -1.0)
-        )
+        ]
 
-    def arms(self, at: Vector2) -> dict[tuple[str, ...], Vector2]:
+    def spin_of(self, body: Body) -> float:
+        """Of what does not lean."""
+        return self.spin
+
+    def lean(self, height: float) -> Arms:
+        """To the first order."""
+        along, across = self.angles
+        return {(along,): (height, 0.0), (across,): (0.0, height)}
+
+    def arms(self, at: Vector2) -> Arms:
         """How a point of the link's plane moves in the link's frame, by products of coordinates.
 
         Parameters
@@ -81,13 +90,9 @@ class Tilt:
         at : [m] in the link's frame
         """
         x, y = at[0] - self.cog[0], at[1] - self.cog[1]
-        p, q = self.inclinations
+        p, q = self.angles
         found = {(p, p): (-0.5 * x, 0.0), (p, q): (-0.5 * y, -0.5 * x), (q, q): (0.0, -0.5 * y)}
         return {names: d for names, d in found.items() if d != (0.0, 0.0)}
-
-    def slopes(self, _: Vector2) -> dict[str, float]:
-        """The link does not turn in the plane by leaning."""
-        return {}
 
     @property
     def rising(self) -> dict[str, float]:
@@ -95,7 +100,7 @@ class Tilt:
         return dict(zip(self.names, (*self._moments[:2], self.mass), strict=False))
 
     @property
-    def stiffness(self) -> dict[str, float]:
+    def _stiffness(self) -> dict[str, float]:
         """Of each coordinate [N m/rad, N/m]: leaning along x is a rotation about y."""
         return dict(zip(self.names, (*self.rigidity[::-1], self.axial or 0.0), strict=False))
 
@@ -103,14 +108,14 @@ class Tilt:
     def frequencies(self) -> dict[str, float]:
         """Natural angular frequency [rad/s] of each coordinate while the link rests."""
         about_x, about_y, _ = self.inertia
-        pairs = zip(self.stiffness.items(), (about_y, about_x, self.mass), strict=False)
+        pairs = zip(self._stiffness.items(), (about_y, about_x, self.mass), strict=False)
         return {name: math.sqrt(k / own) for (name, k), own in pairs}
 
     @property
-    def resistance(self) -> dict[str, float]:
-        """Damping of each coordinate [N m s/rad, N s/m]."""
+    def springs(self) -> dict[str, tuple[float, float]]:
+        """Stiffness [N m/rad, N/m] and damping [N m s/rad, N s/m] of each coordinate."""
         rates = self.frequencies
         return {
-            name: 2.0 * self.damping * k / rates[name] if k else 0.0
-            for name, k in self.stiffness.items()
+            name: (k, 2.0 * self.damping * k / rates[name] if k else 0.0)
+            for name, k in self._stiffness.items()
         }

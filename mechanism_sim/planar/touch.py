@@ -83,7 +83,7 @@ class Touch:
         return Jet(None, slopes, rate, hy.sum(bends))
 
     def wrench(self, frames: Frames, T: Term) -> Wrench:
-        """What a force T along the slip does to the second-named link."""
+        """Wrench on the second-named link of a force T along the slip."""
         (nx, ny), arm = self.contact(frames)
         force = neg(mul(T, ny)), mul(T, nx)
         return Wrench(*force, moment_of(arm, force))

@@ -38,11 +38,11 @@ class UnknownLoad(Protocol):
         """Of its size, ``N`` or ``N m``."""
 
     def loads(self, frames: Frames) -> list[Load]:
-        """What it does to links when its size is one."""
+        """Loads on links when its size is one."""
 
 
 class Effort(Protocol):
-    """What a drive supplies while its motion is prescribed."""
+    """Effort that a drive supplies while its motion is prescribed."""
 
     def effort(self, frames: Frames) -> Term:
         """[N m] of one that turns, [N] of one that slides."""
@@ -127,7 +127,7 @@ class Unknowns:
         return np.asarray(np.linalg.det(self._response(matrix, terms)[1] * self._scale))
 
     def _response(self, matrix: Array, terms: Array) -> tuple[Array, Array]:
-        """What closures and drives balance loads of size one with, (N, n, u); the given part."""
+        """Forces (N, n, u) of closures and drives that balance unit loads; the given part."""
         count, n = matrix.shape[:2]
         columns = terms[: len(self.sizes) * n].reshape(len(self.sizes), n, count)
         response: Array = np.linalg.solve(matrix, columns.transpose(2, 1, 0)).astype(float)

@@ -1,4 +1,4 @@
-"""What a kind of joint sees of a machine: to tell its readings, to be drawn, to be plotted.
+"""Views of a machine for a kind of joint: to tell its readings, to be drawn, to be plotted.
 
 A joint tells in its own file what there is to read of it, what it looks like and which of its
 readings are worth a chart; sensors, nodes, drawings and pages only ask.
@@ -98,7 +98,7 @@ class View(Protocol):
         """Angle of a link in the world, with its rates; of an elastic one at a point of it."""
 
     def chord(self, link: str, a: Vector2, b: Vector2) -> Course:
-        """The same by the line from one point of it to another."""
+        """Turning of a link by the line from one point of it to another."""
 
     def place(self, link: str, at: Vector2) -> Array:
         """World coordinates (2, N) [m] of a point of a link."""

@@ -18,8 +18,9 @@ from sympy.simplify.fu import TR8
 
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.rotor import disk_of
+from mechanism_sim.planar.rotor import Rotor, disk_of
 from mechanism_sim.planar.switches import Table
+from mechanism_sim.planar.tilt import Tilt
 from mechanism_sim.report.parameters import bare, describe
 
 Expression: TypeAlias = Any
@@ -110,7 +111,7 @@ class Symbols:
         """Stem, subject, meaning and unit of a coordinate."""
         link, _, axis = c.partition('.')
         mechanism = self._equations.mechanism
-        if link in mechanism.rotors and axis:
+        if link in mechanism.having(Rotor) and axis:
             pair, _, way = axis.rpartition('_')
             if c not in self._displacements:
                 disk = disk_of(pair)
@@ -120,7 +121,7 @@ class Symbols:
             where = f'its disk or support {pair}' if pair else 'its middle'
             subject, what = f'{link} {pair}'.strip(), f'{way} of the axis of {link} in {where}'
             return way, subject, f'{what}, from where it rests', 'm'
-        if c in mechanism.tilts:
+        if axis and link in mechanism.having(Tilt) and c not in self._displacements:
             way = axis[-1]
             return (
                 'phi',
@@ -128,7 +129,7 @@ class Symbols:
                 f'inclination of {link} along the {way} of its frame',
                 'rad',
             )
-        if axis and mechanism.body(link).tilt:
+        if link in mechanism.having(Tilt) and axis:
             return 'z', link, f'displacement of {link} along its axes', 'm'
         if c in mechanism.deformations:
             return axis, link, f'amplitude of the shape {axis} of the elastic link {link}', 'm'

@@ -11,9 +11,9 @@ import numpy as np
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.names import Names
 from mechanism_sim.planar.beam_sections import Taper
+from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.elastic import Beam, Damping
 from mechanism_sim.planar.mechanism import (
-    Body,
     HigherPair,
     Joint,
     Mechanism,
@@ -43,7 +43,7 @@ def read_beams(
                 _check(names, joint, found[link], driven)
     for link in driven:
         body = found.get(link)
-        if body and body.beam and body.beam.ends != 'clamped':
+        if body and isinstance(body.extension, Beam) and body.extension.ends != 'clamped':
             raise InputError(
                 f'links.{link}.elastic.ends must be clamped: a drive holds the direction of its '
                 'link where that starts'
@@ -122,8 +122,8 @@ def _body(where: str, link: str, given: LinkPart) -> Body:
 
 def loaded(body: Body, lumps: Iterable[tuple[float, Vector2]], spin: float) -> Body:
     """An elastic link that carries more: masses at points, and what turns with its frame."""
-    old = body.beam
-    assert old  # noqa: S101 - it is elastic
+    old = body.extension
+    assert isinstance(old, Beam)  # noqa: S101 - it is elastic
     beam = replace(old, lumps=(*old.lumps, *lumps), spin=old.spin + spin)
     weights = np.array([m for m, _ in beam.particles])
     places = np.array([at for _, at in beam.particles])
@@ -177,7 +177,7 @@ def elastic_notes(mechanism: Mechanism, period: float, impacts: bool) -> list[st
     """
     notes = []
     turns = 1.0 / period
-    for link, beam in mechanism.beams.items():
+    for link, beam in mechanism.having(Beam).items():
         modes = {name: w / (2.0 * math.pi) for name, w in beam.frequencies.items()}
         listed = ', '.join(f'{name} {f:.6g} Hz' for name, f in modes.items())
         ends = f'{beam.ends} ends' if beam.ends == 'pinned' else 'clamped where it starts'

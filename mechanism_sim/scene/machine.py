@@ -33,7 +33,7 @@ from mechanism_sim.hybrid.plotting import Rich
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.joints.contact_keys import Play, in_plane
-from mechanism_sim.joints.revolute.clearances import gaps_and_films
+from mechanism_sim.joints.joint_keys import contacts_of
 from mechanism_sim.keys.names import SceneError, scene_errors
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.linkages.four_bar import FourBar
@@ -407,7 +407,7 @@ class Machine(Rich):
     def system(self) -> System:
         """The compiled equations of motion."""
         mechanism = self.mechanism
-        gaps, films = gaps_and_films(mechanism, self.clearances)
+        gaps, films = contacts_of(self.scene.joints, mechanism, self.clearances)
         frames = Frames(mechanism.coordinates, Parameters())
         for gap in gaps:
             if all(slope is None for slope in gap.value(frames).gradient.values()):
@@ -565,7 +565,8 @@ class Machine(Rich):
         rows = len(system.dynamics.rows) + len(system.dynamics.relation)
         tabulated = any(isinstance(s, Table) for s in system.switches)
         many = len(system.free) + rows >= _COMPACT_FROM
-        more = system.elements or system.lent or system.dynamics.rubs or self.mechanism.flexible
+        flexible = any(x.flexible for x in self.mechanism.extensions.values())
+        more = system.elements or system.lent or system.dynamics.rubs or flexible
         return bool(more) or tabulated or many
 
     def snapshot(self, run: Run) -> Snapshot:
@@ -665,7 +666,7 @@ class Machine(Rich):
     def joint_impulses(self) -> JointImpulses:
         """The impulses in all joints, from steps of the velocities."""
         self.check_impulses()
-        gaps, _ = gaps_and_films(self.mechanism, self.clearances)
+        gaps, _ = contacts_of(self.scene.joints, self.mechanism, self.clearances)
         return JointImpulses(self.mechanism, gaps, self.plan.loop_closures, self.plan.prescribed)
 
     def check_impulses(self) -> None:

@@ -8,7 +8,6 @@ compiled.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
 
@@ -18,8 +17,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.clock import take_off_turns
 from mechanism_sim.joints.contact_keys import Play
-from mechanism_sim.joints.mesh.gear_keys import read_wheel
-from mechanism_sim.joints.mesh.keys import backlashes, check_bearings, in_mesh
+from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.keys.names import Names, kind_of
 from mechanism_sim.linkages.forces import DriveEffort, UnknownForce
 from mechanism_sim.planar.closures import closures
@@ -77,33 +75,36 @@ class ScenePlan(Names):
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
-        for gear in scene.gears:  # those that mesh with none, too
-            read_wheel(self, gear)
         joints, drives = read_joints(self), read_drives(self)
         elastic = read_beams(self, joints, drives)
         straight = [c for c, drive in drives.items() if is_straight(drive)]
         bending = bending_guides([*elastic.values()], joints)
         self.closing = closing_joints(self.links, joints, bending, straight)
-        check_bearings(joints, self.closing)
+        for kind in KINDS.values():
+            kind.check_all(self, joints, self.closing)
         check_tilts(self, joints)
         rotors = read_rotors(self)
         massless = tuple(
-            elastic.get(link) or replace(without_mass(self, link), rotor=rotors.get(link))
-            for link in self.links
+            elastic.get(link) or without_mass(self, link, rotors.get(link)) for link in self.links
         )
         tree = Mechanism(massless, joints, self.closing)
         positions = self._read_drives(drives, tree)
         begun = {c: x for c, (x, _) in self.begins.items()}
         start = {**self.guess, **positions, **begun}
+        for kind in KINDS.values():
+            joints = kind.assembled(self, joints, tree, start)
         self.joints = tuple(
             keys.kind_keys.mounted(keys, joint, start, self._turns)
-            for joint in in_mesh(self, joints, tree, start)
+            for joint in joints
             for keys in [scene.joints[joint.name]]
         )
         self.begins |= {c: (positions.get(c, 0.0), 0.0) for c in tree.deformations}
-        plays = ((name, keys.kind_keys.play(keys)) for name, keys in scene.joints.items())
-        self.clearances: dict[str, Play] = {name: play for name, play in plays if play is not None}
-        self.clearances |= backlashes(self, self.joints)
+        self.clearances: dict[str, Play] = {
+            joint.name: play
+            for joint in sorted(self.joints, key=lambda x: scene.joints[x.name].kind_keys.last)
+            for keys in [scene.joints[joint.name]]
+            if (play := keys.kind_keys.play(keys, joint)) is not None
+        }
         self._loads = read_loads(self, tree)
         self.efforts: dict[str, Callable[[Mechanism], DriveEffort]] = {
             c: read_effort(self, f'{drive_key(self, c)}.effort', c, drive.effort, tree)
@@ -113,7 +114,7 @@ class ScenePlan(Names):
         self.bodies = read_bodies(self, tree, drives, elastic, rotors)
         rates = read_values(self, 'initial.velocity', scene.initial.velocity, tree, _PACES)
         self.given = positions, rates
-        self.frictions = read_frictions(self)
+        self.frictions = read_frictions(self, self.clearances)
         self.motors = tuple(
             motor for c, drive in drives.items() if (motor := read_motor(c, drive)) is not None
         )

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.names import Names
+from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.joint_friction import JointFriction
-from mechanism_sim.planar.mechanism import Body, Joint, Mechanism
+from mechanism_sim.planar.mechanism import Joint, Mechanism
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.elastic_links import loaded
@@ -63,7 +64,9 @@ def read_rotors(names: Names) -> dict[str, Rotor]:
     return found
 
 
-def read_frictions(names: Names) -> Callable[[Mechanism], list[JointFriction]]:
+def read_frictions(
+    names: Names, loose: Container[str]
+) -> Callable[[Mechanism], list[JointFriction]]:
     """Friction in ideal joints, of a tree of the mechanism."""
     rubs = []
     for name, joint in names.scene.joints.items():
@@ -76,7 +79,7 @@ def read_frictions(names: Names) -> Callable[[Mechanism], list[JointFriction]]:
                 raise InputError(f'{where}.{key} has no meaning in a {joint.kind} joint')
         if needed and getattr(given, keys[0]) is None:
             raise InputError(f"{where} needs a '{keys[0]}', as {keys[0]}: 10 mm")
-        if given.coefficient and own.play(joint) and not own.slips:
+        if given.coefficient and name in loose and not own.rubs_loose:
             raise InputError(
                 f'{where}: the joint is loose: give the friction of its walls in its '
                 "'clearance', 'lift_off', 'groove' or 'backlash'"
@@ -136,7 +139,7 @@ def read_bodies(
         rotor = rotors.get(link)
         inertia = body.inertia + added
         if rotor:
-            body = replace(body, mass=body.mass + rotor.mass, rotor=rotor)
+            body = replace(body, mass=body.mass + rotor.mass, extension=rotor)
             inertia += rotor.inertia
         found.append(tilted(replace(body, inertia=inertia), names, added))
     return tuple(found)

@@ -27,7 +27,7 @@ from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.joints.revolute.bearing_ends import AxialStop, BearingEnd, seat
-from mechanism_sim.joints.revolute.clearances import leaning
+from mechanism_sim.joints.revolute.keys import leaning
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.kinematics import Kinematics

@@ -11,7 +11,8 @@ from pydantic import Field, model_validator
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Inertia, Length, Part, si
-from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Revolute
+from mechanism_sim.planar.bodies import Body, LinkExtension
+from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.tilt import Tilt
 
@@ -42,12 +43,12 @@ class TiltPart(Part):
         return self
 
 
-def without_mass(names: Names, link: str) -> Body:
+def without_mass(names: Names, link: str, rotor: LinkExtension | None) -> Body:
     """A link as it moves, whatever it weighs."""
     none, given = (0.0, 0.0), names.scene.links[link].tilt
     axial = stiffness_along(names, link)
     tilt = Tilt(0.0, none, (0.0, 0.0, 0.0), none, axial=axial) if given else None
-    return Body(link, 0.0, 0.0, none, tilt=tilt)
+    return Body(link, 0.0, 0.0, none, tilt or rotor)
 
 
 def stiffness_along(names: Names, link: str) -> float | None:
@@ -94,7 +95,7 @@ def tilted(body: Body, names: Names, spin: float = 0.0) -> Body:
         )
     rigidity = (given.stiffness, given.stiffness)
     tilt = Tilt(body.mass, body.cog, moments, rigidity, given.damping, spin, axial)
-    return replace(body, tilt=tilt)
+    return replace(body, extension=tilt)
 
 
 def check_tilts(names: Names, joints: tuple[Joint, ...]) -> None:
@@ -127,8 +128,8 @@ def check_tilts(names: Names, joints: tuple[Joint, ...]) -> None:
 def tilt_notes(mechanism: Mechanism) -> list[str]:
     """Natural frequencies of the links that lean, each while it rests."""
     notes = []
-    for link in {c.partition('.')[0]: None for c in mechanism.tilts}:
-        rates = mechanism.flexible[link].frequencies.items()
+    for link, tilt in mechanism.having(Tilt).items():
+        rates = tilt.frequencies.items()
         listed = ', '.join(f'{name} {w / (2.0 * math.pi):.6g} Hz' for name, w in rates)
         notes.append(f'{link} leans out of its plane: {listed}; exact to the first order')
     return notes

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism
 from mechanism_sim.planar.play import wall_name
@@ -50,7 +51,7 @@ class JointView:
         """Angle of a link in the world, with its rates; of an elastic one at a point of it."""
         frame, offset = self.mechanism.frame(link)
         turn = self._coordinate(frame)
-        if at and link in self.mechanism.beams:
+        if at and link in self.mechanism.having(Beam):
             turns = self.mechanism.turns(link, at).items()
             turn = Course(*np.sum([x * np.array(self._coordinate(c)) for c, x in turns], axis=0))
         return turn._replace(position=turn.position + offset)
@@ -58,7 +59,7 @@ class JointView:
     def chord(self, link: str, a: Vector2, b: Vector2) -> Course:
         """Turning of a link by the line from one point of it to another."""
         turn = self.turning(link)
-        if link not in self.mechanism.beams:
+        if link not in self.mechanism.having(Beam):
             return turn
         z, v, w = self.path(link, b) - self.path(link, a)
         square = (z * z).sum(axis=0)

@@ -21,6 +21,7 @@ from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.linearisation import Excitation, Linear, Linearisation, Point
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies.frames import Vibrating
 from mechanism_sim.vibration import state_space
@@ -214,7 +215,7 @@ class LinearMachine:
     def _whirl(self, shape: Mapping[str, complex]) -> float | None:
         """Area that rotors' axes go round, with their rotation, over the largest of their size."""
         area = size = 0.0
-        for link, rotor in self.machine.plan.ideal.rotors.items():
+        for link, rotor in self.machine.plan.ideal.having(Rotor).items():
             spin = self.at.v[self.derivatives.coordinates.index(link)]
             lengths = [shape[f'{link}.{c}'] for c in rotor.names if c not in rotor.angles]
             for x, y in zip(lengths[::2], lengths[1::2], strict=True):

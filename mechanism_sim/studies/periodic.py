@@ -18,6 +18,7 @@ from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
+from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.results.run import Runner
 from mechanism_sim.scene import Machine
 
@@ -61,7 +62,7 @@ class PoincareMap:
             raise InputError(
                 f'{machine.name}: a periodic response needs a crank at constant speed'
             )
-        if not machine.clearances and not machine.mechanism.beams:
+        if not machine.clearances and not machine.mechanism.having(Beam):
             raise InputError(
                 f'{machine.name}: without clearance every revolution is like the other'
             )

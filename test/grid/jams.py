@@ -18,6 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.numerics.symbolic import dense
+from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.scene import Machine
 from test.grid.joint_jams import no_forces
 
@@ -70,7 +71,7 @@ def confirm_bending(machine: Machine, error: RunError) -> bool:
     these are small. It is so here by the expressions of the matrix, from which no step was made.
     """
     said = re.search(r'broke down at t = ([-+.\de]+) s', str(error))
-    if not said or not machine.dynamic or not machine.mechanism.beams:
+    if not said or not machine.dynamic or not machine.mechanism.having(Beam):
         return False
     at = float(said[1])
     near, before = (_definite(machine, at * (1.0 - share)) for share in (1e-6, 1e-2))

@@ -23,7 +23,8 @@ from benchmarks.stages import (
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial, exact_sum
-from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic
+from mechanism_sim.planar.bodies import Body
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import load_scene
 from mechanism_sim.sensing.chain import (

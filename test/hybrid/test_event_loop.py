@@ -34,9 +34,10 @@ from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.joints.revolute.bearing import BearingClearance
+from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.jet import lift
-from mechanism_sim.planar.mechanism import Body, Mechanism, Revolute
+from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.units import SMALLEST
 

@@ -6,7 +6,9 @@ from absolute import differences
 
 import mechanism_sim as ms
 from mechanism_sim.joints.cam.constraint import CamPair
-from mechanism_sim.joints.geneva.constraint import Geneva, SlottedRack
+from mechanism_sim.joints.geneva.constraint import Geneva
+from mechanism_sim.joints.rack.constraint import SlottedRack
+from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene import Level, Machine
 from mechanism_sim.scene.drives import is_straight
 from mechanism_sim.scene.files import read_scene
@@ -38,7 +40,7 @@ def step(machine, solution):
     curve = solution.motion.curve
     rate, change = (np.abs(curve.coefficients[:, :, k]).max(axis=0) for k in (1, 2))
     fastest = rate.max()
-    if machine.mechanism.rotors:
+    if machine.mechanism.having(Rotor):
         fastest = max(fastest, (2.0 * change[rate > 0.0] / rate[rate > 0.0]).max())
     return min(solution.duration / 4000.0, 0.02 / fastest)
 

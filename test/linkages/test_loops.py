@@ -9,8 +9,9 @@ from textbook import slider_position
 import mechanism_sim as ms
 from mechanism_sim.joints.slot.constraint import PinInSlot
 from mechanism_sim.linkages.loops import four_bars, slider_cranks
+from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.configuration import Constraints
-from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, rotate
 from mechanism_sim.scene.check import check
 from mechanism_sim.scene.motion_notes import motion_notes

@@ -13,10 +13,11 @@ from benchmarks import flexible_slider_crank as simeon
 from benchmarks.problems import elastic_slider_crank, spinning_beam
 from benchmarks.problems.elastic_slider_crank import elongations, stretching
 from mechanism_sim.errors import InputError
+from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.linearisation import Linearisation
-from mechanism_sim.planar.mechanism import Body, Mechanism
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.scene.check import check
@@ -124,7 +125,7 @@ def test_polynomials_bend_under_an_end_load_as_statics_says():
         'end': {'force': [0.0, -F], 'at': 'arm.end'}
     })  # fmt: skip
     at = linearised(machine).at
-    beam = machine.mechanism.beams['arm']
+    beam = machine.mechanism.having(Beam)['arm']
     q = at.q[1:]
     assert beam.deflection(L) @ q == pytest.approx(-F * L**3 / (3.0 * EI), rel=2e-3)
     x = np.linspace(0.0, L, 5)
@@ -140,7 +141,7 @@ def test_polynomials_bend_under_an_end_load_as_statics_says():
 
 def test_modes_bend_under_weight_as_statics_says():
     machine = arm(modes=4, gravity=(0.0, -9.81))
-    beam = machine.mechanism.beams['arm']
+    beam = machine.mechanism.having(Beam)['arm']
     tip = beam.deflection(L) @ linearised(machine).at.q[1:]
     assert tip == pytest.approx(-RHO * 9.81 * L**4 / (8.0 * EI), rel=1e-4)
 
@@ -153,7 +154,7 @@ def test_a_mass_and_a_moment_act_where_they_are():
     # a moment M at one end bends the middle by M L^2/(16 EI)
     moment = 1e-3
     machine = column(load={'torque': moment, 'at': 'rod'}, functions='polynomial', modes=2)
-    middle = machine.mechanism.beams['rod'].deflection(L / 2)
+    middle = machine.mechanism.having(Beam)['rod'].deflection(L / 2)
     q = linearised(machine).at.q[3:]
     assert middle @ q == pytest.approx(moment * L**2 / (16.0 * EI), rel=1e-6)
 
@@ -265,13 +266,13 @@ def test_a_tapered_beam_bends_and_is_strained_as_statics_says():
     """Width from b to b/2: ``w'' = -F (L - x)/(E I (1 - x/2L))``, integrated by hand."""
     wide, narrow = ({'width': b, 'height': 1e-2} for b in (8e-3, 4e-3))
     machine = tapered([0.0, wide], [L, narrow], modes=5, functions='polynomial')
-    beam, q = machine.mechanism.beams['arm'], linearised(machine).at.q[1:]
+    beam, q = machine.mechanism.having(Beam)['arm'], linearised(machine).at.q[1:]
     EI, F = 1e11 * 8e-3 * 1e-6 / 12.0, 1e-3
     tip = -F * L**3 / EI * (2.0 * np.log(2.0) - 1.0)
     assert beam.deflection(L) @ q == pytest.approx(tip, rel=1e-6)
     assert beam.largest_stress(q[:, None]) == pytest.approx(F * L / EI * 1e11 * 5e-3, rel=1e-3)
     thin = tapered([0.0, {'width': 8e-3, 'height': 1e-2}], [L, {'width': 8e-3, 'height': 4e-3}])
-    beam = thin.mechanism.beams['arm']
+    beam = thin.mechanism.having(Beam)['arm']
     assert beam.outer_fibre(0.5 * L) == pytest.approx(3.5e-3)
     q = np.array([[1e-3], [0.0]])
     x = np.linspace(0.0, L, 41)
@@ -287,7 +288,7 @@ def test_a_section_given_by_points_that_are_alike_is_that_section():
     section = {'width': '8 mm', 'height': '8 mm'}
     points = [['0 mm', section], ['0.1 m', section], ['0.5 m', section]]
     same = ms.load_scene('elastic_slider_crank', {'links.rod.elastic.section': {'points': points}})
-    assert same.mechanism.beams == plain.mechanism.beams
+    assert same.mechanism.having(Beam) == plain.mechanism.having(Beam)
 
 
 def test_a_mass_of_a_tapered_link_lies_as_its_area_does():
@@ -395,7 +396,7 @@ def test_a_beam_that_spins_up_is_stiffened():
     machine = spun_up(modes=3)
     solution = ms.simulate(machine, duration=30.0)
     t = np.linspace(3.0, 15.0, 25)
-    x, beam = solution.sample(t), machine.mechanism.beams['arm']
+    x, beam = solution.sample(t), machine.mechanism.having(Beam)['arm']
     tip = beam.deflection(10.0) @ np.array([x[f'position.arm.bend{i}'] for i in (1, 2, 3)])
     speeds, pushes = x['velocity.arm'], x['acceleration.arm']
     still = [bent_by_spin(w, a) for w, a in zip(speeds, pushes, strict=True)]
@@ -415,7 +416,7 @@ def test_a_beam_that_spins_up_moves_as_a_chain_of_rigid_segments():
     """Segments with springs between them: no beam, no modes, no foreshortening."""
     machine = spun_up(modes=4)
     t = np.array([5.0, 8.0, 11.0, 14.0])
-    x, beam = ms.simulate(machine, duration=15.0).sample(t), machine.mechanism.beams['arm']
+    x, beam = ms.simulate(machine, duration=15.0).sample(t), machine.mechanism.having(Beam)['arm']
     tip = beam.deflection(10.0) @ np.array([x[f'position.arm.bend{i}'] for i in (1, 2, 3, 4)])
     limit = extrapolated((10, 14), [chain_tip(n, t) for n in (10, 14)])
     assert tip == pytest.approx(limit, abs=2e-3)
@@ -474,7 +475,7 @@ def test_a_mass_alone_lies_evenly_along_the_link():
         assert (body.mass, body.inertia, *body.cog) == pytest.approx(
             (0.2, 0.2 * 0.3**2 / 12.0, 0.15, 0.0)
         )
-    assert not machine.rigid.mechanism.beams
+    assert not machine.rigid.mechanism.having(Beam)
 
 
 def test_a_stiff_link_moves_as_a_rigid_one():

@@ -13,6 +13,7 @@ from mechanism_sim.messages import LinkageState, deserialize
 from mechanism_sim.nodes import markers
 from mechanism_sim.nodes.force_markers import ForceMarkers
 from mechanism_sim.nodes.publications import linkage_states
+from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.studies.modes import modes
 
 TURN = 2.0 * np.pi
@@ -183,11 +184,11 @@ def test_a_mass_that_crosses_a_beam_moves_as_galerkin_says(joint, J, functions):
     machine, solution = crossing(joint, functions=functions)
     x, names = solution.sample(0.2), ('bead.x', 'beam.bend1', 'beam.bend2')
     found = [x[f'position.{name}'][0] for name in names]
-    exact = moving_mass(machine.mechanism.beams['beam'], 0.2, J=J)
+    exact = moving_mass(machine.mechanism.having(Beam)['beam'], 0.2, J=J)
     assert found == pytest.approx(exact, rel=1e-9)
     assert abs(solution.energy.residual) < 1e-12 * solution.energy.initial
     assert found[1] < -1e-2
-    beam, q = machine.mechanism.beams['beam'], exact[1:]
+    beam, q = machine.mechanism.having(Beam)['beam'], exact[1:]
     assert x['position.bead.y'][0] == pytest.approx(q @ beam.deflection(exact[0]))
     if J:
         turned = np.arctan(q @ beam.deflection(exact[0], 1))
@@ -200,7 +201,7 @@ def test_what_runs_off_a_beam_goes_straight_on():
     machine, solution = crossing({'slot': ['bead', 'beam']}, start=0.8)
     x = solution.sample(0.2)
     amplitudes = [x['position.beam.bend1'][0], x['position.beam.bend2'][0]]
-    slope = amplitudes @ machine.mechanism.beams['beam'].deflection(L, 1)
+    slope = amplitudes @ machine.mechanism.having(Beam)['beam'].deflection(L, 1)
     place = x['position.bead.x'][0]
     assert place > 1.1
     assert x['position.bead.y'][0] == pytest.approx(slope * (place - L), rel=1e-12)
@@ -221,7 +222,7 @@ def test_a_rail_beside_the_axis_is_parallel_to_it():
         initial={'position': {'bead.x': 0.2}, 'velocity': {'bead.x': 2.0}},
     )  # fmt: skip
     solution = ms.simulate(machine, duration=0.1)
-    x, bent = solution.sample(0.1), machine.mechanism.beams['beam']
+    x, bent = solution.sample(0.1), machine.mechanism.having(Beam)['beam']
     q = np.array([x['position.beam.bend1'][0], x['position.beam.bend2'][0]])
     s = np.linspace(0.0, L, 20001)
     apart = np.hypot(x['position.bead.x'] - s, x['position.bead.y'] - q @ bent.deflection(s))

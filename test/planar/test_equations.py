@@ -22,12 +22,13 @@ from mechanism_sim.hybrid.system import System
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.numerics.symbolic import dense
+from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.closures import Closure
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics, power
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.mechanism import Body, Mechanism, Revolute
+from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.reactions import energies
 

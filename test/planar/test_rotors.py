@@ -544,7 +544,7 @@ def test_a_rotor_without_geometry_has_the_same_modes_everywhere():
 
 def test_a_rigid_machine_has_no_shafts_that_give_way():
     rigid = ms.load_scene('overhung_rotor').rigid
-    assert not rigid.plan.ideal.rotors
+    assert not rigid.plan.ideal.having(Rotor)
     assert not rigid.torque_driven
 
 

@@ -13,9 +13,11 @@ from mechanism_sim.catalogue import scene_names
 from mechanism_sim.cli import main
 from mechanism_sim.export.shapes import encloses
 from mechanism_sim.export.skeleton import Skeleton, skeleton_of
-from mechanism_sim.joints.geneva.constraint import Geneva, SlottedRack
+from mechanism_sim.joints.geneva.constraint import Geneva
+from mechanism_sim.joints.rack.constraint import SlottedRack
 from mechanism_sim.joints.slot.constraint import PinInSlot
-from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.bodies import Body
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report import drawing, figures
 from mechanism_sim.results.cycle import instant

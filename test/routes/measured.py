@@ -9,7 +9,8 @@ from numpy.polynomial import Chebyshev
 
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
-from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic
+from mechanism_sim.planar.bodies import Body
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.sensing.chain import Instrument
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.point import PointOnLink

@@ -219,11 +219,11 @@ class BeltForce:
         return left, right
 
     def wrench(self, frames: Frames) -> Wrench:
-        """What the strands do to the second pulley."""
+        """Wrench of the strands on the second pulley."""
         return strand_wrench(self.joint, self.mechanism, frames, self._tensions(frames))
 
     def loads(self, frames: Frames) -> list[Load]:
-        """The same, and what balances it on the first pulley."""
+        """On the second pulley, and on the first, which they balance."""
         joint, w = self.joint, self.wrench(frames)
         ux, uy = frames.position(
             self.mechanism.direction(joint.carrier, math.atan2(*joint.apart[::-1])),
@@ -281,7 +281,7 @@ class SlippingBelt(BeltForce):
 def strand_wrench(
     joint: Belt, mechanism: Mechanism, frames: Frames, tensions: tuple[Term, Term]
 ) -> Wrench:
-    """What tensions [N] of the left and the right strand do to the second pulley."""
+    """Wrench on the second pulley of tensions [N] of the left and the right strand."""
     x: Term = None
     y: Term = None
     for strand, tension in zip(joint.strands, tensions, strict=True):

@@ -32,7 +32,7 @@ class BeltKeys(PhaseKeys):
     radii: tuple[Length, Length] | None = None
     """Of a belt, required: of the first and of the second pulley, to the middle of the belt."""
     crossed: bool = False
-    """Whether the strands cross, so that the pulleys turn opposite ways."""
+    """True if the strands cross, so that the pulleys turn opposite ways."""
     stiffness: Annotated[float, si('N/m'), Field(gt=0.0)] | None = None
     """Of each strand; without it the belt is ideal."""
     damping: Annotated[float, si('N s/m'), Field(ge=0.0)] = 0.0
@@ -45,7 +45,7 @@ class BeltKeys(PhaseKeys):
 
     firm = 'belts and chains have strands'
     rubs_by = ('groove', 'efficiency'), False
-    slips = True
+    rubs_loose = True
 
     def read(self, names: Names, name: str) -> Belt:
         """Between two pulleys on a carrier."""
@@ -114,7 +114,7 @@ class BeltKeys(PhaseKeys):
         arms = 0.5 * r1, 0.5 * s * r2
         return [FlankFriction(joint.name, mechanism, lost, arms, s * r2, joint.carrier)]
 
-    def play(self) -> Play | None:
+    def play(self, joint: Any) -> Play | None:
         """Strands that give way, or slip."""
         soft = self.stiffness or self._held() is not None
         return Play(radial=0.0, restitution=0.0) if soft else None

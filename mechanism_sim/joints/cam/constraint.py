@@ -21,6 +21,7 @@ from mechanism_sim.joints.cam.reading import CamReading, read_cam
 from mechanism_sim.joints.cam.shapes import cam_outlines, follower_outline
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
+from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench, moment_of
@@ -188,7 +189,7 @@ class CamClosure(HigherClosure[CamPair]):
         start = sign * (offset + joint.arm_angle - joint.direction - math.pi)
         known = frames.parameters(f'{self.name}.place', math.remainder(start, 2.0 * math.pi))
         turned = frames.angle(frame)
-        if joint.second in self.mechanism.beams:
+        if joint.second in self.mechanism.having(Beam):
             turned += chord(self.mechanism, frames, joint.second, joint.pivot, joint.on_second)
         return turned * sign + constant(known)
 

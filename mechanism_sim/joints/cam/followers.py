@@ -20,7 +20,7 @@ from mechanism_sim.joints.cam.touch import Passage, Touch, angle_between, cross,
 
 
 class _Rolling(ABC):
-    """What followers with a knife or a roller have in common."""
+    """Common part of followers with a knife or a roller."""
 
     roller: float
 
@@ -153,7 +153,7 @@ class Oscillating(_Rolling):
 
 
 class _Flat(ABC):
-    """What flat-faced followers have in common."""
+    """Common part of flat-faced followers."""
 
     @abstractmethod
     def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:

@@ -123,7 +123,7 @@ class LiftOffPart(Part):
     restitution: Coefficient
     """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """What the coefficient relates: speeds, impulses or works."""
+    """Quantities that the coefficient relates: speeds, impulses or works."""
     friction: FrictionCoefficient = 0.0
     """Coulomb's coefficient."""
     pin_radius: Radius = 0.0
@@ -140,7 +140,7 @@ class GroovePart(Part):
     restitution: Coefficient | None = None
     """Of both walls; required with a clearance."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """What the coefficient relates: speeds, impulses or works."""
+    """Quantities that the coefficient relates: speeds, impulses or works."""
     friction: FrictionCoefficient = 0.0
     """Coulomb's coefficient, on the pin of the roller."""
     pin_radius: Radius = 0.0
@@ -190,7 +190,7 @@ class CamKeys(PhaseKeys):
                 raise
             raise InputError(f'{reader.where}: {error}') from error
 
-    def play(self) -> Play | None:
+    def play(self, joint: Any) -> Play | None:
         """The play of a cam that its follower may leave, or of a groove with clearance."""
         off, groove = self.lift_off, self.groove
         if off:
@@ -309,7 +309,7 @@ class _Reader:
         return _RIGHT[key]
 
     def _check_keys(self) -> None:
-        """What every cam needs, and what excludes each other."""
+        """Refuse cams without a key that all need, or with two that exclude each other."""
         joint, where = self.joint, self.where
         for key, what in (
             ('follower', "'knife', 'roller' or 'flat'"),

@@ -1,4 +1,4 @@
-"""What there is to read of a cam and its follower."""
+"""Readings of a cam and its follower."""
 
 from __future__ import annotations
 

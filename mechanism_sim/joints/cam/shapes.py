@@ -1,4 +1,4 @@
-"""What a cam and its follower look like in a drawing of a mechanism."""
+"""Shapes of a cam and its follower in a drawing of a mechanism."""
 
 from __future__ import annotations
 

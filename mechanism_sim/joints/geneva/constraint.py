@@ -24,9 +24,9 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.loads import Wrench, moment_of
+from mechanism_sim.planar.loads import Wrench
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
-from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
+from mechanism_sim.planar.points import GROUND, LinkPoint
 from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import (
     SLOT,
@@ -69,7 +69,29 @@ class GenevaReading(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Geneva(HigherPair):
+class IndexingPair(HigherPair):
+    """A driving pin of `first`, and slots of `second` that it visits one after another."""
+
+    node: ClassVar[str] = 'geneva'
+    reads: ClassVar[type] = GenevaReading
+    charts: ClassVar[Mapping[str, tuple[str, ...]]] = DRIVEN
+
+    def _read(
+        self, view: View, engaged: NDArray[np.bool_], centre: Array, effort: Array
+    ) -> GenevaReading:
+        driver, driven = view.turning(self.first), view.course(self.second)
+        (fx, fy), torque = view.force, view.moment_on_first(centre)
+        return GenevaReading(
+            engaged, driver.total, *driver[1:3], driven.total, *driven[1:3], fx, fy, effort, torque
+        )
+
+    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch:
+        """Where the pin touches its slot."""
+        return Touch(self.closure(mechanism), f'{self.name}.friction', radius, at_pin=True)
+
+
+@dataclass(frozen=True)
+class Geneva(IndexingPair):
     """A driving pin of `first` and a Geneva wheel `second`, both pivoted on the ground.
 
     While the pin is out of the slots, the wheel is locked by the crank's arc. `on_first` is the
@@ -81,13 +103,13 @@ class Geneva(HigherPair):
     distance: float  #: [m] of the two centres
     entry: float  #: [m] from the wheel's centre to the mouth of a slot
 
-    node: ClassVar[str] = 'geneva'
-    reads: ClassVar[type] = GenevaReading
-    charts: ClassVar[Mapping[str, tuple[str, ...]]] = DRIVEN
-
     def reading(self, view: View) -> GenevaReading:
-        """True if the pin drives, both motions and forces."""
-        return read_wheel(self, view)
+        """The pin is in a slot while nearer to the centre than the slots' mouths."""
+        centre = view.place(self.second, self.on_second)
+        x, y = view.place(self.first, self.on_first) - centre
+        engaged = x * x + y * y < self.entry**2
+        way = self.distance * np.array([[math.cos(self.towards)], [math.sin(self.towards)]])
+        return self._read(view, engaged, centre + way, view.moment)
 
     def draw(self, draft: Draft) -> None:
         """A pin and a locking disc, and a wheel: open slots, between them hollows for the disc."""
@@ -124,60 +146,6 @@ class Geneva(HigherPair):
         """Without play."""
         return GenevaClosure(self, mechanism)
 
-    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch:
-        """Where the pin touches its slot."""
-        return Touch(self.closure(mechanism), f'{self.name}.friction', radius, at_pin=True)
-
-
-@dataclass(frozen=True)
-class SlottedRack(HigherPair):
-    """A driving pin of `first` and a rack `second` that slides on the ground, slots across it.
-
-    The pin moves the rack while it is on the right of the axis through the crank's centre; in the
-    other half of a turn the rack is locked. `on_first` is the pin, `on_second` a point of a slot.
-    """
-
-    pitch: float  #: [m] of the slots: twice the radius of the pin's circle
-    axis: float  #: [rad] direction of the rack in the world
-    centre: Vector2  #: [m] of the crank, in the world
-
-    node: ClassVar[str] = 'geneva'
-    reads: ClassVar[type] = GenevaReading
-    charts: ClassVar[Mapping[str, tuple[str, ...]]] = DRIVEN
-
-    def reading(self, view: View) -> GenevaReading:
-        """True if the pin drives, both motions and forces."""
-        return read_rack(self, view)
-
-    def draw(self, draft: Draft) -> None:
-        """A pin, and the slots that it visits, and their neighbours."""
-        place = (self.first, self.on_first)
-        draft.pin(place, self.name)
-        link, base = self.second, np.array(self.on_second)
-        axis = self.axis - draft.turned(link)  # a rack does not turn
-        pin = draft.within(link, place)
-        along, across = (np.array(rotate((1.0, 0.0), axis + a)) for a in (0.0, 0.5 * math.pi))
-        from_centre = draft.at(place) - np.array(self.centre)[:, None]
-        driven = rotate((1.0, 0.0), self.axis + 0.5 * math.pi) @ from_centre <= 0.0
-        away = (pin - base[:, None])[:, driven if driven.any() else slice(None)]
-        slots = np.round(along @ away / self.pitch).astype(int)
-        middle = float(across @ (draft.within(link, (GROUND, self.centre))[:, 0] - base))
-        spare = 1.5 * draft.symbol
-        low, high = middle - 0.5 * self.pitch - spare, middle + spare
-        for k in range(int(slots.min()) - 1, int(slots.max()) + 2):
-            foot = base + k * self.pitch * along
-            line = np.array([foot + s * across for s in (low, high)])
-            draft.add('slot', link, line)
-            draft.reach((link, (float(line[0, 0]), float(line[0, 1]))))
-
-    def closure(self, mechanism: Mechanism) -> RackClosure:
-        """Without play."""
-        return RackClosure(self, mechanism)
-
-    def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch:
-        """Where the pin touches its slot."""
-        return Touch(self.closure(mechanism), f'{self.name}.friction', radius, at_pin=True)
-
 
 @dataclass(frozen=True)
 class GenevaClosure(HigherClosure[Geneva]):
@@ -204,7 +172,7 @@ class GenevaClosure(HigherClosure[Geneva]):
         slot = radius * _sine(beside, self.joint.slots)
         entry = lift(dense(frames.parameters(f'{self.name}.entry', self.joint.entry)))
         locked = _sine(turned, self.joint.slots) * entry
-        return _either(self.engaged(frames), slot, locked)
+        return either(self.engaged(frames), slot, locked)
 
     def _off(self, frames: Frames) -> tuple[Jet, Jet, Jet]:
         """Radius r [m]; angles of the pin off a slot, and of the wheel off its locked place."""
@@ -228,7 +196,7 @@ class GenevaClosure(HigherClosure[Geneva]):
         return self.pressed(frames, forces[0])
 
     def pressed(self, frames: Frames, force: Term) -> Wrench:
-        """What a force along the offset does to the wheel.
+        """Wrench on the wheel of a force along the offset.
 
         With play the slot is not quite along the pin's direction: there is a part of the force
         towards the wheel's centre, by the offset over the pin's distance.
@@ -255,64 +223,6 @@ class GenevaClosure(HigherClosure[Geneva]):
         )
 
 
-@dataclass(frozen=True)
-class RackClosure(HigherClosure[SlottedRack]):
-    """A slotted rack without play."""
-
-    def _from_centre(self, frames: Frames, link: str, at: Vector2) -> Pair:
-        """Of a point of a link: components along the rack and across it [m]."""
-        label = f'{self.name}.of:{link}'
-        x, y = frames.position(self.mechanism.point(link, at), label)
-        ox, oy = frames.position({(GROUND, None): self.joint.centre}, f'{self.name}.centre')
-        x, y, p, a = x - ox, y - oy, frames.parameters, self.joint.axis
-        c = lift(dense(p(f'{self.name}.axis.x', math.cos(a))))
-        s = lift(dense(p(f'{self.name}.axis.y', math.sin(a))))
-        return x * c + y * s, y * c - x * s
-
-    def engaged(self, frames: Frames) -> Term:
-        """1 while the pin is on the right of the axis through the crank's centre."""
-        joint = self.joint
-        _, across = self._from_centre(frames, joint.first, joint.on_first)
-        return frames.switch(self.name, -dense(across.value) * (2.0 / joint.pitch))
-
-    def values(self, frames: Frames) -> list[Jet]:
-        """How far the pin, or the locked rack, is off its place along the rack [m]."""
-        wave, *off = self._off(frames)
-
-        def periodic(x: Jet) -> Jet:
-            argument = wave * dense(x.value)
-            c, s = hy.cos(argument), hy.sin(argument)
-            return x.chain(s / wave, c, -(wave * s))
-
-        return [_either(self.engaged(frames), *map(periodic, off))]
-
-    def _off(self, frames: Frames) -> tuple[Term, Jet, Jet]:
-        """The slots' wave number [1/m]; how far the pin is off one, and the rack off its place."""
-        joint = self.joint
-        pin, _ = self._from_centre(frames, joint.first, joint.on_first)
-        slot, _ = self._from_centre(frames, joint.second, joint.on_second)
-        wave = dense(frames.parameters(f'{self.name}.wave', 2.0 * math.pi / joint.pitch))
-        return wave, pin - slot, slot
-
-    def facing(self, frames: Frames) -> list[Term]:
-        """Cosines whose sines are the offset: on a slot, or, locked, in the middle of two."""
-        (wave, *off), on = self._off(frames), self.engaged(frames)
-        slot, locked = (hy.cos(wave * dense(x.value)) for x in off)
-        return [on * slot - (1.0 - on) * locked]
-
-    def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """Along the rack: at the pin, or, locked, at the slot's own point."""
-        joint, on = self.joint, self.engaged(frames)
-        push = mul(forces[0], self.values(frames)[0].gradient[joint.second])
-        p, a = frames.parameters, joint.axis
-        force = (
-            mul(push, p(f'{self.name}.axis.x', math.cos(a))),
-            mul(push, p(f'{self.name}.axis.y', math.sin(a))),
-        )
-        x, y = frames.position(self.mechanism.separation(self.name), f'{self.name}.pin')
-        return Wrench(*force, mul(on, moment_of((x.value, y.value), force)))
-
-
 def _polar(x: Jet, y: Jet) -> Pair:
     """Radius and angle of a vector that does not vanish."""
     half = x.half_square() + y.half_square()
@@ -336,38 +246,6 @@ def _sine(x: Jet, n: int) -> Jet:
     return x.chain(s / n, c, -(n * s))
 
 
-def _either(flag: Term, a: Jet, b: Jet) -> Jet:
+def either(flag: Term, a: Jet, b: Jet) -> Jet:
     """The first where the flag is 1, the second where it is 0; the flag does not move."""
     return a * lift(flag) + b * lift(1.0 - flag)
-
-
-def read_wheel(joint: Geneva, view: View) -> GenevaReading:
-    """A Geneva wheel: its pin is in a slot while nearer to the centre than the slots' mouths."""
-    centre = view.place(joint.second, joint.on_second)
-    x, y = view.place(joint.first, joint.on_first) - centre
-    engaged = x * x + y * y < joint.entry**2
-    way = joint.distance * np.array([[math.cos(joint.towards)], [math.sin(joint.towards)]])
-    return _reading(joint, view, engaged, centre + way, view.moment)
-
-
-def read_rack(joint: SlottedRack, view: View) -> GenevaReading:
-    """A slotted rack: its pin moves it on the right of the axis through the crank's centre."""
-    c, s = math.cos(joint.axis), math.sin(joint.axis)
-    centre = np.array(joint.centre)[:, None]
-    x, y = view.place(joint.first, joint.on_first) - centre
-    fx, fy = view.force
-    return _reading(joint, view, y * c - x * s < 0.0, centre, c * fx + s * fy)
-
-
-def _reading(
-    joint: Geneva | SlottedRack,
-    view: View,
-    engaged: NDArray[np.bool_],
-    centre: Array,
-    effort: Array,
-) -> GenevaReading:
-    driver, driven = view.turning(joint.first), view.course(joint.second)
-    (fx, fy), torque = view.force, view.moment_on_first(centre)
-    return GenevaReading(
-        engaged, driver.total, *driver[1:3], driven.total, *driven[1:3], fx, fy, effort, torque
-    )

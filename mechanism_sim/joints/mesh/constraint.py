@@ -90,7 +90,7 @@ class MeshClosure(HigherClosure[PlacedMesh]):
         return (x, y), (neg(y), x)
 
     def tangential(self, frames: Frames, force: Term) -> Wrench:
-        """What a force along the row does to the second, without what parts the gears."""
+        """Wrench on the second of a force along the row, without the part that parts the gears."""
         joint = self.joint
         cosine = -joint.sign * math.cos(joint.pressure_angle)
         size = mul(force, frames.parameters(f'{self.name}.tangential', cosine))

@@ -47,9 +47,9 @@ class GearPart(Part):
     along: Position = 0.0
     """Where it lies along its shaft, from the plane of the machine towards the reader."""
     internal: bool = False
-    """Whether the teeth point inwards."""
+    """True if the teeth point inwards."""
     rack: bool = False
-    """Whether it is straight."""
+    """True if it is straight."""
 
 
 class Wheel(NamedTuple):

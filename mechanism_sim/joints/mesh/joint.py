@@ -16,7 +16,7 @@ from mechanism_sim.joints.mesh.involute import rack_teeth
 from mechanism_sim.joints.mesh.placement import PlacedMesh, Teeth
 from mechanism_sim.joints.mesh.reading import GearReading, read_mesh
 from mechanism_sim.joints.mesh.spring import MeshSpring
-from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.mechanism import Bar, Coupling, Mechanism
 from mechanism_sim.planar.points import LinkPoint, rotate
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.touch import TurningTouch
@@ -43,6 +43,14 @@ class GearMesh(PlacedMesh):
     def touch(self, mechanism: Mechanism, radius: float = 0.0) -> TurningTouch:
         """Flanks, on the mean of their path."""
         return TurningTouch(self.closure(mechanism), f'{self.name}.friction', self.sliding_arm)
+
+    @property
+    def coupling(self) -> Coupling:
+        """Of rigid and true teeth."""
+        first, second = (self.per_phase * wave for wave in self.waves)
+        rack = self.guide if self.is_rack(self.second) else None
+        true = not (self.elastic or self.errors)
+        return Coupling(self, self.carrier, (first, second), (None, rack), true)
 
     @property
     def elastic(self) -> bool:
@@ -126,6 +134,14 @@ class GearMesh(PlacedMesh):
         sides = self.points
         wheels = zip(self.wheels, sides, strict=True)
         return [(side, teeth.gear.pitch_radius) for teeth, side in wheels if not teeth.rack]
+
+    def bars(self) -> Sequence[Bar]:
+        """A rack, as long as the gear is round."""
+        if self.guide is None:
+            return ()
+        axis, turned = self.guide.axis, self.guide.angle
+        long = 2.0 * math.pi * self.reach
+        return [Bar(self.points[1], long, axis - turned, self.towards - turned)]
 
     def places(self, tree: Mechanism, q: Mapping[str, float]) -> tuple[float, float]:
         """Angles [rad] against the carrier, of a rack the displacement [m], at coordinates."""

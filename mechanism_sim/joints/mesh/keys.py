@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Contact, Friction, Play, play_of
-from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Reference
+from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Joints, Reference
 from mechanism_sim.joints.mesh.compliance import Elasticity, middle, touching
 from mechanism_sim.joints.mesh.gear_keys import GearPart, Placed, Wheel, place, read_wheel
 from mechanism_sim.joints.mesh.involute import rounded_up
@@ -22,7 +22,7 @@ from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Coefficient, Displacement, Length, Part, si
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.planar.joint_friction import TeethFriction
-from mechanism_sim.planar.mechanism import Joint, Mechanism
+from mechanism_sim.planar.mechanism import Mechanism
 
 
 def _shares(value: Any) -> Any:
@@ -46,7 +46,7 @@ class BacklashPart(Part):
     restitution: Coefficient | None = None
     """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """What the coefficient relates: speeds, impulses or works."""
+    """Quantities that the coefficient relates: speeds, impulses or works."""
     friction: FrictionCoefficient = 0.0
     """Coulomb's coefficient of rigid flanks, at their mean distance from the pitch point."""
     contact: Contact | None = None
@@ -90,9 +90,10 @@ class MeshKeys(JointKeys):
 
     firm = "the play of teeth is their 'backlash'"
     rubs_by = (), False
+    rubs_loose = last = True
 
     def read(self, names: Names, name: str) -> GearMesh:
-        """Two gears in mesh; their phase is set by `in_mesh`."""
+        """Two gears in mesh; their phase is set by `assembled`."""
         where = f'joints.{name}'
         one, two = (read_wheel(names, gear) for gear in self.points)
         if one.part.rack:
@@ -133,6 +134,69 @@ class MeshKeys(JointKeys):
                                   / one.gear.pitch_radius),
             hand=-1 if one.part.helix_angle < 0.0 else 1, along=(one.part.along, two.part.along),
         )  # fmt: skip
+
+    def play(self, joint: GearMesh) -> Play | None:
+        """Its backlash; elastic teeth are loose even without one."""
+        if joint.elastic:
+            return Play(radial=joint.play, restitution=0.0)
+        return play_of(self.backlash, joint.play) if self.backlash else None
+
+    @classmethod
+    def check_all(cls, names: Names, joints: Joints, closing: Collection[str]) -> None:
+        """Refuse wrong gears that mesh with none, and shafts that are no joints of the tree."""
+        for gear in names.scene.gears:
+            read_wheel(names, gear)
+        for mesh in (j for j in joints if isinstance(j, GearMesh)):
+            if torn := [n for n in mesh.bearings if n in closing]:
+                raise InputError(
+                    f'joints.{mesh.name}: the shafts of gears form a closed loop, of which '
+                    f'{torn[0]} is one: leave out a mesh of that loop, or make it a transmission'
+                )
+
+    @classmethod
+    def assembled(
+        cls, names: Names, joints: Joints, tree: Mechanism, start: Mapping[str, float]
+    ) -> Joints:
+        """With the teeth of all gears in spaces at the start.
+
+        Every gear may be fixed to its link at any angle. Where meshes close a ring, as those of
+        two planets between sun and ring gear do, the last one may not fit.
+        """
+        q = {c: start.get(c, 0.0) for c in tree.coordinates}
+        teeth: dict[str, float] = {}  # by gear: angle of a tooth in its link [rad], of a rack [m]
+        placed: dict[str, GearMesh] = {}
+        waiting = [j for j in joints if isinstance(j, GearMesh)]
+        while waiting:
+            near = [j for j in waiting if {*names.scene.joints[j.name].points} & teeth.keys()]
+            mesh = near[0] if near else waiting[0]
+            waiting.remove(mesh)
+            one, two = names.scene.joints[mesh.name].points
+            at = mesh.places(tree, q)
+            phase = sum(w * x for w, x in zip(mesh.waves, at, strict=True))
+            (w, v), (here, there) = mesh.waves, mesh.facing
+            # a tooth of the one on the line of centres faces a space of the other
+            both = phase - math.pi
+            if one not in teeth:
+                known = both - v * (there - teeth[two]) if two in teeth else w * here
+                teeth[one] = here - known / w
+            first = w * (here - teeth[one])
+            if two not in teeth:
+                teeth[two] = there - (both - first) / v
+            second = v * (there - teeth[two])
+            off = math.remainder(first + second - both, 2.0 * math.pi) / (2.0 * math.pi)
+            if abs(off) > 1e-6:
+                raise InputError(
+                    f'joints.{mesh.name}: the train cannot be assembled: the teeth of {one} and '
+                    f'{two} are {abs(off):.3g} pitches off, for other meshes hold both; change '
+                    'the angle between the planets, or the numbers of teeth'
+                )
+            elasticity = mesh.elasticity and replace(mesh.elasticity, tooth=first)
+            errors = tuple(replace(e, start=at[e.member]) for e in mesh.errors)
+            wheels = tuple(x._replace(tooth=teeth[x.name]) for x in mesh.wheels)
+            placed[mesh.name] = replace(
+                mesh, phase=phase, elasticity=elasticity, errors=errors, wheels=wheels
+            )
+        return tuple(placed.get(j.name, j) for j in joints)
 
     def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[TeethFriction]:
         """Of the teeth on the mean."""
@@ -220,79 +284,8 @@ class MeshKeys(JointKeys):
         ]
 
 
-def check_bearings(joints: tuple[Joint, ...], closing: Collection[str]) -> None:
-    """Refuse gears whose shafts cannot all be joints of the tree."""
-    for mesh in (j for j in joints if isinstance(j, GearMesh)):
-        if torn := [n for n in mesh.bearings if n in closing]:
-            raise InputError(
-                f'joints.{mesh.name}: the shafts of gears form a closed loop, of which {torn[0]} '
-                'is one: leave out a mesh of that loop, or make it a transmission'
-            )
-
-
-def in_mesh(
-    names: Names, joints: tuple[Joint, ...], tree: Mechanism, start: Mapping[str, float]
-) -> tuple[Joint, ...]:
-    """The joints, with the teeth of all gears in spaces at the start.
-
-    Every gear may be fixed to its link at any angle. Where meshes close a ring, as those of two
-    planets between sun and ring gear do, the last one may not fit.
-
-    Parameters
-    ----------
-    start : coordinates; others are zero
-    """
-    q = {c: start.get(c, 0.0) for c in tree.coordinates}
-    teeth: dict[str, float] = {}  # by gear: angle of a tooth in its link [rad], of a rack [m]
-    placed: dict[str, GearMesh] = {}
-    waiting = [j for j in joints if isinstance(j, GearMesh)]
-    while waiting:
-        near = [j for j in waiting if {*names.scene.joints[j.name].points} & teeth.keys()]
-        mesh = near[0] if near else waiting[0]
-        waiting.remove(mesh)
-        one, two = names.scene.joints[mesh.name].points
-        at = mesh.places(tree, q)
-        phase = sum(w * x for w, x in zip(mesh.waves, at, strict=True))
-        (w, v), (here, there) = mesh.waves, mesh.facing
-        # a tooth of the one on the line of centres faces a space of the other
-        both = phase - math.pi
-        if one not in teeth:
-            known = both - v * (there - teeth[two]) if two in teeth else w * here
-            teeth[one] = here - known / w
-        first = w * (here - teeth[one])
-        if two not in teeth:
-            teeth[two] = there - (both - first) / v
-        second = v * (there - teeth[two])
-        off = math.remainder(first + second - both, 2.0 * math.pi) / (2.0 * math.pi)
-        if abs(off) > 1e-6:
-            raise InputError(
-                f'joints.{mesh.name}: the train cannot be assembled: the teeth of {one} and {two} '
-                f'are {abs(off):.3g} pitches off, for other meshes hold both; change the angle '
-                'between the planets, or the numbers of teeth'
-            )
-        elasticity = mesh.elasticity and replace(mesh.elasticity, tooth=first)
-        errors = tuple(replace(e, start=at[e.member]) for e in mesh.errors)
-        wheels = tuple(x._replace(tooth=teeth[x.name]) for x in mesh.wheels)
-        placed[mesh.name] = replace(
-            mesh, phase=phase, elasticity=elasticity, errors=errors, wheels=wheels
-        )
-    return tuple(placed.get(j.name, j) for j in joints)
-
-
-def backlashes(names: Names, joints: tuple[Joint, ...]) -> dict[str, Play]:
-    """How loose the meshes are that have play or give way."""
-    found = {}
-    for mesh in (j for j in joints if isinstance(j, GearMesh)):
-        given = names.scene.joints[mesh.name].backlash
-        if mesh.elastic:
-            found[mesh.name] = Play(radial=mesh.play, restitution=0.0)
-        elif given:
-            found[mesh.name] = play_of(given, mesh.play)
-    return found
-
-
 def _undercut(gears: Mapping[str, GearPart], mesh: GearMesh) -> Iterator[str]:
-    """What is left of undercut teeth, and the profile shifts that end it.
+    """Rest of undercut teeth, and the profile shifts that end it.
 
     A shift of one gear alone widens its teeth, so that they jam at the same centre distance: the
     mate gives as much, as far as it is not undercut itself; what is left needs a larger distance.

@@ -1,4 +1,4 @@
-"""What there is to read of gears in mesh, and of other means of transmission."""
+"""Readings of gears in mesh, and of other means of transmission."""
 
 from __future__ import annotations
 

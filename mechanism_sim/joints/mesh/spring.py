@@ -121,7 +121,7 @@ class MeshSpring:
         return found
 
     def wrench(self, frames: Frames) -> Wrench:
-        """What the first does to the second, with what parts the gears."""
+        """Wrench of the first on the second, with the part that parts the gears."""
         return self.closure.wrench(frames, [self._row(frames)])
 
     def power_lost(self, frames: Frames) -> Term:

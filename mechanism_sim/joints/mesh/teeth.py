@@ -92,23 +92,11 @@ def choose(
     list of Choice
         Ranked by error, then by the number of teeth (the fewer are the larger), then in order.
     """
-    fewest, most = teeth
-    if not 0 < ratio < math.inf:
-        raise InputError(f'a ratio must be positive and finite, not {float(ratio):g}')
-    if stages < 1:
-        raise InputError(f'a train has at least 1 stage, not {stages}')
-    if not 1 <= fewest <= most:
-        raise InputError(f'teeth go from few to many, as 18:120, not from {fewest} to {most}')
-    if not tolerance >= 0.0:
-        raise InputError(f'the tolerance of the ratio must be at least 0, not {tolerance:g}')
-    if stages > MOST_STAGES:
-        raise InputError(f'{stages} stages are too many: {MOST_STAGES} at most')
-    if most - fewest >= MOST_COUNTS:
-        raise InputError(f'the range of teeth is too wide: {MOST_COUNTS} numbers at most')
+    _check(ratio, stages, tolerance, teeth)
     wanted = Fraction(ratio)
     if (centre_distance is None) != (not modules):
         raise InputError('a centre distance and the modules for it belong together')
-    pairs = list(_pairs(fewest, most, centre_distance, modules))
+    pairs = list(_pairs(*teeth, centre_distance, modules))
     if not pairs:
         raise InputError('no gears of these modules and teeth have this centre distance')
     if len(pairs) ** (stages - 1) > MOST_STEPS:
@@ -148,6 +136,23 @@ def choose(
     return sorted(found, key=lambda c: (abs(c.error), c.teeth, c.stages))
 
 
+def _check(ratio: float | Fraction, stages: int, tolerance: float, teeth: tuple[int, int]) -> None:
+    """Refuse what no search can be bound to."""
+    fewest, most = teeth
+    if not 0 < ratio < math.inf:
+        raise InputError(f'a ratio must be positive and finite, not {float(ratio):g}')
+    if stages < 1:
+        raise InputError(f'a train has at least 1 stage, not {stages}')
+    if not 1 <= fewest <= most:
+        raise InputError(f'teeth go from few to many, as 18:120, not from {fewest} to {most}')
+    if not tolerance >= 0.0:
+        raise InputError(f'the tolerance of the ratio must be at least 0, not {tolerance:g}')
+    if stages > MOST_STAGES:
+        raise InputError(f'{stages} stages are too many: {MOST_STAGES} at most')
+    if most - fewest >= MOST_COUNTS:
+        raise InputError(f'the range of teeth is too wide: {MOST_COUNTS} numbers at most')
+
+
 def limits(
     teeth: tuple[int, int],
     stages: int,
@@ -155,7 +160,7 @@ def limits(
     centre_distance: float | None,
     modules: Sequence[float],
 ) -> str:
-    """What a search was bound to, in words."""
+    """Limits of a search, in words."""
     said = [f'{teeth[0]} to {teeth[1]} teeth a gear', f'{stages} stage{"s" * (stages > 1)}']
     exact = tolerance <= _ROUNDING
     said.append('no error of the ratio' if exact else f'errors of {tolerance:g} of the ratio')

@@ -102,7 +102,7 @@ class GuideClearance(MeasuredGap):
         return (-nx, -ny) if self.side == 'left' else (nx, ny)
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """What the wall does to the block, at the corner."""
+        """Wrench of the wall on the block, at the corner."""
         force = contact_wrench(self.normal(frames), N, T)
         x, y = self._off(frames, self._guide.on_second, self._guide.second, 'block')
         return Wrench(force.x, force.y, moment_of((x.value, y.value), (force.x, force.y)))
@@ -111,8 +111,7 @@ class GuideClearance(MeasuredGap):
 def corners(
     mechanism: Mechanism,
     joint: str,
-    length: float,
-    height: float,
+    size: Vector2,
     clearance: float,
     restitution: float,
     friction: float = 0.0,
@@ -124,13 +123,13 @@ def corners(
     Parameters
     ----------
     joint : a prismatic joint that is cut; the block is its second link
-    length, height : of the block along and across the guide [m]
+    size : of the block along and across the guide [m]
     clearance : on each side [m]
     """
     guide = mechanism.joint(joint)
     if not isinstance(guide, Prismatic):
         raise TypeError(f'{joint} is not a prismatic joint')
-    x, y = guide.on_second
+    (length, height), (x, y) = size, guide.on_second
     for end, side in SIDES:
         along = 0.5 * length * (1.0 if end == 'front' else -1.0)
         across = 0.5 * height * (1.0 if side == 'left' else -1.0)

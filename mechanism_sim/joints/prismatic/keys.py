@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from mechanism_sim.joints.contact_keys import Clearance, Friction
-from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Reference
+from mechanism_sim.joints.contact_keys import Clearance, Friction, Play
+from mechanism_sim.joints.joint_keys import KINDS, Contacts, JointKeys, Reference
+from mechanism_sim.joints.prismatic.contact import corners
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Angle
 from mechanism_sim.planar.joint_friction import ContactFriction, LineFriction
@@ -13,7 +14,7 @@ from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 
 
 class AxisKeys(JointKeys):
-    """What slides."""
+    """Joints that slide along a line."""
 
     axis: Angle = 0.0
     """Direction of sliding: in the first link of a prismatic joint, in the second's slot."""
@@ -50,6 +51,16 @@ class PrismaticKeys(AxisKeys):
         """A guide."""
         (a, on_a), (b, on_b) = names.ends(name)
         return Prismatic(name, a, b, on_a, on_b, self.axis, self.angle)
+
+    def contacts(self, play: Play, joint: Any, mechanism: Mechanism) -> Contacts:
+        """The four corners of the block."""
+        if not isinstance(play, Clearance):  # as a guide has
+            return (), ()
+        size = play.length or 0.0, play.height or 0.0
+        return [*corners(
+            mechanism, joint.name, size, play.radial, play.restitution, play.friction,
+            play.hypothesis, play.law(),
+        )], ()  # fmt: skip
 
     def wrong_play(self, given: Clearance) -> str:
         """An objection to a clearance of it; empty if there is none."""

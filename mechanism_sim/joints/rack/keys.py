@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.geneva.constraint import SlottedRack
 from mechanism_sim.joints.joint_keys import KINDS, Reference
 from mechanism_sim.joints.prismatic.keys import PinKeys
+from mechanism_sim.joints.rack.constraint import SlottedRack
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Length
 from mechanism_sim.planar.points import GROUND

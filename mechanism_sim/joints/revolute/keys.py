@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 from pydantic import Field
 
+from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.contact_keys import Clearance, Friction, Misalignment
-from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Reference
-from mechanism_sim.joints.revolute.clearances import leaning
+from mechanism_sim.joints.contact_keys import AxialPlay, Clearance, Friction, Misalignment, Play
+from mechanism_sim.joints.joint_keys import KINDS, Contacts, JointKeys, Reference
+from mechanism_sim.joints.revolute.bearing import BearingClearance, FilmBearing
+from mechanism_sim.joints.revolute.bearing_ends import axial_stops, bearing_ends
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Position
 from mechanism_sim.planar.joint_friction import JournalFriction
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
+from mechanism_sim.planar.points import Vector2
+from mechanism_sim.planar.protocols import ForceElement, Gap
+
+_IN_LINE = 1e-5
 
 
 @KINDS.add('revolute')
@@ -79,6 +87,30 @@ class RevoluteKeys(JointKeys):
             )
         return ''
 
+    def contacts(self, play: Play, joint: Any, mechanism: Mechanism) -> Contacts:
+        """The bushing, or both its ends, an oil film, stops along the axis."""
+        gaps: list[Gap] = []
+        films: list[ForceElement] = []
+        name, reach, arm = joint.name, play.radial, play.pin_radius
+        if film := _oil_film(play):
+            arm = film.radius
+            reach -= (play.contact and play.contact.roughness) or 0.0
+            films.append(
+                FilmBearing(
+                    name, mechanism, film, reach if play.wall else 0.0, play.wall == 'soft'
+                )
+            )
+        if play.wall:
+            leans = leaning(mechanism, name, play)
+            gap = BearingClearance(
+                name, mechanism, reach, play.restitution, play.friction, play.hypothesis, arm,
+                play.law(0.5 if leans else 1.0),
+            )  # fmt: skip
+            gaps += bearing_ends(gap, *leans) if leans else [gap]
+        if isinstance(play, Clearance) and play.axial:
+            gaps += _stops(mechanism, name, play, play.axial)
+        return gaps, films
+
     def notes(self, machine: Any, joint: Revolute) -> list[str]:
         """Room of the ends of a bearing, and stops along its axis."""
         play = machine.clearances.get(joint.name)
@@ -110,3 +142,57 @@ class RevoluteKeys(JointKeys):
             f'{joint.name}: contacts at both ends of {play.length:g} m, '
             f'{"".join(f"{x}, " for x in said)}room for {most:.4g} rad',
         ]
+
+
+def _stops(mechanism: Mechanism, joint: str, c: Clearance, axial: AxialPlay) -> Iterable[Gap]:
+    """Those along the axis of a bearing."""
+    e = c.restitution if axial.restitution is None else axial.restitution
+    pin, bushing = _inclinations(c)
+    return axial_stops(
+        mechanism, joint, axial.play, restitution=e, hypothesis=c.hypothesis,
+        law=c.model_copy(update={'restitution': e}).law(), radius=axial.face_radius or 0.0,
+        crown=axial.crown or 0.0, pin=pin, bushing=bushing,
+    )  # fmt: skip
+
+
+def _inclinations(clearance: Clearance) -> tuple[Vector2, Vector2]:
+    """Of pin and bushing by manufacture [rad]."""
+    given = clearance.misalignment or Misalignment()
+    pin, bushing = (x.inclination if x else (0.0, 0.0) for x in (given.pin, given.bushing))
+    return pin, bushing
+
+
+def _oil_film(clearance: Play) -> ShortBearing | None:
+    """The film of a lubricated bearing; ``None`` for a dry one."""
+    contact = clearance.contact
+    if contact is None or contact.law != 'film':
+        return None
+    given = (contact.viscosity, contact.width, contact.radius)
+    viscosity, width, radius = (value or 0.0 for value in given)  # checked to be there
+    full = contact.cavitation == 'none'
+    supply = contact.supply_pressure - contact.cavitation_pressure
+    return ShortBearing(viscosity, width, radius, clearance.radial, full, supply)
+
+
+class Leaning(NamedTuple):
+    """A bearing whose ends differ, see `bearing_ends`."""
+
+    length: float  #: [m]
+    pin: Vector2  #: [rad] inclination by manufacture
+    bushing: Vector2  #: [rad]
+    along: float  #: [m]
+
+
+def leaning(mechanism: Mechanism, joint: str, clearance: Play) -> Leaning | None:
+    """How the axes of a bearing lean against each other; None if its ends do not differ.
+
+    Within a hundred thousandth of the clearance at its ends they count as in line.
+    """
+    if not isinstance(clearance, Clearance) or not clearance.length:
+        return None
+    length, (pin, bushing) = clearance.length, _inclinations(clearance)
+    off = 0.5 * length * (math.hypot(*pin) + math.hypot(*bushing))
+    leans = any(mechanism.lean(link, 1.0) for link, _ in mechanism.joint(joint).points)
+    if not leans and off <= _IN_LINE * clearance.radial:
+        return None
+    return Leaning(length, pin, bushing, clearance.along)

@@ -45,9 +45,9 @@ class SupportPart(Part):
     damping: _Damping = 0.0
     """In all directions, or along x and along y."""
     mass: LinkMass = 0.0
-    """What moves with the shaft there."""
+    """Mass that moves with the shaft there."""
     clamped: bool = False
-    """Whether the shaft cannot tilt there."""
+    """True if the shaft cannot tilt there."""
 
 
 class DiskPart(Part):
@@ -56,7 +56,7 @@ class DiskPart(Part):
     along: Position
     """Where it is along the shaft, from the link's own disk."""
     mass: Mass
-    """What it weighs."""
+    """Its own."""
     inertia: AddedInertia = 0.0
     """Its polar moment of inertia."""
     cog: Offset = 0.0

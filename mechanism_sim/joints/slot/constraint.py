@@ -131,7 +131,7 @@ class SlotWall(Wall):
         return slip
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """What the pin does to the slot, where it touches."""
+        """Wrench of the pin on the slot, where it touches."""
         force = contact_wrench(self.normal(frames), N, T)
         x, y = frames.position(self.closure.mechanism.separation(self.joint), self.joint)
         arm = frames.parameters(f'{self.name}.pin_radius', self.pin_radius)

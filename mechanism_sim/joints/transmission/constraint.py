@@ -17,7 +17,7 @@ from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench
-from mechanism_sim.planar.mechanism import HigherPair, Mechanism
+from mechanism_sim.planar.mechanism import Coupling, HigherPair, Mechanism
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.view import Side, View
 
@@ -57,8 +57,14 @@ class Transmission(HigherPair):
         """Whole numbers p, q: ``q second - p first`` is the same after whole turns of either."""
         return -self.ratio.numerator, self.ratio.denominator
 
+    @property
+    def coupling(self) -> Coupling:
+        """Of the angles against the carrier."""
+        p, q = self.waves
+        return Coupling(self, self.carrier, (p / q, 1.0))
+
     def bears(self, link: str) -> bool:
-        """What turns does so with the cross-section at its point."""
+        """A link that turns does so with the cross-section at its point."""
         return link in (self.first, self.second)
 
 

@@ -31,14 +31,14 @@ Ratio = Annotated[str, Quantity(_fraction, ('',))]
 
 
 class PhaseKeys(JointKeys):
-    """What turns as the first link does."""
+    """Joints whose angle counts from a phase."""
 
     phase: Angle = 0.0
     """Angle of the cam, or of the second link of a transmission, when the first is at 0."""
 
 
 class CarrierKeys(PhaseKeys):
-    """What two links turn on."""
+    """Joints of two links that turn on a third."""
 
     carrier: str | None = None
     """Of a transmission, bevel or worm pair: the link from which angles count; else the ground."""

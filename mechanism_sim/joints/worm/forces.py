@@ -28,7 +28,7 @@ class ToothForce(NamedTuple):
 
 
 class Transmission(NamedTuple):
-    """What one gear passes on to another."""
+    """Forces and power that one gear passes on to another."""
 
     driver: ToothForce
     driven: ToothForce

@@ -8,8 +8,9 @@ import numpy as np
 
 from mechanism_sim.analysis.series import Series, sampled
 from mechanism_sim.export.palette import numbers
-from mechanism_sim.joints.slot.constraint import PinInSlot
+from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.report.charts.chart import DIRECTION, Chart, ChartCurve, ChartSection, polar
 from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.curves import over_drive, over_time, quantities
@@ -45,7 +46,7 @@ def over(course: ChartedRun) -> str:
 def motion(course: ChartedRun) -> ChartSection:
     """Angles, rates and accelerations of all coordinates but those of elastic links."""
     machine = course.record.machine
-    physics, rotors, charts = machine.physics, machine.mechanism.rotors, []
+    physics, rotors, charts = machine.physics, machine.mechanism.having(Rotor), []
     for kind, titles in _KINDS.items():
         for straight, title in zip((False, True), titles, strict=True):
             names = [
@@ -75,7 +76,7 @@ def _varies(course: ChartedRun, name: str) -> bool:
 
 def elastic(course: ChartedRun) -> ChartSection | None:
     """Deflection and stress of elastic links."""
-    beams = course.record.machine.mechanism.beams
+    beams = course.record.machine.mechanism.having(Beam)
     known, charts = course.run.quantities, []
     for kind, title in (('deflection', 'Deflection in the middle'), ('stress', 'Largest stress')):
         names = [name for link in beams if (name := f'{kind}.{link}') in known]
@@ -158,7 +159,7 @@ def drive(course: ChartedRun) -> ChartSection | None:
 def guides(course: ChartedRun) -> ChartSection | None:
     """Forces and moments that guides and slots transmit."""
     machine = course.record.machine
-    joints = [j for j in machine.mechanism.joints if isinstance(j, Prismatic | PinInSlot)]
+    joints = [j for j in machine.mechanism.joints if j.line]
     if not machine.physics.has_forces or not joints:
         return None
     title, text = 'Force across each guide and slot', ''

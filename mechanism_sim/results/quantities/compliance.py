@@ -17,7 +17,7 @@ from mechanism_sim.scene import Machine
 
 def of_elastic_links(machine: Machine) -> Iterator[Quantity]:
     """``deflection.LINK`` in the middle, and ``stress.LINK``, the largest at the outer fibres."""
-    for link, beam in machine.mechanism.beams.items():
+    for link, beam in machine.mechanism.having(Beam).items():
         yield from _of_beam(link, beam, machine.mechanism.amplitudes(link))
 
 
@@ -38,7 +38,7 @@ def of_points_of_elastic_links(machine: Machine) -> Iterator[Quantity]:
 
     Stress is positive where the fibre is drawn.
     """
-    for link, beam in machine.mechanism.beams.items():
+    for link, beam in machine.mechanism.having(Beam).items():
         own = machine.mechanism.amplitudes(link)
         for point in machine.scene.links[link].points:
             x = min(max(machine.plan.points[link][point][0], 0.0), beam.length)

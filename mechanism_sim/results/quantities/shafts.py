@@ -137,7 +137,7 @@ def _teeth(view: View) -> dict[str, Sequence[ToothLoad]]:
 def _rotor(machine: Machine, joint: Joint) -> Rotor | None:
     """What gives way in a joint that carries a rotor."""
     own = machine.mechanism.tree_joints.get(joint.second) is joint
-    return machine.mechanism.rotors.get(joint.second) if own else None
+    return machine.mechanism.having(Rotor).get(joint.second) if own else None
 
 
 def _bearings(view: View, joint: Revolute) -> BearingLoads:

@@ -9,6 +9,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import Offset
+from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.sensor_keys import SENSORS, AnalogueKeys, OnLinkKeys, check_link
 from mechanism_sim.sensing.channel import DirectSource
@@ -25,7 +26,7 @@ class Gauge(DirectSource):
     """
 
     def __init__(self, mechanism: Mechanism, link: str, x: float, y: float) -> None:
-        self._shares = mechanism.beams[link].strain(x, y)
+        self._shares = mechanism.having(Beam)[link].strain(x, y)
         self._used = mechanism.amplitudes(link)
 
     def reading(self, q: Array) -> Array:
@@ -46,7 +47,7 @@ class StrainKeys(OnLinkKeys, AnalogueKeys):
         """Along the axis, and from it [m]."""
         if isinstance(self.at, tuple):
             return self.at
-        fibre = machine.mechanism.beams[self.link].outer_fibre(self.at)
+        fibre = machine.mechanism.having(Beam)[self.link].outer_fibre(self.at)
         return self.at, float(fibre or 0.0)
 
     def source(self, machine: Any) -> Gauge:
@@ -61,7 +62,7 @@ class StrainKeys(OnLinkKeys, AnalogueKeys):
     def check(self, machine: Any, where: str) -> None:
         """Refuse rigid links, and places that are not on the beam."""
         check_link(machine, where, self.link)
-        beams = machine.mechanism.beams
+        beams = machine.mechanism.having(Beam)
         if self.link not in beams:
             raise InputError(
                 f"{where}.link: the link '{self.link}' is rigid: a strain gauge needs one with "

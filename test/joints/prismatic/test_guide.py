@@ -17,8 +17,9 @@ from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.joints.prismatic.contact import corners
+from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
 from test.grid.case import variant
 
@@ -42,7 +43,7 @@ def slider_crank(name):
     )
     mechanism = Mechanism(bodies, joints, ('guide',), (0.0, -p['g']))
     size = 2.0 * p['a'], 2.0 * p['b']
-    gaps = [*corners(mechanism, 'guide', *size, p['c'], p['e'], run['friction'])]
+    gaps = [*corners(mechanism, 'guide', size, p['c'], p['e'], run['friction'])]
     q, v = (tuple(map(float, run['start'][x])) for x in ('th', 'w'))
     if run['crank'] == 'free':
         system, laws = System(mechanism, gaps, (), 1), []

@@ -1,0 +1,114 @@
+"""Links as bodies, and how a kind of link extends them by coordinates of its own."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeAlias
+
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.points import Point, Vector2
+
+Arms: TypeAlias = dict[tuple[str, ...], Vector2]
+"""Vectors of a link's frame by products of its own coordinates."""
+
+
+class LinkExtension(ABC):
+    """Coordinates that a link has beside those of a rigid body, and what they change.
+
+    A method that a kind does not override adds nothing.
+    """
+
+    #: moves points of its link in the link's frame; False if it moves the whole link
+    flexible: ClassVar[bool] = True
+    #: turns cross-sections of its link against each other
+    bends: ClassVar[bool] = False
+    #: has masses that move against each other, so that the centre of gravity is a sum over them
+    scattered: ClassVar[bool] = True
+
+    @property
+    @abstractmethod
+    def names(self) -> tuple[str, ...]:
+        """Of the coordinates."""
+
+    @property
+    def angles(self) -> tuple[str, ...]:
+        """Those that are angles."""
+        return ()
+
+    @abstractmethod
+    def masses(self, body: Body, place: Callable[..., Point]) -> Iterable[tuple[float, Point]]:
+        """Masses [kg] and their points, whose motion is that of all of the link.
+
+        Parameters
+        ----------
+        place : a point of the link, from one of its plane and a height above that [m]
+        """
+
+    def spin_of(self, body: Body) -> float:
+        """Moment of inertia [kg m^2] that turns with the link's frame beside the masses."""
+        return body.inertia
+
+    @property
+    def rising(self) -> Mapping[str, float]:
+        """Inertia of the motion out of the plane, by coordinate [kg m^2, kg]."""
+        return {}
+
+    def extent(self, body: Body) -> float:
+        """How far from the centre of gravity it has masses at least [m]."""
+        return 0.0
+
+    def arms(self, at: Vector2) -> Arms:
+        """How a point of the link moves in the link's frame."""
+        return {}
+
+    def turned(self, at: Vector2, v: Vector2) -> Arms:
+        """How a vector moves that is fixed to the cross-section at a point."""
+        return {}
+
+    def lean(self, height: float) -> Arms:
+        """How a point above the link's plane [m] moves in the link's frame."""
+        return {}
+
+    def rise(self, at: Vector2) -> dict[str, float]:
+        """How much a point of the link's plane moves along the axes with each coordinate."""
+        return {}
+
+    def slopes(self, at: Vector2) -> dict[str, float]:
+        """How much a cross-section turns with each coordinate [rad/m]."""
+        return {}
+
+    def moved(self, link: str) -> Point:
+        """How all points of the link move in the world."""
+        return {}
+
+    @property
+    def springs(self) -> Mapping[str, tuple[float, float]]:
+        """Stiffness and damping of each coordinate that has such forces only."""
+        return {}
+
+    def forces(self, link: str, frames: Frames) -> Any:
+        """Other forces: `elastic` and `other` by coordinate, `energy`, `loss`; None if none."""
+        return None
+
+
+@dataclass(frozen=True)
+class Body:
+    """A link; mass, inertia and centre of gravity are those of the undeformed one.
+
+    Mass and inertia of a rotor are those of all disks and supports, the centre of gravity is that
+    of the link's own disk.
+    """
+
+    name: str
+    mass: float  #: [kg]
+    inertia: float  #: [kg m^2] about the centre of gravity
+    cog: Vector2  #: [m] centre of gravity in the link's frame
+    extension: LinkExtension | None = None
+
+    @property
+    def disk_radius(self) -> float:
+        """Of an even disk with its mass and inertia [m]."""
+        return math.sqrt(2.0 * self.inertia / self.mass) if self.mass else 0.0
