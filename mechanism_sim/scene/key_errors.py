@@ -67,8 +67,10 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]
         return f'{shown} is out of bounds: it must be {words} {context[key]:g}'
-    if kind == 'too_short' and context['min_length'] == 1:
-        return f'{shown}: it must not be empty'
+    if kind == 'too_short':
+        least = context['min_length']
+        few = 'it must not be empty' if least == 1 else f'it must have {least} entries'
+        return f'{shown}: {few}'
     # of a value that may be one of several types, each has a problem of its own
     ways = [_must_be(p, model, path) for p in problems if _place(p, data) == path]
     return f'{shown}: it must be {", or ".join(dict.fromkeys(filter(None, ways)))}'
@@ -81,10 +83,8 @@ def _must_be(problem: ErrorDetails, model: type[BaseModel], path: list[str]) -> 
         return _TYPES[kind]
     facts = [facts_of(field) for field in _fields(model, path)]
     quantities = [q for f in facts for q in f.quantities]
-    if kind in ('tuple_type', 'list_type', 'too_long', 'too_short', 'missing'):
+    if kind in ('tuple_type', 'list_type', 'too_long'):
         pair = kind == 'tuple_type' or context.get('max_length') == 2
-        if kind == 'too_short':
-            return f'a list of at least {context["min_length"]}'
         if not pair:
             return 'a list'
         example = ', '.join(EXAMPLES[q.units[0]] for q in quantities[:2])
