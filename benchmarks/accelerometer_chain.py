@@ -15,7 +15,7 @@ from mechanism_sim.numerics.polynomials import chebyshev_nodes, fit_powers, shif
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
-from mechanism_sim.sensing.channel import Source
+from mechanism_sim.sensing.channel import SensorSource
 
 SCENE, SENSOR = 'four_bar_measured', 'coupler'
 COUNT, STEP, TERMS = 14, 1e-5, 34
@@ -48,7 +48,7 @@ class SensorRun:
     def instrument(self) -> Instrument:
         """The chain up to the converter, which takes samples from the start of the run on."""
         chain = self.machine.scene.sensors[SENSOR].chain()
-        return replace(chain, trigger=None, converter=Converter(), noise=Noise())
+        return replace(chain, trigger=None, adc=Converter(), noise=Noise())
 
     @property
     def times(self) -> Array:
@@ -56,7 +56,7 @@ class SensorRun:
         rate = self.instrument.sample_rate
         return np.arange(np.ceil(self.motion.curve.end * rate)) / rate
 
-    def source(self) -> Source:
+    def source(self) -> SensorSource:
         """What the sensor is mounted on."""
         return self.machine.scene.sensors[SENSOR].source(self.machine)
 

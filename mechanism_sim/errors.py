@@ -32,7 +32,17 @@ class RunError(RuntimeError):
         super().__init__(printable(text))
 
 
-_SHORT = reprlib.Repr()
+class _Short(reprlib.Repr):
+    """Short, with the words of YAML."""
+
+    def repr_bool(self, value: bool, _: int) -> str:
+        return 'true' if value else 'false'
+
+    def repr_NoneType(self, _value: None, _: int) -> str:
+        return 'null'
+
+
+_SHORT = _Short()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
 _SHORT.maxlevel = 2
 

@@ -288,6 +288,8 @@ def to_si(value: object, unit: str) -> float:
     hint = f"write for example '{EXAMPLES[unit]}'"
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f'is not a quantity: {hint}')
+    if isinstance(value, int) and abs(value) > LARGEST:  # may be more than a float can be
+        raise ValueError(_BEYOND)
     number = float(value) if isinstance(value, int | float) else _text_to_si(value, unit, hint)
     if LARGEST < abs(number) < math.inf or 0.0 < abs(number) < SMALLEST:
         raise ValueError(_BEYOND)
@@ -312,7 +314,7 @@ def to_si_of(value: object, units: tuple[str, ...]) -> QuantityValue:
     if isinstance(value, QuantityValue):
         return value
     if isinstance(value, list | tuple) and len(value) == 2 and value[1] in ('', *units):
-        return QuantityValue(float(value[0]), value[1])  # as JSON has it
+        return QuantityValue(to_si(value[0], value[1]), value[1])  # as JSON has it
     said = []
     for unit in units:
         try:

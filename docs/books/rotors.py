@@ -11,7 +11,7 @@ from orbits import Orbit
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.vibration.single import Oscillator
-from mechanism_sim.vibration.systems import System
+from mechanism_sim.vibration.systems import LinearSystem
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -108,9 +108,9 @@ class DiskRotor:
     damping: Array  #: (n, n) [N s/m]
 
     @cached_property
-    def system(self) -> System:
+    def system(self) -> LinearSystem:
         """The same in one plane through the axis."""
-        return System(np.diag(self.masses), self.damping, self.stiffness)
+        return LinearSystem(np.diag(self.masses), self.damping, self.stiffness)
 
     @property
     def critical_speeds(self) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.vibration.systems import System, chain
+from mechanism_sim.vibration.systems import LinearSystem, chain
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -37,7 +37,7 @@ class TwoMasses:
             raise InputError('two masses on springs need positive masses and stiffnesses')
 
     @property
-    def system(self) -> System:
+    def system(self) -> LinearSystem:
         """The same as matrices, [V] eq. 6.184."""
         return chain([self.m1, self.m2], [self.k1, self.k2], [self.c1, self.c2])
 

@@ -16,7 +16,7 @@ from mechanism_sim.analysis.wear import WearMap, wear_maps
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.sensing.orders import TurnSegments, order_spectrum
-from mechanism_sim.sensing.spectra import Spectrum, envelope_spectrum, power, shock_band
+from mechanism_sim.sensing.spectra import LineSpectrum, envelope_spectrum, power, shock_band
 from mechanism_sim.strict_json import plain
 
 ORDERS = 40
@@ -61,7 +61,7 @@ class Wanted:
 class SignalSpectrum:
     """A spectrum of one signal, and the unit of its values."""
 
-    spectrum: Spectrum
+    spectrum: LineSpectrum
     unit: str
     band: tuple[float, float] | None = None  #: of an envelope [Hz]
 

@@ -19,7 +19,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.sensor_keys import Converter, Noise
+from mechanism_sim.sensing.chain import Converter, Noise
 from mechanism_sim.sensing.orders import TurnSegments
 from mechanism_sim.sensing.spectra import power
 

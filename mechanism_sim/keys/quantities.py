@@ -145,6 +145,11 @@ class Part(BaseModel):
         known = {field.alias or name for name, field in cls.model_fields.items()}
         return {k: v for k, v in data.items() if v is not None or k not in known}
 
+    @classmethod
+    def keys_for(cls, data: Any) -> list[str]:
+        """The keys that may stand beside those of `data`: of its kind, if there are several."""
+        return [field.alias or name for name, field in cls.model_fields.items()]
+
     def to_document(self, **which: Any) -> dict[str, Any]:
         """Keys and values in SI units as a file gives them, so that they can be read again.
 

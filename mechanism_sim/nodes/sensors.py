@@ -65,9 +65,7 @@ class _Unit:
         scene = machine.scene.sensors[name]
         self._unit = machine.inertial_unit(name)
         chain = scene.chain()
-        limit, bits = chain.converter.range, chain.converter.bits
-        step = 2.0 * limit / 2**bits if limit and bits else 0.0
-        variance = chain.noise.rms**2 + step**2 / 12.0
+        variance = chain.noise.rms.value**2 + chain.adc.step**2 / 12.0
         covariance = float64_array(np.diag([variance, variance, 0.0]))
         message = Imu(linear_acceleration_covariance=covariance)
         message.header.frame_id = frame

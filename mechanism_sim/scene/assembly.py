@@ -20,7 +20,7 @@ from mechanism_sim.planar.branch import SINGULAR
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.plan import Plan
+from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.scene.singular_start import begin, neighbours
 
 _TRIES = 256
@@ -40,7 +40,7 @@ class Assembly(NamedTuple):
     slope: Array | None = None  #: (n,) direction of the motion, if the position is singular
 
 
-def assemble(plan: Plan, four_bar: FourBarLoop | None) -> Assembly:
+def assemble(plan: ScenePlan, four_bar: FourBarLoop | None) -> Assembly:
     """Where a machine without clearance is at the start.
 
     Drives, and coordinates set by `initial`, are where they should be; the rest lies near `guess`.
@@ -120,7 +120,7 @@ def _ranks(kinematics: Kinematics, q: Array, soft: Sequence[str]) -> Array:
     return np.array([int((x > _RANK).sum()) for x in sizes])
 
 
-def closed_four_bar(plan: Plan) -> FourBarLoop | None:
+def closed_four_bar(plan: ScenePlan) -> FourBarLoop | None:
     """The four-bar that a machine is, on the branch nearest to its guess; None if it is none.
 
     Closed forms know two branches of a four-bar; through a change point neither goes on.
@@ -140,8 +140,8 @@ def closed_four_bar(plan: Plan) -> FourBarLoop | None:
     return loop.on('crossed' if off('crossed') < off('open') else 'open')
 
 
-def _follows(plan: Plan) -> bool:
-    """Whether the ideal mechanism's start follows from its main drive alone."""
+def _follows(plan: ScenePlan) -> bool:
+    """True if the ideal mechanism's start follows from its main drive alone."""
     main = plan.main
     if main not in plan.held or main in plan.given[1]:
         return False
@@ -149,7 +149,7 @@ def _follows(plan: Plan) -> bool:
     return bool(loose) or not plan.placed_outright
 
 
-def _assembled(plan: Plan, loop: FourBarLoop) -> Assembly:
+def _assembled(plan: ScenePlan, loop: FourBarLoop) -> Assembly:
     """A four-bar at the start."""
     angle, speed = plan.held[plan.main]
     # In extended precision: after a few dozen impacts the last digit of the start counts.
@@ -161,7 +161,7 @@ def _assembled(plan: Plan, loop: FourBarLoop) -> Assembly:
     return Assembly(q[order], v[order], len(plan.powered), 0, 0)
 
 
-def _placed(plan: Plan, guess: Array) -> tuple[Kinematics, Array]:
+def _placed(plan: ScenePlan, guess: Array) -> tuple[Kinematics, Array]:
     """Coordinates that close all loops, with the drives and what is given where they should be.
 
     Loose joints allow more to be given than the mechanism without clearance can have: then it has
@@ -192,7 +192,7 @@ def _placed(plan: Plan, guess: Array) -> tuple[Kinematics, Array]:
     return close(held)
 
 
-def _started(plan: Plan, kinematics: Kinematics, q: Array) -> Array:
+def _started(plan: ScenePlan, kinematics: Kinematics, q: Array) -> Array:
     """Rates with which all loops stay closed; those of drives and those given are kept."""
     coordinates = plan.ideal.coordinates
     rates = {c: plan.held[c][1] for c in plan.prescribed}
@@ -309,7 +309,7 @@ def _refusal(kinematics: Kinematics, q: Array, miss: float, targets: Array | Non
 
 
 def _advice(kinematics: Kinematics, q: Array, targets: Array | None) -> str:
-    """What to look at where no link is too long."""
+    """Advice where no link is too long."""
     freedom = len(q) - len(kinematics.rows)
     held = [kinematics.coordinates[i] for i in kinematics.held]
     if len(held) > freedom:

@@ -39,7 +39,7 @@ def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
 
 
 def _check_freedom(machine: Machine) -> None:
-    """Whether it can be assembled, and moves as its drives say."""
+    """Refuse a machine that cannot be assembled, or cannot move as its drives say."""
     assembly, plan = machine.assembly, machine.plan
     if 0 < assembly.overdriven == len(plan.prescribed) and not assembly.freedom:
         raise InputError(
@@ -98,7 +98,7 @@ def _check_mass(machine: Machine) -> None:
 
 
 def _check_unknowns(machine: Machine) -> None:
-    """Whether as many loads are unknown as efforts are given, of a motion that is known."""
+    """Refuse more or fewer unknown loads than given efforts, and those of an unknown motion."""
     plan = machine.plan
     labels = [load.label for load in plan.unknowns(plan.ideal)]
     if not labels and not plan.efforts:
@@ -144,7 +144,7 @@ def _check_unknowns(machine: Machine) -> None:
 
 
 def _check_inertia(machine: Machine) -> None:
-    """Whether every motion that drives and closed loops leave free moves something that resists.
+    """Refuse a motion that drives and closed loops leave free and that moves no mass.
 
     While loose joints are open they keep nothing together.
     """
@@ -239,7 +239,7 @@ _OF_FILMS = (
 
 
 def _check_contact(where: str, clearance: Play) -> None:
-    """What each law of contact needs, and no more."""
+    """Refuse contacts without a key that their law needs, or with one that it does not know."""
     contact = clearance.contact
     if contact is None:
         return
@@ -297,7 +297,6 @@ def _check_oscillators(machine: Machine) -> None:
             raise InputError(f"the oscillator name '{name}' must be letters, digits and _")
         if name in (GROUND, *machine.links):
             raise InputError(f"the oscillator '{name}' has the name of a link")
-        machine.frame(name)
         if not machine.plan.weighed:
             raise InputError(f'{where}: what shakes it needs the masses of all links')
         if part.joints is None:

@@ -1,4 +1,4 @@
-"""What a scene comes down to: its level, and what was left out and why."""
+"""Report on a scene: its level, and what was left out and why."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _WHY = {
 
 
 _SHOCKS = 'acceleration', 'force'
-"""What impacts make impulses of, which samples without a filter do not show."""
+"""Quantities of which impacts make impulses; samples without a filter do not show these."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ def _starts(machine: Machine) -> dict[str, GapStart]:
 
 
 def _drive(machine: Machine, coordinate: str) -> str:
-    """What moves a coordinate."""
+    """Cause of the motion of a coordinate, in words."""
     laws = machine.plan.laws[coordinate]
     law, straight = laws[0], coordinate in machine.mechanism.displacements
     pace, force, place = ('m/s', 'N', 'm') if straight else ('rad/s', 'N m', 'rad')

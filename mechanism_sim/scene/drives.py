@@ -43,7 +43,7 @@ def drive_key(names: Names, coordinate: str) -> str:
 
 
 def is_straight(drive: DrivePart) -> bool:
-    """Whether what is given of a drive belongs to a displacement."""
+    """True if a drive is given by quantities of a displacement."""
     paces = [drive.speed, *(p for _, p in (drive.profile.points if drive.profile else []))]
     return (
         drive.start_position is not None

@@ -76,7 +76,7 @@ def _check(names: Names, joint: Joint, body: Body, driven: Mapping[str, DrivePar
 
 
 def stiffened(link: LinkPart) -> LinkPart:
-    """The same link, but rigid and in its plane."""
+    """A link made rigid and kept in its plane."""
     link = link.model_copy(update={'tilt': None})
     if not link.elastic:
         return link
@@ -191,7 +191,7 @@ def elastic_notes(mechanism: Mechanism, period: float, impacts: bool) -> list[st
 
 
 def _treatment(ratio: float, impacts: bool) -> str:
-    """What does for a link whose first mode is so many times as fast as the drive."""
+    """Advice for a link whose first mode is so many times as fast as the drive."""
     if impacts:
         return 'impacts are faster than any mode: take modes until their impulses converge'
     if ratio >= _RIGID:

@@ -1,4 +1,4 @@
-"""What the schema says of a key: its unit, its bounds, what may stand there."""
+"""Facts of a key by its schema: unit, bounds, choices."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Facts(NamedTuple):
 
 
 def facts_of(field: FieldInfo) -> Facts:
-    """What the schema says of a field."""
+    """Unit, bounds and choices of a field of a schema."""
     kinds, notes = [], []
     for kind, note in _walk(field.annotation, field.metadata):
         kinds.append(kind)

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import copy
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
 
 from mechanism_sim import documents
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.scene.four_bar import FourBarScene, expanded
+from mechanism_sim.scene.key_errors import sentence
 from mechanism_sim.scene.schema import AnyScene, Scene
 from mechanism_sim.scene.table_keys import with_files
 
@@ -90,7 +89,7 @@ def check_scene(
 
 
 def as_given(file: str, content: Mapping[str, Any]) -> AnyScene:
-    """The same without overrides, in the form in which it is written."""
+    """A scene in the form in which it is written, as a four-bar or a linkage."""
     kind = content.get('mechanism')
     if kind is None:
         raise InputError(f"{file}: 'mechanism' is missing; known are: {', '.join(MECHANISMS)}")
@@ -123,7 +122,7 @@ def checked(file: str, model: type[Model], data: Mapping[str, Any]) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise InputError(f'{file}: {_first_problem(error, model, data)}') from error
+        raise InputError(f'{file}: {sentence(error.errors(), model, data)}') from error
 
 
 def _pairs(overrides: Mapping[str, Any] | Iterable[str]) -> list[tuple[str, Any]]:
@@ -173,90 +172,3 @@ def _override(data: dict[str, Any], key: str, value: Any, file: str) -> None:
         if not isinstance(place, dict):
             raise InputError(f"{file}: '{key}' cannot be set, because '{part}' is a plain value")
     place[last] = value
-
-
-def _place(problem: ErrorDetails, data: Any) -> list[str]:
-    """Keys that lead to a problem, without what Pydantic calls the kinds that may stand there."""
-    *path, last = problem['loc'] or ('',)
-    found, here = [], data
-    for part in path:
-        try:
-            here = here[part]
-        except (KeyError, IndexError, TypeError):
-            continue
-        found.append(str(part))
-    there = isinstance(here, list | tuple) or (isinstance(here, Mapping) and last in here)
-    return [*found, str(last)] if there or problem['type'] == 'missing' else found
-
-
-def _first_problem(error: ValidationError, model: type[BaseModel], data: Any) -> str:
-    problems = error.errors()
-    problem = next((p for p in problems if p['type'] == 'extra_forbidden'), problems[0])
-    path = _place(problem, data)
-    where = '.'.join(path)
-    kind, context = problem['type'], problem.get('ctx', {})
-    value = problem['input']
-    if kind == 'extra_forbidden':
-        known = _keys(model, path[:-1])
-        hint = nearest(path[-1], known)
-        return f"unknown key '{where}'{hint}; allowed here: {', '.join(known)}"
-    if kind == 'missing':
-        return f"'{where}' is missing"
-    if kind == 'missing_key':
-        return f"'{where}.{context['key']}' is missing"
-    if kind == 'value_error':
-        shown = where if isinstance(value, dict) else f'{where} = {quoted(value)}'
-        return f'{shown} {context["error"]}'.lstrip()
-    if kind == 'literal_error':
-        hint = nearest(str(value), re.findall(r"'([^']*)'", str(context['expected'])))
-        return f'{where} = {quoted(value)} is not possible{hint}; allowed: {context["expected"]}'
-    expected = {
-        'model_type': 'it must be a list of keys with values',
-        'dict_type': 'it must be a list of names with values',
-        'tuple_type': 'it must be a list of two quantities, for example [0, -9.81 m/s^2]',
-        'too_long': 'it must be a list of two quantities, for example [0, -9.81 m/s^2]',
-        'list_type': 'it must be a list, for example [1, 2, 3]',
-        'int_type': 'it must be a whole number',
-        'int_parsing': 'it must be a whole number',
-        'int_from_float': 'it must be a whole number',
-        'float_type': 'it must be a number',
-        'string_type': 'it must be text; put it in quotes',
-        'bool_parsing': 'it must be true or false',
-        'bool_type': 'it must be true or false',
-        'finite_number': 'it must be finite',
-        'invalid_key': 'keys must be text',
-    }
-    if kind == 'too_short':
-        least = context['min_length']
-        few = 'it must not be empty' if least == 1 else f'it must have {least} entries'
-        return f'{where} = {quoted(value)}: {few}'
-    if kind in expected:
-        ways = [expected.get(p['type']) for p in problems if _place(p, data) == path]
-        return f'{where} = {quoted(value)}: {", or ".join(dict.fromkeys(filter(None, ways)))}'
-    bounds = {
-        'greater_than': ('gt', 'more than'),
-        'greater_than_equal': ('ge', 'at least'),
-        'less_than': ('lt', 'less than'),
-        'less_than_equal': ('le', 'at most'),
-    }
-    if kind in bounds:
-        key, words = bounds[kind]
-        return f'{where} = {quoted(value)} is out of bounds: it must be {words} {context[key]:g}'
-    return f'{where} = {quoted(value)}: {problem["msg"]}'
-
-
-def _keys(model: type[BaseModel], path: list[str]) -> list[str]:
-    """Keys allowed at a place of the schema."""
-    here = [model]
-    for part in path:
-        fields = [f for m in here for k, f in m.model_fields.items() if part in (k, f.alias)]
-        # else it is a name, or the index of an entry, and leads to no other model
-        here = [m for field in fields for m in _models(field.annotation)] or here
-    return list(dict.fromkeys(f.alias or k for m in here for k, f in m.model_fields.items()))
-
-
-def _models(kind: Any) -> list[type[BaseModel]]:
-    """The models that an annotation speaks of."""
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
-        return [kind]
-    return [model for part in get_args(kind) for model in _models(part)]

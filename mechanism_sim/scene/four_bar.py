@@ -73,7 +73,7 @@ class FourBarLinks(Part):
 
 
 class Pin(Part):
-    """What distinguishes a joint from an ideal one."""
+    """Keys that distinguish a joint from an ideal one."""
 
     clearance: Clearance | None = None
     """Pin on the first-named link, bushing on the second-named; without it the joint is ideal."""
@@ -93,20 +93,20 @@ class FourBarJoints(Part):
 
 
 class FourBarKeys(AnyScene):
-    """What a four-bar says, but for its loads."""
+    """Keys of a four-bar, but for its loads."""
 
     mechanism: Literal['four_bar']
     """A template: links and joints have these names."""
     branch: Literal['open', 'crossed'] = 'open'
     """Where the coupler-rocker joint lies, seen from crank pin to rocker pivot; open: left."""
     links: FourBarLinks
-    """What they measure and weigh."""
+    """Lengths and masses."""
     joints: FourBarJoints = FourBarJoints()
     """Those that are not ideal."""
     masses: dict[str, PointMass] = {}
     """Point masses that links carry, by name."""
     drive: DrivePart
-    """What moves the crank: a speed, a profile, a torque or a motor."""
+    """Motion of the crank: by a speed, a profile, a torque or a motor."""
     initial: InitialPart = InitialPart()
     """Coordinates of a loose machine that start elsewhere than `start` says."""
     sensors: dict[str, SensorPart] = Field({})

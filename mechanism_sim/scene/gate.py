@@ -141,7 +141,7 @@ def _value(law: Law, t: float) -> float:
 
 
 def _check_four_bar(loop: FourBarLoop, way: Way) -> None:
-    """Whether crank and ground leave a triangle with coupler and rocker all the way."""
+    """Refuse a crank that with the ground leaves no triangle to coupler and rocker on its way."""
     linkage, crank = loop.linkage, loop.links[0]
     low, high = crank_limits(linkage)
     way = way[0] + loop.turned[0], way[1] + loop.turned[0]

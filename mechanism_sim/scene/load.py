@@ -45,7 +45,7 @@ def span(machine: Machine, revolutions: float | None, duration: float | None) ->
 
 
 def run_length(machine: Machine, revolutions: float | None, duration: float | None) -> float:
-    """The same for commands and nodes, which refuse what cannot be run for so long."""
+    """`span` for commands and nodes, which refuse what cannot be run for so long."""
     end = span(machine, revolutions, duration)
     admit(machine, end)
     return end

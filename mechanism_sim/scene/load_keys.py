@@ -23,7 +23,7 @@ class ElementKeys(Part):
     """The keys of a load of any kind."""
 
     def read(self, names: Names, name: str, tree: Mechanism) -> Elements:
-        """What makes its elements for any tree; refuses what does not fit together.
+        """Maker of its elements for any tree; refuses what does not fit together.
 
         Parameters
         ----------
@@ -37,7 +37,7 @@ LOADS = Registry[type[Part]]()
 
 
 def read_loads(names: Names, tree: Mechanism) -> Elements:
-    """What makes the force elements of a scene for a tree of its mechanism, see `ElementKeys`."""
+    """Maker of the force elements of a scene for a tree of its mechanism, see `ElementKeys`."""
     makers: list[Elements] = [
         part.read(names, name, tree)
         for section in LOADS

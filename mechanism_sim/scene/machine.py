@@ -1,6 +1,6 @@
 """A machine: what a scene comes down to, part by part, each made once when it is first asked for.
 
-- `Machine.plan`: links, joints, drives and forces as the scene is read (`Plan`)
+- `Machine.plan`: links, joints, drives and forces as the scene is read (`ScenePlan`)
 - `Machine.assembly`: the mechanism without clearance at the start (`assemble`)
 - `Machine.level`: how much mechanics the scene needs
 - `Machine.ideal` and `Machine.inverse_dynamics`: motion and forces without clearance
@@ -25,7 +25,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.observer import Instants, Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
@@ -55,8 +55,7 @@ from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import Table
 from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
 from mechanism_sim.scene.elastic_links import stiffened
-from mechanism_sim.scene.oscillators import read_frame
-from mechanism_sim.scene.plan import Plan
+from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.scene.schema import Commands, JointPart, LinkPart, Scene
 from mechanism_sim.scene.start import Start
 from mechanism_sim.sensing.channel import Channel
@@ -114,10 +113,10 @@ class Machine(Rich):
     # --- as it is read --------------------------------------------------------------------------
 
     @cached_property
-    def plan(self) -> Plan:
+    def plan(self) -> ScenePlan:
         """Links, joints, drives and forces."""
         with scene_errors(self.name):
-            return Plan(self.scene)
+            return ScenePlan(self.scene)
 
     @property
     def links(self) -> dict[str, LinkPart]:
@@ -278,7 +277,7 @@ class Machine(Rich):
         return {pair.name: why for pair in pairs if (why := pair.without_forces)}
 
     def started_at(self, angle: float) -> Machine:
-        """The same machine with its main drive at another angle [rad] at the start."""
+        """Copy with its main drive at another angle [rad] at the start."""
         scene = self.scene
         if not scene.drive:
             raise SceneError(f"{self.name}: there is no 'drive' to start at an angle")
@@ -298,7 +297,7 @@ class Machine(Rich):
 
     @cached_property
     def rigid(self) -> Machine:
-        """The same machine with rigid links, and shafts that do not give way.
+        """Copy with rigid links, and shafts that do not give way.
 
         It starts where this one does, although guides carry some links now.
         """
@@ -425,7 +424,7 @@ class Machine(Rich):
 
     @cached_property
     def ideal_observer(self) -> Observer:
-        """The same of the mechanism without clearance."""
+        """`observer` of the mechanism without clearance."""
         if not self.clearances:
             return self.observer
         ideal = self.plan.ideal
@@ -571,7 +570,7 @@ class Machine(Rich):
         return bool(more) or tabulated or many
 
     def snapshot(self, run: Run) -> Snapshot:
-        """What it takes for another run of this machine to go on where this one stands."""
+        """State from which another run of this machine goes on where this one stands."""
         return replace(run.snapshot(), machine=self.fingerprint)
 
     def resume(self, snapshot: Snapshot) -> Run:
@@ -646,8 +645,13 @@ class Machine(Rich):
 
     def frame(self, name: str) -> Frame:
         """A frame of the scene on its springs; InputError if there is none of that name."""
-        with scene_errors(self.name):
-            return read_frame(self.scene.oscillators, name)
+        frames = self.scene.oscillators
+        if name not in frames:
+            raise SceneError(
+                f"{self.name}: there is no oscillator '{name}'{nearest(name, frames)}; "
+                f'oscillators: {", ".join(frames) or "none"}'
+            )
+        return frames[name]
 
     def forces_on(self, name: str) -> Forces:
         """The forces that shake a frame of the scene."""

@@ -1,4 +1,4 @@
-"""What can be said of a mechanism's motion without moving it: freedoms, full turns, limits."""
+"""Notes on a mechanism's motion, found without moving it: freedoms, full turns, limits."""
 
 from __future__ import annotations
 

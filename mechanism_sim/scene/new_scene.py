@@ -20,11 +20,11 @@ TEMPLATES = {'four_bar': 'four_bar_clearance', 'linkage': 'slider_crank_engine'}
 """The scenes that show the two forms of scenes, by the names of the forms."""
 
 SCHEMA = 'mechanism_sim.schema.json'
-"""What editors read, if it lies beside the scene."""
+"""Schema that editors read, if it lies beside the scene."""
 
 
 def json_schema() -> dict[str, Any]:
-    """What scenes may say, as editors read it."""
+    """JSON schema of scenes, which editors read."""
     either = Annotated[FourBarScene | Scene, Field(discriminator='mechanism')]
     schema: dict[str, Any] = TypeAdapter[Any](either).json_schema()
     return {'$schema': 'https://json-schema.org/draft/2020-12/schema', **schema}

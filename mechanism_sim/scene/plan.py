@@ -1,16 +1,15 @@
-"""What a scene's mechanism is: links, joints, drives and forces that fit together.
+"""The mechanism of a scene: links, joints, drives and forces that fit together.
 
-A `Plan` is all of a machine that follows from reading its scene: names are resolved, everything is
-in SI units, teeth are in mesh and belts put on. Loops are not closed yet, nothing is compiled.
+A `ScenePlan` is all of a machine that follows from reading its scene: names are resolved,
+everything is in SI units, teeth are in mesh and belts put on. Loops are not closed yet, nothing is
+compiled.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,35 +20,36 @@ from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.keys.names import Names, kind_of
 from mechanism_sim.linkages.forces import DriveEffort, UnknownForce
-from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
-from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import (
     HigherPair,
-    Joint,
     Mechanism,
     bending_guides,
     closing_joints,
 )
-from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.protocols import ForceElement, Relation
-from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.drives import drive_key, is_straight, read_drives, read_laws, read_motor
-from mechanism_sim.scene.elastic_links import loaded, read_beams
+from mechanism_sim.scene.elastic_links import read_beams
 from mechanism_sim.scene.loads import read_loads
 from mechanism_sim.scene.loads.applied import read_effort
+from mechanism_sim.scene.reading import (
+    Values,
+    floats,
+    read_bodies,
+    read_frictions,
+    read_joints,
+    read_rotors,
+    read_values,
+)
 from mechanism_sim.scene.schema import DrivePart, Scene
-from mechanism_sim.scene.tilted_links import check_tilts, tilted, without_mass
-from mechanism_sim.units import QuantityValue
+from mechanism_sim.scene.tilted_links import check_tilts, without_mass
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
-Values = dict[str, float]
 
-
-class Plan(Names):
+class ScenePlan(Names):
     """Links, joints, drives and forces of a scene, in SI units.
 
     Attributes
@@ -75,7 +75,7 @@ class Plan(Names):
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
-        joints, drives = self._read_joints(), read_drives(self)
+        joints, drives = read_joints(self), read_drives(self)
         elastic = read_beams(self, joints, drives)
         straight = [c for c, drive in drives.items() if is_straight(drive)]
         bending = bending_guides([*elastic.values()], joints)
@@ -83,7 +83,7 @@ class Plan(Names):
         for kind in KINDS.values():
             kind.check_all(self, joints, self.closing)
         check_tilts(self, joints)
-        rotors = self._read_rotors()
+        rotors = read_rotors(self)
         massless = tuple(
             elastic.get(link) or without_mass(self, link, rotors.get(link)) for link in self.links
         )
@@ -111,10 +111,10 @@ class Plan(Names):
             for c, drive in drives.items()
             if drive.effort is not None
         }
-        self.bodies = self._read_bodies(tree, drives, elastic, rotors)
-        rates = self._values('initial.velocity', scene.initial.velocity, tree, _PACES)
+        self.bodies = read_bodies(self, tree, drives, elastic, rotors)
+        rates = read_values(self, 'initial.velocity', scene.initial.velocity, tree, _PACES)
         self.given = positions, rates
-        self.frictions = self._read_frictions()
+        self.frictions = read_frictions(self, self.clearances)
         self.motors = tuple(
             motor for c, drive in drives.items() if (motor := read_motor(c, drive)) is not None
         )
@@ -122,133 +122,13 @@ class Plan(Names):
         self.weighed = all(scene.links[x].mass is not None or x in weighing for x in self.links)
         self.floating = self._read_floating(tree)
 
-    # --- joints and bodies ----------------------------------------------------------------------
-
-    def _read_joints(self) -> tuple[Joint, ...]:
-        """All joints; every link must hang on the ground by them."""
-        joints = []
-        for name, joint in self.scene.joints.items():
-            where = f'joints.{name}'
-            if not name.isidentifier():
-                raise InputError(
-                    f"{where}: the name '{name}' cannot be used; names are letters, digits and _"
-                )
-            for key in joint.model_fields_set - joint.kind_keys.model_fields.keys():
-                if getattr(joint, key):
-                    raise InputError(f'{where}.{key} has no meaning in a {joint.kind} joint')
-            joints.append(joint.kind_keys.read(joint, self, name))
-        reached, grown = {GROUND}, True
-        while grown:
-            ends = [{j.first, j.second} for j in joints if {j.first, j.second} & reached]
-            grown = not set().union(*ends) <= reached
-            reached |= set().union(*ends)
-        if apart := [link for link in self.links if link not in reached]:
-            raise InputError(
-                f'the link {apart[0]} is not connected to the ground by joints; add a joint of it '
-                "under 'joints'"
-            )
-        return tuple(joints)
-
-    def _read_rotors(self) -> dict[str, Rotor]:
-        """Compliance of shaft and supports of the links that are rotors, by link."""
-        found: dict[str, Rotor] = {}
-        for name, joint in self.scene.joints.items():
-            if not joint.kind_keys.gives_way:
-                continue
-            link, rotor = joint.kind_keys.rotor_of(joint, self, name)
-            own = self.scene.links[link]
-            if link in found or own.elastic or own.tilt:
-                raise InputError(
-                    f'joints.{name}: {link} gives way already, as a rotor in another joint or by '
-                    "its key 'elastic' or 'tilt': leave one of them out"
-                )
-            found[link] = rotor
-        return found
-
-    def _read_frictions(self) -> Callable[[Mechanism], list[JointFriction]]:
-        """Friction in ideal joints, of a tree of the mechanism."""
-        rubs = []
-        for name, joint in self.scene.joints.items():
-            given, own = joint.friction, joint.kind_keys
-            if given is None or own.rubs_by is None:
-                continue
-            where, (keys, needed) = f'joints.{name}.friction', own.rubs_by
-            for key in given.model_fields_set - {'coefficient', *keys}:
-                if getattr(given, key) is not None:
-                    raise InputError(f'{where}.{key} has no meaning in a {joint.kind} joint')
-            if needed and getattr(given, keys[0]) is None:
-                raise InputError(f"{where} needs a '{keys[0]}', as {keys[0]}: 10 mm")
-            if given.coefficient and name in self.clearances and not own.rubs_loose:
-                raise InputError(
-                    f'{where}: the joint is loose: give the friction of its walls in its '
-                    "'clearance', 'lift_off', 'groove' or 'backlash'"
-                )
-            if given.coefficient or given.efficiency:
-                rubs.append((name, joint, given))
-        return lambda m: [
-            x
-            for name, joint, given in rubs
-            for x in joint.kind_keys.frictions(joint, given, m.joint(name), m)
-        ]
-
-    def _read_bodies(
-        self,
-        tree: Mechanism,
-        drives: Mapping[str, DrivePart],
-        elastic: Mapping[str, Body],
-        rotors: Mapping[str, Rotor],
-    ) -> tuple[Body, ...]:
-        """The moving links with what they weigh, point masses and flywheels included."""
-        carried: dict[str, list[_Mass]] = {link: [] for link in self.links}
-        for name, mass in self.scene.masses.items():
-            on, at = self.find(f'masses.{name}.at', mass.at)
-            if on == GROUND:
-                raise InputError(f'masses.{name}.at: a mass on the ground moves nothing')
-            carried[on].append(_Mass(mass.mass, 0.0, at))
-        tilting = {  # blocks with play in their guides turn
-            link
-            for name, joint in self.scene.joints.items()
-            if joint.kind == 'prismatic' and joint.clearance
-            for link, _ in self.connected(name)
-        }
-        found = []
-        for link in self.links:
-            given, added = self.scene.links[link], 0.0
-            if link in drives:
-                added = drives[link].added_inertia
-            if link in elastic:
-                lumps = [(mass.size, mass.at) for mass in carried[link]]
-                found.append(loaded(elastic[link], lumps, added))
-                continue
-            turns = tree.frame(link)[0] != GROUND or link in tilting
-            if given.mass and given.inertia is None and turns:
-                raise InputError(
-                    f"'links.{link}.inertia' is missing: the link has a mass and turns; give its "
-                    'moment of inertia about the centre of gravity (0 for a point mass)'
-                )
-            cog = given.cog if isinstance(given.cog, tuple) else (given.cog, 0.0)
-            own = _Mass(given.mass or 0.0, given.inertia or 0.0, cog)
-            body = _together(link, [own, *carried[link]])
-            if given.mass is not None and not body.mass and link in rotors:
-                raise InputError(
-                    f"'links.{link}.mass' is 0: the axis of the rotor could move without moving "
-                    'any mass: give it more'
-                )
-            rotor = rotors.get(link)
-            inertia = body.inertia + added
-            if rotor:
-                body = replace(body, mass=body.mass + rotor.mass, extension=rotor)
-                inertia += rotor.inertia
-            found.append(tilted(replace(body, inertia=inertia), self, added))
-        return tuple(found)
-
     # --- drives and the start -------------------------------------------------------------------
 
     def _read_drives(self, drives: Mapping[str, DrivePart], tree: Mechanism) -> Values:
         """Laws of the drives and where they begin; the positions that the scene sets outright."""
         initial, straight = self.scene.initial.position, tree.displacements
-        given = self._values('initial.position', initial, tree, _PLACES)
-        self.guess = self._values('guess', self.scene.guess, tree, _PLACES)
+        given = read_values(self, 'initial.position', initial, tree, _PLACES)
+        self.guess = read_values(self, 'guess', self.scene.guess, tree, _PLACES)
         self.laws: dict[str, tuple[Law, ...]] = {}
         self.begins: dict[str, tuple[float, float]] = {}
         positions, self._turns = dict(given), dict[str, int]()
@@ -271,33 +151,6 @@ class Plan(Names):
         self.assumed = frozenset(silent), frozenset(paceless)
         return positions
 
-    def _values(
-        self,
-        where: str,
-        given: Mapping[str, QuantityValue],
-        tree: Mechanism,
-        units: tuple[str, str],
-    ) -> Values:
-        """Quantities by coordinate, in the first of the units for angles, else in the second."""
-        return {
-            c if '.' in c and c in tree.coordinates else self.coordinate(where, c): self.measure(
-                f'{where}.{c}', m, c in tree.displacements, units
-            )
-            for c, m in given.items()
-            if not (where.startswith('initial') and self._floats(c, m, tree))
-        }
-
-    def _floats(self, name: str, measure: QuantityValue, tree: Mechanism) -> bool:
-        """True if a quantity is one of a link that hangs on loose joints, and of `tree` is none.
-
-        That is its place, ``LINK.x`` and ``LINK.y``, or the angle of a link that a guide of
-        `tree` carries.
-        """
-        link, _, axis = name.partition('.')
-        if axis:
-            return link in self.links and axis in ('x', 'y') and name not in tree.coordinates
-        return name in tree.displacements and measure.unit.startswith('rad')
-
     def _read_floating(self, tree: Mechanism) -> tuple[Values, Values]:
         """Values and rates of the coordinates that only the machine with its clearances has."""
         initial = self.scene.initial
@@ -308,7 +161,7 @@ class Plan(Names):
         ):
             found.append({})
             for c, measure in part.items():
-                if not self._floats(c, measure, tree):
+                if not floats(self, c, measure, tree):
                     continue
                 where, loose, link = f'initial.{kind}.{c}', self.loose, c.partition('.')[0]
                 if c not in loose.coordinates or (c in self.links and c in loose.displacements):
@@ -451,24 +304,5 @@ class Plan(Names):
         return Kinematics(self.loose, self.loop_closures, ())
 
     def loops(self, held: Sequence[str]) -> Kinematics:
-        """The same as numbers, with some coordinates given."""
+        """Those closures as numbers, with some coordinates given."""
         return self._loops.holding(held)
-
-
-class _Mass(NamedTuple):
-    """A part of a link."""
-
-    size: float  #: [kg]
-    inertia: float  #: [kg m^2]
-    at: Vector2  #: [m]
-
-
-def _together(link: str, parts: Iterable[_Mass]) -> Body:
-    """One rigid body of several masses, by the parallel axis theorem."""
-    parts = list(parts)
-    mass = sum(part.size for part in parts)
-    if len(parts) == 1 or not mass:
-        return Body(link, *parts[0])
-    x, y = (sum(m * at[k] for m, _, at in parts) / mass for k in (0, 1))
-    inertia = sum(i + m * ((at[0] - x) ** 2 + (at[1] - y) ** 2) for m, i, at in parts)
-    return Body(link, mass, inertia, (x, y))

@@ -29,7 +29,7 @@ HEAD = """\
 """
 
 
-class Line(NamedTuple):
+class Row(NamedTuple):
     """A line of YAML, and what is to be said of it."""
 
     text: str
@@ -47,17 +47,17 @@ def commented(data: Mapping[str, Any], scene: AnyScene) -> str:
     data : keys and values as a file gives them
     scene : the same, checked
     """
-    lines = _Writer(_parts_in(scene)).part(type(scene), data, scene)
+    lines = _SceneWriter(_parts_in(scene)).part(type(scene), data, scene)
     return HEAD + '\n' + '\n'.join(row for line in lines for row in _rows(line)) + '\n'
 
 
 @dataclass
-class _Writer:
+class _SceneWriter:
     given: set[type[Part]]
     """Parts that are in the file, so that there is a better place to explain them."""
     told: set[tuple[type[Part], str]] = field(default_factory=set)
 
-    def part(self, kind: type[Part], data: Mapping[str, Any], value: Part) -> Iterator[Line]:
+    def part(self, kind: type[Part], data: Mapping[str, Any], value: Part) -> Iterator[Row]:
         """All keys of a part that is in the file."""
         for key in _keys(kind, value):
             about = kind.model_fields[key]
@@ -70,9 +70,9 @@ class _Writer:
             elif new:
                 yield from self.absent(name, getattr(value, key), facts, note)
 
-    def present(self, name: str, data: Any, value: Any, facts: Facts, note: str) -> Iterator[Line]:
+    def present(self, name: str, data: Any, value: Any, facts: Facts, note: str) -> Iterator[Row]:
         """A key that is in the file."""
-        inner: list[Line]
+        inner: list[Row]
         if facts.part is None or not data:
             yield from _entry(name, data, note)
             return
@@ -89,10 +89,10 @@ class _Writer:
         else:
             yield from self.named(name, data, value, note)
             return
-        yield Line(f'{name}:', note)
+        yield Row(f'{name}:', note)
         yield from _indented(inner)
 
-    def named(self, name: str, data: Any, value: Part, note: str = '') -> Iterator[Line]:
+    def named(self, name: str, data: Any, value: Part, note: str = '') -> Iterator[Row]:
         """A part with its name; in one line where nothing has to be said of it."""
         data = data or {}
         frame = name == GROUND and isinstance(value, LinkPart)  # most keys are for what moves
@@ -103,26 +103,26 @@ class _Writer:
         )
         short = f'{name}: {_flow(data)}'
         if not any(line.note for line in inner) and len(short) < WIDTH - 8:
-            yield Line(short, note)
+            yield Row(short, note)
         else:
-            yield Line(f'{name}:', note)
+            yield Row(f'{name}:', note)
             yield from _indented(inner)
 
-    def item(self, data: Any, kind: type[Part], value: Part) -> Iterator[Line]:
+    def item(self, data: Any, kind: type[Part], value: Part) -> Iterator[Row]:
         """A part in a list."""
         inner = list(self.part(kind, data, value))
         if not any(line.note for line in inner):
-            inner = [Line(_flow(data))]
+            inner = [Row(_flow(data))]
         first, *rest = inner
-        yield Line(f'- {first.text}', first.note)
+        yield Row(f'- {first.text}', first.note)
         yield from _indented(rest)
 
-    def absent(self, name: str, value: Any, facts: Facts, note: str) -> Iterator[Line]:
+    def absent(self, name: str, value: Any, facts: Facts, note: str) -> Iterator[Row]:
         """A key that is not in the file, behind a ``#``."""
         for line in self.example(name, value, facts, note):
-            yield Line(f'# {line.text}', line.note)
+            yield Row(f'# {line.text}', line.note)
 
-    def example(self, name: str, value: Any, facts: Facts, note: str) -> Iterator[Line]:
+    def example(self, name: str, value: Any, facts: Facts, note: str) -> Iterator[Row]:
         """A key that could be in the file, and what holds without it."""
         if facts.part is None:
             yield from _entry(name, _default(value, facts), note)
@@ -130,19 +130,19 @@ class _Writer:
         if isinstance(value, Part) and value != facts.part():  # what an instrument stands for
             yield from _entry(name, _plain(value), note)
             return
-        yield Line(f'{name}:', note)
+        yield Row(f'{name}:', note)
         if facts.part in self.given:
             return
         inner = self.keys(facts.part, value if isinstance(value, Part) else None)
         if facts.many == 'dict':
-            inner = iter([Line('NAME:'), *_indented(inner)])
+            inner = iter([Row('NAME:'), *_indented(inner)])
         elif facts.many == 'list':
             inner = (
-                Line(('  ' if i else '- ') + line.text, line.note) for i, line in enumerate(inner)
+                Row(('  ' if i else '- ') + line.text, line.note) for i, line in enumerate(inner)
             )
         yield from _indented(inner)
 
-    def keys(self, kind: type[Part], value: Part | None) -> Iterator[Line]:
+    def keys(self, kind: type[Part], value: Part | None) -> Iterator[Row]:
         """All keys of a part that could be in the file, where they come first."""
         for key, about in kind.model_fields.items():
             if (kind, key) in self.told:
@@ -186,26 +186,26 @@ def _note(meaning: str, facts: Facts, needed: bool = False) -> str:
     return f'{meaning.rstrip(".")} [{about}]' if about else meaning.rstrip('.')
 
 
-def _entry(name: str, data: Any, note: str) -> Iterator[Line]:
+def _entry(name: str, data: Any, note: str) -> Iterator[Row]:
     """A key and a plain value; a long text in several lines."""
     if isinstance(data, str) and data.endswith('\n') and ' '.join(data.split()) == data[:-1]:
-        yield Line(f'{name}: >', note)
-        yield from _indented(Line(row) for row in textwrap.wrap(data, WIDTH - 3))
+        yield Row(f'{name}: >', note)
+        yield from _indented(Row(row) for row in textwrap.wrap(data, WIDTH - 3))
         return
     text = f'{name}: {_flow(data)}'.rstrip()
     if len(text) < WIDTH or not isinstance(data, list | dict):
-        yield Line(text, note)
+        yield Row(text, note)
         return
-    yield Line(f'{name}:', note)
+    yield Row(f'{name}:', note)
     rows = data.items() if isinstance(data, dict) else data
     yield from _indented(
-        Line(f'{row[0]}: {_flow(row[1])}' if isinstance(data, dict) else f'- {_flow(row)}')
+        Row(f'{row[0]}: {_flow(row[1])}' if isinstance(data, dict) else f'- {_flow(row)}')
         for row in rows
     )
 
 
 def _default(value: Any, facts: Facts) -> Any:
-    """What to write for a default: a quantity with its unit where there is one."""
+    """A default as it is written: a quantity with its unit where there is one."""
     if isinstance(value, QuantityValue):
         return _quantity(value.value, value.unit)
     if isinstance(value, float) and len(facts.quantities) == 1:
@@ -247,11 +247,11 @@ def _flow(data: Any) -> str:
     return text.removesuffix('...\n').strip()
 
 
-def _indented(lines: Iterable[Line]) -> Iterator[Line]:
-    return (Line(f'  {line.text}', line.note) for line in lines)
+def _indented(lines: Iterable[Row]) -> Iterator[Row]:
+    return (Row(f'  {line.text}', line.note) for line in lines)
 
 
-def _rows(line: Line) -> Iterator[str]:
+def _rows(line: Row) -> Iterator[str]:
     """A line, and its note beside it or, where there is no room, below."""
     if not line.note:
         yield line.text

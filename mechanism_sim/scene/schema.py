@@ -1,13 +1,15 @@
-"""What a scene file may say: every key, its unit, its bounds and its default."""
+"""Schema of scene files: every key, its unit, its bounds and its default."""
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from mechanism_sim.errors import nearest
+from mechanism_sim.errors import nearest, quoted
+from mechanism_sim.joints.joint_keys import JointKeys, keys_of
 from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.joints.mesh.gear_keys import GearPart
 from mechanism_sim.keys.elastic_keys import ElasticPart
@@ -39,15 +41,15 @@ from mechanism_sim.keys.quantities import (
 from mechanism_sim.planar.motor import InductionMotor
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.loads.applied import EffortOrFormula
-from mechanism_sim.scene.oscillators import Oscillator
-from mechanism_sim.scene.sensor_keys import QUANTITIES, seated
+from mechanism_sim.scene.sensor_keys import SensorKeys, seated, sensor_keys_of
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.scene.tilted_links import TiltPart
-from mechanism_sim.sensing import chain
-from mechanism_sim.sensing.channel import Source
+from mechanism_sim.sensing.chain import QUANTITIES, Instrument
+from mechanism_sim.sensing.channel import SensorSource
 from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import QuantityValue
+from mechanism_sim.vibration.frame import Frame
 
 Place = Annotated[QuantityValue, si_of('rad', 'm')]
 Pace = Annotated[QuantityValue, si_of('rad/s', 'm/s')]
@@ -128,10 +130,10 @@ class Commands(Part):
 
 
 class Outputs(Part):
-    """What is published, and how often in simulated time."""
+    """Outputs, and how often they are published in simulated time."""
 
     forces: bool = True
-    """Whether an ideal machine's forces are computed: reactions, torques, energies."""
+    """Forces of an ideal machine are computed: reactions, torques, energies."""
     joint_states: Rate = 100.0
     """Messages in a simulated second."""
     linkage_state: Rate = 100.0
@@ -206,11 +208,19 @@ class JointPart(*KINDS.values()):  # type: ignore[misc]
             raise ValueError(wrong)
         return self
 
+    @classmethod
+    def keys_for(cls, data: Any) -> list[str]:
+        """The keys of the kind whose key is there, or else those by which a kind is said."""
+        kinds = [kind for kind in KINDS if kind in data]
+        if len(kinds) != 1:
+            return [*KINDS, *JointKeys.model_fields]
+        return keys_of(cls.model_construct(**{kinds[0]: data[kinds[0]]}))
+
 
 class SensorPart(*SENSORS.values()):  # type: ignore[misc]
     """A sensor: of one kind."""
 
-    def source(self, machine: Any) -> Source:
+    def source(self, machine: Any) -> SensorSource:
         """Input of its chain."""
         return SENSORS[self.kind].source(self, machine)
 
@@ -226,9 +236,19 @@ class SensorPart(*SENSORS.values()):  # type: ignore[misc]
         """Refuse what no machine has."""
         SENSORS[self.kind].check(self, machine, where)
 
+    @classmethod
+    def keys_for(cls, data: Any) -> list[str]:
+        """The keys of its kind."""
+        kind = data.get('kind', SensorKeys().kind)
+        return (
+            sensor_keys_of(SensorKeys(kind=kind))
+            if kind in SENSORS
+            else ['kind', *cls.model_fields]
+        )
+
     @property
     def measures(self) -> str:
-        """What its samples are, one of `QUANTITIES`."""
+        """Quantity of its samples, one of `QUANTITIES`."""
         return SENSORS[self.kind].reads or str(self.quantity)
 
     @property
@@ -243,9 +263,10 @@ class SensorPart(*SENSORS.values()):  # type: ignore[misc]
         name = data.get('instrument') if isinstance(data, dict) else None
         if name is None:
             return data
-        if name not in PRESETS:
+        if not isinstance(name, str) or name not in PRESETS:
             raise ValueError(
-                f"has the unknown instrument '{name}': known are {', '.join(sorted(PRESETS))}"
+                f'has the unknown instrument {quoted(name)}: known are '
+                f'{", ".join(sorted(PRESETS))}'
             )
         return _merged(PRESETS[name], data)
 
@@ -292,26 +313,9 @@ class SensorPart(*SENSORS.values()):  # type: ignore[misc]
             raise ValueError('has adc.range = 0: it must be more')
         return self
 
-    def chain(self) -> chain.Instrument:
-        """The instrument in the terms of `mechanism_sim.sensing.chain`."""
-        adc, noise = self.adc, self.noise
-        limit = adc.range.value if adc.range else None
-        found = noise.hum
-        hum = chain.Hum(found.amplitude.value, found.frequency) if found else None
-        return chain.Instrument(
-            sample_rate=self.sample_rate,
-            transducer=chain.Transducer(**dict(self.transducer)),
-            amplifier=chain.Amplifier(**dict(self.amplifier)),
-            integrator=chain.Integrator(
-                ('acceleration', 'velocity', 'displacement').index(self.quantity),
-                self.integrator.high_pass if self.integrator else None,
-            ),
-            anti_alias=chain.AntiAlias(**dict(self.anti_alias)) if self.anti_alias else None,
-            impact_pulse=self.impact_pulse or 0.0,
-            trigger=chain.Trigger(**dict(self.trigger)) if self.trigger else None,
-            converter=chain.Converter(limit, adc.bits, adc.jitter),
-            noise=chain.Noise(noise.rms.value, noise.seed, hum),
-        )
+    def chain(self) -> Instrument:
+        """Its transfer functions, sampling and noise."""
+        return Instrument(**{x.name: getattr(self, x.name) for x in fields(Instrument)})
 
 
 def _merged(preset: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
@@ -344,7 +348,7 @@ class AffineForce(Part):
 
 
 class DrivePart(Part):
-    """What moves a coordinate: a speed, a profile of speeds, a torque, a force, or a motor."""
+    """Motion of a coordinate by a speed, a profile of speeds, a torque, a force, or a motor."""
 
     coordinate: str | None = None
     """The driven link; the crank if there is one of that name."""
@@ -371,7 +375,7 @@ class DrivePart(Part):
 
     @property
     def added_inertia(self) -> float:
-        """What turns with the link beside its own inertia, as seen by it [kg m^2]."""
+        """Inertia that turns with the link beside its own, as seen by it [kg m^2]."""
         m = self.motor
         return self.flywheel + (m.inertia * m.ratio**2 if m else 0.0)
 
@@ -388,12 +392,12 @@ class InitialPart(Part):
 
 
 class AnyScene(Part):
-    """What scenes of every kind say."""
+    """Keys of scenes of every kind."""
 
     title: str
     """One line for lists."""
     description: str = ''
-    """What it is, and where its numbers come from."""
+    """Purpose of the scene, and where its numbers come from."""
     gravity: Gravity = (0.0, 0.0)
     """Acceleration along x and along y."""
     axial_gravity: Acceleration = 0.0
@@ -403,10 +407,10 @@ class AnyScene(Part):
     start: Literal['seated', 'centred'] = 'seated'
     """Where loose pins start: pressed on their bushings as by an ideal joint, or in the middle."""
     outputs: Outputs = Outputs()
-    """What is published, and how often."""
+    """Published outputs, and how often."""
     solver: Solver = Solver()
     """How exact the solution is to be."""
-    oscillators: dict[str, Oscillator] = {}
+    oscillators: dict[str, Frame] = {}
     """Frames on springs that the machine shakes, by name."""
     tables: dict[str, TablePart] = {}
     """Curves through points, by the names by which formulas call them, as in press(ram)."""
@@ -421,12 +425,12 @@ class AnyScene(Part):
 
 
 class Linkage(AnyScene):
-    """What a scene that names its links and joints says, but for its loads."""
+    """Keys of a scene that names its links and joints, but for its loads."""
 
     mechanism: Literal['linkage']
     """Written out: links and joints have the names given here."""
     links: dict[str, LinkPart]
-    """What they measure and weigh, by name; ground is the frame."""
+    """Lengths, points and masses by name; ground is the frame."""
     joints: dict[str, JointPart]
     """Between points of two links, LINK.POINT, by name."""
     gears: dict[str, GearPart] = {}
@@ -434,7 +438,7 @@ class Linkage(AnyScene):
     masses: dict[str, PointMass] = {}
     """Point masses that links carry, by name."""
     drive: DrivePart | None = None
-    """What moves the machine; revolutions are turns of this link."""
+    """Main drive; revolutions are turns of this link."""
     drives: dict[str, DrivePart] = {}
     """Further drives, by link."""
     guess: dict[str, Place] = {}

@@ -1,136 +1,27 @@
 """Kinds of sensors: their keys, what they are mounted on, what can be said of them.
 
 A kind is a file in `mechanism_sim.scene.sensors` with a class of keys that `SENSORS.add` makes
-known; whatever lists kinds or keys finds it there. The parts of the chain behind a sensor, which
-kinds share, are here.
+known; whatever lists kinds or keys finds it there. The parts of the chain behind a sensor are in
+`mechanism_sim.sensing.chain`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
-from typing import Annotated, Any, ClassVar
-
-from pydantic import Field
+from typing import Any, ClassVar
 
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.keys.quantities import (
-    Angle,
-    Duration,
-    Part,
-    Quantity,
-    Rate,
-    Time,
-    si,
-)
+from mechanism_sim.keys.quantities import Angle, Duration, Part, Rate
 from mechanism_sim.keys.registry import Registry
-from mechanism_sim.sensing.channel import Source
-from mechanism_sim.units import QuantityValue, to_si_of
-
-Order = Annotated[int, Field(strict=True, ge=1, le=12)]
-QUANTITIES = {
-    'acceleration': 'm/s^2', 'velocity': 'm/s', 'displacement': 'm', 'angular_velocity': 'rad/s',
-    'angle': 'rad', 'force': 'N', 'strain': '',
-}  # fmt: skip
-"""What sensors measure, with units; the first three by how often acceleration is integrated."""
-
-
-class Transducer(Part):
-    """The seismic mass."""
-
-    natural_frequency: Rate | None = None
-    """Of the seismic mass; without it the transducer is ideal."""
-    damping_ratio: Annotated[float, si(''), Field(ge=0.0, le=10.0)] = 0.02
-    """Of the seismic mass."""
-    transverse: Annotated[float, si(''), Field(gt=-1.0, lt=1.0)] = 0.0
-    """Part of what is across the axis that is read, too."""
-
-
-class Amplifier(Part):
-    """Filters of the amplifier."""
-
-    high_pass: Rate | None = None
-    """Below it the signal fades; without it nothing does."""
-    high_pass_order: Order = 1
-    """Of the Butterworth filter."""
-    low_pass: Rate | None = None
-    """Above it the signal fades; without it nothing does."""
-    low_pass_order: Order = 2
-    """Of the Butterworth filter."""
-
-
-class Integrator(Part):
-    """The lower limit of the integrating circuit."""
-
-    high_pass: Rate | None = None
-    """Lower limit of the integrating circuit; without it there is none."""
-
-
-class AntiAlias(Part):
-    """The filter before sampling."""
-
-    frequency: Rate
-    """Cut-off of the Butterworth filter."""
-    order: Order = 8
-    """Of the filter."""
-
-
-class Trigger(Part):
-    """Blocks begin where the main drive passes an angle."""
-
-    angle: Angle = 0.0
-    """Of the main drive, where blocks begin."""
-    samples: Annotated[int, Field(strict=True, ge=1)] | None = None
-    """Of a block; without it a block ends where the next begins."""
-
-
-def _reading(value: Any) -> QuantityValue:
-    """A quantity in the unit of what the sensor measures, which `SensorPart` checks."""
-    measure = to_si_of(value, tuple(QUANTITIES.values()))
-    if not 0.0 <= measure.value < math.inf:
-        raise ValueError('must be at least 0 and finite')
-    return measure
-
-
-Reading = Annotated[QuantityValue, Quantity(_reading, tuple(QUANTITIES.values()))]
-
-
-class Converter(Part):
-    """Analogue to digital."""
-
-    range: Reading | None = None
-    """Largest magnitude, in the unit of what is measured."""
-    bits: Annotated[int, Field(strict=True, ge=1, le=32)] | None = None
-    """Of the samples; only with a range."""
-    jitter: Time = 0.0
-    """Standard deviation of the sampling instants."""
-
-
-class Hum(Part):
-    """What the mains add."""
-
-    amplitude: Reading
-    """In the unit of what is measured."""
-    frequency: Rate = 50.0
-    """Of the mains."""
-
-
-class Noise(Part):
-    """White noise of the samples, and hum."""
-
-    rms: Reading = QuantityValue(0.0, '')
-    """Of white noise, in the unit of what is measured."""
-    seed: Annotated[int, Field(strict=True, ge=0)] = 0
-    """Of noise and jitter."""
-    hum: Hum | None = None
-    """What the mains add."""
+from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Converter, Noise, Trigger
+from mechanism_sim.sensing.channel import SensorSource
 
 
 class SensorKeys(Part):
     """The keys of sensors of every kind, and how they are read."""
 
     kind: str = 'accelerometer'
-    """What it is."""
+    """Kind of sensor."""
     sample_rate: Rate = 10000.0
     """In simulated time."""
     trigger: Trigger | None = None
@@ -141,7 +32,7 @@ class SensorKeys(Part):
     #: the quantity that it measures, one of `QUANTITIES`; empty if its keys say so
     reads: ClassVar[str] = ''
 
-    def source(self, machine: Any) -> Source:
+    def source(self, machine: Any) -> SensorSource:
         """Input of its chain."""
         raise NotImplementedError
 
@@ -167,7 +58,7 @@ class AnalogueKeys(SensorKeys):
     adc: Converter = Converter()
     """Analogue to digital."""
     noise: Noise = Noise()
-    """What is added to the samples."""
+    """Noise added to the samples."""
 
 
 class ShockKeys(AnalogueKeys):

@@ -13,7 +13,7 @@ from mechanism_sim.planar.branch import Branch
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.plan import Plan
+from mechanism_sim.scene.plan import ScenePlan
 
 _AWAY = 0.05  # [rad, or lengths of the mechanism] where the motion is no longer singular
 _NEIGHBOURS = 8
@@ -35,7 +35,7 @@ def neighbours(kinematics: Kinematics, q: Array) -> Array:
 
 
 def begin(
-    plan: Plan,
+    plan: ScenePlan,
     kinematics: Kinematics,
     q: Array,
     guess: Array,

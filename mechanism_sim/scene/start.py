@@ -35,7 +35,8 @@ from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
-from mechanism_sim.scene.plan import Plan, Values
+from mechanism_sim.scene.plan import ScenePlan
+from mechanism_sim.scene.reading import Values
 
 _SOFT = 1e-3
 """Weight of a pin's way from its seat, in clearances, against a size that ideal joints open."""
@@ -62,7 +63,7 @@ class Start:
     turn : [s] of the drive, at most a second
     """
 
-    plan: Plan
+    plan: ScenePlan
     assembly: Assembly
     observer: Observer
     joint_forces: Callable[[Array, Array], Array]
@@ -283,7 +284,7 @@ class Start:
         return found
 
     def _leaning_seats(self, found: dict[str, Array], q: Array) -> dict[str, Array]:
-        """The same where pin and bushing are out of line, at coordinates (n,) of the machine."""
+        """Seats where pin and bushing are out of line, at coordinates (n,) of the machine."""
         mechanism = self._loose
         place = dict(zip(mechanism.coordinates, q.tolist(), strict=True))
         seated = {}

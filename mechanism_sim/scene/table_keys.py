@@ -35,7 +35,7 @@ class TablePart(Part):
     ramp: Literal['linear', 'smooth'] = 'linear'
     """Between two points; smooth has no corners."""
     cyclic: bool = False
-    """Whether the points are those of a turn, which repeats."""
+    """The points are those of a turn, which repeats."""
 
     @model_validator(mode='after')
     def _is_curve(self) -> TablePart:

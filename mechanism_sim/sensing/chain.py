@@ -1,35 +1,42 @@
 """A measurement chain as one transfer function: transducer, amplifier, integrator, filter.
 
 After [SB] 7.2 (accelerometer, conditioning amplifier with filters and integrator, data
-acquisition); what follows the last filter is in `mechanism_sim.sensing.sampling`.
+acquisition); what follows the last filter is in `mechanism_sim.sensing.sampling`. The parts of a
+chain are the keys that a scene gives of it.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
 import scipy
+from pydantic import Field
 
+from mechanism_sim.keys.quantities import Angle, Part, Quantity, Rate, Time, si
 from mechanism_sim.numerics.rational import Rational
+from mechanism_sim.units import QuantityValue, to_si_of
 
 TWO_PI = 2.0 * math.pi
 
+Order = Annotated[int, Field(strict=True, ge=1, le=12)]
+QUANTITIES = {
+    'acceleration': 'm/s^2', 'velocity': 'm/s', 'displacement': 'm', 'angular_velocity': 'rad/s',
+    'angle': 'rad', 'force': 'N', 'strain': '',
+}  # fmt: skip
+"""Measured quantities with units; the first three by how often acceleration is integrated."""
 
-@dataclass(frozen=True)
-class Transducer:
-    """A seismic mass on a spring: what it shows is its deflection times the square of omega_n.
 
-    Attributes
-    ----------
-    natural_frequency : [Hz]
-    damping_ratio : of the seismic mass
-    transverse : part of the acceleration across the axis that is read, too
-    """
+class Transducer(Part):
+    """The seismic mass on a spring; it shows its deflection times the square of omega."""
 
-    natural_frequency: float | None = None
-    damping_ratio: float = 0.02
-    transverse: float = 0.0
+    natural_frequency: Rate | None = None
+    """Of the seismic mass; without it the transducer is ideal."""
+    damping_ratio: Annotated[float, si(''), Field(ge=0.0, le=10.0)] = 0.02
+    """Of the seismic mass."""
+    transverse: Annotated[float, si(''), Field(gt=-1.0, lt=1.0)] = 0.0
+    """Part of the acceleration across the axis that is read, too."""
 
     def transfer(self) -> Rational:
         """``omega^2 / (s^2 + 2 zeta omega s + omega^2)``, of acceleration to reading."""
@@ -41,14 +48,17 @@ class Transducer:
         return Rational((), (-zeta * omega + apart, -zeta * omega - apart), omega**2)
 
 
-@dataclass(frozen=True)
-class Amplifier:
-    """A charge amplifier: Butterworth filters of given orders; corner frequencies in Hz."""
+class Amplifier(Part):
+    """Filters of the amplifier."""
 
-    high_pass: float | None = None
-    high_pass_order: int = 1
-    low_pass: float | None = None
-    low_pass_order: int = 2
+    high_pass: Rate | None = None
+    """Below it the signal fades; without it nothing does."""
+    high_pass_order: Order = 1
+    """Of the Butterworth filter."""
+    low_pass: Rate | None = None
+    """Above it the signal fades; without it nothing does."""
+    low_pass_order: Order = 2
+    """Of the Butterworth filter."""
 
     def transfer(self) -> Rational:
         """Of both filters; at the corner frequencies 3 dB are lost."""
@@ -56,81 +66,84 @@ class Amplifier:
         return butterworth(self.high_pass, self.high_pass_order, 'highpass') * low
 
 
-@dataclass(frozen=True)
-class Integrator:
-    """Integrates once for velocity, twice for displacement.
+class Integrator(Part):
+    """The lower limit of the integrating circuit."""
 
-    Attributes
-    ----------
-    times : how often
-    high_pass : [Hz] its lower limit; without one it is a pure integral
-    """
+    high_pass: Rate | None = None
+    """Lower limit of the integrating circuit; without it there is none."""
 
-    times: int = 0
-    high_pass: float | None = None
-
-    def transfer(self) -> Rational:
+    def transfer(self, times: int) -> Rational:
         """``1 / (s + omega)`` for each time, omega of the lower limit."""
-        return Rational((), (complex(-TWO_PI * (self.high_pass or 0.0)),) * self.times)
+        return Rational((), (complex(-TWO_PI * (self.high_pass or 0.0)),) * times)
 
 
-@dataclass(frozen=True)
-class AntiAlias:
-    """The filter before sampling: Butterworth; corner frequency in Hz."""
+class AntiAlias(Part):
+    """The filter before sampling."""
 
-    frequency: float
-    order: int = 8
+    frequency: Rate
+    """Cut-off of the Butterworth filter."""
+    order: Order = 8
+    """Of the filter."""
 
     def transfer(self) -> Rational:
         """Of the filter."""
         return butterworth(self.frequency, self.order, 'lowpass')
 
 
-@dataclass(frozen=True)
-class Trigger:
-    """Every block begins where the main drive passes an angle.
+class Trigger(Part):
+    """Blocks begin where the main drive passes an angle."""
 
-    Attributes
-    ----------
-    angle : [rad]
-    samples : of a block; without, a block ends where the next begins
-    """
-
-    angle: float = 0.0
-    samples: int | None = None
+    angle: Angle = 0.0
+    """Of the main drive, where blocks begin."""
+    samples: Annotated[int, Field(strict=True, ge=1)] | None = None
+    """Of a block; without it a block ends where the next begins."""
 
 
-@dataclass(frozen=True)
-class Converter:
-    """Analogue to digital.
-
-    Attributes
-    ----------
-    range : largest magnitude that is shown, in units of what is measured
-    bits : of the converter, which has 2^bits steps from -range to range
-    jitter : [s] standard deviation of the sampling instants, less than half a period
-    """
-
-    range: float | None = None
-    bits: int | None = None
-    jitter: float = 0.0
+def _reading(value: Any) -> QuantityValue:
+    """A quantity in the unit of the measured one, which the sensor checks."""
+    measure = to_si_of(value, tuple(QUANTITIES.values()))
+    if not 0.0 <= measure.value < math.inf:
+        raise ValueError('must be at least 0 and finite')
+    return measure
 
 
-@dataclass(frozen=True)
-class Hum:
-    """Hum of the mains; amplitude in units of what is measured, frequency in Hz."""
-
-    amplitude: float
-    frequency: float = 50.0
+Reading = Annotated[QuantityValue, Quantity(_reading, tuple(QUANTITIES.values()))]
 
 
-@dataclass(frozen=True)
-class Noise:
-    """White noise of the samples, of a standard deviation in units of what is measured."""
+class Converter(Part):
+    """Analogue to digital."""
 
-    rms: float = 0.0
-    seed: int = 0
+    range: Reading | None = None
+    """Largest magnitude, in the unit of the measured quantity."""
+    bits: Annotated[int, Field(strict=True, ge=1, le=32)] | None = None
+    """Of the samples; only with a range."""
+    jitter: Time = 0.0
+    """Standard deviation of the sampling instants."""
+
+    @property
+    def step(self) -> float:
+        """Distance of two of its 2^bits levels from -range to range; 0 if samples are exact."""
+        return 2.0 * self.range.value / 2**self.bits if self.range and self.bits else 0.0
+
+
+class Hum(Part):
+    """Hum of the mains."""
+
+    amplitude: Reading
+    """In the unit of the measured quantity."""
+    frequency: Rate = 50.0
+    """Of the mains."""
+
+
+class Noise(Part):
+    """White noise of the samples, and hum."""
+
+    rms: Reading = QuantityValue(0.0, '')
+    """Of white noise, in the unit of the measured quantity."""
+    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    """Of noise and jitter."""
     hum: Hum | None = None
+    """Hum of the mains."""
 
 
 @dataclass(frozen=True)
@@ -140,25 +153,28 @@ class Instrument:
     Attributes
     ----------
     sample_rate : [Hz]
-    impact_pulse : [s] how long an impact lasts, as half of a sine; 0: an impulse
+    quantity : one of `QUANTITIES`; acceleration is integrated for velocity and displacement
+    impact_pulse : [s] how long an impact lasts, as half of a sine; without, it is an impulse
     """
 
     sample_rate: float
-    transducer: Transducer = Transducer()
-    amplifier: Amplifier = Amplifier()
-    integrator: Integrator = Integrator()
+    transducer: Transducer = field(default_factory=Transducer)
+    amplifier: Amplifier = field(default_factory=Amplifier)
+    quantity: str = 'acceleration'
+    integrator: Integrator | None = None
     anti_alias: AntiAlias | None = None
-    impact_pulse: float = 0.0
+    impact_pulse: float | None = None
     trigger: Trigger | None = None
-    converter: Converter = Converter()
-    noise: Noise = Noise()
+    adc: Converter = field(default_factory=Converter)
+    noise: Noise = field(default_factory=Noise)
 
     def stages(self) -> dict[str, Rational]:
         """The transfer functions of the stages, in the order of the signal."""
+        times = ('acceleration', 'velocity', 'displacement').index(self.quantity)
         return {
             'transducer': self.transducer.transfer(),
             'amplifier': self.amplifier.transfer(),
-            'integrator': self.integrator.transfer(),
+            'integrator': (self.integrator or Integrator()).transfer(times),
             'anti_alias': self.anti_alias.transfer() if self.anti_alias else Rational(),
         }
 

@@ -20,7 +20,7 @@ BLOCK = 256
 """Samples of a block without a trigger."""
 
 
-class Source(Protocol):
+class SensorSource(Protocol):
     """Mount of an instrument: inputs of a linear system, known piece by piece."""
 
     inputs: int
@@ -75,7 +75,7 @@ class Analogue:
     instrument : its transducer, amplifier, integrators, filter and pulses
     """
 
-    def __init__(self, source: Source, instrument: Instrument) -> None:
+    def __init__(self, source: SensorSource, instrument: Instrument) -> None:
         self._source = source
         chain = instrument.transfer()
         self._filter = ModalFilter(source.through(chain))
@@ -138,7 +138,7 @@ class Channel:
 
     def __init__(
         self,
-        source: Source,
+        source: SensorSource,
         instrument: Instrument,
         name: str,
         drive: int = 0,

@@ -18,7 +18,7 @@ import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.sensing.spectra import Spectrum, amplitude
+from mechanism_sim.sensing.spectra import LineSpectrum, amplitude
 
 _DEGREE = 5
 _MOST = 4096  # samples a turn, unless told
@@ -110,7 +110,7 @@ def _per_turn(turned: Sequence[Array]) -> int:
     return int(min(max(math.ceil((1.0 - 1e-9) / step), 8), _MOST))
 
 
-def order_spectrum(turns: TurnSegments, window: str = 'boxcar') -> Spectrum:
+def order_spectrum(turns: TurnSegments, window: str = 'boxcar') -> LineSpectrum:
     """Amplitudes over orders, the `frequency` being in cycles a turn; of the longest series.
 
     Over whole turns an order that is a whole number leaks nowhere, however the speed varies; that

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI
-from mechanism_sim.sensing.chain import Instrument, Trigger
+from mechanism_sim.sensing.chain import Instrument
 
 _TOUCH = 1e-12
 """[turns] nearer than this to an angle is on it: a drive may rest there."""
@@ -44,10 +44,10 @@ class Sampler:
 
     def __init__(self, instrument: Instrument, name: str, drive: int = 0) -> None:
         self._rate, self._trigger = instrument.sample_rate, instrument.trigger
-        self._passage = LevelPassage(self._trigger, {drive: 1.0}) if self._trigger else None
+        self._passage = LevelPassage(self._trigger.angle, {drive: 1.0}) if self._trigger else None
         self._start: float | None = None if self._trigger else 0.0
         self._count = 0
-        self._jitter = instrument.converter.jitter
+        self._jitter = instrument.adc.jitter
         self._random = generator(instrument, name, 'jitter')
         self._offsets = np.zeros(0)  # drawn, and not yet used
 
@@ -101,12 +101,12 @@ class LevelPassage:
 
     Parameters
     ----------
-    trigger : its angle
+    angle : [rad] that is passed
     columns : whole factors of coordinates by their index: 1, and -1 of what an angle is seen from
     """
 
-    def __init__(self, trigger: Trigger, columns: Mapping[int, float]) -> None:
-        self._angle, self._columns = trigger.angle, columns
+    def __init__(self, angle: float, columns: Mapping[int, float]) -> None:
+        self._angle, self._columns = angle, columns
         self._level: int | None = None  # whole turns beyond the angle
 
     def times(self, motion: Motion) -> list[float]:
@@ -182,24 +182,22 @@ class Digitizer:
     """Adds noise, cuts at the range and rounds to the steps of the converter."""
 
     def __init__(self, instrument: Instrument, name: str) -> None:
-        self._noise, self._converter = instrument.noise, instrument.converter
+        self._noise, self._converter = instrument.noise, instrument.adc
         self._random = generator(instrument, name, 'noise')
 
     def convert(self, t: Array, values: Array) -> Conversion:
         """Samples taken at times `t` (N,) [s] of values (N,)."""
         noise, converter = self._noise, self._converter
-        if noise.rms:
-            values = values + noise.rms * self._random.standard_normal(len(values))
-        if noise.hum:
-            values = values + noise.hum.amplitude * np.sin(TWO_PI * noise.hum.frequency * t)
-        limit = converter.range
-        if limit is None:
+        if rms := noise.rms.value:
+            values = values + rms * self._random.standard_normal(len(values))
+        if hum := noise.hum:
+            values = values + hum.amplitude.value * np.sin(TWO_PI * hum.frequency * t)
+        if converter.range is None:
             return Conversion(values, np.zeros(len(values), bool))
-        largest = limit
-        if converter.bits is not None:
-            step = 2.0 * limit / 2**converter.bits
+        limit, step = converter.range.value, converter.step
+        if step:
             values = step * np.round(values / step)
-            largest = limit - step
+        largest = limit - step
         over = (values > largest) | (values < -limit)
         return Conversion(np.clip(values, -limit, largest), over)
 

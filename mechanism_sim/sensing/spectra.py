@@ -22,7 +22,7 @@ _FEWEST = 16  # segments of which a kurtosis is worth looking at
 
 
 @dataclass(frozen=True, eq=False)
-class Spectrum:
+class LineSpectrum:
     """Values (F,) at rising frequencies (F,) [Hz], or orders [1/turn], evenly spaced from 0."""
 
     frequency: Array
@@ -51,7 +51,7 @@ class Spectrum:
 
 def power(
     signals: Sequence[Array], rate: float, segment: int | None = None, window: str = 'hann'
-) -> Spectrum:
+) -> LineSpectrum:
     """One-sided power spectral density by Welch's method, [unit^2/Hz].
 
     Mean of the periodograms of segments that overlap by half, the constant part of each taken off.
@@ -74,7 +74,7 @@ def power(
             count = 1 + (len(x) - length) // (length - length // 2)
             sums += count * scipy.signal.welch(x, rate, window, length)[1]
             weight += count
-    return Spectrum(_lines(length, rate), sums / weight)
+    return LineSpectrum(_lines(length, rate), sums / weight)
 
 
 def _lines(length: int, rate: float) -> Array:
@@ -82,7 +82,7 @@ def _lines(length: int, rate: float) -> Array:
     return np.asarray(np.arange(length // 2 + 1) * (rate / length))
 
 
-def amplitude(x: Array, rate: float, window: str = 'boxcar') -> Spectrum:
+def amplitude(x: Array, rate: float, window: str = 'boxcar') -> LineSpectrum:
     """Amplitudes of the sines that make up a signal (N,), in its unit; the mean at 0.
 
     Scaled by the mean of the window, so that a sine on a line shows its amplitude under any. With
@@ -94,7 +94,7 @@ def amplitude(x: Array, rate: float, window: str = 'boxcar') -> Spectrum:
     values[0] *= 0.5
     if len(x) % 2 == 0:
         values[-1] *= 0.5
-    return Spectrum(_lines(len(x), rate), values)
+    return LineSpectrum(_lines(len(x), rate), values)
 
 
 def envelope(x: Array, rate: float, band: tuple[float, float] | None = None) -> Array:
@@ -112,7 +112,7 @@ def envelope(x: Array, rate: float, band: tuple[float, float] | None = None) -> 
 
 def envelope_spectrum(
     x: Array, rate: float, band: tuple[float, float] | None = None, window: str = 'hann'
-) -> Spectrum:
+) -> LineSpectrum:
     """Amplitude spectrum of the squared envelope in a band [Hz], its mean taken off, [unit^2].
 
     Squared, because a root would add harmonics that are not in the signal (Randall and Antoni).
@@ -121,7 +121,7 @@ def envelope_spectrum(
     return amplitude(squared - squared.mean(), rate, window)
 
 
-def spectral_kurtosis(x: Array, rate: float, segment: int = 128) -> Spectrum:
+def spectral_kurtosis(x: Array, rate: float, segment: int = 128) -> LineSpectrum:
     """Kurtosis of the complex envelope at every frequency: ``<|X|^4> / <|X|^2>^2 - 2``.
 
     X is the Fourier transform of Hann-windowed segments that overlap by three quarters. 0 for
@@ -138,7 +138,7 @@ def spectral_kurtosis(x: Array, rate: float, segment: int = 128) -> Spectrum:
     mean = (square**2).mean(axis=0), square.mean(axis=0) ** 2
     values = np.divide(*mean, out=np.full(len(mean[0]), 2.0), where=mean[1] > 0.0) - 2.0
     values[[0, -1]] = 0.0
-    return Spectrum(_lines(segment, rate), values)
+    return LineSpectrum(_lines(segment, rate), values)
 
 
 def shock_band(x: Array, rate: float) -> tuple[float, float]:

@@ -25,7 +25,7 @@ from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies.frames import Vibrating
 from mechanism_sim.vibration import state_space
-from mechanism_sim.vibration.systems import ROUNDING, System
+from mechanism_sim.vibration.systems import ROUNDING, LinearSystem
 
 ComplexArray = NDArray[np.complex128]
 
@@ -241,7 +241,7 @@ def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[Roots, ComplexArra
     ):  # fmt: skip
         lifted = tidy + max(0.0, -float(least)) * np.eye(len(K))
         try:
-            found = System((M + M.T) / 2.0, (C + C.T) / 2.0, lifted).modes
+            found = LinearSystem((M + M.T) / 2.0, (C + C.T) / 2.0, lifted).modes
         except InputError:  # a negative eigenvalue by rounding
             found = None
         if found is not None and found.decay_rates is not None:

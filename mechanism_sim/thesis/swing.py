@@ -20,7 +20,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
-from mechanism_sim.sensing.channel import Channel, Source
+from mechanism_sim.sensing.channel import Channel, SensorSource
 from mechanism_sim.thesis.angular_acceleration import TurningLink
 from mechanism_sim.thesis.angular_reconstruction import LINKS, Rebuilt, Reconstruction
 
@@ -210,10 +210,10 @@ def _signals(
     chains = {name: sensor.chain() for name, sensor in sensors.items()}
     if high_pass is not None:
         chains = {
-            name: replace(c, amplifier=replace(c.amplifier, high_pass=high_pass))
+            name: replace(c, amplifier=c.amplifier.model_copy(update={'high_pass': high_pass}))
             for name, c in chains.items()
         }
-    bare = replace(next(iter(chains.values())), noise=Noise(), converter=Converter())
+    bare = replace(next(iter(chains.values())), noise=Noise(), adc=Converter())
     chosen = _samples(record, turns, bare)
     read = [
         all_samples(sensors[name].source(machine), c, name, motion) for name, c in chains.items()
@@ -299,7 +299,7 @@ def _rms(x: Array) -> float:
 
 
 def all_samples(
-    mount: Source, instrument: Instrument, name: str, motion: Motion
+    mount: SensorSource, instrument: Instrument, name: str, motion: Motion
 ) -> tuple[Array, int]:
     """All samples of an instrument, from the start of the motion on, and how many were cut."""
     channel = Channel(mount, replace(instrument, trigger=None), name)

@@ -9,57 +9,86 @@ all from where the mounts carry it alone. A mount at r from the centre of gravit
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.keys.quantities import NOT_NEGATIVE, Inertia, Mass, Part, Position, si
 from mechanism_sim.planar.points import Vector2
 from mechanism_sim.vibration.residues import Receptance, receptance
-from mechanism_sim.vibration.systems import System
+from mechanism_sim.vibration.systems import LinearSystem
+
+_Stiffness = Annotated[float, si('N/m'), NOT_NEGATIVE]
+_Damping = Annotated[float, si('N s/m'), NOT_NEGATIVE]
+_Place = tuple[Position, Position]
+
+_FASTEST = 1e6
+"""[Hz] Natural frequencies beyond it are those of no frame."""
 
 
-@dataclass(frozen=True)
-class Mount:
-    """Springs and dampers between a frame and the ground."""
+class Mount(Part):
+    """Springs and dampers between a frame and the ground, along x and y."""
 
-    at: Vector2  #: [m] in the world
-    stiffness: Vector2  #: along x and y [N/m]
-    damping: Vector2 = (0.0, 0.0)  #: likewise [N s/m]
+    at: _Place = (0.0, 0.0)
+    """Where it is in the world."""
+    stiffness: tuple[_Stiffness, _Stiffness]
+    """Along x and along y."""
+    damping: tuple[_Damping, _Damping] = (0.0, 0.0)
+    """Along x and along y."""
 
 
-@dataclass(frozen=True)
-class Frame:
-    """A rigid part on mounts."""
+class Frame(Part):
+    """A rigid frame on mounts that the machine shakes."""
 
-    mass: float  #: [kg]
-    inertia: float | None  #: [kg m^2] about the centre of gravity; None if it cannot turn
-    cog: Vector2  #: [m] in the world
-    mounts: tuple[Mount, ...]
+    mass: Mass
+    """How heavy the frame is."""
+    inertia: Inertia | None = None
+    """About its centre of gravity; without one it does not turn."""
+    cog: _Place = (0.0, 0.0)
+    """Centre of gravity in the world."""
+    mounts: dict[str, Mount] = Field(min_length=1)
+    """Springs and dampers that carry it, by name."""
+    joints: list[str] | None = None
+    """Whose forces shake it; without, all that the machine does."""
+
+    @model_validator(mode='after')
+    def _is_held(self) -> Frame:
+        if not self.held:
+            raise ValueError(
+                'has mounts that do not hold it in every direction: give each direction a '
+                'stiffness, and a frame that can turn two mounts apart, or leave out its inertia'
+            )
+        if self.frequencies[-1] > _FASTEST:
+            raise ValueError(
+                f'has a highest natural frequency of {self.frequencies[-1]:.3g} Hz, above '
+                f'{_FASTEST:g} Hz: check mass, inertia and stiffness'
+            )
+        return self
 
     @property
     def freedom(self) -> int:
         """Number n of its coordinates: 3, or 2 if it cannot turn."""
         return 2 if self.inertia is None else 3
 
-    @cached_property
+    @property
     def M(self) -> Array:
         """Mass matrix (n, n)."""
         return np.diag([self.mass, self.mass, self.inertia or 0.0][: self.freedom])
 
-    @cached_property
+    @property
     def C(self) -> Array:
         """Damping matrix (n, n)."""
-        return self._of_mounts([mount.damping for mount in self.mounts])
+        return self._of_mounts([mount.damping for mount in self.mounts.values()])
 
-    @cached_property
+    @property
     def K(self) -> Array:
         """Stiffness matrix (n, n)."""
-        return self._of_mounts([mount.stiffness for mount in self.mounts])
+        return self._of_mounts([mount.stiffness for mount in self.mounts.values()])
 
     def _of_mounts(self, values: list[Vector2]) -> Array:
-        moved = [self.motion_of(mount.at) for mount in self.mounts]
+        moved = [self.motion_of(mount.at) for mount in self.mounts.values()]
         return np.asarray(sum(B.T @ np.diag(k) @ B for B, k in zip(moved, values, strict=True)))
 
     def motion_of(self, at: Vector2) -> Array:
@@ -67,7 +96,7 @@ class Frame:
         x, y = at[0] - self.cog[0], at[1] - self.cog[1]
         return np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])[:, : self.freedom]
 
-    @cached_property
+    @property
     def held(self) -> bool:
         """True if the mounts hold it in every direction."""
         scale = np.sqrt(np.diag(self.K))
@@ -76,12 +105,12 @@ class Frame:
         normalised = self.K / np.outer(scale, scale)
         return bool(np.linalg.eigvalsh(normalised)[0] > 1e-9)
 
-    @cached_property
+    @property
     def receptance(self) -> Receptance:
         """Its poles and residues; it must be held."""
         return receptance(self.M, self.C, self.K)
 
-    @cached_property
+    @property
     def frequencies(self) -> Array:
         """Natural frequencies without damping (n,) [Hz], the lowest first."""
-        return System(self.M, self.C, self.K).modes.frequencies / (2.0 * np.pi)
+        return LinearSystem(self.M, self.C, self.K).modes.frequencies / (2.0 * np.pi)

@@ -136,7 +136,7 @@ class Shaking:
         return self.steps(motion)
 
     def steps(self, motion: Motion) -> Array:
-        """The same, however fast loads change."""
+        """Impulses (m, n) as those of `impulses`, however fast loads change."""
         step = self._steps(motion.curve)
         found = np.zeros((len(motion), self.inputs))
         sudden = np.flatnonzero(step.any(axis=0))
@@ -146,7 +146,7 @@ class Shaking:
         return found
 
     def _check(self, motion: Motion) -> None:
-        """True if polynomials follow the forces, where loads do not rule the length of pieces."""
+        """Refuse forces that polynomials do not follow, where loads rule no length of pieces."""
         if motion.modes.shape[1]:
             return
         every = np.arange(len(motion))

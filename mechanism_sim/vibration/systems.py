@@ -44,17 +44,19 @@ class DampedModes(NamedTuple):
     shapes: ComplexArray  #: (n, 2n), an amplitude vector in each column
 
     def free(self, t: ArrayLike, displacement: ArrayLike, velocity: ArrayLike) -> FreeResponse:
-        """Free vibration as a sum of exponentials, [V] eqs. 6.197, 6.198; as `System.free`."""
+        """Free vibration as a sum of exponentials, [V] eqs. 6.197, 6.198."""
         whole = np.concatenate([self.shapes, self.shapes * self.roots])
         if np.linalg.cond(whole / np.linalg.norm(whole, axis=0)) > DEPENDENT:
-            raise InputError('damped modes with repeated roots cannot be summed: take System.free')
+            raise InputError(
+                'damped modes with repeated roots cannot be summed: take LinearSystem.free'
+            )
         share = np.linalg.solve(whole, np.concatenate([displacement, velocity]).astype(complex))
         states = whole @ (share[:, None] * np.exp(np.outer(self.roots, np.atleast_1d(t))))
         return FreeResponse(*np.split(states.real, 2))
 
 
 @dataclass(frozen=True, eq=False)
-class System:
+class LinearSystem:
     """Masses, dampers and springs as matrices.
 
     Parameters
@@ -205,7 +207,7 @@ class System:
         )
 
 
-def chain(masses: ArrayLike, stiffnesses: ArrayLike, dampings: ArrayLike = 0.0) -> System:
+def chain(masses: ArrayLike, stiffnesses: ArrayLike, dampings: ArrayLike = 0.0) -> LinearSystem:
     """Masses in a row between springs and dampers, [V] eqs. 6.138 to 6.142.
 
     Parameters
@@ -225,7 +227,7 @@ def chain(masses: ArrayLike, stiffnesses: ArrayLike, dampings: ArrayLike = 0.0) 
         raise InputError(f'{len(k)} springs take {len(k)} dampers') from None
     if (k < 0.0).any() or (c < 0.0).any():
         raise InputError('springs and dampers of a row are not negative')
-    return System(np.diag(m), _row(c, len(m)), _row(k, len(m)))
+    return LinearSystem(np.diag(m), _row(c, len(m)), _row(k, len(m)))
 
 
 def _row(values: Array, n: int) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.vibration.systems import System, chain
+from mechanism_sim.vibration.systems import LinearSystem, chain
 
 
 def disk_inertia(mass: ArrayLike, diameter: ArrayLike) -> Array:
@@ -49,7 +49,7 @@ def referred(value: ArrayLike, ratio: ArrayLike) -> Array:
     return np.asarray(value * np.square(ratio))
 
 
-def disks(inertias: ArrayLike, stiffnesses: ArrayLike, dampings: ArrayLike = 0.0) -> System:
+def disks(inertias: ArrayLike, stiffnesses: ArrayLike, dampings: ArrayLike = 0.0) -> LinearSystem:
     """Disks one behind the other on a shaft that is free at both ends.
 
     Parameters

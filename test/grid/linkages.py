@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import schema
-from mechanism_sim.scene.plan import Plan
+from mechanism_sim.scene.plan import ScenePlan
 from test.grid.case import Draft, Family, Random, Scene, rotate
 from test.grid.four_bars import NOT_SEATED, clearance
 from test.grid.machines import rub
@@ -215,7 +215,7 @@ def add_drives(random: Random, scene: Scene, poses: Poses, freedom: int) -> Scen
 
 def _coordinates(scene: Scene, poses: Poses) -> dict[str, tuple[float, bool]]:
     """The coordinates of the tree that the program finds, at the poses; which are straight."""
-    tree = Plan(schema.Scene.model_validate(scene)).ideal
+    tree = ScenePlan(schema.Scene.model_validate(scene)).ideal
     found = {}
     for c in tree.coordinates:
         j = tree.tree_joints[c]

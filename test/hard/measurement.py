@@ -109,16 +109,39 @@ def equal_stages(apart: float) -> list[tuple[int, Instrument, list[State]]]:
     f, g, h = 100.0, 100.0 * (1.0 + apart), 100.0 * (1.0 - apart)
     twice = [integral(f), integral(f)]
     both = Amplifier(high_pass=g, low_pass=h, low_pass_order=1)
-    slow = Transducer(f, 1.0 - apart)
+    slow = Transducer(natural_frequency=f, damping_ratio=1.0 - apart)
     return [
-        (2, Instrument(RATE, integrator=Integrator(2, f)), twice),
-        (3, Instrument(RATE, amplifier=Amplifier(g), integrator=Integrator(2, f)),
-         [lead(g), *twice]),
-        (4, Instrument(RATE, amplifier=both, integrator=Integrator(2, f)),
-         [lead(g), lag(h), *twice]),
-        (7, Instrument(RATE, slow, both, Integrator(2, f), AntiAlias(f, 1)),
-         [resonator(f, 1.0 - apart), lead(g), lag(h), *twice, lag(f)]),
-    ]  # fmt: skip
+        (2, Instrument(RATE, quantity='displacement', integrator=Integrator(high_pass=f)), twice),
+        (
+            3,
+            Instrument(
+                RATE,
+                amplifier=Amplifier(high_pass=g),
+                quantity='displacement',
+                integrator=Integrator(high_pass=f),
+            ),
+            [lead(g), *twice],
+        ),
+        (
+            4,
+            Instrument(
+                RATE, amplifier=both, quantity='displacement', integrator=Integrator(high_pass=f)
+            ),
+            [lead(g), lag(h), *twice],
+        ),
+        (
+            7,
+            Instrument(
+                RATE,
+                slow,
+                both,
+                'displacement',
+                Integrator(high_pass=f),
+                AntiAlias(frequency=f, order=1),
+            ),
+            [resonator(f, 1.0 - apart), lead(g), lag(h), *twice, lag(f)],
+        ),
+    ]
 
 
 @hard_case(
@@ -154,8 +177,13 @@ def coinciding_poles() -> list[Figure]:
 def critical_transducer() -> list[Figure]:
     """Largest error over damping ratios on both sides of one."""
     apart = [0.0, *(s * 10.0**-k for k in range(1, 16) for s in (-1.0, 1.0))]
-    errors = [deviation(Instrument(RATE, Transducer(90.0, 1.0 + d)), [resonator(90.0, 1.0 + d)])
-              for d in apart]  # fmt: skip
+    errors = [
+        deviation(
+            Instrument(RATE, Transducer(natural_frequency=90.0, damping_ratio=1.0 + d)),
+            [resonator(90.0, 1.0 + d)],
+        )
+        for d in apart
+    ]
     return [Figure('largest error', max(errors), 1e-9)]
 
 
@@ -169,10 +197,14 @@ def transducer_far_from_the_rate() -> list[Figure]:
     """Errors over the largest sample."""
     count, rest = 400, 50
     push = block_motion(np.array([rest, count - rest]) / RATE, [1.0, 2.0], [0.0, 0.0])
-    fast = measure_block(Instrument(RATE, Transducer(1e6 * RATE, 0.02)), push)
+    fast = measure_block(
+        Instrument(RATE, Transducer(natural_frequency=1e6 * RATE, damping_ratio=0.02)), push
+    )
     wanted = np.where(np.arange(len(fast)) < rest, 1.0, 2.0)
     settled = np.arange(len(fast)) % rest > 0  # at the start of a push it has not moved yet
-    slow = measure_block(Instrument(RATE, Transducer(1e-6 * RATE, 0.0)), push)
+    slow = measure_block(
+        Instrument(RATE, Transducer(natural_frequency=1e-6 * RATE, damping_ratio=0.0)), push
+    )
     place = push.curve(np.arange(len(slow)) / RATE)[:, 0]
     reading = (2.0 * math.pi * 1e-6 * RATE) ** 2 * place
     # the next term of the series of a sine, -(wn t)^2/12, is what it is short of that
@@ -198,7 +230,11 @@ def high_orders_and_low_corners() -> list[Figure]:
     for corner, last in ((1e-4, 12.0), (1e-3, 3.0), (1e-2, 0.3), (0.5, 0.05)):
         f = corner * RATE
         errors.append(
-            deviation(Instrument(RATE, anti_alias=AntiAlias(f, 12)), low_pass(f, 12), last)
+            deviation(
+                Instrument(RATE, anti_alias=AntiAlias(frequency=f, order=12)),
+                low_pass(f, 12),
+                last,
+            )
         )
     return [Figure('largest error', max(errors), 1e-10)]
 
@@ -222,7 +258,7 @@ def impacts_within_pulses() -> list[Figure]:
     size, at = np.abs(jumps).sum(), motion.curve.start[:n]
     figures = []
     for T in (0.0, pulse):
-        found = measure_block(Instrument(RATE, integrator=Integrator(1), impact_pulse=T), motion)
+        found = measure_block(Instrument(RATE, quantity='velocity', impact_pulse=T), motion)
         t = np.arange(len(found)) / RATE
         part = np.clip((t[:, None] - at) / T, 0.0, 1.0) if T else (t[:, None] >= at) * 1.0
         wanted = np.sin(0.5 * math.pi * part) ** 2 @ jumps
@@ -246,7 +282,7 @@ def long_double_integration() -> list[Figure]:
     n, last = 4000, 1000.0
     h = np.full(n, last / n)
     push = block_motion(h, np.where(np.arange(n) % 2, -1.0, 1.0), np.zeros(n))
-    found = measure_block(Instrument(10.0, integrator=Integrator(2)), push)
+    found = measure_block(Instrument(10.0, quantity='displacement'), push)
     t = np.arange(len(found)) / 10.0
     away = np.abs(found - push.curve(t)[:, 0])
     place = float(np.abs(push.curve(t)[:, 0]).max())
@@ -268,7 +304,9 @@ def a_million_revolutions_later() -> list[Figure]:
     """Difference of two responses, one at the start and one later."""
     machine = load_scene('four_bar_clearance')
     motion = simulate(machine, revolutions=2).motion
-    instrument = replace(CHAIN, trigger=Trigger(1.0, 463), converter=Converter(), noise=Noise())
+    instrument = replace(
+        CHAIN, trigger=Trigger(angle=1.0, samples=463), adc=Converter(), noise=Noise()
+    )
     found = []
     for turns in (0, 10**6):
         c = motion.curve
@@ -289,9 +327,14 @@ def a_million_revolutions_later() -> list[Figure]:
 
 
 CHAIN = Instrument(
-    2700.0, Transducer(42e3), Amplifier(2.0, 1, 1e3, 2), anti_alias=AntiAlias(1e3, 8),
-    impact_pulse=1e-4, converter=Converter(512.0, 24, 1e-6), noise=Noise(0.3, 1),
-)  # fmt: skip
+    2700.0,
+    Transducer(natural_frequency=42e3),
+    Amplifier(high_pass=2.0, high_pass_order=1, low_pass=1e3, low_pass_order=2),
+    anti_alias=AntiAlias(frequency=1e3, order=8),
+    impact_pulse=1e-4,
+    adc=Converter(range=512.0, bits=24, jitter=1e-6),
+    noise=Noise(rms=0.3, seed=1),
+)
 
 
 def part(motion: Motion, first: int, last: int) -> Motion:
@@ -315,8 +358,8 @@ def cut_anywhere() -> list[Figure]:
     n, random, differ, count = len(motion), np.random.default_rng(7), 0, 0
     chains = {
         'whole': CHAIN,
-        'triggered': replace(CHAIN, trigger=Trigger(0.5, None)),
-        'twice': replace(CHAIN, integrator=Integrator(2), converter=Converter()),
+        'triggered': replace(CHAIN, trigger=Trigger(angle=0.5, samples=None)),
+        'twice': replace(CHAIN, quantity='displacement', adc=Converter()),
         'ideal': Instrument(2700.0),
     }
 
@@ -351,7 +394,7 @@ def passages(drive: dict[str, object], angle: float, last: float) -> Array:
     machine = load_scene('four_bar_nominal', {'drive': drive})
     motion = simulate(machine, duration=last).motion
     index = machine.mechanism.coordinates.index(machine.main)
-    return np.array(LevelPassage(Trigger(angle), {index: 1.0}).times(motion))
+    return np.array(LevelPassage(angle, {index: 1.0}).times(motion))
 
 
 @hard_case(
@@ -376,8 +419,8 @@ def triggers_of_any_motion() -> list[Figure]:
     up = block_motion([0.7, 0.3, 1.0], [-4.0, -4.0, -4.0], [2.0, 0.0, 0.0])  # turns back at 0.5 s
     for exponent in range(-10, -1):
         d = 10.0**exponent
-        found = np.array(LevelPassage(Trigger(0.5 - d), {0: 1.0}).times(up))
-        missed += len(found) != 2 or len(LevelPassage(Trigger(0.5 + d), {0: 1.0}).times(up))
+        found = np.array(LevelPassage(0.5 - d, {0: 1.0}).times(up))
+        missed += len(found) != 2 or len(LevelPassage(0.5 + d, {0: 1.0}).times(up))
         half = math.sqrt(0.5 * d)
         off = np.abs(found - 0.5 - half * np.array([-1.0, 1.0])).max()
         away = max(away, float(off) * half / ROUNDING)

@@ -81,34 +81,52 @@ def low_pass(frequency, order):
 
 
 STAGES = {
-    'transducer': (Instrument(RATE, Transducer(9e3, 0.02)), [resonator(9e3, 0.02)]),
-    'overdamped transducer': (Instrument(RATE, Transducer(5e3, 1.5)), [resonator(5e3, 1.5)]),
-    'critical transducer': (Instrument(RATE, Transducer(5e3, 1.0)), [resonator(5e3, 1.0)]),
+    'transducer': (
+        Instrument(RATE, Transducer(natural_frequency=9e3, damping_ratio=0.02)),
+        [resonator(9e3, 0.02)],
+    ),
+    'overdamped transducer': (
+        Instrument(RATE, Transducer(natural_frequency=5e3, damping_ratio=1.5)),
+        [resonator(5e3, 1.5)],
+    ),
+    'critical transducer': (
+        Instrument(RATE, Transducer(natural_frequency=5e3, damping_ratio=1.0)),
+        [resonator(5e3, 1.0)],
+    ),
     'high-pass': (Instrument(RATE, amplifier=Amplifier(high_pass=500.0)), [lead(500.0)]),
     'low-pass': (Instrument(RATE, amplifier=Amplifier(low_pass=1e3)), low_pass(1e3, 2)),
-    'integrator': (Instrument(RATE, integrator=Integrator(1)), [integral()]),
+    'integrator': (Instrument(RATE, quantity='velocity'), [integral()]),
     'integrator with a lower limit': (
-        Instrument(RATE, integrator=Integrator(1, 20.0)),
+        Instrument(RATE, quantity='velocity', integrator=Integrator(high_pass=20.0)),
         [integral(20.0)],
     ),
-    'two integrators': (Instrument(RATE, integrator=Integrator(2)), [integral()] * 2),
+    'two integrators': (Instrument(RATE, quantity='displacement'), [integral()] * 2),
     'two integrators with a lower limit': (
-        Instrument(RATE, integrator=Integrator(2, 20.0)),
+        Instrument(RATE, quantity='displacement', integrator=Integrator(high_pass=20.0)),
         [integral(20.0)] * 2,
     ),
-    'anti-alias': (Instrument(RATE, anti_alias=AntiAlias(1e3, 8)), low_pass(1e3, 8)),
-    'odd anti-alias': (Instrument(RATE, anti_alias=AntiAlias(2e3, 5)), low_pass(2e3, 5)),
+    'anti-alias': (
+        Instrument(RATE, anti_alias=AntiAlias(frequency=1e3, order=8)),
+        low_pass(1e3, 8),
+    ),
+    'odd anti-alias': (
+        Instrument(RATE, anti_alias=AntiAlias(frequency=2e3, order=5)),
+        low_pass(2e3, 5),
+    ),
     'equal filters': (
-        Instrument(RATE, amplifier=Amplifier(low_pass=1e3), anti_alias=AntiAlias(1e3, 2)),
+        Instrument(
+            RATE, amplifier=Amplifier(low_pass=1e3), anti_alias=AntiAlias(frequency=1e3, order=2)
+        ),
         low_pass(1e3, 2) * 2,
     ),
     'all': (
         Instrument(
             RATE,
-            Transducer(42e3, 0.02),
-            Amplifier(300.0, 1, 3e3, 2),
-            Integrator(1, 300.0),
-            AntiAlias(1e3, 8),
+            Transducer(natural_frequency=42e3, damping_ratio=0.02),
+            Amplifier(high_pass=300.0, high_pass_order=1, low_pass=3e3, low_pass_order=2),
+            'velocity',
+            Integrator(high_pass=300.0),
+            AntiAlias(frequency=1e3, order=8),
         ),
         [
             resonator(42e3, 0.02),
@@ -233,7 +251,7 @@ def test_an_impact_makes_the_seismic_mass_ring():
     """``y = jump w / sqrt(1 - z^2) e^(-z w t) sin(w sqrt(1 - z^2) t)`` after a velocity jump."""
     w, z, jump = TURN * 42e3, 0.02, -0.4
     moved = motion(np.zeros_like, np.array([1e-3, 2e-3]), {1: jump})
-    found = measure(Instrument(1e6, Transducer(42e3, 0.02)), moved)
+    found = measure(Instrument(1e6, Transducer(natural_frequency=42e3, damping_ratio=0.02)), moved)
     t = np.arange(len(found)) / 1e6 - 1e-3
     damped = w * math.sqrt(1.0 - z**2)
     wanted = jump * w / math.sqrt(1.0 - z**2) * np.exp(-z * w * t) * np.sin(damped * t)
@@ -244,7 +262,12 @@ def test_an_undamped_mass_is_struck_for_half_of_its_period():
     """In resonance half a sine leaves an amplitude of ``pi^2 jump / (4 T)``, for good."""
     pulse, jump = 1e-4, 0.3
     moved = motion(np.zeros_like, np.array([1e-3, 0.3]), {1: jump})
-    found = measure(Instrument(RATE, Transducer(0.5 / pulse, 0.0), impact_pulse=pulse), moved)
+    found = measure(
+        Instrument(
+            RATE, Transducer(natural_frequency=0.5 / pulse, damping_ratio=0.0), impact_pulse=pulse
+        ),
+        moved,
+    )
     since = times(found) - 1e-3 - pulse
     wanted = 0.25 * math.pi**2 * jump / pulse * np.cos(math.pi * since / pulse)
     later = since > 0.0
@@ -316,7 +339,7 @@ def loose():
 def test_velocity_is_what_integration_of_all_impacts_leaves(loose, pulse):
     """On the rocker the tangential acceleration is ``L alpha``, its integral ``L (w - w0)``."""
     _, solution, samples = loose
-    found, _ = samples(Instrument(20e3, integrator=Integrator(1), impact_pulse=pulse))
+    found, _ = samples(Instrument(20e3, quantity='velocity', impact_pulse=pulse))
     t = np.arange(len(found)) / 20e3
     w = solution.sample(t)['velocity.rocker']
     wanted = 0.312 * (w - w[0])
@@ -329,7 +352,7 @@ def test_velocity_is_what_integration_of_all_impacts_leaves(loose, pulse):
 
 def test_displacement_is_the_second_integral(loose):
     _, solution, samples = loose
-    found, _ = samples(Instrument(20e3, integrator=Integrator(2)))
+    found, _ = samples(Instrument(20e3, quantity='displacement'))
     t = np.arange(len(found)) / 20e3
     seen = solution.sample(t)
     angle, w = seen['position.rocker'], seen['velocity.rocker']
@@ -365,7 +388,7 @@ def test_gravity_and_the_transverse_axis_are_read_where_they_are_wanted(loose):
 def test_blocks_begin_where_the_crank_passes_the_angle(loose):
     _, solution, samples = loose
     for angle, count in ((0.0, None), (1.0, 463), (-2.0, 100)):
-        _, blocks = samples(Instrument(2.7e3, trigger=Trigger(angle, count)))
+        _, blocks = samples(Instrument(2.7e3, trigger=Trigger(angle=angle, samples=count)))
         assert len(blocks) >= 3
         at = solution.sample([b.time for b in blocks])['position.crank']
         assert np.abs(np.remainder(at - angle + 1.0, TURN) - 1.0).max() < 1e-11
@@ -388,9 +411,7 @@ def slope(t):
 def test_jitter_moves_the_samples_in_time():
     moved = motion(slope, np.array([2.0]))
     jitter = 3e-6
-    found = measure(
-        Instrument(10e3, converter=Converter(jitter=jitter), noise=Noise(seed=4)), moved
-    )
+    found = measure(Instrument(10e3, adc=Converter(jitter=jitter), noise=Noise(seed=4)), moved)
     late = found / 1000.0 - np.arange(len(found)) / 10e3
     assert late[1:].std() == pytest.approx(jitter, rel=0.02)
     assert kstest(late[1:] / jitter, 'norm').pvalue > 1e-3
@@ -399,7 +420,7 @@ def test_jitter_moves_the_samples_in_time():
 
 def test_the_steps_of_the_converter_leave_an_even_error():
     moved = motion(lambda t: 3.0 * np.sin(40.0 * t), np.linspace(0.0, 2.0, 81)[1:])
-    found = measure(Instrument(10e3, converter=Converter(4.0, 10)), moved)
+    found = measure(Instrument(10e3, adc=Converter(range=4.0, bits=10)), moved)
     step = 8.0 / 2**10
     error = found - 3.0 * np.sin(40.0 * np.arange(len(found)) / 10e3)
     assert np.abs(found / step - np.round(found / step)).max() < 1e-9
@@ -410,7 +431,7 @@ def test_the_steps_of_the_converter_leave_an_even_error():
 
 def test_what_exceeds_the_range_is_cut_and_counted():
     moved = motion(lambda t: 3.0 * np.sin(40.0 * t), np.linspace(0.0, 2.0, 81)[1:])
-    measuring = channel(Instrument(10e3, converter=Converter(2.0, 8)))
+    measuring = channel(Instrument(10e3, adc=Converter(range=2.0, bits=8)))
     measuring.take(moved)
     blocks = measuring.blocks(final=True)
     found = np.concatenate([b.samples for b in blocks])
@@ -427,14 +448,14 @@ def test_what_exceeds_the_range_is_cut_and_counted():
 def test_noise_is_of_the_size_and_of_the_seed():
     moved = motion(np.zeros_like, np.array([2.0]))
     made = [
-        measure(Instrument(10e3, noise=Noise(0.5, seed)), moved, name)
+        measure(Instrument(10e3, noise=Noise(rms=0.5, seed=seed)), moved, name)
         for seed, name in ((1, 'a'), (1, 'a'), (2, 'a'), (1, 'b'))
     ]
     assert np.array_equal(made[0], made[1])
     for other in made[2:]:
         assert abs(np.corrcoef(made[0], other)[0, 1]) < 0.03
     assert made[0].std() == pytest.approx(0.5, rel=0.02)
-    hum = measure(Instrument(10e3, noise=Noise(hum=Hum(0.1, 60.0))), moved)
+    hum = measure(Instrument(10e3, noise=Noise(hum=Hum(amplitude=0.1, frequency=60.0))), moved)
     height, rest = tone(hum, 60.0, 10e3)
     assert height == pytest.approx(0.1)
     assert rest < 1e-12
@@ -461,12 +482,12 @@ def test_blocks_are_the_same_to_the_last_bit_however_the_motion_is_cut(loose, se
     machine, solution, _ = loose
     full = Instrument(
         20e3,
-        Transducer(42e3, 0.02),
-        Amplifier(2.0, 1, 1e3, 2),
-        anti_alias=AntiAlias(1e3),
+        Transducer(natural_frequency=42e3, damping_ratio=0.02),
+        Amplifier(high_pass=2.0, high_pass_order=1, low_pass=1e3, low_pass_order=2),
+        anti_alias=AntiAlias(frequency=1e3),
         impact_pulse=1e-4,
-        converter=Converter(500.0, 12, 1e-6),
-        noise=Noise(0.5, 7),
+        adc=Converter(range=500.0, bits=12, jitter=1e-6),
+        noise=Noise(rms=0.5, seed=7),
     )
     random = np.random.default_rng(seed)
     n = len(solution.motion)

@@ -11,7 +11,7 @@ from scipy import signal, stats
 from mechanism_sim.sensing.indicators import Moments, indicators
 from mechanism_sim.sensing.orders import TurnSegments, at_equal_angles, order_spectrum
 from mechanism_sim.sensing.spectra import (
-    Spectrum,
+    LineSpectrum,
     amplitude,
     envelope,
     envelope_spectrum,
@@ -77,7 +77,7 @@ def test_amplitude_at_half_the_sampling_rate():
 
 
 def test_strongest_are_local_peaks_in_falling_order():
-    found = Spectrum(np.arange(7.0), np.array([9.0, 1.0, 3.0, 2.0, 1.0, 4.0, 5.0]))
+    found = LineSpectrum(np.arange(7.0), np.array([9.0, 1.0, 3.0, 2.0, 1.0, 4.0, 5.0]))
     assert found.strongest(5) == [(6.0, 5.0), (2.0, 3.0)]
 
 

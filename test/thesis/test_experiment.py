@@ -266,8 +266,11 @@ def test_truth_and_severity_are_those_of_the_simulation(found):
 
 def test_shown_is_what_an_instrument_without_noise_gives(found):
     """Two sensors whose readings differ by the angular acceleration alone; chains are linear."""
-    instrument = Instrument(2700.0, amplifier=Amplifier(2.0, 1, 1000.0, 2),
-                            anti_alias=AntiAlias(1000.0, 8))  # fmt: skip
+    instrument = Instrument(
+        2700.0,
+        amplifier=Amplifier(high_pass=2.0, high_pass_order=1, low_pass=1000.0, low_pass_order=2),
+        anti_alias=AntiAlias(frequency=1000.0, order=8),
+    )
     solution = simulated(found.reference.first)
     mechanism = found.reference.first.machine.mechanism
     heard = []

@@ -18,7 +18,7 @@ from mechanism_sim.vibration import state_space
 from mechanism_sim.vibration.excitation import FourierSeries
 from mechanism_sim.vibration.shafts import shaft_rigidity
 from mechanism_sim.vibration.single import Oscillator
-from mechanism_sim.vibration.systems import System, chain
+from mechanism_sim.vibration.systems import LinearSystem, chain
 from mechanism_sim.vibration.torsional import (
     disk_inertia,
     disks,
@@ -189,7 +189,7 @@ def test_shafts_joined_by_gears():
     stretch = np.array([[1.0, 0.0, -1.0], [0.0, -1.0, n]])  # of both shafts by (th1, th2, gear)
     K = stretch.T @ np.diag([k1, k2]) @ stretch
     K = K[:2, :2] - np.outer(K[:2, 2], K[2, :2]) / K[2, 2]
-    assert found == pytest.approx(System(np.diag([J1, J2]), 0 * K, K).modes.frequencies[1])
+    assert found == pytest.approx(LinearSystem(np.diag([J1, J2]), 0 * K, K).modes.frequencies[1])
 
 
 def test_shafts_and_disks():

@@ -11,7 +11,7 @@ from two_masses import TwoMasses
 from mechanism_sim.vibration import state_space
 from mechanism_sim.vibration.excitation import FourierSeries
 from mechanism_sim.vibration.single import Oscillator
-from mechanism_sim.vibration.systems import System, chain
+from mechanism_sim.vibration.systems import LinearSystem, chain
 
 #: of each kind; ten kinds
 COUNT = 100
@@ -127,7 +127,7 @@ def test_two_masses(random):
 
 def test_modes_with_proportional_damping(random):
     n = int(random.integers(2, 9))
-    system = System(*matrices(random, n, proportional=True))
+    system = LinearSystem(*matrices(random, n, proportional=True))
     assert system.modes.decay_rates is not None
     t = np.sort(random.uniform(0, 60 / system.modes.frequencies[-1], 12))
     start, force = random.normal(size=(2, n)), random.normal(size=(n, 2)) @ (1.0, 1.0j)
@@ -141,7 +141,7 @@ def test_modes_with_proportional_damping(random):
 
 def test_modes_with_any_damping(random):
     n = int(random.integers(2, 9))
-    system = System(*matrices(random, n, proportional=False))
+    system = LinearSystem(*matrices(random, n, proportional=False))
     assert system.modes.decay_rates is None
     t = np.sort(random.uniform(0, 60 / system.modes.frequencies[-1], 12))
     start = random.normal(size=(2, n))

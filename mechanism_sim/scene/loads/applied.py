@@ -83,11 +83,11 @@ class LoadPart(ElementKeys):
     reaction: str | None = None
     """LINK.POINT on which the opposite force and torque act; without it they act outside."""
     frame: Literal['world', 'link'] = 'world'
-    """Whether the force keeps its direction, or turns with the link."""
+    """Frame in which the force keeps its direction: the world, or the link."""
     during: DuringPart | None = None
     """The part of a cycle in which it acts; else always."""
     unknown: bool = False
-    """Whether only the direction is given, by `force` or `torque`, and the size is to be found."""
+    """Only the direction is given, by `force` or `torque`, and the size is to be found."""
 
     def read(self, places: Names, name: str, tree: Mechanism) -> Elements:
         """An applied force, or one whose size follows from the motion."""
@@ -154,7 +154,7 @@ def _unknown(
 def read_effort(
     places: Names, where: str, link: str, effort: QuantityValue | str, tree: Mechanism
 ) -> Callable[[Mechanism], DriveEffort]:
-    """What a drive of a link supplies while its motion is prescribed."""
+    """Torque or force of a drive while the motion of its link is prescribed."""
     if isinstance(effort, str):
         check_formula(places, where, effort, 'N' if link in tree.sliding else 'N m', tree)
         size: float | str = effort

@@ -7,15 +7,9 @@ from typing import Any, Literal
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import Offset
-from mechanism_sim.scene.sensor_keys import (
-    SENSORS,
-    Integrator,
-    OnLinkKeys,
-    ShockKeys,
-    Transducer,
-    check_link,
-)
-from mechanism_sim.sensing.channel import Source
+from mechanism_sim.scene.sensor_keys import SENSORS, OnLinkKeys, ShockKeys, check_link
+from mechanism_sim.sensing.chain import Integrator, Transducer
+from mechanism_sim.sensing.channel import SensorSource
 from mechanism_sim.sensing.frame_point import PointOnFrame
 from mechanism_sim.sensing.point import PointOnLink
 
@@ -27,24 +21,24 @@ class AccelerometerKeys(OnLinkKeys, ShockKeys):
     at: Offset = 0.0
     """From the link's origin: along the link, as [x, y] in its frame, or a point of it by name."""
     axis: Literal['along', 'across'] = 'across'
-    """What it reads: along the link, or 90 degrees counterclockwise from that."""
+    """Direction of its reading: along the link, or 90 degrees counterclockwise from that."""
     instrument: str | None = None
     """A preset, of which what is given here replaces parts."""
     gravity: bool = False
-    """Whether it reads acceleration less that of gravity."""
+    """It reads acceleration less that of gravity."""
     transducer: Transducer = Transducer()
     """The seismic mass."""
     quantity: Literal['acceleration', 'velocity', 'displacement'] = 'acceleration'
-    """What comes out: integrated never, once or twice."""
+    """Quantity of the samples: integrated never, once or twice."""
     integrator: Integrator | None = None
     """The integrating circuit; only where something is integrated."""
     imu: bool = False
-    """Whether it is published as sensor_msgs/Imu, too."""
+    """It is published as sensor_msgs/Imu, too."""
 
     def _at(self) -> tuple[float, float]:
         return self.at if isinstance(self.at, tuple) else (self.at, 0.0)
 
-    def source(self, machine: Any) -> Source:
+    def source(self, machine: Any) -> SensorSource:
         """A point of a link, or of a frame on springs."""
         mechanism, across, link = machine.mechanism, self.transducer.transverse, str(self.link)
         if link in machine.scene.oscillators:

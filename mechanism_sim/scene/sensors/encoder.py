@@ -17,7 +17,6 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.sensor_keys import SENSORS, OnLinkKeys
 from mechanism_sim.scene.sensors._places import angle_between, check_between
-from mechanism_sim.sensing.chain import Trigger
 from mechanism_sim.sensing.channel import DirectSource
 from mechanism_sim.sensing.sampling import LevelPassage
 
@@ -49,7 +48,7 @@ class Encoder(DirectSource):
         self._step = TWO_PI / self._counts
         self._index, self._passage = index, None
         if index is not None:
-            self._passage = LevelPassage(Trigger(index - self._offset), self._columns)
+            self._passage = LevelPassage(index - self._offset, self._columns)
         self._zero: tuple[int, float] | None = None  # whole turns and angle
         self._passed = math.inf, 0, 0.0  # when, and what is counted from then on
         self._seen: Motion | None = None

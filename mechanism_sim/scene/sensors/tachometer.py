@@ -15,7 +15,6 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.sensor_keys import SENSORS, OnLinkKeys
 from mechanism_sim.scene.sensors._places import angle_between, check_between
-from mechanism_sim.sensing.chain import Trigger
 from mechanism_sim.sensing.channel import DirectSource
 from mechanism_sim.sensing.sampling import LevelPassage
 
@@ -37,7 +36,7 @@ class Tachometer(DirectSource):
         columns, offset = angle_between(mechanism, link, relative_to)
         # so many times the angle passes zero at every mark
         often = {i: pulses * sign for i, sign in columns.items()}
-        self._passage = LevelPassage(Trigger(-pulses * offset), often)
+        self._passage = LevelPassage(-pulses * offset, often)
         self._step = TWO_PI / pulses
         self._pulses = np.zeros(0)  # [s] of this motion, and the last two before it
         self._seen: Motion | None = None

@@ -1,0 +1,124 @@
+"""Wrong values of every key of scenes and sweeps: one sentence, and no word of a library."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, get_args
+
+import pytest
+from pydantic import ValidationError
+from pydantic_core.core_schema import ErrorType
+
+import mechanism_sim as ms
+from mechanism_sim.errors import InputError
+from mechanism_sim.joints.joint_keys import KINDS
+from mechanism_sim.keys.quantities import Part
+from mechanism_sim.scene.four_bar import FourBarScene
+from mechanism_sim.scene.key_errors import sentence
+from mechanism_sim.scene.schema import JointPart, Scene, SensorPart
+from mechanism_sim.scene.sensors import SENSORS
+from mechanism_sim.studies.schema import SweepFile
+
+WRONG = {
+    'text': 'xyz', 'unit': '3 K', 'no unit of any kind': '3 kg/furlong', 'sign': -1.0, 'zero': 0,
+    'endless': float('inf'), 'no number': float('nan'), 'half': 2.5, 'truth': True, 'nothing': '',
+    'list': [1, 2, 3], 'empty list': [], 'one in a list': ['2 mm'], 'lists': [[1, 2], [3]],
+    'mixed': ['a', 1, None], 'keys': {'a': 1}, 'no keys': {}, 'keys in keys': {'a': {'b': [1]}},
+    'number as key': {1: 2}, 'as JSON': ['x', ''], 'huge': 10**400,
+}  # fmt: skip
+FOREIGN = re.compile(
+    'Input should|pydantic|validat|[Vv]alue error|instance|dictionary|iterable|string|parse|'
+    r'NoneType|\bNone\b|\bTrue\b|\bFalse\b|function-|type=|Error|np\.|float32|unhashable'
+)
+"""Words of Pydantic and of Python."""
+
+
+def parts(kind: Any = (Scene, FourBarScene, SweepFile)) -> list[type[Part]]:
+    """Every part of which a scene or a sweep is made."""
+    found: list[type[Part]] = []
+    waiting = [*kind]
+    while waiting:
+        one = waiting.pop()
+        waiting += get_args(one)
+        if isinstance(one, type) and issubclass(one, Part) and one not in found:
+            found.append(one)
+            waiting += [field.annotation for field in one.model_fields.values()]
+    return found
+
+
+@pytest.mark.parametrize('part', parts(), ids=lambda part: part.__name__)
+def test_wrong_values_of_every_key_are_refused_in_a_sentence(part: type[Part]) -> None:
+    for name, field in part.model_fields.items():
+        key, refused = field.alias or name, 0
+        for value in WRONG.values():
+            data = {key: value}
+            try:
+                part.model_validate(data)
+            except ValidationError as error:
+                own = [p for p in error.errors() if key in (*p['loc'][:1], *p['msg'].split())]
+                if not own:
+                    continue
+                refused += 1
+                text = sentence(own, part, data)
+                assert key in text, text
+                plain = text.replace('float32', '')  # a choice of the element type of files
+                assert not FOREIGN.search(plain), text
+                assert '\n' not in text
+                assert not re.search(r'\s\s|: *$|= *$|must be *$', text), text
+            except InputError as error:  # of a part of the model that reads by itself
+                refused, text = refused + 1, str(error)
+                assert not FOREIGN.search(text), text
+        assert refused, f'{part.__name__}.{key} takes anything'
+
+
+def test_no_sort_of_problem_has_words_of_the_library() -> None:
+    """Also those that no key has today."""
+    for kind in get_args(ErrorType):
+        if kind in ('value_error', 'assertion_error', 'literal_error'):
+            continue
+        context = {'gt': 1.0, 'ge': 1.0, 'lt': 1.0, 'le': 1.0, 'min_length': 2, 'max_length': 2}
+        problem: Any = {'type': kind, 'loc': ('duration',), 'input': 'x', 'ctx': context}
+        text = sentence([problem], Scene, {'duration': 'x'})
+        assert 'duration' in text
+        assert not FOREIGN.search(text.replace("'x'", '')), text
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_an_unknown_key_of_a_joint_names_the_keys_of_its_kind(kind: str) -> None:
+    with pytest.raises(ValidationError) as refused:
+        JointPart.model_validate({kind: ['a.b', 'c.d'], 'nonsense': 1})
+    data = {kind: ['a.b', 'c.d'], 'nonsense': 1}
+    text = sentence(refused.value.errors(), JointPart, data)
+    listed = text.partition('allowed here: ')[2].split(', ')
+    assert listed[0] == kind
+    assert not {*listed} & {*KINDS} - {kind}
+    assert {*listed} <= KINDS[kind].model_fields.keys()
+    assert len(listed) < len(JointPart.model_fields)
+
+
+@pytest.mark.parametrize('kind', SENSORS)
+def test_an_unknown_key_of_a_sensor_names_the_keys_of_its_kind(kind: str) -> None:
+    data = {'kind': kind, 'nonsense': 1}
+    with pytest.raises(ValidationError) as refused:
+        SensorPart.model_validate(data)
+    text = sentence(refused.value.errors(), SensorPart, data)
+    assert {*text.partition('allowed here: ')[2].split(', ')} == {*SENSORS[kind].model_fields}
+
+
+@pytest.mark.parametrize(
+    ('key', 'value', 'says'),
+    [
+        ('joints.rocker_ground.revolut', [], "did you mean 'revolute'?"),
+        ('joints.rocker_ground', {'nonsense': 1}, 'allowed here: belt, bevel, cam, geneva'),
+        ('gravity', 3, 'gravity = 3: it must be a list of two quantities, for example [9.81'),
+        ('drive.profile.points', [3], 'drive.profile.points.0 = 3: it must be a list of two q'),
+        ('outputs.forces', 'xyz', "outputs.forces = 'xyz': it must be true or false"),
+        ('sensors.a.instrument', [1], 'sensors.a has the unknown instrument [1]: known are adxl'),
+        ('joints.rocker_ground.clearance', {'radial': True}, 'clearance.radial = true is not a q'),
+        ('links.crank.mass', [1], 'links.crank.mass = [1] is not a quantity'),
+    ],
+)
+def test_what_is_said_of_some_wrong_values(key: str, value: object, says: str) -> None:
+    with pytest.raises(InputError) as refused:
+        ms.load_scene('slider_crank_engine' if 'rocker' not in key else 'loader', {key: value})
+    assert says in str(refused.value)
