@@ -26,12 +26,14 @@ from mechanism_sim.numerics.complementarity import (
     solve_frictional_lcp,
 )
 from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.tolerances import TOLERANCES
+
+_IMPACTS = TOLERANCES.impacts
+_ROUNDING = TOLERANCES.rounding
 
 NEWTON, POISSON, STRONGE = range(3)  # the hypotheses in arrays
 
 _WEDGED = 'a contact is wedged: no finite impulse ends its approach'
-_FIRMER = 1.0 + 1e-4  # times the friction of what is about to jam jams
-_SHORT = 1e-6  # of the time in which the accelerations would make the slip: a step of no length
 
 
 class Hypothesis(Enum):
@@ -244,15 +246,15 @@ def shock(
     matrix, before, pull = np.array(A), np.array(rate), np.array(acceleration)
     if m == 1:
         (Ann, Ant), (_, Att) = matrix.tolist()
-        stopped = jam(Ann, Ant, Att, float(before[1]), _FIRMER * friction[0])
+        stopped = jam(Ann, Ant, Att, float(before[1]), _IMPACTS.firmer * friction[0])
         if not stopped.normal:
             raise ArithmeticError('a contact that does not jam cannot be freed by an impact')
         return [stopped]
     slip = np.abs(before[m:]).max()
     if not slip > 0.0:
         raise ArithmeticError('contacts that do not slide cannot be freed by an impact')
-    h = _SHORT * slip / np.abs(pull).max()
-    firmer = [_FIRMER * mu for mu in friction]
+    h = _IMPACTS.instant * slip / np.abs(pull).max()
+    firmer = [_IMPACTS.firmer * mu for mu in friction]
     rough, grips = solve_frictional_lcp(matrix, before + h * pull, firmer)
     # what each contact does is known now: the same without what happens within h
     columns, rows = [], []
@@ -271,9 +273,11 @@ def shock(
     basis = np.array(columns).reshape(-1, 2 * m).T
     start = np.linalg.lstsq(basis, rough, rcond=None)[0]
     off = -(before + matrix @ (basis @ start))[rows]
-    impulses = basis @ (start + np.linalg.lstsq((matrix @ basis)[rows], off, rcond=1e-13)[0])
+    impulses = basis @ (
+        start + np.linalg.lstsq((matrix @ basis)[rows], off, rcond=_IMPACTS.shock_rank)[0]
+    )
     impulses[:m] = np.maximum(impulses[:m], 0.0)
-    if not np.abs(matrix @ impulses).max() > 1e-9 * slip:
+    if not np.abs(matrix @ impulses).max() > _IMPACTS.frees * slip:
         raise ArithmeticError('contacts that do not jam cannot be freed by an impact')
     after = _rates(matrix, before, impulses)
     return [
@@ -348,13 +352,13 @@ def stop_slide(
     basis, rows = _slides(friction, slip)
     path = basis @ np.linalg.svd((matrix @ basis)[rows])[2][-1]
     normals = path[:m] * math.copysign(1.0, path[:m].sum())
-    if normals.min() < -1e-6 * normals.max():
+    if normals.min() < -_IMPACTS.pull * normals.max():
         raise ArithmeticError('forces of both signs grow without end')
     change = (matrix @ path)[m:] * math.copysign(1.0, path[:m].sum())
     stops = [
         (abs(before[m + i]) / -(slip[i] * change[i]), i)
         for i in range(m)
-        if slip[i] * change[i] < -1e-12 * np.abs(change).max()
+        if slip[i] * change[i] < -_IMPACTS.stops * np.abs(change).max()
     ]
     if not stops:
         raise ArithmeticError('contacts are wedged: no finite impulse stops their slip')
@@ -362,7 +366,9 @@ def stop_slide(
     pulls = np.zeros((2 * m, 1))
     pulls[m + first] = 1.0
     basis, rows = np.hstack([basis, pulls]), [*rows, m + first]
-    impulses = basis @ np.linalg.lstsq((matrix @ basis)[rows], -before[rows], rcond=1e-14)[0]
+    impulses = (
+        basis @ np.linalg.lstsq((matrix @ basis)[rows], -before[rows], rcond=_IMPACTS.jam_rank)[0]
+    )
     after = _rates(matrix, before, impulses)
     return [
         ContactImpulse(float(p), float(q), _sign(float(vt)))
@@ -478,7 +484,7 @@ def simultaneous_impulses(
         size = abs(rate[r])
         for c in range(2 * m):
             size += abs(A[r, c]) * largest(x)
-        if abs(b[r]) <= 1e-12 * size:
+        if abs(b[r]) <= _ROUNDING.solved * size:
             b[r] = 0.0
     for i in range(m):
         if hypothesis[i] == NEWTON:
@@ -497,7 +503,7 @@ def _rates(
     """Rates after impulses; those within rounding of zero are zero."""
     after = before + A @ impulses
     size = np.abs(before) + np.abs(A).sum(axis=1) * np.abs(impulses).max()
-    return np.where(np.abs(after) > 1e-12 * size, after, 0.0)
+    return np.where(np.abs(after) > _ROUNDING.solved * size, after, 0.0)
 
 
 def energy_change(

@@ -26,19 +26,12 @@ from mechanism_sim.numerics.complementarity import (
     solve_semidefinite,
 )
 from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.tolerances import TOLERANCES
+
+_CHATTER = TOLERANCES.chatter
+_IMPACTS = TOLERANCES.impacts
 
 Mask = NDArray[np.bool_]
-
-_INDEPENDENT = 1e-8
-"""Square of the sine of an angle: a row that is nearer to those before it depends on them."""
-
-_SYMMETRIC = 1e-13  # of the terms beside it: rounding
-
-_FREE = 1e-16
-"""Compliance of a slip over that of its normal: with less, the links cannot change it."""
-
-ROUGH = 1e4
-"""Coulomb's coefficient of rough contacts while they stay closed; in impacts it is infinite."""
 
 
 class ContactProblem(NamedTuple):
@@ -145,7 +138,7 @@ def horizon_of(rebound: float, acceleration: float) -> float:
     A number off the powers of two, at which the search for roots bisects.
     """
     if rebound > 0.0 and acceleration < 0.0:
-        return -200.0 * rebound / acceleration
+        return -2.0 * _CHATTER.flights * rebound / acceleration
     return math.inf
 
 
@@ -178,7 +171,7 @@ def impulses(
     if m == 1:
         x = np.zeros(2)
         kind, vn, vt, Ant, Atn = hypothesis[0], rate[0], rate[1], A[0, 1], A[1, 0]
-        if abs(Atn - Ant) <= _SYMMETRIC * math.sqrt(A[0, 0] * A[1, 1]):
+        if abs(Atn - Ant) <= _IMPACTS.symmetric * math.sqrt(A[0, 0] * A[1, 1]):
             Atn = Ant
         x[0], x[1], _ = impulses_of_one(A[0, 0], Ant, Atn, A[1, 1], vn, vt, e[0], mu[0], kind)
         found = not math.isnan(x[0])
@@ -325,7 +318,7 @@ def impact_of_all(
         # at rest as well is what would rise no farther than rounding reaches
         low = is_last(c, limits, i, after[k], 1.0)
         stays = limits.still if c.closed[i] else limits.bare
-        resting[i] = low or after[k] <= max(-1e-9 * rate[k], stays)
+        resting[i] = low or after[k] <= max(-_IMPACTS.rebound * rate[k], stays)
         rests = rests or resting[i] or c.closed[i]
         if not resting[i]:
             horizon = min(horizon, horizon_of(after[k], c.acceleration[i]))
@@ -368,7 +361,7 @@ def press(
         b[k] = c.free_acceleration[rows[k]]
         if frictional:
             b[n + k] = c.free_acceleration[m + rows[k]]
-            mu[k] = min(c.friction[rows[k]], ROUGH)
+            mu[k] = min(c.friction[rows[k]], _IMPACTS.rough)
     # what slides no farther than rounding reaches may as well be at rest
     slow = max(limits.still, math.sqrt(2.0 * limits.touching * largest(c.free_acceleration)))
     for still in (slow, limits.still):
@@ -452,7 +445,7 @@ def begin(c: ContactProblem, limits: Limits, grips: Indices, kept: Mask) -> Mask
             slides = grips[r - m] == FORWARD or grips[r - m] == BACKWARD
             wanted = slides and slip_of(c, r - m, limits.still) == 0
         # some slips are prescribed, always or at an instant
-        if not (wanted and c.compliance[r, r] > _FREE * c.compliance[r % m, r % m]):
+        if not (wanted and c.compliance[r, r] > _IMPACTS.prescribed * c.compliance[r % m, r % m]):
             continue
         left = 1.0
         for k in range(n):
@@ -463,7 +456,7 @@ def begin(c: ContactProblem, limits: Limits, grips: Indices, kept: Mask) -> Mask
                 x -= L[n, j] * L[k, j]
             L[n, k] = x / L[k, k]
             left -= L[n, k] ** 2
-        if left > _INDEPENDENT:
+        if left > _IMPACTS.independent:
             L[n, n], rows[n] = math.sqrt(left), r
             n += 1
             if at >= 2 * m:

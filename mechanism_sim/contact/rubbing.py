@@ -16,9 +16,9 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.contact.problem import ContactProblem
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.tolerances import TOLERANCES
 
-_SWEEPS, _SETTLED = 10_000, 1e-15
-_GROWS, _LEAST_STEP = 0.95, 0.02  # of a change that is not settling; of the way to a bound
+_JOINT_IMPULSES = TOLERANCES.joint_impulses
 
 
 class Rubs(NamedTuple):
@@ -72,7 +72,7 @@ def friction_impulses(
     for j in range(k):
         for i in range(r):
             free[j] += compliance[i, j] * x[i]
-    for _ in range(_SWEEPS):
+    for _ in range(_JOINT_IMPULSES.sweeps):
         change = size = 0.0
         for j in range(k):
             bound, first = 0.0, 0
@@ -95,10 +95,12 @@ def friction_impulses(
             every[r + j] += step * (min(max(wanted, -bound), bound) - now)
             change = max(change, abs(every[r + j] - now))
             size = max(size, bound)
-        if change <= _SETTLED * size:
+        if change <= _JOINT_IMPULSES.settled * size:
             break
-        if change > _GROWS * before:  # bounds that grow much with their own friction
-            step = max(0.5 * step, _LEAST_STEP)
+        if (
+            change > _JOINT_IMPULSES.grows * before
+        ):  # bounds that grow much with their own friction
+            step = max(0.5 * step, _JOINT_IMPULSES.least_step)
         before = change
     return every[r:]
 

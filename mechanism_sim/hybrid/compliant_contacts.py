@@ -18,6 +18,7 @@ from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_coefficients, chebyshev_nodes
 from mechanism_sim.numerics.quadrature import integrate, parts_of
+from mechanism_sim.tolerances import TOLERANCES
 
 _COUNT = 16  # nodes in a segment, whose terms fall by a factor of ten and more
 _NODES = Nodes(tuple(chebyshev_nodes(_COUNT).tolist()))
@@ -152,6 +153,8 @@ def _peaks(series: Array) -> Array:
     peaks = np.asarray(ends.max(axis=0))
     for k in np.flatnonzero((slopes[0] > 0.0) & (slopes[1] < 0.0)):
         roots = chebroots(chebder(series[k]))
-        level = roots.real[(np.abs(roots.imag) < 1e-9) & (np.abs(roots.real) <= 1.0)]
+        level = roots.real[
+            (np.abs(roots.imag) < TOLERANCES.contacts.real_root) & (np.abs(roots.real) <= 1.0)
+        ]
         peaks[k] = max(peaks[k], np.max(chebval(level, series[k]), initial=0.0))
     return peaks

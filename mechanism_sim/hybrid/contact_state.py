@@ -26,13 +26,15 @@ from mechanism_sim.contact.problem import (
 )
 from mechanism_sim.hybrid.dense_output import Status
 from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeChange
-from mechanism_sim.hybrid.guards import FORCE_SCALE, SLIP_SCALE
 from mechanism_sim.hybrid.present_state import PresentState
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.tolerances import TOLERANCES
 
-_ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
+_CONTACTS = TOLERANCES.contacts
+_GUARDS = TOLERANCES.guards
+
 
 SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 """Modes of a closed contact with friction by the sign of its slip."""
@@ -100,12 +102,13 @@ class ContactState:
         self.marks = Marks(*np.zeros((4, m), dtype=np.bool_))
         self._flag_index = _flag_index(system)
         self.limits = _limits(present, rule, rtol, speed)
-        self.floors = [
-            -max(SLIP_SCALE * self.limits.still, FORCE_SCALE * _ROUNDING_FORCE)
-            if guard.friction else 0.0
-            for guard in system.guards
-        ]  # fmt: skip
-        self.slowest = 1e-6 * speed  # [m/s] to which the damping of a touch may refer
+        least = max(
+            _GUARDS.slip_scale * self.limits.still, _GUARDS.force_scale * _CONTACTS.cone_force
+        )
+        self.floors = [-least if guard.friction else 0.0 for guard in system.guards]
+        self.slowest = (
+            _CONTACTS.slowest_touch * speed
+        )  # [m/s] to which the damping of a touch may refer
         if system.parameters.margin is not None:
             present.pars[system.parameters.margin] = self.limits.bare
         self.approach = (1.0,) * len(system.parameters.approach)
@@ -203,12 +206,12 @@ def chosen(mask: Mask) -> list[int]:
 
 
 def _limits(present: PresentState, rule: ChatterRule, rtol: float, speed: float) -> Limits:
-    touching = 4.0 * present.rounding
+    touching = _CONTACTS.touching * present.rounding
     return Limits(
         touching,
-        max(touching, min(rtol, 1e-9) * present.system.mechanism.size),
-        1e3 * float(np.spacing(speed)),
-        max(1e-12, 0.01 * rtol) * speed,
+        max(touching, min(rtol, _CONTACTS.tie) * present.system.mechanism.size),
+        _CONTACTS.bare * float(np.spacing(speed)),
+        max(_CONTACTS.still_least, _CONTACTS.still * rtol) * speed,
         rule.allowed,
         rule.resolved,
     )

@@ -38,9 +38,9 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import Motor
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.virtual_work import generalised
+from mechanism_sim.tolerances import TOLERANCES
 
-ROUGH = 1e4
-"""Coulomb's coefficient of rough contacts while they stay closed; in impacts it is infinite."""
+_IMPACTS = TOLERANCES.impacts
 
 
 _CRAMER = 6  # contacts up to which there are not too many minors
@@ -120,7 +120,7 @@ class Dynamics:
         self.free = tuple(c for c in eq.coordinates if c not in prescribed)
         self._free = [eq.coordinates.index(c) for c in self.free]
         self._driven = [eq.coordinates.index(c) for c in prescribed]
-        self.friction = [min(gap.friction, ROUGH) for gap in gaps]
+        self.friction = [min(gap.friction, _IMPACTS.rough) for gap in gaps]
         self.frictional = [i for i, mu in enumerate(self.friction) if mu > 0.0]
         self.mu = {i: p(f'{gaps[i].name}.friction', self.friction[i]) for i in self.frictional}
         #: of contacts that rub in a part of their cycle only: flags of these parts

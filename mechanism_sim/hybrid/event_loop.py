@@ -31,29 +31,23 @@ from mechanism_sim.hybrid.contact_state import ContactState
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.dense_output import DenseOutput, Motion, floats
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
-from mechanism_sim.hybrid.guards import WATCH_SCALE
 from mechanism_sim.hybrid.present_state import PresentState
-from mechanism_sim.hybrid.singular import AHEAD, BESIDE, HERE, SingularPositions
+from mechanism_sim.hybrid.singular import SingularPositions
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.step_check import StepCheck
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.protocols import Directed
+from mechanism_sim.tolerances import TOLERANCES
 
-_MAX_SIMULTANEOUS = 100
-_SHORTER = 0.37  # off the powers of two, at which the search for roots bisects
-_SHORTEST = 1e-12
-_MEET = 1e-6  # of the size of the machine
-_ROW = 64  # steps after which the directions of the drives are computed anew
-_BARELY = 1e-12 * WATCH_SCALE  # of a guard: a root may be near whatever its rate
-_QUICKEST = 1e3  # times the fastest drive: rate at which errors of gaps and loops are taken back
-_DEFECT = 1e3  # times the error of a step that its polynomials may be off the equations
+_SINGULAR = TOLERANCES.singular
+_STEPS = TOLERANCES.steps
+
+#: of a guard as it is integrated: a root may be near whatever its rate
+_NEAR_ROOT = TOLERANCES.guards.near_root * TOLERANCES.guards.watch_scale
 
 
 _UNWATCHED = (0.0, 1.0, 0.0)
-
-STEP_SCALE = 0.1
-"""Rate relative to that of the fastest drive whose relative error is `rtol`."""
 
 
 class _PendingStep(NamedTuple):
@@ -75,7 +69,7 @@ class EventLoop:
     system : the compiled equations
     laws : one for each prescribed coordinate, then one for each powered coordinate
     state : where to start; open gaps that touch are resolved at once
-    rtol : error per step relative to `STEP_SCALE` of the fastest drive's speed, at least 1 rad/s
+    rtol : error per step relative to a tenth of the fastest drive's speed, at least 1 rad/s
     atol : [m] displacement that may be left out when chatter is ended
     max_step : [s] longest Taylor step
     compact : compile smaller but slower code (for many coordinates)
@@ -106,9 +100,9 @@ class EventLoop:
         turning = [v for v, angular in zip(state.v, system.angular, strict=True) if angular]
         known = [fastest] if fastest else driven or turning
         fastest = max((1.0, *map(abs, known)))
-        self._ta = system.integrator(rtol, STEP_SCALE * fastest, compact)
-        limit = _DEFECT * rtol * STEP_SCALE * fastest
-        self._quickest = _QUICKEST * fastest
+        self._ta = system.integrator(rtol, _STEPS.rate * fastest, compact)
+        limit = _STEPS.defect * rtol * _STEPS.rate * fastest
+        self._quickest = _STEPS.stabilisation * fastest
         steep = system.steep
         # polynomials of what moves are known as it is
         self._check: StepCheck | None = None
@@ -147,7 +141,7 @@ class EventLoop:
 
     def _begin(self, state: State) -> None:
         """Resolve the contacts at the start, or leave a singular position."""
-        if not self._leave_singular(HERE, first=True):
+        if not self._leave_singular(_SINGULAR.here, first=True):
             self._contacts.start(state.closed)
             self._go_on()
 
@@ -158,7 +152,7 @@ class EventLoop:
         if not self._singular.is_within(distance):
             return False
         if self._system.gaps:
-            if not self._singular.is_within(HERE):
+            if not self._singular.is_within(_SINGULAR.here):
                 return False
             raise self._singular.undecided()
         self._go_on()
@@ -245,7 +239,7 @@ class EventLoop:
                 self._rebase()
                 limit, tau = self._base.local(until), 0.0
             if step.guard is not None and step.origin is not None:
-                self._leave_singular(BESIDE)
+                self._leave_singular(_SINGULAR.beside)
         ta.time = tau
 
     def _follow(self, tau: float, limit: float, last: int) -> tuple[float, float | None]:
@@ -255,7 +249,7 @@ class EventLoop:
         any.
         """
         gaps, output, ta, step = self._gaps, self._output, self._ta, self._step
-        if self._since >= _ROW:
+        if self._since >= _STEPS.row:
             self._turn(tau)
         longest = self._max_step
         if not self._quick or self._coming or gaps.horizon < longest:
@@ -269,15 +263,15 @@ class EventLoop:
         watch, near, stride = self._guard_values, self._nearness, self._singular.stride
         stabilisation, quickest = self._stabilisation, self._quickest
         count, stop = len(lengths), min(limit, self._next_base)
-        row = min(count + _ROW - self._since, last, len(slots) - 1)
+        row = min(count + _STEPS.row - self._since, last, len(slots) - 1)
         for slot in slots[count:row]:
             h = step(longest, True)[1]
             end = tau + h
             if pars[fired] or not end <= stop:
                 break
-            if lone and watch[0] < _BARELY:
+            if lone and watch[0] < _NEAR_ROOT:
                 break
-            if near[1] + AHEAD * max(h, stride) * near[2] < 0.0:
+            if near[1] + _SINGULAR.ahead * max(h, stride) * near[2] < 0.0:
                 break
             slot[:] = coefficients
             enter_tau(tau)
@@ -300,17 +294,17 @@ class EventLoop:
         taken = (pars[self._stabilisation], reach, singular.stride)
         guard = self._system.fired(pars) if pars[self._system.parameters.fired] else None
         if self._system.lone:
-            if watch[0] < _BARELY:
+            if watch[0] < _NEAR_ROOT:
                 if watch[0] < 0.0 and not gaps.flying:
                     # it let go within the error of the last step's end
                     self._back_to(tau)
                     h, guard = 0.0, 0
                 else:
                     h, guard = self._look_again(tau, h, guard)
-        elif self._system.compliant or (watch and min(watch) < _BARELY):
+        elif self._system.compliant or (watch and min(watch) < _NEAR_ROOT):
             h, guard = self._look_again(tau, h, guard)
         crossing = None
-        if near[1] + AHEAD * max(h, singular.stride) * near[2] < 0.0:
+        if near[1] + _SINGULAR.ahead * max(h, singular.stride) * near[2] < 0.0:
             h, guard, crossing = singular.approach(tau, h, guard)
         if not h > 0.0 and guard is None:
             raise self._breakdown(tau)
@@ -330,7 +324,7 @@ class EventLoop:
             return False
         self._cut(change)
         self._switch_law(self._coming.popleft())
-        self._leave_singular(BESIDE)
+        self._leave_singular(_SINGULAR.beside)
         return True
 
     def _enter(self, step: _PendingStep) -> float:
@@ -379,13 +373,13 @@ class EventLoop:
         A step that ends shortly before a fault is on the same series, of less range: it is looked
         at again, for what that may hide.
         """
-        while h > _SHORTEST * self._max_step:
+        while h > _STEPS.shortest * self._max_step:
             sound, fault = check.reach(self._base.high, tau, h)
             if fault is None:
                 break
             self._system.fired(self._pars)
             self._back_to(tau)
-            h = self._step(h * (sound or _SHORTER * fault), True)[1]
+            h = self._step(h * (sound or _STEPS.shorter * fault), True)[1]
         return h
 
     def _look_again(self, tau: float, h: float, guard: int | None) -> tuple[float, int | None]:
@@ -396,9 +390,9 @@ class EventLoop:
         within its own error of an impact lies just behind it.
         """
         missed = self._missed(guard)
-        while missed is not None and h > _SHORTEST * self._max_step:
+        while missed is not None and h > _STEPS.shortest * self._max_step:
             self._back_to(tau)
-            h = self._step(_SHORTER * h, True)[1]
+            h = self._step(_STEPS.shorter * h, True)[1]
             guard = self._system.fired(self._pars)
             missed = self._missed(guard)
         return h, guard if missed is None or guard is not None else missed
@@ -425,7 +419,7 @@ class EventLoop:
         place = np.array([[q[c]] for c in self._system.coordinates])
         size = self._system.mechanism.size
         for e in self._system.elements:
-            if isinstance(e, Directed) and e.directed and e.length(place)[0] < _MEET * size:
+            if isinstance(e, Directed) and e.directed and e.length(place)[0] < _STEPS.meet * size:
                 return RunError(
                     f'the ends of {e.name} meet at t = {self._base.high + tau:.9g} s, where its '
                     'force has no direction; one without free_length and damping may pass there'
@@ -470,7 +464,7 @@ class EventLoop:
         t = self._base.at(tau)
         self._simultaneous = self._simultaneous + 1 if t == self._last_event else 0
         self._last_event = t
-        if self._simultaneous > _MAX_SIMULTANEOUS:
+        if self._simultaneous > _STEPS.simultaneous:
             raise RunError(f'{StopReason.NO_PROGRESS.value} (t = {t:.12g} s)')
 
     # --- laws and bases -----------------------------------------------------------------------
@@ -609,7 +603,7 @@ class EventLoop:
         self._next_base = s.next_base
         self._last_event, self._simultaneous = s.last_event, s.simultaneous
         self.events = s.events
-        self._leave_singular(BESIDE)
+        self._leave_singular(_SINGULAR.beside)
         self._go_on()
         self._directions[:] = array('d', s.directions)
         self._since = s.since

@@ -23,6 +23,10 @@ from mechanism_sim.planar.inverse_dynamics import Account, Observation
 from mechanism_sim.planar.joint_friction import with_friction
 from mechanism_sim.planar.reactions import energies, generalized_forces
 from mechanism_sim.planar.switched_functions import SwitchedFunction
+from mechanism_sim.tolerances import TOLERANCES
+
+_CONTACTS = TOLERANCES.contacts
+_JOINT_FRICTION = TOLERANCES.joint_friction
 
 
 class Instants(NamedTuple):
@@ -55,16 +59,6 @@ _OBSERVED = (
     'drive_torque', 'reaction', 'moment', 'energy',
 )  # fmt: skip
 
-_RUBBED = 1e-9
-"""Of a bound: farther from its law no friction is let go."""
-
-_SWEEPS, _SETTLED = 1000, 1e-14  # of the iteration for switches that hold together
-_DEPENDENT = 1e-9  # determinant of what two of them do, the largest of each row 1
-
-
-_CENTRAL = 1e-6
-"""Of the clearance: a pin so near to the centre is in it, but for rounding."""
-
 
 def _together(
     free: Array, jump: Array, held: NDArray[np.bool_]
@@ -82,9 +76,9 @@ def _together(
     several = held.sum(axis=0) > 1
     both = held[:, None] & held[None]
     A = np.where(both, jump.transpose(1, 0, 2), np.eye(len(held))[..., None]).transpose(2, 0, 1)
-    size = np.maximum(np.abs(A).max(axis=2, keepdims=True), 1e-300)
+    size = np.maximum(np.abs(A).max(axis=2, keepdims=True), TOLERANCES.rounding.least)
     A, b = A / size, -np.where(held, free, 0.0).T[..., None] / size
-    several &= np.abs(np.linalg.det(A)) > _DEPENDENT
+    several &= np.abs(np.linalg.det(A)) > _JOINT_FRICTION.dependent
     found = np.zeros(held.shape)
     found[:, several] = np.linalg.solve(A[several], b[several])[..., 0].T
     inside = (found >= 0.0) & (found <= 1.0)
@@ -219,7 +213,7 @@ class Observer:
             now[flag] -= own
         parts, jump = np.zeros(held.shape), np.array(slopes)
         exact, alone = _together(free, jump, held)
-        for _ in range(0 if alone.all() else _SWEEPS):
+        for _ in range(0 if alone.all() else _JOINT_FRICTION.sweeps):
             change = np.zeros(())
             for k, own in enumerate(held):
                 acts = own & (jump[k, k] < 0.0)
@@ -228,7 +222,7 @@ class Observer:
                 part = np.where(acts, np.clip(parts[k] - left / slope, 0.0, 1.0), 0.0)
                 change = np.maximum(change, np.abs(part - parts[k])[~alone].max())
                 parts[k] = part
-            if change < _SETTLED:
+            if change < _JOINT_FRICTION.settled:
                 break
         parts = np.where(alone, exact, parts)
         now[flags] = np.where(held, parts, now[flags])
@@ -252,7 +246,7 @@ class Observer:
         (
             a, gap, _, N, T, friction, drive_torque, reaction, moment, energy, *residual,
         ) = self._observe(inputs, self._with_parts(inputs, at.rows))  # fmt: skip
-        if residual and np.abs(residual[0]).max(initial=0.0) > _RUBBED:
+        if residual and np.abs(residual[0]).max(initial=0.0) > _JOINT_FRICTION.residual:
             raise RunError(
                 'friction in ideal joints does not follow from their forces: it nearly jams; '
                 'a smaller coefficient or radius runs'
@@ -389,7 +383,8 @@ class Observer:
         there the normal Q/c turns with Q'/c, and the measure of the gap is c/2.
         """
         rates, stretch, value, nx, ny = self._gap_rates(np.concatenate([q, v]))
-        central = ~(stretch >= _CENTRAL)  # by rounding it may be the root of less than zero
+        # by rounding it may be the root of less than zero
+        central = ~(stretch >= _CONTACTS.central)
         opening: Array = np.where(
             central, -2.0 * value * np.hypot(nx, ny), rates / np.where(central, 1.0, stretch)
         )

@@ -12,6 +12,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.clock import Base, horner
 from mechanism_sim.hybrid.dense_output import floats
 from mechanism_sim.hybrid.system import System
+from mechanism_sim.tolerances import TOLERANCES
 
 
 class PresentState:
@@ -92,7 +93,7 @@ class PresentState:
             again = floats(self.evaluate(system.functions.projection))
             self.state[f:] = again[f : 2 * f]
 
-    def singular_joints(self, distance: float = 1e-6) -> list[str]:
+    def singular_joints(self, distance: float = TOLERANCES.singular.named) -> list[str]:
         """The joints whose closures depend on those before them, to the root of a distance."""
         frames = self.system.equations.frames
         joints = [r.name for r in self.system.relations for _ in r.values(frames)]

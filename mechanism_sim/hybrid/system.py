@@ -16,7 +16,7 @@ import heyoka as hy
 from mechanism_sim.arrays import Array
 from mechanism_sim.contact.problem import Layout
 from mechanism_sim.hybrid.dynamics import Dynamics
-from mechanism_sim.hybrid.guards import TINY, WATCH_SCALE, guard_functions, guards_of
+from mechanism_sim.hybrid.guards import guard_functions, guards_of
 from mechanism_sim.hybrid.present_functions import PresentFunctions
 from mechanism_sim.hybrid.run_expressions import RunExpressions
 from mechanism_sim.numerics import compiled
@@ -28,6 +28,9 @@ from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import by_level
+from mechanism_sim.tolerances import TOLERANCES
+
+_GUARDS = TOLERANCES.guards
 
 
 class System:
@@ -173,15 +176,17 @@ class System:
         motion = [(frames.q[c], frames.v[c]) for c in self.free]
         motion += [(frames.v[c], a_c) for c, a_c in zip(self.free, a, strict=True)]
         # too small to matter: their Taylor series tell what they watch for nothing
-        watch = [(hy.make_vars(f'watch{k}'), WATCH_SCALE * g) for k, g in enumerate(guards)]
-        watch += [(hy.make_vars('singularity'), WATCH_SCALE * x) for x in near]
+        watch = [
+            (hy.make_vars(f'watch{k}'), _GUARDS.watch_scale * g) for k, g in enumerate(guards)
+        ]
+        watch += [(hy.make_vars('singularity'), _GUARDS.watch_scale * x) for x in near]
         directions: list[tuple[hy.expression, hy.expression]] = []
         for (cosine, sine), rate in zip(self._direction_symbols, rates, strict=True):
             directions += [(cosine, -(rate * sine)), (sine, rate * cosine)]
         # the constant's rate, which is nothing, names the last parameter: heyoka wants no others
         equations = [
             *motion,
-            (constant, TINY * hy.par[self.parameters.fired]),
+            (constant, _GUARDS.tiny * hy.par[self.parameters.fired]),
             *watch,
             *directions,
         ]

@@ -18,20 +18,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.tolerances import TOLERANCES
+
+_COMPLEMENTARITY = TOLERANCES.complementarity
+_ROUNDING = TOLERANCES.rounding
 
 Indices = NDArray[np.int64]
 
-_PIVOT = 1e-11  # least pivot, the entries being about 1
-_TIE = 1e-13  # ratios that differ by less are equal
-_EXACT = 1e-9  # of the terms of a row: more is not left over
-_ROUNDING = 1e-12  # of the largest rate: less is zero
-_CONE = 1e-10  # of the rates: friction beyond its cone may change them so much
-_NOTHING = 1e-14  # of the largest impulse
-_DEPENDENT = 1e-10  # least pivot of a row that does not depend on others
-_REGULAR = 1e-12  # least determinant over the product of the diagonal
-_COVERS = 3  # vectors that are tried
 _GOLDEN = 0.6180339887498949
-_WEAKEST = 1e-3, 1e-5  # least reciprocal of a coefficient of friction while pivoting
 
 OPEN, STICK, FORWARD, BACKWARD = range(4)
 
@@ -78,7 +72,7 @@ def lemke(M: Array, q: Array, cover: Array, start: int) -> tuple[Indices, bool]:
         place[i], place[n + i] = i - n, i
     nonbasic[n], place[2 * n] = 2 * n, n
     if start >= 0:
-        if abs(T[start, start]) < _TIE:
+        if abs(T[start, start]) < _COMPLEMENTARITY.tie:
             return basic, False
         exchange(T, start, start)
         basic[start], nonbasic[start] = n + start, start
@@ -127,13 +121,13 @@ def _leaving(T: Array, column: int, basic: Indices, place: Indices, first: Indic
     n = len(T)
     found = -1
     for i in range(n):
-        if T[i, column] <= _PIVOT:
+        if T[i, column] <= _COMPLEMENTARITY.pivot:
             continue
         if found < 0:
             found = i
             continue
         ratio, least = T[i, n + 1] / T[i, column], T[found, n + 1] / T[found, column]
-        if abs(ratio - least) > _TIE:
+        if abs(ratio - least) > _COMPLEMENTARITY.tie:
             if ratio < least:
                 found = i
         elif basic[i] == 2 * n or (
@@ -154,7 +148,7 @@ def _before(T: Array, column: int, place: Indices, first: Indices, i: int, k: in
         else:
             one = 1.0 / T[i, column] if at + n == i else 0.0
             other = 1.0 / T[k, column] if at + n == k else 0.0
-        if abs(one - other) > _TIE:
+        if abs(one - other) > _COMPLEMENTARITY.tie:
             return bool(one < other)
     return False
 
@@ -196,7 +190,7 @@ def solve(A: Array, b: Array) -> tuple[Array, bool]:
         for i in range(k + 1, n):
             if abs(T[i, k]) > abs(T[best, k]):
                 best = i
-        if not abs(T[best, k]) > 1e-13 * size:
+        if not abs(T[best, k]) > _ROUNDING.value * size:
             return x, False
         for j in range(k, n + 1):
             T[k, j], T[best, j] = T[best, j], T[k, j]
@@ -239,7 +233,7 @@ def solve_semidefinite(A: Array, B: Array) -> Array:
         order[step], order[best] = order[best], order[step]
         at = order[step]
         first = max(first, T[at, at])
-        if not T[at, at] > _DEPENDENT * first:
+        if not T[at, at] > _COMPLEMENTARITY.dependent * first:
             break
         rank += 1
         for k in range(step + 1, n):
@@ -288,10 +282,10 @@ def solve_contacts(
         if friction[i] > 0.0 and slip[i] == 0 and A[m + i, m + i] > 0.0:
             free[i] = n
             n += 3
-            bounded = bounded or 1.0 / friction[i] < _WEAKEST[0]
-    for weakest in _WEAKEST:
+            bounded = bounded or 1.0 / friction[i] < _COMPLEMENTARITY.weakest[0]
+    for weakest in _COMPLEMENTARITY.weakest:
         M, q = _problem(A, b, friction, slip, least, free, n, weakest)
-        for k in range(_COVERS):
+        for k in range(_COMPLEMENTARITY.covers):
             cover = np.empty(n)
             for i in range(n):
                 cover[i] = 1.0 + k * ((i + 1) * k * _GOLDEN % 1.0)
@@ -329,13 +323,13 @@ def _one(A: Array, b: Array, mu: float, slip: int) -> tuple[Array, Indices, bool
         return x, grip, True
     product = A[0, 0] * A[1, 1]
     det = product - A[0, 1] * A[1, 0]
-    if det > _REGULAR * product:
+    if det > _COMPLEMENTARITY.regular * product:
         x[0] = (A[0, 1] * b[1] - A[1, 1] * b[0]) / det
         x[1] = (A[1, 0] * b[0] - A[0, 0] * b[1]) / det
     else:  # if the normal impulse that stops it alone stops the slip too
         x[0] = -b[0] / A[0, 0]
         off = A[1, 0] * x[0] + b[1]
-        x[1] = 0.0 if abs(off) <= _REGULAR * abs(b[1]) else math.inf
+        x[1] = 0.0 if abs(off) <= _COMPLEMENTARITY.regular * abs(b[1]) else math.inf
     if x[0] > 0.0 and abs(x[1]) <= mu * x[0]:
         grip[0] = STICK
         return x, grip, True
@@ -493,9 +487,9 @@ def _holds(
     """True if x obeys the laws of all contacts to rounding; then it does so exactly."""
     m = len(friction)
     most = largest(x)
-    slack = _EXACT * most
+    slack = _COMPLEMENTARITY.exact * most
     w, size = rates(A, x, b), np.empty(2 * m)
-    rounding = _ROUNDING / _EXACT * largest(b)
+    rounding = _ROUNDING.solved / _COMPLEMENTARITY.exact * largest(b)
     for r in range(2 * m):
         size[r] = abs(b[r]) + rounding
         for c in range(2 * m):
@@ -503,11 +497,11 @@ def _holds(
     of_all = largest(size)
     for i in range(m):
         mu, p, q = friction[i], x[i], x[m + i]
-        if p < least[i] - slack or w[i] < -_EXACT * size[i]:
+        if p < least[i] - slack or w[i] < -_COMPLEMENTARITY.exact * size[i]:
             return False
-        if pressed[i] and abs(w[i]) > _EXACT * of_all:
+        if pressed[i] and abs(w[i]) > _COMPLEMENTARITY.exact * of_all:
             return False
-        p = max(p, least[i]) if p > _NOTHING * most else least[i]
+        p = max(p, least[i]) if p > _COMPLEMENTARITY.impulse * most else least[i]
         if mu == math.inf:
             hold = math.inf if pressed[i] or p > 0.0 else abs(least[m + i])
             if direction[i] != 0 and direction[i] * q > slack:
@@ -517,18 +511,18 @@ def _holds(
         wt = w[m + i]
         if grips[i] == STICK:
             # rows of much friction were small while pivoting: what they left out moves no rate
-            if abs(q) > hold + max(slack, _CONE * largest(b) / A[m + i, m + i]):
+            if abs(q) > hold + max(slack, _COMPLEMENTARITY.cone * largest(b) / A[m + i, m + i]):
                 return False
-            if (p > 0.0 or q != 0.0) and abs(wt) > _EXACT * of_all:
+            if (p > 0.0 or q != 0.0) and abs(wt) > _COMPLEMENTARITY.exact * of_all:
                 return False
             q = max(-hold, min(q, hold))
         elif direction[i] != 0:
-            if slip[i] == 0 and direction[i] * wt < -_EXACT * size[m + i]:
+            if slip[i] == 0 and direction[i] * wt < -_COMPLEMENTARITY.exact * size[m + i]:
                 return False
             q = q if mu == math.inf else -direction[i] * hold
         else:  # without friction, or it changes nothing
             grips[i] = STICK
-            if abs(wt) > _EXACT * size[m + i]:
+            if abs(wt) > _COMPLEMENTARITY.exact * size[m + i]:
                 grips[i] = FORWARD if wt > 0.0 else BACKWARD
                 if 0.0 < mu < math.inf:
                     q = -hold if wt > 0.0 else hold
