@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.complementarity import (
+    FrictionalProblem,
     Grip,
     Indices,
     largest,
@@ -94,6 +95,18 @@ class _Leg(NamedTuple):
     length: float
 
 
+class Coupling(NamedTuple):
+    """Rates of one contact per unit impulse [1/kg]: of normal n and tangent t, by n and by t.
+
+    tn differs from nt only where friction in ideal joints takes part.
+    """
+
+    nn: float
+    nt: float
+    tn: float
+    tt: float
+
+
 def single_impact(
     Ann: float, Ant: float, Att: float, vn: float, vt: float, law: ImpactLaw
 ) -> ContactImpulse:
@@ -131,7 +144,7 @@ def single_impact(
         If no finite impulse ends the approach: A is singular and the contact is wedged.
     """
     p, q, slip = impulses_of_one(
-        Ann, Ant, Ant, Att, vn, vt, law.restitution, law.friction, law.hypothesis.code
+        Coupling(Ann, Ant, Ant, Att), vn, vt, law.restitution, law.friction, law.hypothesis.code
     )
     if math.isnan(p):
         raise ArithmeticError(_WEDGED)
@@ -140,24 +153,20 @@ def single_impact(
 
 @kernel
 def impulses_of_one(
-    Ann: float, Ant: float, Atn: float, Att: float,
-    vn: float, vt: float, e: float, mu: float, hypothesis: int,
-) -> tuple[float, float, int]:  # fmt: skip
-    """Normal and tangential impulse, and slip, of `single_impact`; the first is NaN if wedged.
-
-    vt gains ``Atn p``, which differs from ``Ant p`` where friction in ideal joints takes part.
-    """
+    A: Coupling, vn: float, vt: float, e: float, mu: float, hypothesis: int
+) -> tuple[float, float, int]:
+    """Normal and tangential impulse, and slip, of `single_impact`; the first is NaN if wedged."""
     if vn >= 0.0:
         return 0.0, 0.0, _sign(vt)
     rebound = -e * vn
     if mu == 0.0:
-        p = (1.0 + e) * -vn / Ann
-        return p, 0.0, _sign(vt + Atn * p)
-    slide = _slide(Ann, Ant, Atn, Att, vt, mu)
+        p = (1.0 + e) * -vn / A.nn
+        return p, 0.0, _sign(vt + A.tn * p)
+    slide = _slide(A, vt, mu)
     if slide.rise > 0.0 and vn + slide.rise * slide.length >= rebound:
         x = (1.0 + e) * -vn / slide.rise
         return slide.normal * x, slide.tangential * x, slide.slip
-    last = _last(Ann, Ant, Atn, Att, mu, slide)
+    last = _last(A, mu, slide)
     if last.rise <= 0.0:
         return math.nan, 0.0, 0
     turn = vn + slide.rise * slide.length  # normal rate where slip stops
@@ -200,10 +209,11 @@ def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Conta
     ArithmeticError
         If no finite impulse ends the approach: A is singular and the contact is wedged.
     """
-    slide = _slide(Ann, Ant, Ant, Att, vt, friction)
+    A = Coupling(Ann, Ant, Ant, Att)
+    slide = _slide(A, vt, friction)
     if slide.slip == 0 or slide.rise >= 0.0:
         return ContactImpulse(0.0, 0.0, slide.slip)
-    last = _last(Ann, Ant, Ant, Att, friction, slide)
+    last = _last(A, friction, slide)
     if last.rise <= 0.0:
         raise ArithmeticError(_WEDGED)
     more = -slide.rise * slide.length / last.rise
@@ -377,23 +387,23 @@ def stop_slide(
 
 
 @kernel
-def _slide(Ann: float, Ant: float, Atn: float, Att: float, vt: float, mu: float) -> _Leg:
+def _slide(A: Coupling, vt: float, mu: float) -> _Leg:
     """The first leg: slip as it was, until vt = 0; a rough contact needs no p for that."""
     slip = _sign(vt)
     p = 0.0 if mu == math.inf else 1.0
     q = -float(slip) if mu == math.inf else -mu * slip
-    slowing = -slip * (Atn * p + Att * q)
+    slowing = -slip * (A.tn * p + A.tt * q)
     length = abs(vt) / slowing if slowing > 0.0 else math.inf
-    return _Leg(p, q, Ann * p + Ant * q, slip, length if slip else 0.0)
+    return _Leg(p, q, A.nn * p + A.nt * q, slip, length if slip else 0.0)
 
 
 @kernel
-def _last(Ann: float, Ant: float, Atn: float, Att: float, mu: float, slide: _Leg) -> _Leg:
-    """The second leg, without end: stick, or slip on with the sign of Atn; no rise: wedged."""
-    sticks = Atn == 0.0 or abs(Atn) <= mu * Att
-    slip = 0 if sticks else _sign(Atn)
-    q = -mu * slip if slip else -Atn / Att if Atn else 0.0
-    rise = Ann + Ant * q if slide.length < math.inf else 0.0
+def _last(A: Coupling, mu: float, slide: _Leg) -> _Leg:
+    """The second leg, without end: stick, or slip on with the sign of A.tn; no rise: wedged."""
+    sticks = A.tn == 0.0 or abs(A.tn) <= mu * A.tt
+    slip = 0 if sticks else _sign(A.tn)
+    q = -mu * slip if slip else -A.tn / A.tt if A.tn else 0.0
+    rise = A.nn + A.nt * q if slide.length < math.inf else 0.0
     return _Leg(1.0, q, rise, slip, math.inf)
 
 
@@ -474,9 +484,9 @@ def simultaneous_impulses(
     if newton:
         for i in range(m):
             b[i] *= 1.0 + e[i]
-        x, _, found = solve_contacts(A, b, friction, slip, least)
+        x, _, found = solve_contacts(FrictionalProblem(A, b, friction, slip, least))
         return x, found
-    x, _, found = solve_contacts(A, b, friction, slip, least)
+    x, _, found = solve_contacts(FrictionalProblem(A, b, friction, slip, least))
     if not found:
         return x, False
     b = rates(A, x, rate)
@@ -491,7 +501,7 @@ def simultaneous_impulses(
             b[i] += e[i] * min(rate[i], 0.0)
         else:
             least[i], least[m + i] = e[i] * x[i], e[i] * x[m + i]
-    more, _, found = solve_contacts(A, b, friction, slip, least)
+    more, _, found = solve_contacts(FrictionalProblem(A, b, friction, slip, least))
     for r in range(2 * m):
         x[r] += more[r]
     return x, found

@@ -51,24 +51,15 @@ def rubs_of(
 
 
 @kernel
-def friction_impulses(
-    rate: Array,
-    compliance: Array,
-    forces: Array,
-    coefficients: Array,
-    ends: Indices,
-    owner: Indices,
-    walls: Indices,
-    x: Array,
-    start: Array,
-) -> Array:
+def friction_impulses(rubs: Rubs, x: Array, start: Array) -> Array:
     """Impulses (k,) of friction beside impulses (r,) of contacts, by projected Gauss-Seidel.
 
     Each ends its slip, or is as large as its bound and against the slip that is left.
     """
-    k, r, size, before, step = len(rate), len(x), 0.0, math.inf, 1.0
+    compliance, forces, owner = rubs.compliance, rubs.forces, rubs.owner
+    k, r, size, before, step = len(rubs.rate), len(x), 0.0, math.inf, 1.0
     every = np.concatenate((x, start))
-    free = rate.copy()
+    free = rubs.rate.copy()
     for j in range(k):
         for i in range(r):
             free[j] += compliance[i, j] * x[i]
@@ -79,14 +70,14 @@ def friction_impulses(
             for t in range(len(owner)):
                 if owner[t] == j:
                     square, force = 0.0, 0.0
-                    for c in range(first, ends[t]):
+                    for c in range(first, rubs.ends[t]):
                         force = 0.0
                         for i in range(r + k):
                             force += forces[c, i] * every[i]
                         square += force * force
-                    if walls[t] * force >= 0.0:
-                        bound += coefficients[t] * math.sqrt(square)
-                first = ends[t]
+                    if rubs.walls[t] * force >= 0.0:
+                        bound += rubs.coefficients[t] * math.sqrt(square)
+                first = rubs.ends[t]
             slip = free[j]
             for i in range(k):
                 slip += compliance[r + j, i] * every[r + i]
@@ -119,10 +110,7 @@ def with_friction(c: ContactProblem, rubs: Rubs, x: Array, start: Array) -> Arra
     -------
     They (k,) themselves.
     """
-    found: Array = friction_impulses(
-        rubs.rate, rubs.compliance, rubs.forces, rubs.coefficients, rubs.ends, rubs.owner,
-        rubs.walls, x, start,
-    )  # fmt: skip
+    found: Array = friction_impulses(rubs, x, start)
     share = np.outer(found, x / (x @ x))
     rows = len(x)
     c.response[:] += share.T @ rubs.response

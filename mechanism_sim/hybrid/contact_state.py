@@ -17,8 +17,8 @@ from mechanism_sim.contact.problem import (
     SLIDES_BACKWARD,
     SLIDES_FORWARD,
     STICKS,
+    ContactArrays,
     ContactProblem,
-    Layout,
     Limits,
     Mask,
     problem_of,
@@ -38,16 +38,6 @@ _GUARDS = TOLERANCES.guards
 
 SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 """Modes of a closed contact with friction by the sign of its slip."""
-
-
-class Arrays(NamedTuple):
-    """Of what `problem_of` makes the contact problem."""
-
-    terms: Array  #: as ``System.contact_function`` writes them
-    layout: Layout
-    laws: Array  #: (2, m) coefficients of restitution and of friction
-    closed: Mask  #: (m,)
-    hypothesis: Indices  #: (m,)
 
 
 class Marks(NamedTuple):
@@ -90,14 +80,14 @@ class ContactState:
         self.impacts = ImpactLog(self.names)
         self.mode_changes: list[ModeChange] = []
         self.horizon = float('inf')
-        self.arrays = Arrays(
+        self.arrays = ContactArrays(
             np.zeros(system.contact_layout.size),
             system.contact_layout,
             np.array([[g.restitution for g in gaps], [g.friction for g in gaps]], dtype=float),
             np.zeros(m, dtype=np.bool_),
             np.array([Hypothesis(gap.hypothesis).code for gap in gaps], dtype=np.int64),
         )
-        self.problem = problem_of(*self.arrays)
+        self.problem = problem_of(self.arrays)
         self.mode_array = np.zeros(m, dtype=np.int64)
         self.marks = Marks(*np.zeros((4, m), dtype=np.bool_))
         self._flag_index = _flag_index(system)

@@ -297,9 +297,15 @@ class Contacts:
         rubbed = add_joint_friction(state, self.switching, gap) if rubs else 0.0
         first, marks = log.count, state.marks
         done = impact_now(
-            *state.arrays, state.limits, gap, present.time, present.drive_rates, present.v,
-            log.rows, log.count, marks.touching, marks.resting,
-        )  # fmt: skip
+            state.arrays,
+            state.limits,
+            gap,
+            present.instant(),
+            log.rows,
+            log.count,
+            marks.touching,
+            marks.resting,
+        )
         if not done.found:
             raise ArithmeticError('no impulses satisfy all contacts of this instant')
         log.count = done.entered

@@ -108,7 +108,6 @@ def _apply(state: ContactState, gaps: Sequence[int], impulses: Sequence[ContactI
         if p or q:
             push(terms, i, p, q, present.v)
             pair, row = [k, n + k], log.rows[log.count]
-            drives, time = present.drive_rates, present.time
-            enter(terms, i, p, q, rates[pair], after[pair], True, time, drives, row)
+            enter(terms, i, (p, q), rates[pair], after[pair], True, present.instant(), row)
             log.count += 1
     return after

@@ -9,6 +9,7 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.contact.problem import Instant
 from mechanism_sim.hybrid.clock import Base, horner
 from mechanism_sim.hybrid.dense_output import floats
 from mechanism_sim.hybrid.system import System
@@ -58,6 +59,10 @@ class PresentState:
         """Rates of the drives that hold their law (p,) [rad/s]."""
         tau = self.integrator.time
         return np.array([rate_of(law, tau) for law in self.base.laws])
+
+    def instant(self) -> Instant:
+        """The present instant for an impact, which changes the integrator's own rates."""
+        return Instant(self.time, self.drive_rates, self.v)
 
     @property
     def where(self) -> str:

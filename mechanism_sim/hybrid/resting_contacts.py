@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mechanism_sim.contact.problem import Mask, release, rest_now
+from mechanism_sim.contact.problem import Mask, Resting, release, rest_now
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.contact_state import ContactState, chosen
 from mechanism_sim.hybrid.frictional_shocks import shock_contacts
@@ -51,11 +51,9 @@ def rest(
         set_trial_modes(state, switching, state.mode_array)
     else:
         found = rest_now(
-            *state.arrays,
+            state.arrays,
             state.limits,
-            resting,
-            touching,
-            slips,
+            Resting(resting, touching, slips),
             present.drive_rates,
             log.rows[log.count - booked : log.count],
             state.mode_array,

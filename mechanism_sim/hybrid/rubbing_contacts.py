@@ -21,6 +21,7 @@ from mechanism_sim.contact.problem import (
     STICKS,
     TANGENTIAL,
     Mask,
+    Resting,
     impact_now,
     rest_now,
 )
@@ -50,10 +51,17 @@ def add_joint_friction(state: ContactState, switching: Switching, gap: int) -> f
     rows, T, lost = np.empty((m, len(state.impacts.rows[0]))), np.zeros(len(sizes)), 0.0
     before = np.zeros(layout.rows)
     for _ in range(_IMPACTS.joint_rounds):
+        now = present.instant()
         done = impact_now(
-            *state.arrays, state.limits, gap, present.time, present.drive_rates,
-            present.v.copy(), rows, 0, state.marks.touching, state.marks.resting,
-        )  # fmt: skip
+            state.arrays,
+            state.limits,
+            gap,
+            now._replace(v=now.v.copy()),
+            rows,
+            0,
+            state.marks.touching,
+            state.marks.resting,
+        )
         x = np.zeros(layout.rows)
         for row in rows[: done.entered]:
             x[int(row[GAP])] = row[NORMAL]
@@ -77,14 +85,12 @@ def iterate_friction_modes(
     """Let friction in ideal joints be that of the modes that come of it, if there are any."""
     modes, closed = state.mode_array.copy(), state.problem.closed.copy()
     begins, drawn = np.zeros((2, len(modes)), dtype=np.bool_)
-    terms, layout, laws, _, hypothesis = state.arrays
+    arrays, contacts = state.arrays._replace(closed=closed), Resting(resting, touching, slips)
+    drives, unlogged = state.present.drive_rates, state.impacts.rows[:0]
     seen: set[bytes] = set()
     while modes.tobytes() not in seen:
         seen.add(modes.tobytes())
-        rest = rest_now(
-            terms, layout, laws, closed, hypothesis, state.limits, resting, touching, slips,
-            state.present.drive_rates, state.impacts.rows[:0], modes, begins, drawn,
-        )  # fmt: skip
+        rest = rest_now(arrays, state.limits, contacts, drives, unlogged, modes, begins, drawn)
         if not (rest.solved and rest.changed):
             return True
         set_trial_modes(state, switching, modes)
