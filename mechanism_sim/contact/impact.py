@@ -95,7 +95,7 @@ class _Leg(NamedTuple):
     length: float
 
 
-class Coupling(NamedTuple):
+class ContactCompliance(NamedTuple):
     """Rates of one contact per unit impulse [1/kg]: of normal n and tangent t, by n and by t.
 
     tn differs from nt only where friction in ideal joints takes part.
@@ -144,7 +144,12 @@ def single_impact(
         If no finite impulse ends the approach: A is singular and the contact is wedged.
     """
     p, q, slip = impulses_of_one(
-        Coupling(Ann, Ant, Ant, Att), vn, vt, law.restitution, law.friction, law.hypothesis.code
+        ContactCompliance(Ann, Ant, Ant, Att),
+        vn,
+        vt,
+        law.restitution,
+        law.friction,
+        law.hypothesis.code,
     )
     if math.isnan(p):
         raise ArithmeticError(_WEDGED)
@@ -153,7 +158,7 @@ def single_impact(
 
 @kernel
 def impulses_of_one(
-    A: Coupling, vn: float, vt: float, e: float, mu: float, hypothesis: int
+    A: ContactCompliance, vn: float, vt: float, e: float, mu: float, hypothesis: int
 ) -> tuple[float, float, int]:
     """Normal and tangential impulse, and slip, of `single_impact`; the first is NaN if wedged."""
     if vn >= 0.0:
@@ -209,7 +214,7 @@ def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Conta
     ArithmeticError
         If no finite impulse ends the approach: A is singular and the contact is wedged.
     """
-    A = Coupling(Ann, Ant, Ant, Att)
+    A = ContactCompliance(Ann, Ant, Ant, Att)
     slide = _slide(A, vt, friction)
     if slide.slip == 0 or slide.rise >= 0.0:
         return ContactImpulse(0.0, 0.0, slide.slip)
@@ -387,7 +392,7 @@ def stop_slide(
 
 
 @kernel
-def _slide(A: Coupling, vt: float, mu: float) -> _Leg:
+def _slide(A: ContactCompliance, vt: float, mu: float) -> _Leg:
     """The first leg: slip as it was, until vt = 0; a rough contact needs no p for that."""
     slip = _sign(vt)
     p = 0.0 if mu == math.inf else 1.0
@@ -398,7 +403,7 @@ def _slide(A: Coupling, vt: float, mu: float) -> _Leg:
 
 
 @kernel
-def _last(A: Coupling, mu: float, slide: _Leg) -> _Leg:
+def _last(A: ContactCompliance, mu: float, slide: _Leg) -> _Leg:
     """The second leg, without end: stick, or slip on with the sign of A.tn; no rise: wedged."""
     sticks = A.tn == 0.0 or abs(A.tn) <= mu * A.tt
     slip = 0 if sticks else _sign(A.tn)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.contact.chatter import ends, remaining_time
-from mechanism_sim.contact.impact import Coupling, impulses_of_one, simultaneous_impulses
+from mechanism_sim.contact.impact import ContactCompliance, impulses_of_one, simultaneous_impulses
 from mechanism_sim.numerics.complementarity import (
     BACKWARD,
     FORWARD,
@@ -199,7 +199,7 @@ def impulses(
         Ant, Atn = A[0, 1], A[1, 0]
         if abs(Atn - Ant) <= _IMPACTS.symmetric * math.sqrt(A[0, 0] * A[1, 1]):
             Atn = Ant
-        own = Coupling(A[0, 0], Ant, Atn, A[1, 1])
+        own = ContactCompliance(A[0, 0], Ant, Atn, A[1, 1])
         x[0], x[1], _ = impulses_of_one(own, rate[0], rate[1], e[0], mu[0], hypothesis[0])
         found = not math.isnan(x[0])
     else:

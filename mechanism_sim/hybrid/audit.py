@@ -24,6 +24,7 @@ from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.quadrature import (
     SECOND,
     SMOOTH,
+    Assumptions,
     Parts,
     integrate,
     parts_of,
@@ -300,17 +301,18 @@ def work_in(
     flags, known = recovers(motion, parts.segment), np.zeros(3) if largest is None else largest
     takes, steep = physics.takes_power, physics.steep
     count = 3 if takes and not steep else 2
-    own = integrate(
-        powers, parts, flags, known[:count], in_order,
-        alike=True, foretold=not steep, corners=physics.corners,
-    )  # fmt: skip
+    kind = Assumptions(in_order, alike=True, foretold=not steep, corners=physics.corners)
+    own = integrate(powers, parts, flags, known[:count], assumed=kind)
     value, error, largest = own.value, own.error, own.largest
     if takes and steep:
         load = integrate(
             lambda k, dt: physics.load_power(motion, k, dt)[None],
-            parts, flags, known[2:], in_order,
-            smooth=SECOND, beside=own.running.max(axis=0, initial=0.0),
-        )  # fmt: skip
+            parts,
+            flags,
+            known[2:],
+            own.running.max(axis=0, initial=0.0),
+            Assumptions(in_order, smooth=SECOND),
+        )
         value, error = np.append(value, load.value, axis=0), np.append(error, load.error, axis=0)
         largest = np.append(largest, load.largest)
     gross = np.abs(value).sum(axis=0)

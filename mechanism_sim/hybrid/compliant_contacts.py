@@ -17,7 +17,7 @@ from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_coefficients, chebyshev_nodes
-from mechanism_sim.numerics.quadrature import integrate, parts_of
+from mechanism_sim.numerics.quadrature import Assumptions, integrate, parts_of
 from mechanism_sim.tolerances import TOLERANCES
 
 _COUNT = 16  # nodes in a segment, whose terms fall by a factor of ten and more
@@ -140,8 +140,10 @@ class Touches:
             parts, powers = some(parts_of(motion.curve), segments[recovers]), recovers >= 0
             lost[recovers] = integrate(
                 lambda k, dt: self._physics.touch(motion, k, dt).loss[[gap]],
-                parts, powers, in_order=False,
-            ).value[0]  # fmt: skip
+                parts,
+                powers,
+                assumed=Assumptions(in_order=False),
+            ).value[0]
         return np.array([p, q, lost, _peaks(series[0])])
 
 

@@ -15,7 +15,7 @@ from numpy.polynomial import polynomial
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.system import System
-from mechanism_sim.numerics.enclosure import FEW, Course, Reach, reach_of
+from mechanism_sim.numerics.enclosure import FEW, MotionSeries, Reach, reach_of
 from mechanism_sim.numerics.polynomials import chebyshev_nodes, shift_powers
 from mechanism_sim.planar.steep_loads import ResolvedLoads, SteepLoads
 from mechanism_sim.tolerances import TOLERANCES
@@ -86,7 +86,7 @@ class StepCheck:
         fixed = _NOTHING
         if len(self._turns) or len(steep.symbols):
             fixed = np.concatenate([pars[self._turns], steep.switched(pars[self._symbols])])
-        course = Course(self._moving(grown, time + tau, tau, h), h, fixed, pars)
+        course = MotionSeries(self._moving(grown, time + tau, tau, h), h, fixed, pars)
         self._near[:] = _STEPS.guard * h
 
         looked: list[Array] = []

@@ -356,15 +356,15 @@ def _doubts(
     return [hy.sum(near), hy.sum(far)]
 
 
-class Parts(NamedTuple):
-    """What K functions are in N parts of a motion, or at N places."""
+class Enclosed(NamedTuple):
+    """Enclosures of K functions in N parts of a motion, or at N places."""
 
     middle: Array  #: (K, N)
     radius: Array  #: (K, N)
     weight: Array  #: (K, N) largest change of any load, in its own scale, by a unit of each
 
 
-class Course(NamedTuple):
+class MotionSeries(NamedTuple):
     """How the variables of formulas run through a piece of motion, whose length is 1."""
 
     series: Array  #: (v, n) coefficients of rising powers, of what moves
@@ -420,7 +420,7 @@ class Enclosure:
                 _doubts(program, balls, felt, chosen, length), [*inputs, length]
             )
 
-    def doubts(self, course: Course, scales: Array) -> int:
+    def doubts(self, course: MotionSeries, scales: Array) -> int:
         """How little a series of a piece of motion knows of the functions.
 
         `NONE` where they bend so little that they are as known as the motion itself, `LITTLE`
@@ -435,7 +435,9 @@ class Enclosure:
         near, far = self._doubts(given, pars=parameters[: self._doubts.nparams]).tolist()
         return MUCH if far else LITTLE if near else NONE
 
-    def __call__(self, course: Course, scales: Array, middle: Array, radius: Array) -> Parts:
+    def __call__(
+        self, course: MotionSeries, scales: Array, middle: Array, radius: Array
+    ) -> Enclosed:
         """Enclosures where what moves is at middles and not farther from there than radii (v, N).
 
         Parameters
@@ -447,10 +449,10 @@ class Enclosure:
         fixed = np.concatenate([course.fixed, scales])[:, None]
         given = np.concatenate([middle, radius, np.repeat(fixed, count, axis=1)])
         found = self._function(given, pars=np.repeat(known, count, axis=1))
-        return Parts(*found.reshape(3, self.count, count))
+        return Enclosed(*found.reshape(3, self.count, count))
 
 
-class Ranges:
+class FunctionRanges:
     """Enclosures of expressions themselves: by their balls, and by their slopes about middles.
 
     Parameters
@@ -481,7 +483,7 @@ class Ranges:
         self._count = len(expressions)
 
     def __call__(
-        self, course: Course, begin: Array, width: float
+        self, course: MotionSeries, begin: Array, width: float
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Values in the middles of parts; the least in them; whether there is none inside.
 
@@ -513,7 +515,7 @@ class Ranges:
             return values, least, np.abs(slope) > spread
 
 
-def falls(ranges: Ranges, course: Course) -> list[float]:
+def falls(ranges: FunctionRanges, course: MotionSeries) -> list[float]:
     """Places from 0 to 1 where an expression is below zero, though it is not at both ends.
 
     At least one in the first stretch where that is so, if there is any that is not a point.
@@ -601,13 +603,13 @@ WHOLE = Reach(1.0, None)
 
 def reach_of(
     enclosure: Enclosure,
-    course: Course,
+    course: MotionSeries,
     scales: Array,
     defect: Callable[[Array], Array],
 ) -> Reach:
     """How far the samples of a piece of motion tell all of its formulas and show no fault.
 
-    Parts in which a function may go beyond its samples are halved, and sampled again. Behind the
+    Enclosed in which a function may go beyond its samples are halved, and sampled again. Behind the
     first fault nothing is looked at any more.
 
     Parameters
@@ -670,7 +672,7 @@ def reach_of(
     return Reach(float(every[every < fault].max(initial=0.0)), float(fault))
 
 
-def _off(own: Array, parts: Parts, span: Array) -> Array:
+def _off(own: Array, parts: Enclosed, span: Array) -> Array:
     """How far functions (K, N) in parts are off what samples tell of them.
 
     It is how far they may go beyond all samples, or bend between them; or how much they change at
@@ -689,7 +691,7 @@ def _off(own: Array, parts: Parts, span: Array) -> Array:
 
 
 def _halved(begin: Array, width: float, own: Array) -> tuple[Array, Array]:
-    """Parts of half the width in the order of places, and values (K, 2, N) at their ends.
+    """Enclosed of half the width in the order of places, and values (K, 2, N) at their ends.
 
     Parameters
     ----------
@@ -702,12 +704,12 @@ def _halved(begin: Array, width: float, own: Array) -> tuple[Array, Array]:
 
 def _enclosed(
     enclosure: Enclosure,
-    course: Course,
+    course: MotionSeries,
     scales: Array,
     shift: Array,
     width: float,
     places: Array,
-) -> tuple[Parts, Array]:
+) -> tuple[Enclosed, Array]:
     """Enclosures in parts, and values (K, N) at places."""
     middle, radius = _on_parts(course.series, shift, 0.5 * width)
     at = course.series @ places ** np.arange(len(shift))[:, None]
@@ -720,4 +722,4 @@ def _enclosed(
     )
     values = parts.middle[:, count:]
     values[~np.isfinite(values)] = np.nan
-    return Parts(*(x[:, :count] for x in parts)), values
+    return Enclosed(*(x[:, :count] for x in parts)), values

@@ -107,7 +107,7 @@ def _tokens(text: str) -> list[_Token]:
     return [_Token(kind, m[kind], m.start(kind), m.end()) for kind, m in found]
 
 
-class _Reader:
+class _ExpressionReader:
     """Reads a text from left to right, by the strength of its signs (Pratt's method).
 
     Parameters
@@ -296,7 +296,7 @@ class _Reader:
 
 def tree_of(text: str) -> Node:
     """The tree of what heyoka prints: without limits, and of any functions."""
-    return _Reader(text, FUNCTIONS, {}).tree()
+    return _ExpressionReader(text, FUNCTIONS, {}).tree()
 
 
 def parse(
@@ -316,7 +316,9 @@ def parse(
         raise InputError(f'{said}: it is longer than {LONGEST} characters')
     try:
         bare = re.sub('#.*', '', text)  # without remarks
-        tree = _Reader(bare, FUNCTIONS if functions is None else functions, figures or {}).tree()
+        tree = _ExpressionReader(
+            bare, FUNCTIONS if functions is None else functions, figures or {}
+        ).tree()
     except RecursionError:
         raise InputError(f'{said}: it is nested too deep') from None
     level, depth = [tree], 0

@@ -128,7 +128,7 @@ class ExtremeSearch:
 
     @property
     def _limit(self) -> Array:
-        """What a height (2 C,) must exceed to matter."""
+        """Heights (2 C,) that must be exceeded to matter."""
         return np.asarray(self._top + np.tile(self.rounding, 2))
 
     def _finite_values(self, x: Array) -> Array:
@@ -176,7 +176,7 @@ class ExtremeSearch:
                 self._look_through(functions, a[now], b[now])
 
     def _glanced(self, values: Array) -> Array:
-        """What heights (2 C, K) do not exceed in intervals, by values (C, 5 K) at nodes in each.
+        """Upper bounds of heights (2 C, K) in intervals, by values (C, 5 K) at nodes in each.
 
         It is minus infinity where another of these intervals is seen to reach higher.
         """
@@ -280,14 +280,14 @@ class ExtremeSearch:
 
 
 def _bounds(dense: Array, above: Array, highest: Array) -> Array:
-    """What heights (2 C, K) do not exceed, by interpolants (C, K, n) and their errors (C, K)."""
+    """Upper bounds of heights (2 C, K), by interpolants (C, K, n) and their errors (C, K)."""
     high, low = dense.max(axis=2), dense.min(axis=2)
     above = above + _BETWEEN * (high - low)
     return np.asarray(np.minimum(np.concatenate([high + above, above - low]), highest[:, None]))
 
 
 def _error(c: Array, values: Array) -> Array:
-    """What interpolants (C, K, n) may be off: by their last terms, and their misfit at the ends.
+    """Errors of interpolants (C, K, n), estimated by their last terms, and their misfit at the ends.
 
     Where there is a corner, terms fall as ``1 / n^2``: those left out add up to n times one of the
     last. At an end another value may hold than beside it; the one that fits better counts.

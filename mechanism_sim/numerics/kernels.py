@@ -59,7 +59,7 @@ class Kernel:
 
     @cached_property
     def compiled(self) -> Any:
-        """What numba makes of it."""
+        """Its machine code, by numba."""
         f = self.function
         known = dict(f.__globals__)
         for name in f.__code__.co_names:
@@ -110,7 +110,7 @@ def _sealed(made: Any) -> Any:
 
 
 def _opened(path: str) -> bytes:
-    """What a file holds behind the digest of it."""
+    """Content of a file, behind its digest."""
     sealed = Path(path).read_bytes()
     size = hashlib.sha256().digest_size
     if hashlib.sha256(sealed[size:]).digest() != sealed[:size]:

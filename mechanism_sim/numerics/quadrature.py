@@ -71,7 +71,7 @@ class Parts(NamedTuple):
 
 
 def parts_of(curve: PiecewisePolynomial, since: float = -np.inf, until: float = np.inf) -> Parts:
-    """What each segment holds of the time from `since` to `until` [s].
+    """Part of each segment in the time from `since` to `until` [s].
 
     Times count from the starts of segments: after a long run a step may be no longer than what
     the time itself rounds away.
@@ -155,10 +155,29 @@ SMOOTH = _smooth(8)
 """For functions with a series about every point of an interval, its ends included."""
 
 SECOND = _smooth(9)
-"""The same with none of its nodes: what one of the two misses the other one may see."""
+"""A rule with none of its nodes: what one of the two misses the other one may see."""
 
 POWERS = _powers()
 """For functions that behave as any power of the distance from an end."""
+
+
+class Assumptions(NamedTuple):
+    """Knowledge of functions and intervals that saves evaluations, or asks for more of them."""
+
+    #: the intervals follow each other, so that what was before tells what is rounding
+    in_order: bool = True
+    #: the functions are of one kind, so that the largest of them tells it for all
+    alike: bool = False
+    #: functions vary as fast as the steps of the motion say, and nothing else: then coefficients
+    #: go on to fall as they do
+    foretold: bool = False
+    #: functions may have small corners within intervals, as the size of a force that presses
+    #: either way has: then other nodes must agree
+    corners: bool = False
+    smooth: Rule = SMOOTH  #: or `SECOND`
+
+
+ASSUMED = Assumptions()
 
 
 def integrate(
@@ -166,12 +185,8 @@ def integrate(
     parts: Parts,
     powers: NDArray[np.bool_] | None = None,
     largest: Array | None = None,
-    in_order: bool = True,
-    alike: bool = False,
-    smooth: Rule = SMOOTH,
-    foretold: bool = False,
     beside: Array | None = None,
-    corners: bool = False,
+    assumed: Assumptions = ASSUMED,
 ) -> Integrals:
     """Integrals of functions over intervals.
 
@@ -180,15 +195,7 @@ def integrate(
     values : the functions; they may differ by rounding at `Nodes` of segments that are whole
     powers : (m,) where functions may behave as powers at the ends
     largest : (C,) `Integrals.largest` of the intervals before these
-    in_order : whether the intervals follow each other, so that what was before tells what is
-        rounding
-    alike : whether the functions are of one kind, so that the largest of them tells it for all
-    smooth : `SMOOTH` or `SECOND`
-    foretold : whether functions vary as fast as the steps of the motion say, and nothing else:
-        then coefficients go on to fall as they do
     beside : (m,) mean magnitudes so far of functions that these are compared with
-    corners : whether functions may have small corners within intervals, as the size of a force
-        that presses either way has: then other nodes must agree
 
     Examples
     --------
@@ -196,6 +203,7 @@ def integrate(
 
         found = integrate(values, parts_of(curve), largest=found.largest)
     """
+    in_order, alike, foretold, corners, smooth = assumed
     powers = np.zeros(len(parts.segment), bool) if powers is None else np.asarray(powers)
     if not len(powers):
         largest = np.zeros(0) if largest is None else largest
@@ -300,7 +308,7 @@ class _Applied(NamedTuple):
     middle: Array
 
     def sharper(self, foretold: bool = False) -> _Applied:
-        """The same with errors that are smaller where coefficients fall geometrically.
+        """With errors that are smaller where coefficients fall geometrically.
 
         Then their logarithms fall as straight or steeper lines, and those that are left out are
         less than those of a power of the degree by at least ``(E_6 / E_2)^1.4``; half of that is

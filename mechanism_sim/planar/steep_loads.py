@@ -10,7 +10,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.enclosure import Course, Enclosure, Reach
+from mechanism_sim.numerics.enclosure import Enclosure, MotionSeries, Reach
 from mechanism_sim.numerics.polynomials import chebyshev_coefficients
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
@@ -117,7 +117,7 @@ class ResolvedLoads:
         return compiled.function(self._steep.loads, self._steep.variables)
 
     def longest(
-        self, course: Course, looked: Sequence[Array], reach: Reach, floor: Array
+        self, course: MotionSeries, looked: Sequence[Array], reach: Reach, floor: Array
     ) -> float:
         """The last of places from 0 to 1 whose interpolant is right at all of them before it.
 
@@ -153,7 +153,9 @@ class ResolvedLoads:
             end *= 0.5
         return SHORTEST
 
-    def _is_resolved(self, course: Course, places: Array, values: Array, floor: Array) -> bool:
+    def _is_resolved(
+        self, course: MotionSeries, places: Array, values: Array, floor: Array
+    ) -> bool:
         end = places[-1]
         known = self._values(course, end * self._nodes)
         between = _interpolant(len(self._nodes), (places / end).tobytes())
@@ -161,7 +163,7 @@ class ResolvedLoads:
         off = np.abs(known @ between - values).max(axis=1)
         return bool((off <= _RESOLVED * size + floor).all())
 
-    def _values(self, course: Course, places: Array) -> Array:
+    def _values(self, course: MotionSeries, places: Array) -> Array:
         """The loads (l, N) at places."""
         series, _, fixed, parameters = course
         count = len(places)

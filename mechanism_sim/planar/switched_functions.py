@@ -11,7 +11,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.compiled import Evaluation
-from mechanism_sim.numerics.enclosure import Ranges
+from mechanism_sim.numerics.enclosure import FunctionRanges
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.switches import REST, SWITCH_MARGIN, Switch, Table, by_level
@@ -128,7 +128,7 @@ class GuardRanges(NamedTuple):
     moving: list[tuple[int, int]]  #: derivatives and indices of coordinates
     timed: bool  #: whether it takes the time, too
     outside: tuple[str, ...]  #: names of turns
-    ranges: Ranges
+    ranges: FunctionRanges
 
 
 class Edges:
@@ -199,7 +199,7 @@ class Edges:
         timed = str(frames.outside.get('time')) in named
         turns = {n: x for n, x in frames.outside.items() if n != 'time' and str(x) in named}
         moves = [x for *_, x in moving] + ([frames.outside['time']] if timed else [])
-        ranges = Ranges(guards, moves, [*turns.values(), *self._switches.symbols])
+        ranges = FunctionRanges(guards, moves, [*turns.values(), *self._switches.symbols])
         return GuardRanges([(d, i) for d, i, _ in moving], timed, tuple(turns), ranges)
 
     def check(self, q: Array) -> None:

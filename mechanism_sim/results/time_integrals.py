@@ -9,7 +9,7 @@ import numpy as np
 
 from mechanism_sim.hybrid.audit import recovers
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.numerics.quadrature import Parts, Values, integrate
+from mechanism_sim.numerics.quadrature import Assumptions, Parts, Values, integrate
 from mechanism_sim.tolerances import TOLERANCES
 
 _AUDIT = TOLERANCES.audit
@@ -54,9 +54,8 @@ class TimeIntegrals:
         """
         if not len(parts.segment) or not len(self._largest):
             return
-        found = integrate(
-            values, parts, recovers(motion, parts.segment), self._largest, corners=self._corners
-        )
+        flags, kind = recovers(motion, parts.segment), Assumptions(corners=self._corners)
+        found = integrate(values, parts, flags, self._largest, assumed=kind)
         self._largest = found.largest
         self._sums += [x.sum(axis=1) for x in (found.value, found.error, found.size)]
         self.time += float((parts.end - parts.begin).sum())
