@@ -609,7 +609,7 @@ def reach_of(
 ) -> Reach:
     """How far the samples of a piece of motion tell all of its formulas and show no fault.
 
-    Enclosed in which a function may go beyond its samples are halved, and sampled again. Behind the
+    Parts in which a function may go beyond its samples are halved, and sampled again. Behind the
     first fault nothing is looked at any more.
 
     Parameters
@@ -691,7 +691,7 @@ def _off(own: Array, parts: Enclosed, span: Array) -> Array:
 
 
 def _halved(begin: Array, width: float, own: Array) -> tuple[Array, Array]:
-    """Enclosed of half the width in the order of places, and values (K, 2, N) at their ends.
+    """Parts of half the width in the order of places, and values (K, 2, N) at their ends.
 
     Parameters
     ----------

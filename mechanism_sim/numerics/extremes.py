@@ -287,7 +287,7 @@ def _bounds(dense: Array, above: Array, highest: Array) -> Array:
 
 
 def _error(c: Array, values: Array) -> Array:
-    """Errors of interpolants (C, K, n), estimated by their last terms, and their misfit at the ends.
+    """Errors of interpolants (C, K, n), by their last terms and their misfit at the ends.
 
     Where there is a corner, terms fall as ``1 / n^2``: those left out add up to n times one of the
     last. At an end another value may hold than beside it; the one that fits better counts.

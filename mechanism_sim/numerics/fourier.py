@@ -39,7 +39,7 @@ _EXPAND = (2 * _DEGREES + 1) / 2.0 * _WEIGHTS[:, None] * _POLYNOMIALS
 _BLOCK = 4096  # intervals, or harmonics times intervals, at once
 
 
-class FourierSeries(NamedTuple):
+class PeriodicSpectrum(NamedTuple):
     """C periodic functions, ``mean + sum_k Re(amplitudes[:, k - 1] e^(i k w t))`` and a rest."""
 
     mean: Array  #: (C,)
@@ -47,8 +47,8 @@ class FourierSeries(NamedTuple):
     error: Array  #: (C,) what the mean and each amplitude may be off
     rest: Array  #: (C,) root mean square of all higher harmonics together
 
-    def without(self, rounding: float) -> FourierSeries:
-        """Series with zeros for what is not larger than rounding."""
+    def without(self, rounding: float) -> PeriodicSpectrum:
+        """Spectrum with zeros for what is not larger than rounding."""
         return self._replace(
             mean=np.where(np.abs(self.mean) > rounding, self.mean, 0.0),
             amplitudes=np.where(np.abs(self.amplitudes) > rounding, self.amplitudes, 0.0),
@@ -67,7 +67,7 @@ class _Expansion(NamedTuple):
 
 def spectrum(
     functions: Functions, edges: Array, count: int, floor: Array | None = None
-) -> FourierSeries:
+) -> PeriodicSpectrum:
     """The mean and the first `count` harmonics of functions over a period.
 
     Parameters
@@ -94,7 +94,7 @@ def spectrum(
     largest = np.abs(x.coefficients).sum(axis=2).max(axis=1, initial=0.0)
     error = 2.0 / period * _QUADRATURE.safety * (x.off @ x.width) + _ROUNDING.series * largest
     rest = _rest(x, mean, amplitudes, w)
-    return FourierSeries(mean, amplitudes, error, rest)
+    return PeriodicSpectrum(mean, amplitudes, error, rest)
 
 
 def _expanded(functions: Functions, edges: Array, floor: Array | None) -> _Expansion:

@@ -33,7 +33,7 @@ _PIECES = 512  # whose coefficients are computed at once
 
 
 class ModalResponse(NamedTuple):
-    """What the modes of a system give on N pieces, without what passes directly.
+    """Response of the modes of a system on N pieces, without what passes directly.
 
     ``y(t) = sum_j forced_j (t / h)^j + Re sum_k free_k e^(p_k t)`` from the start of a piece on.
     """

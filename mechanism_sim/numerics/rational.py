@@ -82,7 +82,7 @@ class Rational:
 
 
 def separated(poles: ComplexArray) -> ComplexArray:
-    """Poles (k,), of which those that nearly coincide moved apart.
+    """Poles (k,), those that nearly coincide moved apart.
 
     With m poles in a circle of radius r about c goes ``prod(s - p) - r^m`` in place of
     ``prod(s - p)``, whose roots are about r apart. That changes the transfer function by about
