@@ -211,8 +211,8 @@ def _flag_index(system: System) -> NDArray[np.int64]:
     """Parameters (4, m) of every gap: closed, sticks, slips, presses; -1 where it has none."""
     found = np.full((4, len(system.gaps)), -1)
     found[0] = system.parameters.closed
-    found[1, system.dynamics.frictional] = system.parameters.sticks
-    found[2, system.dynamics.frictional] = system.parameters.slips
+    found[1, system.dynamics.contacts.frictional] = system.parameters.sticks
+    found[2, system.dynamics.contacts.frictional] = system.parameters.slips
     found[3, : len(system.parameters.presses)] = system.parameters.presses
     return found
 

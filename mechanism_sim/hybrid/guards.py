@@ -43,7 +43,7 @@ class Guard(NamedTuple):
 def guards_of(dynamics: Dynamics, index: RuntimeParameters) -> list[Guard]:
     """Guards of gaps, their friction, sides, pins and jams of ideal joints, switches."""
     guards = [Guard(i, 0) for i in range(len(dynamics.gaps))]
-    guards += [Guard(i, sign) for i in dynamics.frictional for sign in (1, -1)]
+    guards += [Guard(i, sign) for i in dynamics.contacts.frictional for sign in (1, -1)]
     guards += [Guard(-1, 0, side=k) for k in range(len(index.sides))]
     guards += [Guard(-1, 0, pin=k) for k in range(len(index.towards) // 2)]
     guards += [Guard(-1, 0)] if dynamics.rubs else []
@@ -75,25 +75,29 @@ def guard_functions(run: RunExpressions, guards: Sequence[Guard]) -> list[hy.exp
 
 def _of_gap(d: Dynamics, gap: int) -> hy.expression:
     """Positive while an open gap is open, and while a closed one presses."""
-    s, value = d.closed[gap], dense(d.normal[gap].value)
-    force = d.held(gap) if d.compliant else _GUARDS.force_scale * dense(d.stabilised.N[gap])
+    s, value = d.flags.closed[gap], dense(d.contacts.normal[gap].value)
+    force = (
+        d.held(gap) if d.contacts.compliant else _GUARDS.force_scale * dense(d.stabilised.N[gap])
+    )
     return value + s * (force - value) + _GUARDS.tiny
 
 
 def _of_friction(d: Dynamics, guard: Guard) -> hy.expression:
     """Positive within the cone of friction while sticking; while sliding until it ends or jams."""
     gap, solved = guard.gap, d.stabilised
-    z, mu, sign = d.sticks[gap], d.mu[gap], d.slips[gap]
-    push = mul(solved.N[gap], d.compressed(gap)[2]) if d.compliant else solved.N[gap]
+    z, mu, sign = d.flags.sticks[gap], d.contacts.mu[gap], d.flags.slips[gap]
+    push = mul(solved.N[gap], d.compressed(gap)[2]) if d.contacts.compliant else solved.N[gap]
     cone = (_GUARDS.hold * mu) * dense(push) - guard.friction * solved.T[gap]
     idle = 1.0 - z - sign * sign
     if guard.friction > 0:
-        idle = idle + sign * (_GUARDS.slip_scale * dense(d.tangent[gap].rate))
-    elif d.compliant:  # its normal force is known: nothing jams
+        idle = idle + sign * (_GUARDS.slip_scale * dense(d.contacts.tangent[gap].rate))
+    elif d.contacts.compliant:  # its normal force is known: nothing jams
         idle = idle + sign * sign
     else:
         margin = dense(d.jam_margin)
-        least = _GUARDS.jammed_rough if d.friction[gap] == _IMPACTS.rough else _GUARDS.jammed
+        least = (
+            _GUARDS.jammed_rough if d.contacts.friction[gap] == _IMPACTS.rough else _GUARDS.jammed
+        )
         idle = idle + sign * sign * (_GUARDS.jam_scale * (margin * margin - least * least))
     return z * (_GUARDS.force_scale * cone) + idle + _GUARDS.tiny
 

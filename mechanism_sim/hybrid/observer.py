@@ -108,7 +108,9 @@ class Observer:
             add(supplied[self.system.coordinates.index(c)], neg(d.on_prescribed(k, solved)))
             for k, c in enumerate(self.system.prescribed)
         ]
-        friction = [neg(mul(solved.T[i], d.tangent[i].rate)) for i in d.frictional]
+        friction = [
+            neg(mul(solved.T[i], d.contacts.tangent[i].rate)) for i in d.contacts.frictional
+        ]
         taken = add(*(element.power_lost(eq.frames) for element in self.system.elements))
         friction += [*(rub.power_lost for rub in d.rubs), eq.strain_loss]
         kinetic, potential = energies(eq)
@@ -117,26 +119,30 @@ class Observer:
         )
         forces_N = list(solved.N)
         losses: list[Term] = []
-        for i, law in enumerate(d.laws):
+        for i, law in enumerate(d.contacts.laws):
             if law is not None:
                 depth, rate, stretch = d.compressed(i)
                 push = mul(solved.N[i], stretch)
-                lost = push - d.closed[i] * law.normal_force(depth, hy.expression(0.0), 1.0)
+                lost = push - d.flags.closed[i] * law.normal_force(depth, hy.expression(0.0), 1.0)
                 friction.append(lost * rate)
-                potential = add(potential, d.closed[i] * law.elastic_energy(depth))
+                potential = add(potential, d.flags.closed[i] * law.elastic_energy(depth))
                 forces_N[i] = push
-                slides = mul(solved.T[i], d.tangent[i].rate) if i in d.tangent else None
+                slides = (
+                    mul(solved.T[i], d.contacts.tangent[i].rate)
+                    if i in d.contacts.tangent
+                    else None
+                )
                 losses.append(add(lost * rate, neg(slides)))
         terms: dict[str, list[Term]] = {
             'acceleration': [a[c] for c in self.system.coordinates],
-            'gap': [jet.value for jet in d.normal],
-            'closure': [jet.value for jet in d.relation],
+            'gap': [jet.value for jet in d.contacts.normal],
+            'closure': [jet.value for jet in d.equations.relation_jets],
             'normal_force': forces_N,
             'friction_force': list(solved.T),
             'friction_power': [add(*friction, taken)],
             'joint_loss': [add(*friction)],
             'load_power': [taken],
-            'drive_torque': [*torques, *d.drive_torques],
+            'drive_torque': [*torques, *d.drives.torques],
             'reaction': [x for w in reactions.values() for x in (w.x, w.y)],
             'moment': [w.moment for w in reactions.values()],
             'energy': [kinetic, potential],
@@ -144,7 +150,7 @@ class Observer:
             'contact_loss': losses,
             'gap_rate': [
                 dense(jet.rate) / gap.stretch(jet.value)
-                for gap, jet in zip(self.system.gaps, d.normal, strict=True)
+                for gap, jet in zip(self.system.gaps, d.contacts.normal, strict=True)
             ],
             'normal_angle': self.system.run.normal_angles,
         }
@@ -161,13 +167,19 @@ class Observer:
         """These terms as a function of what `_inputs` makes."""
         eq, d = self.system.equations, self.system.dynamics
         replace: dict[str | hy.expression, hy.expression] = {}
-        flags = (*d.closed, *d.sticks.values(), *d.slips.values(), *d.approach, *d.presses)
+        flags = (
+            *d.flags.closed,
+            *d.flags.sticks.values(),
+            *d.flags.slips.values(),
+            *d.flags.approach,
+            *d.flags.presses,
+        )
         for k, flag in enumerate(flags):
             replace[flag] = hy.make_vars(f'flag{k}')
         variables = list(replace.values())
         sides = symbols(self.system.parameters.sides)
         for k in range(len(self.system.powered)):
-            constant, *others = d.torques[3 * k : 3 * k + 3]
+            constant, *others = d.drives.coefficients[3 * k : 3 * k + 3]
             replace[constant] = hy.make_vars(f'torque{k}')
             variables.append(replace[constant])
             replace |= dict.fromkeys(others, hy.expression(0.0))
@@ -326,8 +338,8 @@ class Observer:
         d, count = self.system.dynamics, q.shape[1]
         torque = np.zeros((len(self.system.powered), count)) if torque is None else torque
         flags: list[NDArray[Any]] = [modes > Mode.FREE_FLIGHT]
-        if d.frictional:
-            frictional = modes[d.frictional]
+        if d.contacts.frictional:
+            frictional = modes[d.contacts.frictional]
             forward = frictional == Mode.SLIDING_FORWARD
             backward = frictional == Mode.SLIDING_BACKWARD
             flags += [frictional == Mode.STICKING, forward * 1.0 - backward]
@@ -347,7 +359,7 @@ class Observer:
     @cached_property
     def _gap_values(self) -> SwitchedFunction:
         frames = self.system.equations.frames
-        values = [jet.value for jet in self.system.dynamics.normal]
+        values = [jet.value for jet in self.system.dynamics.contacts.normal]
         return SwitchedFunction(frames, [values], self._positions)
 
     @property
@@ -367,7 +379,7 @@ class Observer:
 
     @cached_property
     def _gap_rates(self) -> SwitchedFunction:
-        frames, normal = self.system.equations.frames, self.system.dynamics.normal
+        frames, normal = self.system.equations.frames, self.system.dynamics.contacts.normal
         groups = [
             [jet.rate for jet in normal],
             [g.stretch(jet.value) for g, jet in zip(self.system.gaps, normal, strict=True)],

@@ -40,7 +40,7 @@ class Switching:
         #: parameter that says whether a gap rubs, and the coefficient with which it does
         self._engaged = {
             i: (system.parameters.switches[flags[flag]][0], gaps[i].friction)
-            for i, flag in system.dynamics.engaged.items()
+            for i, flag in system.dynamics.contacts.engaged.items()
         }
         self._turns: dict[int, tuple[float, int]] = {}  # when they last did, how often in a row
         self._turned: dict[int, tuple[float, int]] = {}  # at which place they last did, which row

@@ -15,16 +15,14 @@ import heyoka as hy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.contact.problem import Layout
-from mechanism_sim.hybrid.dynamics import Dynamics
+from mechanism_sim.hybrid.dynamics import AppliedForces, Dynamics
 from mechanism_sim.hybrid.guards import guard_functions, guards_of
 from mechanism_sim.hybrid.present_functions import PresentFunctions
 from mechanism_sim.hybrid.run_expressions import RunExpressions
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.symbolic import Term, dense
-from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.motor import Motor
-from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
+from mechanism_sim.planar.protocols import Gap, Relation
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import by_level
@@ -44,10 +42,8 @@ class System:
     degree : degree of these laws as polynomials in time
     relations : closures of loops
     powered : names of the coordinates on which a drive's torque acts
-    elements : forces between links that need no gap
-    motors : of powered coordinates, beside the drive's torque
-    frictions : of ideal joints
-    lent : [kg] to closures, see `Dynamics`
+    applied : forces that need no gap
+    lent : [kg] to closures, see `hybrid.reduction`
 
     Attributes
     ----------
@@ -66,9 +62,7 @@ class System:
         degree: int,
         relations: Sequence[Relation] = (),
         powered: Sequence[str] = (),
-        elements: Sequence[ForceElement] = (),
-        motors: Sequence[Motor] = (),
-        frictions: Sequence[JointFriction] = (),
+        applied: AppliedForces = AppliedForces(),  # noqa: B008 - a tuple does not change
         lent: float = 0.0,
     ) -> None:
         self.mechanism = mechanism
@@ -84,18 +78,9 @@ class System:
         self.driven_index = [self.coordinates.index(c) for c in (*prescribed, *powered)]
         self.degree = degree
         self.dynamics = Dynamics(
-            mechanism,
-            gaps,
-            prescribed,
-            degree,
-            relations,
-            powered,
-            elements,
-            motors,
-            frictions,
-            lent,
+            mechanism, gaps, prescribed, degree, relations, powered, applied, lent
         )
-        self.elements = tuple(elements)
+        self.elements = self.dynamics.elements
         self.equations = self.dynamics.equations
         self.run = RunExpressions(self.dynamics)
         self.set_valued, self.switches = self.run.set_valued, self.run.switches
@@ -113,7 +98,7 @@ class System:
     @cached_property
     def steep(self) -> SteepLoads | None:
         """Loads that no series foretells, if there are any."""
-        formulas, torques = self.equations.frames.formulas, self.dynamics.characteristics
+        formulas, torques = self.equations.frames.formulas, self.dynamics.drives.characteristics
         if not (formulas or torques):
             return None
         found = SteepLoads(self.mechanism, self.equations.frames, self.elements, torques)
@@ -133,12 +118,12 @@ class System:
     @property
     def compliant(self) -> bool:
         """True if contacts push back by a law of force instead of being kept closed."""
-        return self.dynamics.compliant
+        return self.dynamics.contacts.compliant
 
     @property
     def frictional(self) -> bool:
         """True if any gap has friction."""
-        return bool(self.dynamics.frictional)
+        return bool(self.dynamics.contacts.frictional)
 
     def integrator(
         self, rtol: float, scale: float = 1.0, compact: bool = False
@@ -232,6 +217,6 @@ class System:
     @cached_property
     def contact_layout(self) -> Layout:
         """Of the terms that ``functions.contact_function`` gives."""
-        m, rows = len(self.gaps), len(self.dynamics.rows)
+        m, rows = len(self.gaps), len(self.dynamics.contacts.rows)
         compliant = m if self.compliant else 0
         return Layout(m, rows, len(self.free), len(self.prescribed), compliant)
