@@ -103,16 +103,15 @@ class ContactState:
             present.pars[system.parameters.margin] = self.limits.bare
         self.approach = (1.0,) * len(system.parameters.approach)
         self._status = Status((), ())
-        self._holding, self._sides = [*system.set_valued.holding], system.parameters.sides
+        self._holding = [*system.set_valued.holding]
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
 
     @property
     def status(self) -> Status:
         """Contacts and switches that a step is taken with; the same object until it changes."""
         rows, pars = self.present.rows, self.present.pars
-        acting = tuple(
-            [rows[k] for k in self._holding] + [int(pars[i] > 0.0) for i in self._sides]
-        )
+        sides = self.present.system.parameters.sides
+        acting = tuple([rows[k] for k in self._holding] + [int(pars[i] > 0.0) for i in sides])
         now = Status(self.modes, self.approach, acting)
         if now != self._status:
             self._status = now

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.hybrid.gap_geometry import GapGeometry
+from mechanism_sim.hybrid.holding_parts import with_holding_parts
 from mechanism_sim.hybrid.runtime_parameters import symbols
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
@@ -25,7 +27,6 @@ from mechanism_sim.planar.reactions import energies, generalized_forces
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.tolerances import TOLERANCES
 
-_CONTACTS = TOLERANCES.contacts
 _JOINT_FRICTION = TOLERANCES.joint_friction
 
 
@@ -60,41 +61,21 @@ _OBSERVED = (
 )  # fmt: skip
 
 
-def _together(
-    free: Array, jump: Array, held: NDArray[np.bool_]
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Parts (h, N) of what holds that leave no rates, and where (N,) there are such of 0 to 1.
-
-    Iteration may go to and fro for ever: what holds one rate may turn another one.
-
-    Parameters
-    ----------
-    free : (h, N) rates of what is held, without any part
-    jump : (h, h, N) what all of the first makes of the rate of the second
-    held : (h, N) whether it holds
-    """
-    several = held.sum(axis=0) > 1
-    both = held[:, None] & held[None]
-    A = np.where(both, jump.transpose(1, 0, 2), np.eye(len(held))[..., None]).transpose(2, 0, 1)
-    size = np.maximum(np.abs(A).max(axis=2, keepdims=True), TOLERANCES.rounding.least)
-    A, b = A / size, -np.where(held, free, 0.0).T[..., None] / size
-    several &= np.abs(np.linalg.det(A)) > _JOINT_FRICTION.dependent
-    found = np.zeros(held.shape)
-    found[:, several] = np.linalg.solve(A[several], b[several])[..., 0].T
-    inside = (found >= 0.0) & (found <= 1.0)
-    return found, several & inside.all(axis=0)
-
-
 class Observer:
     """Functions of states of a system.
 
     Parameters
     ----------
     system : the equations
+
+    Attributes
+    ----------
+    gaps : their geometry
     """
 
     def __init__(self, system: System) -> None:
         self.system = system
+        self.gaps = GapGeometry(system)
 
     @cached_property
     def _terms(self) -> dict[str, list[Term]]:
@@ -205,42 +186,11 @@ class Observer:
         return self._compiled(['holding_rate'])
 
     def _with_parts(self, inputs: Array, rows: Array | None) -> Array | None:
-        """The values (r, N) of the switches, with its part for each that holds.
-
-        Several that hold at once have those that leave no rates of what they hold; where these do
-        not lie between 0 and 1, those of 0 to 1 that leave least, by projected Gauss-Seidel
-        iteration.
-        """
+        """The values (r, N) of the switches, with its part for each that holds."""
         flags, holds = self.system.set_valued.holding_rows
-        if rows is None or self._rubs or not flags or not (held := rows[holds] > 0.0).any():
+        if rows is None or self._rubs or not flags or not (rows[holds] > 0.0).any():
             return rows
-        columns = np.flatnonzero(held.any(axis=0))
-        held, now, inputs = held[:, columns], rows[:, columns], inputs[:, columns]
-        now[flags] = np.where(held, 0.0, now[flags])
-        (free,) = self._holding_rates(inputs, now)
-        slopes = []
-        for flag, own in zip(flags, held, strict=True):
-            now[flag] += own
-            slopes.append(self._holding_rates(inputs, now)[0] - free)
-            now[flag] -= own
-        parts, jump = np.zeros(held.shape), np.array(slopes)
-        exact, alone = _together(free, jump, held)
-        for _ in range(0 if alone.all() else _JOINT_FRICTION.sweeps):
-            change = np.zeros(())
-            for k, own in enumerate(held):
-                acts = own & (jump[k, k] < 0.0)
-                slope = np.where(acts, jump[k, k], -1.0)
-                left = free[k] + (jump[:, k] * parts).sum(axis=0)
-                part = np.where(acts, np.clip(parts[k] - left / slope, 0.0, 1.0), 0.0)
-                change = np.maximum(change, np.abs(part - parts[k])[~alone].max())
-                parts[k] = part
-            if change < _JOINT_FRICTION.settled:
-                break
-        parts = np.where(alone, exact, parts)
-        now[flags] = np.where(held, parts, now[flags])
-        found = rows.copy()
-        found[:, columns] = now
-        return found
+        return with_holding_parts(self._holding_rates, inputs, rows, flags, holds)
 
     @cached_property
     def _observe(self) -> SwitchedFunction:
@@ -267,7 +217,7 @@ class Observer:
             at.q,
             at.v,
             a,
-            self.distances(gap),
+            self.gaps.distances(gap),
             N,
             T,
             friction[0],
@@ -287,7 +237,7 @@ class Observer:
         )
         closed = np.where(at.modes > Mode.FREE_FLIGHT, gap, 0.0)
         ends = [closed.min(axis=1, initial=0.0), closed.max(axis=1, initial=0.0)]
-        farthest = self.distances(np.array(ends).T)  # in any measure the ends are the ends
+        farthest = self.gaps.distances(np.array(ends).T)  # in any measure the ends are the ends
         left = max(np.abs(x).max(initial=0.0) for x in (farthest, closure))
         power = (drive_torque * at.v[self.system.driven_index]).sum(axis=0)
         load = taken[0][0] if taken else None
@@ -350,58 +300,3 @@ class Observer:
         known = np.ones((len(self.system.parameters.sides), count)) if sides is None else sides
         rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque, known, given)
         return np.concatenate(rows)
-
-    def distances(self, values: Array) -> Array:
-        """The gaps (m, N) [m] that belong to values in their own measure."""
-        rows = [g.distance(row) for g, row in zip(self.system.gaps, values, strict=True)]
-        return np.array(rows).reshape(values.shape)
-
-    @cached_property
-    def _gap_values(self) -> SwitchedFunction:
-        frames = self.system.equations.frames
-        values = [jet.value for jet in self.system.dynamics.contacts.normal]
-        return SwitchedFunction(frames, [values], self._positions)
-
-    @property
-    def _positions(self) -> list[hy.expression]:
-        return list(self.system.equations.frames.q.values())
-
-    @cached_property
-    def _distance(self) -> SwitchedFunction:
-        return SwitchedFunction(
-            self.system.equations.frames, [[self.system.dynamics.distance]], self._positions
-        )
-
-    def distance(self, q: Array) -> Array:
-        """How far the closures are from depending on each other (N,) at coordinates q (n, N)."""
-        found: Array = self._distance(q)[0][0]
-        return found
-
-    @cached_property
-    def _gap_rates(self) -> SwitchedFunction:
-        frames, normal = self.system.equations.frames, self.system.dynamics.contacts.normal
-        groups = [
-            [jet.rate for jet in normal],
-            [g.stretch(jet.value) for g, jet in zip(self.system.gaps, normal, strict=True)],
-            [jet.value for jet in normal],
-            *([pair[k].rate for pair in self.system.run.normals] for k in (0, 1)),
-        ]
-        return SwitchedFunction(frames, groups, [*frames.q.values(), *frames.v.values()])
-
-    def gap_rates(self, q: Array, v: Array) -> Array:
-        """How fast the gaps open (m, N) [m/s] at coordinates and rates (n, N).
-
-        From the centre of its bushing a pin comes nearer in every direction, as fast as it moves:
-        there the normal Q/c turns with Q'/c, and the measure of the gap is c/2.
-        """
-        rates, stretch, value, nx, ny = self._gap_rates(np.concatenate([q, v]))
-        # by rounding it may be the root of less than zero
-        central = ~(stretch >= _CONTACTS.central)
-        opening: Array = np.where(
-            central, -2.0 * value * np.hypot(nx, ny), rates / np.where(central, 1.0, stretch)
-        )
-        return opening
-
-    def gap_values(self, q: Array, rows: Array | None = None) -> Array:
-        """The gaps (m, N) [m] in their own measure at coordinates q (n, N); `rows` as above."""
-        return self._gap_values(q, rows)[0] if self.system.gaps else np.zeros((0, q.shape[1]))

@@ -21,6 +21,7 @@ from mechanism_sim.hybrid.present_functions import PresentFunctions
 from mechanism_sim.hybrid.run_expressions import RunExpressions
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.symbolic import Term, dense
+from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Gap, Relation
 from mechanism_sim.planar.steep_loads import SteepLoads
@@ -51,7 +52,6 @@ class System:
     parameters : indices and values of the runtime parameters ``par[]``
     guards : of the integrator, in the order of its events
     functions : of the present state, compiled when first asked for
-    switch_levels : how many times rows must be set until each follows from those before it
     """
 
     def __init__(
@@ -74,21 +74,37 @@ class System:
         self.powered = tuple(powered)
         self.free = tuple(c for c in self.coordinates if c not in prescribed)
         self.angular = tuple(c not in mechanism.displacements for c in self.free)
-        self.prescribed_index = [self.coordinates.index(c) for c in self.prescribed]
-        self.driven_index = [self.coordinates.index(c) for c in (*prescribed, *powered)]
         self.degree = degree
         self.dynamics = Dynamics(
             mechanism, gaps, prescribed, degree, relations, powered, applied, lent
         )
         self.elements = self.dynamics.elements
-        self.equations = self.dynamics.equations
         self.run = RunExpressions(self.dynamics)
         self.set_valued, self.switches = self.run.set_valued, self.run.switches
         self.parameters = self.run.parameters
-        self.switch_levels = len(by_level(self.switches))
         self.outside = tuple(self.equations.frames.outside)
         self.guards = guards_of(self.dynamics, self.parameters)
         self.functions = PresentFunctions(self.run, lambda: self.guard_functions)
+
+    @cached_property
+    def prescribed_index(self) -> list[int]:
+        """Indices of the prescribed among all coordinates."""
+        return [self.coordinates.index(c) for c in self.prescribed]
+
+    @cached_property
+    def driven_index(self) -> list[int]:
+        """Indices of the prescribed, then of the powered coordinates."""
+        return [self.coordinates.index(c) for c in (*self.prescribed, *self.powered)]
+
+    @property
+    def equations(self) -> Equations:
+        """The equations without contact forces."""
+        return self.dynamics.equations
+
+    @property
+    def switch_levels(self) -> int:
+        """How many times rows must be set until each follows from those before it."""
+        return len(by_level(self.switches))
 
     @cached_property
     def guard_functions(self) -> list[hy.expression]:

@@ -194,7 +194,7 @@ def test_forces_of_many_contacts_are_those_of_a_dense_solution(name):
     machine = ms.load_scene(name, {f'joints.{j}.clearance': c for j, c in clearances.items()})
     system = machine.system
     dynamics, m = system.dynamics, len(system.gaps)
-    mu, rubs = np.array(dynamics.friction), dynamics.frictional
+    mu, rubs = np.array(dynamics.contacts.friction), dynamics.contacts.frictional
     assert 0 < len(rubs) < m
     margin = system.run.compile_now([dynamics.jam_margin])
     rng = np.random.default_rng(3)

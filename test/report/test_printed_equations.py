@@ -570,7 +570,7 @@ def pressed_in(machine, q):
     system = machine.system
     for angle in np.linspace(0.0, 2e-3, 2001):
         moved = q + angle * (np.array(system.coordinates) == 'rocker')
-        gap = machine.observer.distances(machine.observer.gap_values(moved[:, None]))[0, 0]
+        gap = machine.observer.gaps.distances(machine.observer.gaps.values(moved[:, None]))[0, 0]
         if -2e-5 < gap < -5e-6:
             return moved
     raise AssertionError('never pressed in')
