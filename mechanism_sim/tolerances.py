@@ -416,6 +416,70 @@ class PeakTolerances(NamedTuple):
     time: float = 256.0
 
 
+class BranchTolerances(NamedTuple):
+    """Branches of a mechanism as polynomials across singular positions; independence is 0 to 1."""
+
+    #: independence of the constraints below which a branch is fitted
+    near: float = 0.05
+    #: that below which a position is singular but for rounding: Newton's method ends at the root
+    #: of rounding from a double point
+    singular: float = 1e-5
+    #: times what rounding may leave open where a branch is given by its polynomial
+    open: float = 4.0
+    #: [rad, or lengths of the mechanism] to either side, halved so many times at most
+    width: float = 0.3
+    halvings: int = 8
+    #: times as far as it must be known: also behind a singular position at the end
+    behind: float = 1.3
+    #: of the width: samples of less independence do not count
+    trusted: float = 1.0 / 15.0
+    #: of the largest singular value: less leaves a motion free
+    loose: float = 1e-4
+    #: starts that are tried for branches, so far [rad, or lengths] from the position, and the
+    #: steepest rate of a link by that of the drive
+    tries: int = 48
+    step: float = 0.02
+    steepest: float = 20.0
+    #: tangents that differ by less are of one branch
+    same: float = 1e-6
+    #: of the greatest independence: nearer samples of forces do not count
+    far: float = 0.1
+    #: of a function's size: a misfit that is smaller is rounding
+    misfit: float = 1e-9
+    #: of the largest of its kind: what is smaller is measured by that
+    beside: float = 1e-3
+    #: of the width: a place not farther from a singular position is at it, by so many iterations
+    at: float = 1e-9
+    newton: int = 20
+
+
+class MechanismTolerances(NamedTuple):
+    """Kinematics, loads and linear systems of a mechanism."""
+
+    #: of the largest motion or closure: what moves less along a direction does not move
+    no_mass: float = 1e-7
+    #: virtual power per size, rate of the drive and size of the machine: below, it is none
+    no_work: float = 1e-9
+    #: sine of the angle between the axis of a beam and a line that bends with it
+    parallel: float = 1e-9
+    #: of the largest stiffness: below, a coordinate is not held
+    unheld: float = 1e-11
+    #: of the largest force: along such a coordinate, less is rounding
+    force: float = 1e-9
+    #: of a load's largest size in a part: its interpolant may be off by that
+    load: float = 1e-8
+    #: of a usual part: shorter ones would never come past a pole
+    shortest_part: float = 2.0**-30
+    #: Newton iterations for a closed position, in some of which the rest must halve
+    closing: int = 60
+    patience: int = 8
+    #: Newton iterations for an equilibrium
+    equilibrium: int = 100
+    #: of a friction bound: its change is found, by so many Newton iterations
+    friction_settled: float = 1e-13
+    friction_newton: int = 60
+
+
 @dataclass(frozen=True)
 class Tolerances:
     """All groups."""
@@ -437,6 +501,8 @@ class Tolerances:
     harmonics: HarmonicTolerances
     enclosure: EnclosureTolerances
     peaks: PeakTolerances
+    branches: BranchTolerances
+    mechanism: MechanismTolerances
 
 
 TOLERANCES = Tolerances(
@@ -457,4 +523,6 @@ TOLERANCES = Tolerances(
     HarmonicTolerances(),
     EnclosureTolerances(),
     PeakTolerances(),
+    BranchTolerances(),
+    MechanismTolerances(),
 )

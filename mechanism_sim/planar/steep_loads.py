@@ -17,9 +17,10 @@ from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.switches import Switch
+from mechanism_sim.tolerances import TOLERANCES
 
-_RESOLVED = 1e-8  # of a load's largest size in a part: what its interpolant may be off
-SHORTEST = 2.0**-30  # of a usual part: shorter ones would never come past a pole
+_MECHANISM = TOLERANCES.mechanism
+
 _CLOSE = 9  # places that are compared where a load falls right behind the start of a part
 
 
@@ -146,12 +147,12 @@ class ResolvedLoads:
             return float(places[low - 1])
         # a load that falls steeply right behind the start: there nobody has looked yet
         end = 0.5 * float(places[1])
-        while end > SHORTEST:
+        while end > _MECHANISM.shortest_part:
             places = np.linspace(0.0, end, _CLOSE)
             if self._is_resolved(course, places, self._values(course, places), floor):
                 return end
             end *= 0.5
-        return SHORTEST
+        return _MECHANISM.shortest_part
 
     def _is_resolved(
         self, course: MotionSeries, places: Array, values: Array, floor: Array
@@ -161,7 +162,7 @@ class ResolvedLoads:
         between = _interpolant(len(self._nodes), (places / end).tobytes())
         size = np.maximum(np.abs(values).max(axis=1), np.abs(known).max(axis=1))
         off = np.abs(known @ between - values).max(axis=1)
-        return bool((off <= _RESOLVED * size + floor).all())
+        return bool((off <= _MECHANISM.load * size + floor).all())
 
     def _values(self, course: MotionSeries, places: Array) -> Array:
         """The loads (l, N) at places."""

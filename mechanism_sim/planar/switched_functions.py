@@ -14,7 +14,10 @@ from mechanism_sim.numerics.compiled import Evaluation
 from mechanism_sim.numerics.enclosure import FunctionRanges
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.switches import REST, SWITCH_MARGIN, Switch, Table, by_level
+from mechanism_sim.planar.switches import Switch, Table, by_level
+from mechanism_sim.tolerances import TOLERANCES
+
+_SWITCHES = TOLERANCES.switches
 
 
 class SwitchedFunction:
@@ -168,7 +171,7 @@ class Edges:
         self._frames, self.parameters = frames, frames.parameters.values
         # what rests has a rate that is nothing but rounding
         held = [isinstance(s, Switch) and s.holds is not None for s in every]
-        self._slack = np.where(held, REST, 0.0)[:, None]
+        self._slack = np.where(held, _SWITCHES.rest, 0.0)[:, None]
 
     def ranges(self, driven: Sequence[int]) -> GuardRanges | None:
         """Enclosures of what falls below zero where rows end; None if nothing can hide.
@@ -233,7 +236,7 @@ class Edges:
         values, later = self._switches(start)[1], self._switches(middle)[1]
         for _ in range(self._switches.depth):
             (guards,) = self._guards(np.concatenate([middle, values]))
-            left = np.repeat(guards + SWITCH_MARGIN <= 0.0, self._widths, axis=0)
+            left = np.repeat(guards + _SWITCHES.margin <= 0.0, self._widths, axis=0)
             values = np.where(left, later, values)
         return values
 

@@ -18,7 +18,9 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.symbolic import add, dense, dot
-from mechanism_sim.planar.switches import REST
+from mechanism_sim.tolerances import TOLERANCES
+
+_SWITCHES = TOLERANCES.switches
 
 _STARTS = 0.0, 1.0, -1.0, 1e3, -1e3  # [N, N m]
 _SOLVED, _SLACK = 1e-9, 1e-7  # of the largest force, and of the largest acceleration
@@ -59,7 +61,7 @@ class JointForces:
         self._slopes = slopes.reshape(size, len(x))
         self.rows, self.normals, self.rubs = len(struck), len(d.normal), len(d.rubs)
         self.slips, self._mu = np.split(rest, [self.rubs])
-        self.slips[np.abs(self.slips) < REST] = 0.0
+        self.slips[np.abs(self.slips) < _SWITCHES.rest] = 0.0
 
     def accelerations(self, x: Array) -> Array:
         """Of all rows, then of the slips of joints."""
