@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.expressions import Node, numbers, tree_of
+from mechanism_sim.numerics.expressions import ExpressionNode, numbers, tree_of
 from mechanism_sim.tolerances import TOLERANCES
 
 _ENCLOSURE = TOLERANCES.enclosure
@@ -196,7 +196,7 @@ class _Program:
         self.operations.append(_Operation(kind, args, exponent))
         return len(self.operations) - 1
 
-    def _read(self, node: Node) -> int:
+    def _read(self, node: ExpressionNode) -> int:
         name, args = node.name, [] if node.kind == '**' else [*map(self._read, node.args)]
         match name.removeprefix('combined_') if node.kind == 'call' else node.kind:
             case 'number':
