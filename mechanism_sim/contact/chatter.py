@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-
 from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.tolerances import TOLERANCES
+
+_CHATTER = TOLERANCES.chatter
 
 
 class ChatterRule:
@@ -28,8 +29,8 @@ class ChatterRule:
     """
 
     def __init__(self, rtol: float, atol: float, size: float, reach: float = 0.0) -> None:
-        self.allowed = max(max(0.01 * rtol, min(rtol, 1e-12)) * size, atol)
-        self.resolved = 8.0 * sys.float_info.epsilon * max(size, reach)
+        self.allowed = max(max(_CHATTER.step_error * rtol, min(rtol, _CHATTER.least)) * size, atol)
+        self.resolved = TOLERANCES.rounding.sum * max(size, reach)
 
     def ends(
         self, rebound: float, free_acceleration: float, restitution: float, depth: float = 0.0

@@ -27,8 +27,10 @@ from typing import NamedTuple
 import heyoka as hy
 import numpy as np
 
-REST = 1e-12
-"""Speed [m/s] below which V has no direction: at V = 0 the film's slope in V is not unique."""
+from mechanism_sim.tolerances import TOLERANCES
+
+_CONTACTS = TOLERANCES.contacts
+
 
 Vector = tuple[hy.expression, hy.expression]
 
@@ -102,7 +104,7 @@ class ShortBearing:
             along = 3.0 * (x * ux + y * uy) / (self.clearance * s) ** 2
             size = pi * self.viscosity * self.radius * (self.width / (self.clearance * s)) ** 3
             return -size * (ux + along * x), -size * (uy + along * y)
-        speed = hy.sqrt(ux * ux + uy * uy + REST * REST)
+        speed = hy.sqrt(ux * ux + uy * uy + _CONTACTS.film_rest * _CONTACTS.film_rest)
         c = self.clearance
         alpha = (x * ux + y * uy) / (c * speed)
         beta = (y * ux - x * uy) / (c * speed)

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.complementarity import (
+    FrictionalProblem,
     Grip,
     Indices,
     largest,
@@ -26,12 +27,14 @@ from mechanism_sim.numerics.complementarity import (
     solve_frictional_lcp,
 )
 from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.tolerances import TOLERANCES
+
+_IMPACTS = TOLERANCES.impacts
+_ROUNDING = TOLERANCES.rounding
 
 NEWTON, POISSON, STRONGE = range(3)  # the hypotheses in arrays
 
 _WEDGED = 'a contact is wedged: no finite impulse ends its approach'
-_FIRMER = 1.0 + 1e-4  # times the friction of what is about to jam jams
-_SHORT = 1e-6  # of the time in which the accelerations would make the slip: a step of no length
 
 
 class Hypothesis(Enum):
@@ -92,6 +95,18 @@ class _Leg(NamedTuple):
     length: float
 
 
+class ContactCompliance(NamedTuple):
+    """Rates of one contact per unit impulse [1/kg]: of normal n and tangent t, by n and by t.
+
+    tn differs from nt only where friction in ideal joints takes part.
+    """
+
+    nn: float
+    nt: float
+    tn: float
+    tt: float
+
+
 def single_impact(
     Ann: float, Ant: float, Att: float, vn: float, vt: float, law: ImpactLaw
 ) -> ContactImpulse:
@@ -129,7 +144,12 @@ def single_impact(
         If no finite impulse ends the approach: A is singular and the contact is wedged.
     """
     p, q, slip = impulses_of_one(
-        Ann, Ant, Ant, Att, vn, vt, law.restitution, law.friction, law.hypothesis.code
+        ContactCompliance(Ann, Ant, Ant, Att),
+        vn,
+        vt,
+        law.restitution,
+        law.friction,
+        law.hypothesis.code,
     )
     if math.isnan(p):
         raise ArithmeticError(_WEDGED)
@@ -138,24 +158,20 @@ def single_impact(
 
 @kernel
 def impulses_of_one(
-    Ann: float, Ant: float, Atn: float, Att: float,
-    vn: float, vt: float, e: float, mu: float, hypothesis: int,
-) -> tuple[float, float, int]:  # fmt: skip
-    """Normal and tangential impulse, and slip, of `single_impact`; the first is NaN if wedged.
-
-    vt gains ``Atn p``, which differs from ``Ant p`` where friction in ideal joints takes part.
-    """
+    A: ContactCompliance, vn: float, vt: float, e: float, mu: float, hypothesis: int
+) -> tuple[float, float, int]:
+    """Normal and tangential impulse, and slip, of `single_impact`; the first is NaN if wedged."""
     if vn >= 0.0:
         return 0.0, 0.0, _sign(vt)
     rebound = -e * vn
     if mu == 0.0:
-        p = (1.0 + e) * -vn / Ann
-        return p, 0.0, _sign(vt + Atn * p)
-    slide = _slide(Ann, Ant, Atn, Att, vt, mu)
+        p = (1.0 + e) * -vn / A.nn
+        return p, 0.0, _sign(vt + A.tn * p)
+    slide = _slide(A, vt, mu)
     if slide.rise > 0.0 and vn + slide.rise * slide.length >= rebound:
         x = (1.0 + e) * -vn / slide.rise
         return slide.normal * x, slide.tangential * x, slide.slip
-    last = _last(Ann, Ant, Atn, Att, mu, slide)
+    last = _last(A, mu, slide)
     if last.rise <= 0.0:
         return math.nan, 0.0, 0
     turn = vn + slide.rise * slide.length  # normal rate where slip stops
@@ -198,10 +214,11 @@ def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Conta
     ArithmeticError
         If no finite impulse ends the approach: A is singular and the contact is wedged.
     """
-    slide = _slide(Ann, Ant, Ant, Att, vt, friction)
+    A = ContactCompliance(Ann, Ant, Ant, Att)
+    slide = _slide(A, vt, friction)
     if slide.slip == 0 or slide.rise >= 0.0:
         return ContactImpulse(0.0, 0.0, slide.slip)
-    last = _last(Ann, Ant, Ant, Att, friction, slide)
+    last = _last(A, friction, slide)
     if last.rise <= 0.0:
         raise ArithmeticError(_WEDGED)
     more = -slide.rise * slide.length / last.rise
@@ -244,15 +261,15 @@ def shock(
     matrix, before, pull = np.array(A), np.array(rate), np.array(acceleration)
     if m == 1:
         (Ann, Ant), (_, Att) = matrix.tolist()
-        stopped = jam(Ann, Ant, Att, float(before[1]), _FIRMER * friction[0])
+        stopped = jam(Ann, Ant, Att, float(before[1]), _IMPACTS.firmer * friction[0])
         if not stopped.normal:
             raise ArithmeticError('a contact that does not jam cannot be freed by an impact')
         return [stopped]
     slip = np.abs(before[m:]).max()
     if not slip > 0.0:
         raise ArithmeticError('contacts that do not slide cannot be freed by an impact')
-    h = _SHORT * slip / np.abs(pull).max()
-    firmer = [_FIRMER * mu for mu in friction]
+    h = _IMPACTS.instant * slip / np.abs(pull).max()
+    firmer = [_IMPACTS.firmer * mu for mu in friction]
     rough, grips = solve_frictional_lcp(matrix, before + h * pull, firmer)
     # what each contact does is known now: the same without what happens within h
     columns, rows = [], []
@@ -271,9 +288,11 @@ def shock(
     basis = np.array(columns).reshape(-1, 2 * m).T
     start = np.linalg.lstsq(basis, rough, rcond=None)[0]
     off = -(before + matrix @ (basis @ start))[rows]
-    impulses = basis @ (start + np.linalg.lstsq((matrix @ basis)[rows], off, rcond=1e-13)[0])
+    impulses = basis @ (
+        start + np.linalg.lstsq((matrix @ basis)[rows], off, rcond=_IMPACTS.shock_rank)[0]
+    )
     impulses[:m] = np.maximum(impulses[:m], 0.0)
-    if not np.abs(matrix @ impulses).max() > 1e-9 * slip:
+    if not np.abs(matrix @ impulses).max() > _IMPACTS.frees * slip:
         raise ArithmeticError('contacts that do not jam cannot be freed by an impact')
     after = _rates(matrix, before, impulses)
     return [
@@ -348,13 +367,13 @@ def stop_slide(
     basis, rows = _slides(friction, slip)
     path = basis @ np.linalg.svd((matrix @ basis)[rows])[2][-1]
     normals = path[:m] * math.copysign(1.0, path[:m].sum())
-    if normals.min() < -1e-6 * normals.max():
+    if normals.min() < -_IMPACTS.pull * normals.max():
         raise ArithmeticError('forces of both signs grow without end')
     change = (matrix @ path)[m:] * math.copysign(1.0, path[:m].sum())
     stops = [
         (abs(before[m + i]) / -(slip[i] * change[i]), i)
         for i in range(m)
-        if slip[i] * change[i] < -1e-12 * np.abs(change).max()
+        if slip[i] * change[i] < -_IMPACTS.stops * np.abs(change).max()
     ]
     if not stops:
         raise ArithmeticError('contacts are wedged: no finite impulse stops their slip')
@@ -362,7 +381,9 @@ def stop_slide(
     pulls = np.zeros((2 * m, 1))
     pulls[m + first] = 1.0
     basis, rows = np.hstack([basis, pulls]), [*rows, m + first]
-    impulses = basis @ np.linalg.lstsq((matrix @ basis)[rows], -before[rows], rcond=1e-14)[0]
+    impulses = (
+        basis @ np.linalg.lstsq((matrix @ basis)[rows], -before[rows], rcond=_IMPACTS.jam_rank)[0]
+    )
     after = _rates(matrix, before, impulses)
     return [
         ContactImpulse(float(p), float(q), _sign(float(vt)))
@@ -371,23 +392,23 @@ def stop_slide(
 
 
 @kernel
-def _slide(Ann: float, Ant: float, Atn: float, Att: float, vt: float, mu: float) -> _Leg:
+def _slide(A: ContactCompliance, vt: float, mu: float) -> _Leg:
     """The first leg: slip as it was, until vt = 0; a rough contact needs no p for that."""
     slip = _sign(vt)
     p = 0.0 if mu == math.inf else 1.0
     q = -float(slip) if mu == math.inf else -mu * slip
-    slowing = -slip * (Atn * p + Att * q)
+    slowing = -slip * (A.tn * p + A.tt * q)
     length = abs(vt) / slowing if slowing > 0.0 else math.inf
-    return _Leg(p, q, Ann * p + Ant * q, slip, length if slip else 0.0)
+    return _Leg(p, q, A.nn * p + A.nt * q, slip, length if slip else 0.0)
 
 
 @kernel
-def _last(Ann: float, Ant: float, Atn: float, Att: float, mu: float, slide: _Leg) -> _Leg:
-    """The second leg, without end: stick, or slip on with the sign of Atn; no rise: wedged."""
-    sticks = Atn == 0.0 or abs(Atn) <= mu * Att
-    slip = 0 if sticks else _sign(Atn)
-    q = -mu * slip if slip else -Atn / Att if Atn else 0.0
-    rise = Ann + Ant * q if slide.length < math.inf else 0.0
+def _last(A: ContactCompliance, mu: float, slide: _Leg) -> _Leg:
+    """The second leg, without end: stick, or slip on with the sign of A.tn; no rise: wedged."""
+    sticks = A.tn == 0.0 or abs(A.tn) <= mu * A.tt
+    slip = 0 if sticks else _sign(A.tn)
+    q = -mu * slip if slip else -A.tn / A.tt if A.tn else 0.0
+    rise = A.nn + A.nt * q if slide.length < math.inf else 0.0
     return _Leg(1.0, q, rise, slip, math.inf)
 
 
@@ -468,9 +489,9 @@ def simultaneous_impulses(
     if newton:
         for i in range(m):
             b[i] *= 1.0 + e[i]
-        x, _, found = solve_contacts(A, b, friction, slip, least)
+        x, _, found = solve_contacts(FrictionalProblem(A, b, friction, slip, least))
         return x, found
-    x, _, found = solve_contacts(A, b, friction, slip, least)
+    x, _, found = solve_contacts(FrictionalProblem(A, b, friction, slip, least))
     if not found:
         return x, False
     b = rates(A, x, rate)
@@ -478,14 +499,14 @@ def simultaneous_impulses(
         size = abs(rate[r])
         for c in range(2 * m):
             size += abs(A[r, c]) * largest(x)
-        if abs(b[r]) <= 1e-12 * size:
+        if abs(b[r]) <= _ROUNDING.solved * size:
             b[r] = 0.0
     for i in range(m):
         if hypothesis[i] == NEWTON:
             b[i] += e[i] * min(rate[i], 0.0)
         else:
             least[i], least[m + i] = e[i] * x[i], e[i] * x[m + i]
-    more, _, found = solve_contacts(A, b, friction, slip, least)
+    more, _, found = solve_contacts(FrictionalProblem(A, b, friction, slip, least))
     for r in range(2 * m):
         x[r] += more[r]
     return x, found
@@ -497,7 +518,7 @@ def _rates(
     """Rates after impulses; those within rounding of zero are zero."""
     after = before + A @ impulses
     size = np.abs(before) + np.abs(A).sum(axis=1) * np.abs(impulses).max()
-    return np.where(np.abs(after) > 1e-12 * size, after, 0.0)
+    return np.where(np.abs(after) > _ROUNDING.solved * size, after, 0.0)
 
 
 def energy_change(

@@ -14,31 +14,25 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.contact.chatter import ends, remaining_time
-from mechanism_sim.contact.impact import impulses_of_one, simultaneous_impulses
+from mechanism_sim.contact.impact import ContactCompliance, impulses_of_one, simultaneous_impulses
 from mechanism_sim.numerics.complementarity import (
     BACKWARD,
     FORWARD,
     OPEN,
     STICK,
+    FrictionalProblem,
     Indices,
     largest,
     solve_contacts,
     solve_semidefinite,
 )
 from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.tolerances import TOLERANCES
+
+_CHATTER = TOLERANCES.chatter
+_IMPACTS = TOLERANCES.impacts
 
 Mask = NDArray[np.bool_]
-
-_INDEPENDENT = 1e-8
-"""Square of the sine of an angle: a row that is nearer to those before it depends on them."""
-
-_SYMMETRIC = 1e-13  # of the terms beside it: rounding
-
-_FREE = 1e-16
-"""Compliance of a slip over that of its normal: with less, the links cannot change it."""
-
-ROUGH = 1e4
-"""Coulomb's coefficient of rough contacts while they stay closed; in impacts it is infinite."""
 
 
 class ContactProblem(NamedTuple):
@@ -70,6 +64,22 @@ class Limits(NamedTuple):
     resolved: float  #: [m] rise that can be told from rounding
 
 
+class Instant(NamedTuple):
+    """When an impact happens, and how fast all is."""
+
+    time: float  #: [s]
+    drives: Array  #: (p,) rates of the drives [rad/s]
+    v: Array  #: (f,) rates of the free coordinates, which impulses change in place
+
+
+class Resting(NamedTuple):
+    """Contacts without normal speed, of which some stay closed."""
+
+    resting: Mask  #: (m,) which they are
+    touching: Mask  #: (m,) whose modes are to be set: those at rest, and those that part
+    given: Indices  #: (m,) signs of the slips of those that are about to slide, else 0
+
+
 class Layout(NamedTuple):
     """How many there are of what a `ContactProblem` is made of."""
 
@@ -84,6 +94,16 @@ class Layout(NamedTuple):
         """Of all terms, which are kept behind each other, see `problem_of`."""
         m, r, f, p, compliant = self
         return 2 * m + 3 * r + r * (f + r + p) + compliant
+
+
+class ContactArrays(NamedTuple):
+    """Of what `problem_of` makes the contact problem: far fewer arrays to hand to a kernel."""
+
+    terms: Array  #: one row of all terms, as ``System.contact_function`` writes them
+    layout: Layout
+    laws: Array  #: (2, m) coefficients of restitution and of friction
+    closed: Mask  #: (m,)
+    hypothesis: Indices  #: (m,)
 
 
 class ImpactOutcome(NamedTuple):
@@ -115,10 +135,9 @@ T, GAP, ANGLE, APPROACH, REBOUND, NORMAL, TANGENTIAL, LOSS, DRIVE, WORK, ENDS, L
 
 
 @kernel
-def problem_of(
-    terms: Array, layout: Layout, laws: Array, closed: Mask, hypothesis: Indices
-) -> ContactProblem:
-    """Views of terms in one row, with the coefficients (2, m) of restitution and friction."""
+def problem_of(arrays: ContactArrays) -> ContactProblem:
+    """Views of the terms, with the coefficients of restitution and friction."""
+    terms, layout, laws, closed, hypothesis = arrays
     m, r, f, p, compliant = layout
     at = m + 3 * r
     return ContactProblem(
@@ -145,7 +164,7 @@ def horizon_of(rebound: float, acceleration: float) -> float:
     A number off the powers of two, at which the search for roots bisects.
     """
     if rebound > 0.0 and acceleration < 0.0:
-        return -200.0 * rebound / acceleration
+        return -2.0 * _CHATTER.flights * rebound / acceleration
     return math.inf
 
 
@@ -177,10 +196,11 @@ def impulses(
     m = len(e)
     if m == 1:
         x = np.zeros(2)
-        kind, vn, vt, Ant, Atn = hypothesis[0], rate[0], rate[1], A[0, 1], A[1, 0]
-        if abs(Atn - Ant) <= _SYMMETRIC * math.sqrt(A[0, 0] * A[1, 1]):
+        Ant, Atn = A[0, 1], A[1, 0]
+        if abs(Atn - Ant) <= _IMPACTS.symmetric * math.sqrt(A[0, 0] * A[1, 1]):
             Atn = Ant
-        x[0], x[1], _ = impulses_of_one(A[0, 0], Ant, Atn, A[1, 1], vn, vt, e[0], mu[0], kind)
+        own = ContactCompliance(A[0, 0], Ant, Atn, A[1, 1])
+        x[0], x[1], _ = impulses_of_one(own, rate[0], rate[1], e[0], mu[0], hypothesis[0])
         found = not math.isnan(x[0])
     else:
         x, found = simultaneous_impulses(A, rate, e, mu, hypothesis)
@@ -211,38 +231,35 @@ def push(c: ContactProblem, gap: int, p: float, q: float, v: Array) -> None:
 def enter(
     c: ContactProblem,
     gap: int,
-    p: float,
-    q: float,
+    impulse: tuple[float, float],
     before: Array,
     after: Array,
     stop: bool,
-    time: float,
-    drives: Array,
+    now: Instant,
     row: Array,
 ) -> None:
     """Write an impact to a row of the log.
 
     Parameters
     ----------
-    p, q : [N s]
+    impulse : normal and tangential [N s]
     before, after : (2,) normal and tangential rate [m/s]
     stop : whether it ends a chatter
-    drives : (p,) rates of the drives [rad/s]
     """
-    m, e = len(c.value), c.restitution[gap]
-    impulse = work = 0.0
+    m, e, (p, q), drives = len(c.value), c.restitution[gap], impulse, now.drives
+    given = work = 0.0
     for k in range(len(drives)):
         x = c.drive_response[gap, k] * p
         if q != 0.0:
             x += c.drive_response[m + gap, k] * q
-        impulse += x
+        given += x
         work += x * drives[k]
-    row[T], row[GAP], row[ANGLE] = time, gap, c.normal_angle[gap]
+    row[T], row[GAP], row[ANGLE] = now.time, gap, c.normal_angle[gap]
     row[APPROACH], row[REBOUND] = -before[0], max(after[0], 0.0)
     row[NORMAL], row[TANGENTIAL] = p, q
     slid = -0.5 * (before[1] + after[1]) * q
     row[LOSS] = -0.5 * (before[0] + after[0]) * p + slid
-    row[DRIVE], row[WORK] = impulse, work
+    row[DRIVE], row[WORK] = given, work
     row[ENDS] = 1.0 if stop else 0.0
     row[LEFT] = remaining_time(-e * before[0], c.acceleration[gap], e) if stop else 0.0
 
@@ -259,9 +276,7 @@ def impact_of_all(
     c: ContactProblem,
     limits: Limits,
     gap: int,
-    time: float,
-    drives: Array,
-    v: Array,
+    now: Instant,
     log: Array,
     count: int,
     touching: Mask,
@@ -274,9 +289,7 @@ def impact_of_all(
 
     Parameters
     ----------
-    time : [s]
-    drives : (p,) rates of the drives [rad/s]
-    v : (f,) rates of the free coordinates, changed in place
+    now : its rates are changed in place
     log : (n, 12) with room for m rows from `count` on
     touching : (m,) set: which contacts take part
     resting : (m,) set: which of them are at rest after it
@@ -316,16 +329,16 @@ def impact_of_all(
     for k in range(n):
         i, p, q = rows[k], x[k], x[n + k]
         if p > 0.0 or q != 0.0:
-            push(c, i, p, q, v)
+            push(c, i, p, q, now.v)
             # a closed contact takes part in the impacts of others
             if not c.closed[i] or max(p, abs(q)) * A[k, k] > limits.bare:
                 old[0], old[1], new[0], new[1] = rate[k], rate[n + k], after[k], after[n + k]
-                enter(c, i, p, q, old, new, ended[k], time, drives, log[count])
+                enter(c, i, (p, q), old, new, ended[k], now, log[count])
                 count += 1
         # at rest as well is what would rise no farther than rounding reaches
         low = is_last(c, limits, i, after[k], 1.0)
         stays = limits.still if c.closed[i] else limits.bare
-        resting[i] = low or after[k] <= max(-1e-9 * rate[k], stays)
+        resting[i] = low or after[k] <= max(-_IMPACTS.rebound * rate[k], stays)
         rests = rests or resting[i] or c.closed[i]
         if not resting[i]:
             horizon = min(horizon, horizon_of(after[k], c.acceleration[i]))
@@ -368,14 +381,14 @@ def press(
         b[k] = c.free_acceleration[rows[k]]
         if frictional:
             b[n + k] = c.free_acceleration[m + rows[k]]
-            mu[k] = min(c.friction[rows[k]], ROUGH)
+            mu[k] = min(c.friction[rows[k]], _IMPACTS.rough)
     # what slides no farther than rounding reaches may as well be at rest
     slow = max(limits.still, math.sqrt(2.0 * limits.touching * largest(c.free_acceleration)))
     for still in (slow, limits.still):
         for k in range(n):
             i = rows[k]
             slip[k] = given[i] if given[i] != 0 else slip_of(c, i, still)
-        x, found, solved = solve_contacts(A, b, mu, slip, least)
+        x, found, solved = solve_contacts(FrictionalProblem(A, b, mu, slip, least))
         if not solved:
             return grips, forces, False
         agree = True
@@ -452,7 +465,7 @@ def begin(c: ContactProblem, limits: Limits, grips: Indices, kept: Mask) -> Mask
             slides = grips[r - m] == FORWARD or grips[r - m] == BACKWARD
             wanted = slides and slip_of(c, r - m, limits.still) == 0
         # some slips are prescribed, always or at an instant
-        if not (wanted and c.compliance[r, r] > _FREE * c.compliance[r % m, r % m]):
+        if not (wanted and c.compliance[r, r] > _IMPACTS.prescribed * c.compliance[r % m, r % m]):
             continue
         left = 1.0
         for k in range(n):
@@ -463,7 +476,7 @@ def begin(c: ContactProblem, limits: Limits, grips: Indices, kept: Mask) -> Mask
                 x -= L[n, j] * L[k, j]
             L[n, k] = x / L[k, k]
             left -= L[n, k] ** 2
-        if left > _INDEPENDENT:
+        if left > _IMPACTS.independent:
             L[n, n], rows[n] = math.sqrt(left), r
             n += 1
             if at >= 2 * m:
@@ -475,9 +488,7 @@ def begin(c: ContactProblem, limits: Limits, grips: Indices, kept: Mask) -> Mask
 def come_to_rest(
     c: ContactProblem,
     limits: Limits,
-    resting: Mask,
-    touching: Mask,
-    given: Indices,
+    contacts: Resting,
     drives: Array,
     last: Array,
     modes: Indices,
@@ -488,17 +499,14 @@ def come_to_rest(
 
     Parameters
     ----------
-    resting : (m,) which they are
-    touching : (m,) whose modes are to be set: those at rest, and those that part
-    given : (m,) signs of the slips of those that are about to slide, else 0
     drives : (p,) rates of the drives [rad/s]
     last : (1, 12) the impact of this instant in whose loss coming to rest is booked, or (0, 12)
     modes : (m,) changed in place, with ``c.closed``
     begins : (m,) set: which begin to slide, see `begin`
     drawn : (m,) set: see `induced_closures`
     """
-    m = len(c.value)
-    grips, forces, solved = press(c, limits, resting, given)
+    m, resting, touching = len(c.value), contacts.resting, contacts.touching
+    grips, forces, solved = press(c, limits, resting, contacts.given)
     if not solved:
         return Rest(False, False, False, False, False, False, math.inf)
     changed = parts = False
@@ -588,37 +596,24 @@ def induced_closures(c: ContactProblem, limits: Limits, known: Mask) -> tuple[Ma
 
 @kernel
 def impact_now(
-    terms: Array,
-    layout: Layout,
-    laws: Array,
-    closed: Mask,
-    hypothesis: Indices,
+    arrays: ContactArrays,
     limits: Limits,
     gap: int,
-    time: float,
-    drives: Array,
-    v: Array,
+    now: Instant,
     log: Array,
     count: int,
     touching: Mask,
     resting: Mask,
 ) -> ImpactOutcome:
-    """`impact_of_all` of the problem that `problem_of` makes: fewer arrays to pass on."""
-    c = problem_of(terms, layout, laws, closed, hypothesis)
-    return impact_of_all(c, limits, gap, time, drives, v, log, count, touching, resting)
+    """`impact_of_all` of the problem that `problem_of` makes."""
+    return impact_of_all(problem_of(arrays), limits, gap, now, log, count, touching, resting)
 
 
 @kernel
 def rest_now(
-    terms: Array,
-    layout: Layout,
-    laws: Array,
-    closed: Mask,
-    hypothesis: Indices,
+    arrays: ContactArrays,
     limits: Limits,
-    resting: Mask,
-    touching: Mask,
-    given: Indices,
+    contacts: Resting,
     drives: Array,
     last: Array,
     modes: Indices,
@@ -626,5 +621,5 @@ def rest_now(
     drawn: Mask,
 ) -> Rest:
     """`come_to_rest` of the problem that `problem_of` makes."""
-    c = problem_of(terms, layout, laws, closed, hypothesis)
-    return come_to_rest(c, limits, resting, touching, given, drives, last, modes, begins, drawn)
+    c = problem_of(arrays)
+    return come_to_rest(c, limits, contacts, drives, last, modes, begins, drawn)

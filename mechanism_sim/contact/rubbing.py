@@ -16,9 +16,9 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.contact.problem import ContactProblem
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.tolerances import TOLERANCES
 
-_SWEEPS, _SETTLED = 10_000, 1e-15
-_GROWS, _LEAST_STEP = 0.95, 0.02  # of a change that is not settling; of the way to a bound
+_JOINT_IMPULSES = TOLERANCES.joint_impulses
 
 
 class Rubs(NamedTuple):
@@ -51,42 +51,33 @@ def rubs_of(
 
 
 @kernel
-def friction_impulses(
-    rate: Array,
-    compliance: Array,
-    forces: Array,
-    coefficients: Array,
-    ends: Indices,
-    owner: Indices,
-    walls: Indices,
-    x: Array,
-    start: Array,
-) -> Array:
+def friction_impulses(rubs: Rubs, x: Array, start: Array) -> Array:
     """Impulses (k,) of friction beside impulses (r,) of contacts, by projected Gauss-Seidel.
 
     Each ends its slip, or is as large as its bound and against the slip that is left.
     """
-    k, r, size, before, step = len(rate), len(x), 0.0, math.inf, 1.0
+    compliance, forces, owner = rubs.compliance, rubs.forces, rubs.owner
+    k, r, size, before, step = len(rubs.rate), len(x), 0.0, math.inf, 1.0
     every = np.concatenate((x, start))
-    free = rate.copy()
+    free = rubs.rate.copy()
     for j in range(k):
         for i in range(r):
             free[j] += compliance[i, j] * x[i]
-    for _ in range(_SWEEPS):
+    for _ in range(_JOINT_IMPULSES.sweeps):
         change = size = 0.0
         for j in range(k):
             bound, first = 0.0, 0
             for t in range(len(owner)):
                 if owner[t] == j:
                     square, force = 0.0, 0.0
-                    for c in range(first, ends[t]):
+                    for c in range(first, rubs.ends[t]):
                         force = 0.0
                         for i in range(r + k):
                             force += forces[c, i] * every[i]
                         square += force * force
-                    if walls[t] * force >= 0.0:
-                        bound += coefficients[t] * math.sqrt(square)
-                first = ends[t]
+                    if rubs.walls[t] * force >= 0.0:
+                        bound += rubs.coefficients[t] * math.sqrt(square)
+                first = rubs.ends[t]
             slip = free[j]
             for i in range(k):
                 slip += compliance[r + j, i] * every[r + i]
@@ -95,10 +86,12 @@ def friction_impulses(
             every[r + j] += step * (min(max(wanted, -bound), bound) - now)
             change = max(change, abs(every[r + j] - now))
             size = max(size, bound)
-        if change <= _SETTLED * size:
+        if change <= _JOINT_IMPULSES.settled * size:
             break
-        if change > _GROWS * before:  # bounds that grow much with their own friction
-            step = max(0.5 * step, _LEAST_STEP)
+        if (
+            change > _JOINT_IMPULSES.grows * before
+        ):  # bounds that grow much with their own friction
+            step = max(0.5 * step, _JOINT_IMPULSES.least_step)
         before = change
     return every[r:]
 
@@ -117,10 +110,7 @@ def with_friction(c: ContactProblem, rubs: Rubs, x: Array, start: Array) -> Arra
     -------
     They (k,) themselves.
     """
-    found: Array = friction_impulses(
-        rubs.rate, rubs.compliance, rubs.forces, rubs.coefficients, rubs.ends, rubs.owner,
-        rubs.walls, x, start,
-    )  # fmt: skip
+    found: Array = friction_impulses(rubs, x, start)
     share = np.outer(found, x / (x @ x))
     rows = len(x)
     c.response[:] += share.T @ rubs.response

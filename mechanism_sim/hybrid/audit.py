@@ -24,36 +24,21 @@ from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.quadrature import (
     SECOND,
     SMOOTH,
+    Assumptions,
     Parts,
     integrate,
     parts_of,
 )
 from mechanism_sim.planar.inverse_dynamics import Account
+from mechanism_sim.tolerances import TOLERANCES
+
+_AUDIT = TOLERANCES.audit
+_ROUNDING = TOLERANCES.rounding
 
 _DENSE = np.linspace(0.0, 1.0, 17)
 _DENSE_PLACES = Nodes(tuple(_DENSE.tolist()))
 _BLOCK = 512  # segments at once, so that they stay in a processor's cache
 _OPEN_BLOCK = 128  # the same where every segment is sampled densely
-_ROUNDING = 1e-14  # [m] deeper than what is measured already: not worth a closer look
-
-PULL = 1e-3
-"""Pull in a contact relative to its largest force that a step's error may leave."""
-
-_MISSING = 0.01  # of what was exchanged: more is no error of integration
-_EPSILON = float(np.finfo(float).eps)
-_EVALUATED = 64  # roundings of an energy where it is evaluated
-_CONDITIONED = 1e-11
-"""Of the kinetic energy: near singular positions a torque that is zero is known no better."""
-
-
-_STEP_ERROR = 1e-13
-"""[1/s] Of rates, in a step of usual tolerance: it refers to one radian a second at least.
-
-So what is far slower knows its kinetic energy no better.
-"""
-
-PROMISED = 1e-9
-"""Of what was exchanged: what works may be off without a word about it."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +75,8 @@ class Energy:
 
     @property
     def doubt(self) -> str:
-        """A sentence if works may be off by more than `PROMISED`, else empty."""
-        if self.error <= PROMISED * self.exchanged + self.rounding:
+        """A sentence if works may be off by more than `AuditTolerances.promised`, else empty."""
+        if self.error <= _AUDIT.promised * self.exchanged + self.rounding:
             return ''
         return (
             f'works may be off by {self.error:.2g} J: loads or forces vary faster than the steps'
@@ -145,8 +130,11 @@ class Audit:
             self._final = self._totals(motion, [-1])[0] + made
         # every segment rounds the state that the next one begins with
         size = sum(self._size) + self._physics.lifting_energy
-        rounding = _EPSILON * size * (_EVALUATED + self._segments) + _CONDITIONED * self._size[0]
-        rounding += self._size[0] * min(1.0, 2.0 * _STEP_ERROR / max(self._fastest, 1e-300))
+        rounding = _ROUNDING.epsilon * size * (_AUDIT.evaluated + self._segments)
+        rounding += _AUDIT.conditioned * self._size[0]
+        rounding += self._size[0] * min(
+            1.0, 2.0 * _AUDIT.step_error / max(self._fastest, _ROUNDING.least)
+        )
         return Energy(
             self._initial,
             self._final,
@@ -205,13 +193,13 @@ class Audit:
                 f'{StopReason.GAP_VIOLATED.value}: {self.max_penetration:.3g} m, allowed '
                 f'{tolerance:.3g} m; try a smaller rtol, and report this scene'
             )
-        if self.min_normal_force < -PULL * max(self._largest_force, 1e-12):
+        if self.min_normal_force < -_AUDIT.pull * max(self._largest_force, _AUDIT.pull_least):
             raise RunError(
                 f'{StopReason.TENSILE_CONTACT.value}: {self.min_normal_force:.3g} N; try a '
                 'smaller rtol, and report this scene'
             )
         balance = self.energy
-        if balance and balance.share > _MISSING:
+        if balance and balance.share > _AUDIT.missing:
             raise RunError(
                 f'{StopReason.ENERGY_UNBALANCED.value}: {balance.residual:.3g} J missing; try a '
                 'smaller rtol, smoother formulas of loads, less friction, or springs with a free '
@@ -268,7 +256,7 @@ class Audit:
             gaps = self._physics.open_gaps(motion, segments, _DENSE_PLACES)
             low = min(low, float(gaps.min()))
             foreseen = _vertices(gaps.reshape(len(gaps), len(segments), -1)).min(axis=0)
-            deep = np.flatnonzero(foreseen.min(axis=1) < low - _ROUNDING)
+            deep = np.flatnonzero(foreseen.min(axis=1) < low - _AUDIT.depth)
             doubtful.append(segments[deep])
             begin.append(_DENSE[foreseen[deep].argmin(axis=1)])
         if any(map(len, doubtful)):
@@ -313,17 +301,18 @@ def work_in(
     flags, known = recovers(motion, parts.segment), np.zeros(3) if largest is None else largest
     takes, steep = physics.takes_power, physics.steep
     count = 3 if takes and not steep else 2
-    own = integrate(
-        powers, parts, flags, known[:count], in_order,
-        alike=True, foretold=not steep, corners=physics.corners,
-    )  # fmt: skip
+    kind = Assumptions(in_order, alike=True, foretold=not steep, corners=physics.corners)
+    own = integrate(powers, parts, flags, known[:count], assumed=kind)
     value, error, largest = own.value, own.error, own.largest
     if takes and steep:
         load = integrate(
             lambda k, dt: physics.load_power(motion, k, dt)[None],
-            parts, flags, known[2:], in_order,
-            smooth=SECOND, beside=own.running.max(axis=0, initial=0.0),
-        )  # fmt: skip
+            parts,
+            flags,
+            known[2:],
+            own.running.max(axis=0, initial=0.0),
+            Assumptions(in_order, smooth=SECOND),
+        )
         value, error = np.append(value, load.value, axis=0), np.append(error, load.error, axis=0)
         largest = np.append(largest, load.largest)
     gross = np.abs(value).sum(axis=0)

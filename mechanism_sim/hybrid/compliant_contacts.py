@@ -17,7 +17,8 @@ from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_coefficients, chebyshev_nodes
-from mechanism_sim.numerics.quadrature import integrate, parts_of
+from mechanism_sim.numerics.quadrature import Assumptions, integrate, parts_of
+from mechanism_sim.tolerances import TOLERANCES
 
 _COUNT = 16  # nodes in a segment, whose terms fall by a factor of ten and more
 _NODES = Nodes(tuple(chebyshev_nodes(_COUNT).tolist()))
@@ -139,8 +140,10 @@ class Touches:
             parts, powers = some(parts_of(motion.curve), segments[recovers]), recovers >= 0
             lost[recovers] = integrate(
                 lambda k, dt: self._physics.touch(motion, k, dt).loss[[gap]],
-                parts, powers, in_order=False,
-            ).value[0]  # fmt: skip
+                parts,
+                powers,
+                assumed=Assumptions(in_order=False),
+            ).value[0]
         return np.array([p, q, lost, _peaks(series[0])])
 
 
@@ -152,6 +155,8 @@ def _peaks(series: Array) -> Array:
     peaks = np.asarray(ends.max(axis=0))
     for k in np.flatnonzero((slopes[0] > 0.0) & (slopes[1] < 0.0)):
         roots = chebroots(chebder(series[k]))
-        level = roots.real[(np.abs(roots.imag) < 1e-9) & (np.abs(roots.real) <= 1.0)]
+        level = roots.real[
+            (np.abs(roots.imag) < TOLERANCES.contacts.real_root) & (np.abs(roots.real) <= 1.0)
+        ]
         peaks[k] = max(peaks[k], np.max(chebval(level, series[k]), initial=0.0))
     return peaks

@@ -6,11 +6,9 @@ import numpy as np
 
 from mechanism_sim.hybrid.contact_state import ContactState
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.tolerances import TOLERANCES
 
-INSIDE = 1e-13
-"""[m] Depth at which a compliant contact begins: its force has no series at zero."""
-
-_SET_DOWN = 0.01  # of the speed that its load makes: what touches slower is loaded from rest
+_CONTACTS = TOLERANCES.contacts
 
 
 def initialise_rates(state: ContactState) -> None:
@@ -49,7 +47,7 @@ def touch_or_part(state: ContactState, gap: int) -> None:
         # the guard is a product: the factor whose zero is nearer in time has fallen
         depth = -float(joint.distance(np.array(terms.value[gap])))
         change = law.damping * abs(terms.acceleration[gap])
-        if depth > INSIDE and abs(terms.relief[gap] * terms.rate[gap]) < depth * change:
+        if depth > _CONTACTS.inside and abs(terms.relief[gap] * terms.rate[gap]) < depth * change:
             recovers = state.modes[gap] == Mode.RECOVERING
             state.change(gap, state.mode_of_closed(gap) if recovers else Mode.RECOVERING)
             return
@@ -57,10 +55,10 @@ def touch_or_part(state: ContactState, gap: int) -> None:
         mass = 1.0 / terms.compliance[gap][gap]
         load = max(0.0, -terms.acceleration[gap] * mass)
         own, rate = law.loading_speed(law.resting_depth(load), mass), -terms.rate[gap]
-        speeds[gap] = max(rate if rate > _SET_DOWN * own else own, state.slowest)
+        speeds[gap] = max(rate if rate > _CONTACTS.set_down * own else own, state.slowest)
     mode = int(Mode.FREE_FLIGHT if opens else state.mode_of_closed(gap))
     state.set_modes((*state.modes[:gap], mode, *state.modes[gap + 1 :]), tuple(speeds))
-    target = state.present.rounding if opens else -INSIDE
+    target = state.present.rounding if opens else -_CONTACTS.inside
     shift = (target - terms.value[gap]) / terms.compliance[gap][gap]
     for k, w in enumerate(terms.response[gap]):
         state.present.state[k] += w * shift
@@ -70,4 +68,4 @@ def is_leaving(state: ContactState, gap: int) -> bool:
     """True if a contact is about to open: its force and friction are nothing."""
     terms = state.terms()
     depth = -float(state.present.system.gaps[gap].distance(np.array(terms.value[gap])))
-    return depth <= INSIDE and bool(terms.rate[gap] > 0.0)
+    return depth <= _CONTACTS.inside and bool(terms.rate[gap] > 0.0)

@@ -17,8 +17,8 @@ from mechanism_sim.contact.problem import (
     SLIDES_BACKWARD,
     SLIDES_FORWARD,
     STICKS,
+    ContactArrays,
     ContactProblem,
-    Layout,
     Limits,
     Mask,
     problem_of,
@@ -26,26 +26,18 @@ from mechanism_sim.contact.problem import (
 )
 from mechanism_sim.hybrid.dense_output import Status
 from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeChange
-from mechanism_sim.hybrid.guards import FORCE_SCALE, SLIP_SCALE
 from mechanism_sim.hybrid.present_state import PresentState
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.tolerances import TOLERANCES
 
-_ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
+_CONTACTS = TOLERANCES.contacts
+_GUARDS = TOLERANCES.guards
+
 
 SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 """Modes of a closed contact with friction by the sign of its slip."""
-
-
-class Arrays(NamedTuple):
-    """Of what `problem_of` makes the contact problem."""
-
-    terms: Array  #: as ``System.contact_function`` writes them
-    layout: Layout
-    laws: Array  #: (2, m) coefficients of restitution and of friction
-    closed: Mask  #: (m,)
-    hypothesis: Indices  #: (m,)
 
 
 class Marks(NamedTuple):
@@ -88,38 +80,38 @@ class ContactState:
         self.impacts = ImpactLog(self.names)
         self.mode_changes: list[ModeChange] = []
         self.horizon = float('inf')
-        self.arrays = Arrays(
+        self.arrays = ContactArrays(
             np.zeros(system.contact_layout.size),
             system.contact_layout,
             np.array([[g.restitution for g in gaps], [g.friction for g in gaps]], dtype=float),
             np.zeros(m, dtype=np.bool_),
             np.array([Hypothesis(gap.hypothesis).code for gap in gaps], dtype=np.int64),
         )
-        self.problem = problem_of(*self.arrays)
+        self.problem = problem_of(self.arrays)
         self.mode_array = np.zeros(m, dtype=np.int64)
         self.marks = Marks(*np.zeros((4, m), dtype=np.bool_))
         self._flag_index = _flag_index(system)
         self.limits = _limits(present, rule, rtol, speed)
-        self.floors = [
-            -max(SLIP_SCALE * self.limits.still, FORCE_SCALE * _ROUNDING_FORCE)
-            if guard.friction else 0.0
-            for guard in system.guards
-        ]  # fmt: skip
-        self.slowest = 1e-6 * speed  # [m/s] to which the damping of a touch may refer
+        least = max(
+            _GUARDS.slip_scale * self.limits.still, _GUARDS.force_scale * _CONTACTS.cone_force
+        )
+        self.floors = [-least if guard.friction else 0.0 for guard in system.guards]
+        self.slowest = (
+            _CONTACTS.slowest_touch * speed
+        )  # [m/s] to which the damping of a touch may refer
         if system.parameters.margin is not None:
             present.pars[system.parameters.margin] = self.limits.bare
         self.approach = (1.0,) * len(system.parameters.approach)
         self._status = Status((), ())
-        self._holding, self._sides = [*system.set_valued.holding], system.parameters.sides
+        self._holding = [*system.set_valued.holding]
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
 
     @property
     def status(self) -> Status:
         """Contacts and switches that a step is taken with; the same object until it changes."""
         rows, pars = self.present.rows, self.present.pars
-        acting = tuple(
-            [rows[k] for k in self._holding] + [int(pars[i] > 0.0) for i in self._sides]
-        )
+        sides = self.present.system.parameters.sides
+        acting = tuple([rows[k] for k in self._holding] + [int(pars[i] > 0.0) for i in sides])
         now = Status(self.modes, self.approach, acting)
         if now != self._status:
             self._status = now
@@ -203,12 +195,12 @@ def chosen(mask: Mask) -> list[int]:
 
 
 def _limits(present: PresentState, rule: ChatterRule, rtol: float, speed: float) -> Limits:
-    touching = 4.0 * present.rounding
+    touching = _CONTACTS.touching * present.rounding
     return Limits(
         touching,
-        max(touching, min(rtol, 1e-9) * present.system.mechanism.size),
-        1e3 * float(np.spacing(speed)),
-        max(1e-12, 0.01 * rtol) * speed,
+        max(touching, min(rtol, _CONTACTS.tie) * present.system.mechanism.size),
+        _CONTACTS.bare * float(np.spacing(speed)),
+        max(_CONTACTS.still_least, _CONTACTS.still * rtol) * speed,
         rule.allowed,
         rule.resolved,
     )
@@ -218,8 +210,8 @@ def _flag_index(system: System) -> NDArray[np.int64]:
     """Parameters (4, m) of every gap: closed, sticks, slips, presses; -1 where it has none."""
     found = np.full((4, len(system.gaps)), -1)
     found[0] = system.parameters.closed
-    found[1, system.dynamics.frictional] = system.parameters.sticks
-    found[2, system.dynamics.frictional] = system.parameters.slips
+    found[1, system.dynamics.contacts.frictional] = system.parameters.sticks
+    found[2, system.dynamics.contacts.frictional] = system.parameters.slips
     found[3, : len(system.parameters.presses)] = system.parameters.presses
     return found
 

@@ -24,13 +24,15 @@ from mechanism_sim.hybrid.frictional_shocks import is_jammed, stop_jammed_slide
 from mechanism_sim.hybrid.guards import Guard
 from mechanism_sim.hybrid.present_state import rate_of
 from mechanism_sim.hybrid.resting_contacts import rest, separate
-from mechanism_sim.hybrid.rubbing_contacts import TINY_SHARE, add_joint_friction
+from mechanism_sim.hybrid.rubbing_contacts import add_joint_friction
 from mechanism_sim.hybrid.switching import Switching
 from mechanism_sim.numerics.kernels import charge
 from mechanism_sim.planar.switches import HOLDS
+from mechanism_sim.tolerances import TOLERANCES
 
-_BEYOND = 1e3  # times the rounding of a guard: more did not fall at the same instant
-_WITHIN_BOUND = 1e-9  # of the bound of friction, by which it stays within where a slip is held
+_CONTACTS = TOLERANCES.contacts
+_IMPACTS = TOLERANCES.impacts
+_ROUNDING = TOLERANCES.rounding
 
 
 class Contacts:
@@ -246,9 +248,9 @@ class Contacts:
         zero for ever. A hair within the bound, friction has no slip to watch.
         """
         c, m = self.state.problem, len(self.state.modes)
-        least = TINY_SHARE * float(np.abs(c.free_acceleration).max(initial=0.0))
+        least = _ROUNDING.acceleration * float(np.abs(c.free_acceleration).max(initial=0.0))
         if abs(c.acceleration[m + gap]) <= least:
-            self.state.scale_slip(gap, 1.0 - _WITHIN_BOUND)
+            self.state.scale_slip(gap, 1.0 - _CONTACTS.held_slip)
 
     def missed_event(self, seen_now: int | None = None) -> int | None:
         """A guard which is past zero already: the integrator would never see it fall.
@@ -278,7 +280,8 @@ class Contacts:
                 if x <= -margin and seen[count + i] < 0.0 and i != seen_now:
                     return i
                 continue
-            beyond = x <= (floor if seen_now is None else _BEYOND * (floor - margin))
+            least = floor if seen_now is None else _CONTACTS.same_instant * (floor - margin)
+            beyond = x <= least
             if beyond and i != seen_now and not self.switching.leads_back(system.guards[i].switch):
                 return i
         return None
@@ -294,9 +297,15 @@ class Contacts:
         rubbed = add_joint_friction(state, self.switching, gap) if rubs else 0.0
         first, marks = log.count, state.marks
         done = impact_now(
-            *state.arrays, state.limits, gap, present.time, present.drive_rates, present.v,
-            log.rows, log.count, marks.touching, marks.resting,
-        )  # fmt: skip
+            state.arrays,
+            state.limits,
+            gap,
+            present.instant(),
+            log.rows,
+            log.count,
+            marks.touching,
+            marks.resting,
+        )
         if not done.found:
             raise ArithmeticError('no impulses satisfy all contacts of this instant')
         log.count = done.entered
@@ -339,7 +348,7 @@ class Contacts:
                 (present.time, i, angle, -rate, after, p, 0.0, loss, impulse, work, stop, left)
             )
         state.horizon = min(state.horizon, horizon_of(after, acceleration))
-        if after <= -1e-9 * rate:
+        if after <= -_IMPACTS.rebound * rate:
             only = state.mask([i])
             rest(state, self.switching, only, only)
         return True

@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.planar.branch import SAMPLES, limits
+from mechanism_sim.tolerances import TOLERANCES
+
+_SINGULAR = TOLERANCES.singular
 
 Segments = NDArray[np.intp]
 Distance = Callable[[Segments, Array], Array]
 """Of the closures from depending on each other (K S,) at times (K, S) [s] in segments (K,)."""
 
 _NODES = 33
-_AWAY = 0.2  # of the largest root of the distance: there forces are known
-_WIDTH = 0.45  # of a segment: so far to either side they are looked at
 _DEGREE = 9
 
 
@@ -55,13 +56,13 @@ class Crossings:
         kept, touch = [], []
         for k, row in enumerate(root):
             lowest = int(row.argmin())
-            if not row[lowest] < _AWAY * row.max():
+            if not row[lowest] < _SINGULAR.away * row.max():
                 continue
             signed = np.where(np.arange(_NODES) < lowest, -row, row)
-            known = row > 0.5 * _AWAY * row.max()
+            known = row > 0.5 * _SINGULAR.away * row.max()
             fit = chebyshev.chebfit(2.0 * places[known] - 1.0, signed[known], _DEGREE)
             roots = chebyshev.chebroots(fit)
-            at = roots.real[np.abs(roots.imag) < 1e-6]
+            at = roots.real[np.abs(roots.imag) < _SINGULAR.real_root]
             at = 0.5 + 0.5 * at[np.argsort(np.abs(0.5 + 0.5 * at - places[lowest]))[:1]]
             if at.size:
                 kept.append(int(found[k]))
@@ -73,7 +74,7 @@ class Crossings:
         """Which of the instants `dt` (N,) [s] in segments (N,) are so near that forces suffer."""
         close = np.zeros(len(dt), dtype=bool)
         for segment, touch in zip(self.segments, self.touch, strict=True):
-            width = _AWAY * 0.5 * self._duration[segment]
+            width = _SINGULAR.away * 0.5 * self._duration[segment]
             close |= (segments == segment) & (np.abs(dt - touch) < width)
         return close
 
@@ -91,7 +92,7 @@ class Crossings:
         -------
         NaN where a function grows beyond all bounds at the very instant.
         """
-        times = dt[:, None] + _WIDTH * self._duration[segments][:, None] * SAMPLES
+        times = dt[:, None] + _SINGULAR.width * self._duration[segments][:, None] * SAMPLES
         touch = dict(zip(self.segments.tolist(), self.touch.tolist(), strict=True))
         away = times - np.array([touch[k] for k in segments.tolist()])[:, None]
         seen = values(segments, times).reshape(-1, *times.shape)

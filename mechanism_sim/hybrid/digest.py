@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -37,10 +37,11 @@ class MotionDigest:
         c = motion.curve
         self.add_segments(c.start, c.start_low, c.duration, c.turns, c.coefficients, motion.modes)
         for i in impacts:
-            self.add_impact(
-                i.t, i.joint, i.normal_angle, i.approach_speed, i.rebound_speed, i.normal_impulse,
+            values = (
+                i.t, i.normal_angle, i.approach_speed, i.rebound_speed, i.normal_impulse,
                 i.tangential_impulse, i.energy_loss, i.drive_impulse,
             )  # fmt: skip
+            self.add_impact(i.joint, values)
 
     def add_segments(
         self,
@@ -82,35 +83,18 @@ class MotionDigest:
             )
             self._segments.update(np.concatenate(columns, axis=1).tobytes())
 
-    def add_impact(
-        self,
-        time: float,
-        joint: str,
-        normal_angle: float,
-        approach_speed: float,
-        rebound_speed: float,
-        normal_impulse: float,
-        tangential_impulse: float,
-        energy_loss: float,
-        drive_impulse: float,
-    ) -> None:
-        """Add the next impact, with the units of the message Impact."""
+    def add_impact(self, joint: str, values: Sequence[float]) -> None:
+        """Add the next impact.
+
+        Args:
+            joint: Its name.
+            values: Time, angle of the normal, speeds of approach and rebound, normal and
+                tangential impulse, loss of energy, impulse of the drives; units of the message
+                Impact.
+
+        """
         name = joint.encode()
-        self._impacts.update(
-            struct.pack('<q', len(name))
-            + name
-            + struct.pack(
-                '<8d',
-                time,
-                normal_angle,
-                approach_speed,
-                rebound_speed,
-                normal_impulse,
-                tangential_impulse,
-                energy_loss,
-                drive_impulse,
-            )
-        )
+        self._impacts.update(struct.pack('<q', len(name)) + name + struct.pack('<8d', *values))
 
     def hexdigest(self) -> str:
         """Return the digest of what was added so far, as 64 hexadecimal digits."""

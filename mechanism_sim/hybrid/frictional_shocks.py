@@ -10,9 +10,12 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.contact.impact import ContactImpulse, jam_margin, shock, stop_slide
-from mechanism_sim.contact.problem import ROUGH, enter, push
+from mechanism_sim.contact.problem import enter, push
 from mechanism_sim.hybrid.contact_state import SLIDING, ContactState
-from mechanism_sim.hybrid.guards import JAMMED
+from mechanism_sim.tolerances import TOLERANCES
+
+_GUARDS = TOLERANCES.guards
+_IMPACTS = TOLERANCES.impacts
 
 _SIGNS = {int(mode): sign for sign, mode in SLIDING.items()}
 
@@ -26,7 +29,7 @@ def is_jammed(state: ContactState, closed: Sequence[int]) -> bool:
     """True if closed contacts could not slide as their modes say."""
     state.refresh()
     _, A, friction = _coupling(state, closed)
-    return jam_margin(A, friction, slips_of(state, closed)) <= JAMMED
+    return jam_margin(A, friction, slips_of(state, closed)) <= _GUARDS.jammed
 
 
 def shock_contacts(
@@ -63,7 +66,7 @@ def shock_contacts(
     return [
         i
         for k, i in enumerate(gaps)
-        if after[k] <= max(still, rates[k] * (1.0 + 1e-6) if i in resting else 0.0)
+        if after[k] <= max(still, rates[k] * (1.0 + _IMPACTS.parted) if i in resting else 0.0)
     ]
 
 
@@ -90,7 +93,7 @@ def _coupling(state: ContactState, gaps: Sequence[int]) -> tuple[list[int], Arra
     """Rows of gaps, rates of these per unit impulse, and coefficients of friction."""
     terms = state.problem
     rows = [*gaps, *(len(state.modes) + i for i in gaps)]
-    friction = np.minimum(terms.friction[gaps], ROUGH).tolist()
+    friction = np.minimum(terms.friction[gaps], _IMPACTS.rough).tolist()
     return rows, terms.compliance[np.ix_(rows, rows)], friction
 
 
@@ -105,7 +108,6 @@ def _apply(state: ContactState, gaps: Sequence[int], impulses: Sequence[ContactI
         if p or q:
             push(terms, i, p, q, present.v)
             pair, row = [k, n + k], log.rows[log.count]
-            drives, time = present.drive_rates, present.time
-            enter(terms, i, p, q, rates[pair], after[pair], True, time, drives, row)
+            enter(terms, i, (p, q), rates[pair], after[pair], True, present.instant(), row)
             log.count += 1
     return after

@@ -11,40 +11,16 @@ from typing import NamedTuple
 
 import heyoka as hy
 
-from mechanism_sim.hybrid.dynamics import ROUGH, Dynamics
+from mechanism_sim.hybrid.dynamics import Dynamics
 from mechanism_sim.hybrid.run_expressions import RunExpressions
 from mechanism_sim.hybrid.runtime_parameters import RuntimeParameters, symbols
 from mechanism_sim.numerics.symbolic import dense, mul
-from mechanism_sim.planar.switches import SWITCH_MARGIN, Switch
+from mechanism_sim.planar.switches import Switch
+from mechanism_sim.tolerances import TOLERANCES
 
-TINY = 1.0625e-300
-"""Keeps a guard off exact zero, from where the integrator would never fire it."""
-
-FORCE_SCALE = 1e-6
-"""[m/N] Makes forces in guards so small that they do not rule the size of the steps."""
-
-HOLD = 1.0 + 1e-10
-"""Times its friction, a contact that sticks gives way: beyond what rounding makes of forces."""
-
-SLIP_SCALE = 1e-3
-"""[s] The same for tangential velocities."""
-
-
-WATCH_SCALE = 1e-30
-"""Keeps what is integrated only to be watched out of the choice of steps."""
-
-JAM_SCALE = 1e-6
-"""[m] The same for the margin to jamming."""
-
-JAMMED = 1e-4
-"""Margin to jamming, or below, at which contacts count as jammed."""
-
-JAMMED_ROUGH = 0.1
-"""Margin for rough contacts, which jam a little earlier than those of a large coefficient."""
-
-
-RUB_JAMMED = 1e-3
-"""`Acting.jam_margin` at which friction in ideal joints counts as jammed."""
+_GUARDS = TOLERANCES.guards
+_IMPACTS = TOLERANCES.impacts
+_SWITCHES = TOLERANCES.switches
 
 
 class Guard(NamedTuple):
@@ -67,7 +43,7 @@ class Guard(NamedTuple):
 def guards_of(dynamics: Dynamics, index: RuntimeParameters) -> list[Guard]:
     """Guards of gaps, their friction, sides, pins and jams of ideal joints, switches."""
     guards = [Guard(i, 0) for i in range(len(dynamics.gaps))]
-    guards += [Guard(i, sign) for i in dynamics.frictional for sign in (1, -1)]
+    guards += [Guard(i, sign) for i in dynamics.contacts.frictional for sign in (1, -1)]
     guards += [Guard(-1, 0, side=k) for k in range(len(index.sides))]
     guards += [Guard(-1, 0, pin=k) for k in range(len(index.towards) // 2)]
     guards += [Guard(-1, 0)] if dynamics.rubs else []
@@ -83,7 +59,7 @@ def guard_functions(run: RunExpressions, guards: Sequence[Guard]) -> list[hy.exp
             function = known.guard
             if isinstance(known, Switch) and known.holds is not None:
                 function += known.holds * (known.held_guard - 1.0)
-            result.append(function + SWITCH_MARGIN)
+            result.append(function + _SWITCHES.margin)
         elif guard.gap < 0:
             result.append(_of_joint_friction(run, guard))
         elif guard.friction:
@@ -99,27 +75,31 @@ def guard_functions(run: RunExpressions, guards: Sequence[Guard]) -> list[hy.exp
 
 def _of_gap(d: Dynamics, gap: int) -> hy.expression:
     """Positive while an open gap is open, and while a closed one presses."""
-    s, value = d.closed[gap], dense(d.normal[gap].value)
-    force = d.held(gap) if d.compliant else FORCE_SCALE * dense(d.stabilised.N[gap])
-    return value + s * (force - value) + TINY
+    s, value = d.flags.closed[gap], dense(d.contacts.normal[gap].value)
+    force = (
+        d.held(gap) if d.contacts.compliant else _GUARDS.force_scale * dense(d.stabilised.N[gap])
+    )
+    return value + s * (force - value) + _GUARDS.tiny
 
 
 def _of_friction(d: Dynamics, guard: Guard) -> hy.expression:
     """Positive within the cone of friction while sticking; while sliding until it ends or jams."""
     gap, solved = guard.gap, d.stabilised
-    z, mu, sign = d.sticks[gap], d.mu[gap], d.slips[gap]
-    push = mul(solved.N[gap], d.compressed(gap)[2]) if d.compliant else solved.N[gap]
-    cone = (HOLD * mu) * dense(push) - guard.friction * solved.T[gap]
+    z, mu, sign = d.flags.sticks[gap], d.contacts.mu[gap], d.flags.slips[gap]
+    push = mul(solved.N[gap], d.compressed(gap)[2]) if d.contacts.compliant else solved.N[gap]
+    cone = (_GUARDS.hold * mu) * dense(push) - guard.friction * solved.T[gap]
     idle = 1.0 - z - sign * sign
     if guard.friction > 0:
-        idle = idle + sign * (SLIP_SCALE * dense(d.tangent[gap].rate))
-    elif d.compliant:  # its normal force is known: nothing jams
+        idle = idle + sign * (_GUARDS.slip_scale * dense(d.contacts.tangent[gap].rate))
+    elif d.contacts.compliant:  # its normal force is known: nothing jams
         idle = idle + sign * sign
     else:
         margin = dense(d.jam_margin)
-        least = JAMMED_ROUGH if d.friction[gap] == ROUGH else JAMMED
-        idle = idle + sign * sign * (JAM_SCALE * (margin * margin - least * least))
-    return z * (FORCE_SCALE * cone) + idle + TINY
+        least = (
+            _GUARDS.jammed_rough if d.contacts.friction[gap] == _IMPACTS.rough else _GUARDS.jammed
+        )
+        idle = idle + sign * sign * (_GUARDS.jam_scale * (margin * margin - least * least))
+    return z * (_GUARDS.force_scale * cone) + idle + _GUARDS.tiny
 
 
 def _of_joint_friction(run: RunExpressions, guard: Guard) -> hy.expression:
@@ -128,10 +108,10 @@ def _of_joint_friction(run: RunExpressions, guard: Guard) -> hy.expression:
     found = forces.acting(run.dynamics.stabilised)
     if guard.side is not None:
         side = hy.par[index.sides[guard.side]]
-        return FORCE_SCALE * (side * found.pressed[guard.side] + forces.least)
+        return _GUARDS.force_scale * (side * found.pressed[guard.side] + forces.least)
     if guard.pin is not None:
         x, y = found.carried[guard.pin]
         ux, uy = symbols(index.towards[2 * guard.pin : 2 * guard.pin + 2])
         size = hy.sqrt(x * x + y * y + forces.least * forces.least)
-        return FORCE_SCALE * (x * ux + y * uy + 0.5 * size + forces.least)
-    return JAM_SCALE * (dense(found.jam_margin) - RUB_JAMMED) + TINY
+        return _GUARDS.force_scale * (x * ux + y * uy + 0.5 * size + forces.least)
+    return _GUARDS.jam_scale * (dense(found.jam_margin) - _GUARDS.joint_jammed) + _GUARDS.tiny

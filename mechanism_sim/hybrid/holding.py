@@ -17,18 +17,9 @@ import heyoka as hy
 from mechanism_sim.numerics.symbolic import Term, add, dense
 from mechanism_sim.planar.joint_friction import Pressed
 from mechanism_sim.planar.switches import Switch
+from mechanism_sim.tolerances import TOLERANCES
 
-_NEWTON = 5
-"""Steps of Newton's method.
-
-From an error x relative to the bounds a step leaves about k x^2, where k is coefficient times
-radius over the length of a link: below k = 0.3 the last one leaves a rounding.
-"""
-
-
-_OFF_ZERO = 1e-3  # of the resolution: no bound is exactly zero
-_NEVER = 1e-6  # of a coefficient, which may be none for a while
-_UNFELT = 1e3  # times the resolution: an error of so small a bound is none
+_JOINT_FRICTION = TOLERANCES.joint_friction
 
 
 class Acting(NamedTuple):
@@ -75,7 +66,7 @@ def acting(
     found: list[hy.expression] = [hy.expression(0.0)] * n
     jam: Term = None
     curved = any(p.side is None for b in bounds for p in b)
-    for _ in range(_NEWTON if curved else 1):
+    for _ in range(_JOINT_FRICTION.newton if curved else 1):
         rows, at = [], n
         for k, (s, T) in enumerate(zip(switches, forces, strict=True)):
             z: Term = s.holds
@@ -109,11 +100,12 @@ def acting(
         at = own.stop
         b = _bound(bounds[k], A[own], slopes[own], found)
         held: Term = s.holds
-        least = hy.sum([(p.coefficient + _NEVER) * p.resolution for p in bounds[k]])
+        floor = _JOINT_FRICTION.coefficient
+        least = hy.sum([(p.coefficient + floor) * p.resolution for p in bounds[k]])
         share = found[k] * b / (b * b + least * least)  # both may vanish at once
         parts.append((1.0 - held) * s.flag + 0.5 * (held * (1.0 - share)))
         left = found[k] - (1.0 - 2.0 * s.flag) * b
-        residual.append((1.0 - held) * (left / (b + _UNFELT * least)))
+        residual.append((1.0 - held) * (left / (b + _JOINT_FRICTION.bound * least)))
     pressed, carried, at = [], [], n
     for p in (p for b in bounds for p in b):
         own = slice(at, at + len(p.components))
@@ -147,7 +139,7 @@ def _tangent(
         i = own.stop
         if p.side is not None:
             weights = [way * (p.coefficient * p.side)]
-            least = way * (p.coefficient * (_OFF_ZERO * p.resolution))
+            least = way * (p.coefficient * (_JOINT_FRICTION.off_zero * p.resolution))
         else:
             c = [_linear(start[k], slopes[k], at) for k in own]
             weight = way * p.coefficient / _size(c, p)
@@ -173,7 +165,8 @@ def _bound(
         own = range(i, i + len(p.components))
         i = own.stop
         c = [_linear(start[k], slopes[k], at) for k in own]
-        size = p.side * c[0] + _OFF_ZERO * p.resolution if p.side is not None else _size(c, p)
+        least = _JOINT_FRICTION.off_zero * p.resolution
+        size = p.side * c[0] + least if p.side is not None else _size(c, p)
         bound.append(p.coefficient * size)
     return dense(add(*bound))
 

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.hybrid.gap_geometry import GapGeometry
+from mechanism_sim.hybrid.holding_parts import with_holding_parts
 from mechanism_sim.hybrid.runtime_parameters import symbols
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
@@ -23,6 +25,9 @@ from mechanism_sim.planar.inverse_dynamics import Account, Observation
 from mechanism_sim.planar.joint_friction import with_friction
 from mechanism_sim.planar.reactions import energies, generalized_forces
 from mechanism_sim.planar.switched_functions import SwitchedFunction
+from mechanism_sim.tolerances import TOLERANCES
+
+_JOINT_FRICTION = TOLERANCES.joint_friction
 
 
 class Instants(NamedTuple):
@@ -55,41 +60,6 @@ _OBSERVED = (
     'drive_torque', 'reaction', 'moment', 'energy',
 )  # fmt: skip
 
-_RUBBED = 1e-9
-"""Of a bound: farther from its law no friction is let go."""
-
-_SWEEPS, _SETTLED = 1000, 1e-14  # of the iteration for switches that hold together
-_DEPENDENT = 1e-9  # determinant of what two of them do, the largest of each row 1
-
-
-_CENTRAL = 1e-6
-"""Of the clearance: a pin so near to the centre is in it, but for rounding."""
-
-
-def _together(
-    free: Array, jump: Array, held: NDArray[np.bool_]
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Parts (h, N) of what holds that leave no rates, and where (N,) there are such of 0 to 1.
-
-    Iteration may go to and fro for ever: what holds one rate may turn another one.
-
-    Parameters
-    ----------
-    free : (h, N) rates of what is held, without any part
-    jump : (h, h, N) what all of the first makes of the rate of the second
-    held : (h, N) whether it holds
-    """
-    several = held.sum(axis=0) > 1
-    both = held[:, None] & held[None]
-    A = np.where(both, jump.transpose(1, 0, 2), np.eye(len(held))[..., None]).transpose(2, 0, 1)
-    size = np.maximum(np.abs(A).max(axis=2, keepdims=True), 1e-300)
-    A, b = A / size, -np.where(held, free, 0.0).T[..., None] / size
-    several &= np.abs(np.linalg.det(A)) > _DEPENDENT
-    found = np.zeros(held.shape)
-    found[:, several] = np.linalg.solve(A[several], b[several])[..., 0].T
-    inside = (found >= 0.0) & (found <= 1.0)
-    return found, several & inside.all(axis=0)
-
 
 class Observer:
     """Functions of states of a system.
@@ -97,10 +67,15 @@ class Observer:
     Parameters
     ----------
     system : the equations
+
+    Attributes
+    ----------
+    gaps : their geometry
     """
 
     def __init__(self, system: System) -> None:
         self.system = system
+        self.gaps = GapGeometry(system)
 
     @cached_property
     def _terms(self) -> dict[str, list[Term]]:
@@ -114,7 +89,9 @@ class Observer:
             add(supplied[self.system.coordinates.index(c)], neg(d.on_prescribed(k, solved)))
             for k, c in enumerate(self.system.prescribed)
         ]
-        friction = [neg(mul(solved.T[i], d.tangent[i].rate)) for i in d.frictional]
+        friction = [
+            neg(mul(solved.T[i], d.contacts.tangent[i].rate)) for i in d.contacts.frictional
+        ]
         taken = add(*(element.power_lost(eq.frames) for element in self.system.elements))
         friction += [*(rub.power_lost for rub in d.rubs), eq.strain_loss]
         kinetic, potential = energies(eq)
@@ -123,26 +100,30 @@ class Observer:
         )
         forces_N = list(solved.N)
         losses: list[Term] = []
-        for i, law in enumerate(d.laws):
+        for i, law in enumerate(d.contacts.laws):
             if law is not None:
                 depth, rate, stretch = d.compressed(i)
                 push = mul(solved.N[i], stretch)
-                lost = push - d.closed[i] * law.normal_force(depth, hy.expression(0.0), 1.0)
+                lost = push - d.flags.closed[i] * law.normal_force(depth, hy.expression(0.0), 1.0)
                 friction.append(lost * rate)
-                potential = add(potential, d.closed[i] * law.elastic_energy(depth))
+                potential = add(potential, d.flags.closed[i] * law.elastic_energy(depth))
                 forces_N[i] = push
-                slides = mul(solved.T[i], d.tangent[i].rate) if i in d.tangent else None
+                slides = (
+                    mul(solved.T[i], d.contacts.tangent[i].rate)
+                    if i in d.contacts.tangent
+                    else None
+                )
                 losses.append(add(lost * rate, neg(slides)))
         terms: dict[str, list[Term]] = {
             'acceleration': [a[c] for c in self.system.coordinates],
-            'gap': [jet.value for jet in d.normal],
-            'closure': [jet.value for jet in d.relation],
+            'gap': [jet.value for jet in d.contacts.normal],
+            'closure': [jet.value for jet in d.equations.relation_jets],
             'normal_force': forces_N,
             'friction_force': list(solved.T),
             'friction_power': [add(*friction, taken)],
             'joint_loss': [add(*friction)],
             'load_power': [taken],
-            'drive_torque': [*torques, *d.drive_torques],
+            'drive_torque': [*torques, *d.drives.torques],
             'reaction': [x for w in reactions.values() for x in (w.x, w.y)],
             'moment': [w.moment for w in reactions.values()],
             'energy': [kinetic, potential],
@@ -150,7 +131,7 @@ class Observer:
             'contact_loss': losses,
             'gap_rate': [
                 dense(jet.rate) / gap.stretch(jet.value)
-                for gap, jet in zip(self.system.gaps, d.normal, strict=True)
+                for gap, jet in zip(self.system.gaps, d.contacts.normal, strict=True)
             ],
             'normal_angle': self.system.run.normal_angles,
         }
@@ -167,13 +148,19 @@ class Observer:
         """These terms as a function of what `_inputs` makes."""
         eq, d = self.system.equations, self.system.dynamics
         replace: dict[str | hy.expression, hy.expression] = {}
-        flags = (*d.closed, *d.sticks.values(), *d.slips.values(), *d.approach, *d.presses)
+        flags = (
+            *d.flags.closed,
+            *d.flags.sticks.values(),
+            *d.flags.slips.values(),
+            *d.flags.approach,
+            *d.flags.presses,
+        )
         for k, flag in enumerate(flags):
             replace[flag] = hy.make_vars(f'flag{k}')
         variables = list(replace.values())
         sides = symbols(self.system.parameters.sides)
         for k in range(len(self.system.powered)):
-            constant, *others = d.torques[3 * k : 3 * k + 3]
+            constant, *others = d.drives.coefficients[3 * k : 3 * k + 3]
             replace[constant] = hy.make_vars(f'torque{k}')
             variables.append(replace[constant])
             replace |= dict.fromkeys(others, hy.expression(0.0))
@@ -199,42 +186,11 @@ class Observer:
         return self._compiled(['holding_rate'])
 
     def _with_parts(self, inputs: Array, rows: Array | None) -> Array | None:
-        """The values (r, N) of the switches, with its part for each that holds.
-
-        Several that hold at once have those that leave no rates of what they hold; where these do
-        not lie between 0 and 1, those of 0 to 1 that leave least, by projected Gauss-Seidel
-        iteration.
-        """
+        """The values (r, N) of the switches, with its part for each that holds."""
         flags, holds = self.system.set_valued.holding_rows
-        if rows is None or self._rubs or not flags or not (held := rows[holds] > 0.0).any():
+        if rows is None or self._rubs or not flags or not (rows[holds] > 0.0).any():
             return rows
-        columns = np.flatnonzero(held.any(axis=0))
-        held, now, inputs = held[:, columns], rows[:, columns], inputs[:, columns]
-        now[flags] = np.where(held, 0.0, now[flags])
-        (free,) = self._holding_rates(inputs, now)
-        slopes = []
-        for flag, own in zip(flags, held, strict=True):
-            now[flag] += own
-            slopes.append(self._holding_rates(inputs, now)[0] - free)
-            now[flag] -= own
-        parts, jump = np.zeros(held.shape), np.array(slopes)
-        exact, alone = _together(free, jump, held)
-        for _ in range(0 if alone.all() else _SWEEPS):
-            change = np.zeros(())
-            for k, own in enumerate(held):
-                acts = own & (jump[k, k] < 0.0)
-                slope = np.where(acts, jump[k, k], -1.0)
-                left = free[k] + (jump[:, k] * parts).sum(axis=0)
-                part = np.where(acts, np.clip(parts[k] - left / slope, 0.0, 1.0), 0.0)
-                change = np.maximum(change, np.abs(part - parts[k])[~alone].max())
-                parts[k] = part
-            if change < _SETTLED:
-                break
-        parts = np.where(alone, exact, parts)
-        now[flags] = np.where(held, parts, now[flags])
-        found = rows.copy()
-        found[:, columns] = now
-        return found
+        return with_holding_parts(self._holding_rates, inputs, rows, flags, holds)
 
     @cached_property
     def _observe(self) -> SwitchedFunction:
@@ -252,7 +208,7 @@ class Observer:
         (
             a, gap, _, N, T, friction, drive_torque, reaction, moment, energy, *residual,
         ) = self._observe(inputs, self._with_parts(inputs, at.rows))  # fmt: skip
-        if residual and np.abs(residual[0]).max(initial=0.0) > _RUBBED:
+        if residual and np.abs(residual[0]).max(initial=0.0) > _JOINT_FRICTION.residual:
             raise RunError(
                 'friction in ideal joints does not follow from their forces: it nearly jams; '
                 'a smaller coefficient or radius runs'
@@ -261,7 +217,7 @@ class Observer:
             at.q,
             at.v,
             a,
-            self.distances(gap),
+            self.gaps.distances(gap),
             N,
             T,
             friction[0],
@@ -281,7 +237,7 @@ class Observer:
         )
         closed = np.where(at.modes > Mode.FREE_FLIGHT, gap, 0.0)
         ends = [closed.min(axis=1, initial=0.0), closed.max(axis=1, initial=0.0)]
-        farthest = self.distances(np.array(ends).T)  # in any measure the ends are the ends
+        farthest = self.gaps.distances(np.array(ends).T)  # in any measure the ends are the ends
         left = max(np.abs(x).max(initial=0.0) for x in (farthest, closure))
         power = (drive_torque * at.v[self.system.driven_index]).sum(axis=0)
         load = taken[0][0] if taken else None
@@ -332,8 +288,8 @@ class Observer:
         d, count = self.system.dynamics, q.shape[1]
         torque = np.zeros((len(self.system.powered), count)) if torque is None else torque
         flags: list[NDArray[Any]] = [modes > Mode.FREE_FLIGHT]
-        if d.frictional:
-            frictional = modes[d.frictional]
+        if d.contacts.frictional:
+            frictional = modes[d.contacts.frictional]
             forward = frictional == Mode.SLIDING_FORWARD
             backward = frictional == Mode.SLIDING_BACKWARD
             flags += [frictional == Mode.STICKING, forward * 1.0 - backward]
@@ -344,57 +300,3 @@ class Observer:
         known = np.ones((len(self.system.parameters.sides), count)) if sides is None else sides
         rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque, known, given)
         return np.concatenate(rows)
-
-    def distances(self, values: Array) -> Array:
-        """The gaps (m, N) [m] that belong to values in their own measure."""
-        rows = [g.distance(row) for g, row in zip(self.system.gaps, values, strict=True)]
-        return np.array(rows).reshape(values.shape)
-
-    @cached_property
-    def _gap_values(self) -> SwitchedFunction:
-        frames = self.system.equations.frames
-        values = [jet.value for jet in self.system.dynamics.normal]
-        return SwitchedFunction(frames, [values], self._positions)
-
-    @property
-    def _positions(self) -> list[hy.expression]:
-        return list(self.system.equations.frames.q.values())
-
-    @cached_property
-    def _distance(self) -> SwitchedFunction:
-        return SwitchedFunction(
-            self.system.equations.frames, [[self.system.dynamics.distance]], self._positions
-        )
-
-    def distance(self, q: Array) -> Array:
-        """How far the closures are from depending on each other (N,) at coordinates q (n, N)."""
-        found: Array = self._distance(q)[0][0]
-        return found
-
-    @cached_property
-    def _gap_rates(self) -> SwitchedFunction:
-        frames, normal = self.system.equations.frames, self.system.dynamics.normal
-        groups = [
-            [jet.rate for jet in normal],
-            [g.stretch(jet.value) for g, jet in zip(self.system.gaps, normal, strict=True)],
-            [jet.value for jet in normal],
-            *([pair[k].rate for pair in self.system.run.normals] for k in (0, 1)),
-        ]
-        return SwitchedFunction(frames, groups, [*frames.q.values(), *frames.v.values()])
-
-    def gap_rates(self, q: Array, v: Array) -> Array:
-        """How fast the gaps open (m, N) [m/s] at coordinates and rates (n, N).
-
-        From the centre of its bushing a pin comes nearer in every direction, as fast as it moves:
-        there the normal Q/c turns with Q'/c, and the measure of the gap is c/2.
-        """
-        rates, stretch, value, nx, ny = self._gap_rates(np.concatenate([q, v]))
-        central = ~(stretch >= _CENTRAL)  # by rounding it may be the root of less than zero
-        opening: Array = np.where(
-            central, -2.0 * value * np.hypot(nx, ny), rates / np.where(central, 1.0, stretch)
-        )
-        return opening
-
-    def gap_values(self, q: Array, rows: Array | None = None) -> Array:
-        """The gaps (m, N) [m] in their own measure at coordinates q (n, N); `rows` as above."""
-        return self._gap_values(q, rows)[0] if self.system.gaps else np.zeros((0, q.shape[1]))

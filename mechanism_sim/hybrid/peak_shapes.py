@@ -17,18 +17,16 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.numerics.quadrature import Parts, integrate
+from mechanism_sim.tolerances import TOLERANCES
+
+_PEAKS = TOLERANCES.peaks
 
 Magnitude = Callable[[NDArray[np.intp], Array | Nodes], Array]
 """Magnitudes (N,) of a load in segments of a motion, instants as of ``curve.at``."""
 
-LEVEL = 0.5
-"""Of the peak: as long as a load is above it, that is the peak."""
 
 _LOOKS = np.linspace(0.0, 1.0, 17)  # of a segment
 _AT_ONCE = 16  # segments
-_KEPT = 512  # segments of a motion before a batch, for peaks that begin there
-_MOST = 2048  # segments to either side; what lasts longer is no peak but the load
-_ROUNDS = 8  # of 16 parts each, in which its end is located
 
 
 class PeakShape(NamedTuple):
@@ -50,8 +48,8 @@ def peak_shape(
 ) -> PeakShape:
     """The shape of a peak of some height at a time [s] of a motion."""
     k, into = _place(magnitude, curve, time)
-    low = _side(magnitude, curve, k, into, LEVEL * height, -1)
-    high = _side(magnitude, curve, k, into, LEVEL * height, 1)
+    low = _side(magnitude, curve, k, into, _PEAKS.level * height, -1)
+    high = _side(magnitude, curve, k, into, _PEAKS.level * height, 1)
     segments = np.arange(low.segment, high.segment + 1)
     begin, end = np.zeros(len(segments)), curve.duration[segments].copy()
     begin[0], end[-1] = low.into, high.into
@@ -88,7 +86,7 @@ class PeakOutlines:
     def add(self, motion: Motion, peaks: Sequence[tuple[float, float]]) -> None:
         """Enter the segments that follow; `peaks` are values and times [s] so far, or empty."""
         self._batches.append(motion)
-        while sum(map(len, self._batches[1:])) >= _KEPT:
+        while sum(map(len, self._batches[1:])) >= _PEAKS.kept:
             del self._batches[0]
         self._look(peaks, anyway=False)
 
@@ -130,7 +128,7 @@ class PeakOutlines:
 def _place(magnitude: Magnitude, curve: PiecewisePolynomial, time: float) -> tuple[int, float]:
     """Segment and time since its start [s]: at a jump those on whose side the load is larger."""
     (k,), (into,) = curve.find(np.array([time]))
-    near = 256.0 * float(np.spacing(abs(time) + 1e-300))
+    near = _PEAKS.time * float(np.spacing(abs(time) + TOLERANCES.rounding.least))
     found = [(int(k), float(into))]
     if into <= near and k > 0:
         found.append((int(k) - 1, float(curve.duration[k - 1])))
@@ -151,7 +149,7 @@ def _side(
 ) -> _Side:
     """Where a load falls below a level, before (-1) or after (1) an instant in a segment."""
     last = 0 if way < 0 else len(curve) - 1
-    limit = max(last, k - _MOST) if way < 0 else min(last, k + _MOST)
+    limit = max(last, k - _PEAKS.most) if way < 0 else min(last, k + _PEAKS.most)
     first = k
     while way * (limit - first) >= 0:
         segments = np.arange(first, first + way * min(_AT_ONCE, way * (limit - first) + 1), way)
@@ -166,7 +164,7 @@ def _side(
             if not column:  # it falls where the segment before ends, if it is not there already
                 return _Side(segment, float(dt[row, 0]), True)
             inner, outer = float(dt[row, column - 1]), float(dt[row, column])
-            for _ in range(_ROUNDS):
+            for _ in range(_PEAKS.rounds):
                 within = np.linspace(inner, outer, len(_LOOKS))
                 low = magnitude(np.array([segment]), within[None]) < level
                 low[[0, -1]] = False, True

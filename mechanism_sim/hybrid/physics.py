@@ -160,7 +160,10 @@ class DynamicPhysics:
             return None
         free = [system.coordinates.index(c) for c in system.free]
         return Crossings(
-            motion, segments, free, lambda k, t: self.observer.distance(motion.curve.local(k, t).T)
+            motion,
+            segments,
+            free,
+            lambda k, t: self.observer.gaps.closure_distance(motion.curve.local(k, t).T),
         )
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
@@ -242,10 +245,10 @@ class DynamicPhysics:
             q, _ = curve.at_nodes(segments, dt)
         else:
             q = curve.local(segments, dt).T
-        values = self.observer.gap_values(
+        values = self.observer.gaps.values(
             q, rows(self.system.edges, self.coordinates, curve, segments, dt)
         )
-        gaps = self.observer.distances(values)
+        gaps = self.observer.gaps.distances(values)
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)
 
     def switch_parts(

@@ -11,7 +11,16 @@ from functools import cached_property
 import heyoka as hy
 
 from mechanism_sim.hybrid.run_expressions import RunExpressions
-from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
+from mechanism_sim.numerics.symbolic import (
+    Term,
+    Vector,
+    add,
+    dense,
+    dot,
+    mul,
+    neg,
+    solve_symmetric,
+)
 
 
 class PresentFunctions:
@@ -46,8 +55,8 @@ class PresentFunctions:
         switches.
         """
         d, places = self._dynamics, (s.place for s in self._run.switches)
-        values = (jet.value for jet in d.normal if d.compliant)
-        rates = (jet.rate for jet in d.normal)
+        values = (jet.value for jet in d.contacts.normal if d.contacts.compliant)
+        rates = (jet.rate for jet in d.contacts.normal)
         return self._run.compile_now([*self._guards(), *rates, *values, *places])
 
     @cached_property
@@ -58,17 +67,17 @@ class PresentFunctions:
     @cached_property
     def contact_function(self) -> hy.cfunc_dbl:
         """Terms of the gaps, as `contact.problem.problem_of` reads them; of `watch`'s vector."""
-        d, rows = self._dynamics, self._dynamics.rows
+        d, rows = self._dynamics, self._dynamics.contacts.rows
         terms = [
-            *(jet.value for jet in d.normal),
+            *(jet.value for jet in d.contacts.normal),
             *(jet.rate for jet in rows),
             *d.free_acceleration,
             *d.acceleration,
-            *(x for W in d.response for x in W),
-            *(x for row in d.compliance for x in row),
-            *(x for row in d.drive_response for x in row),
+            *(x for W in d.reduced.contacts.response for x in W),
+            *(x for row in d.reduced.contacts.compliance for x in row),
+            *(x for row in d.reduced.contacts.drive_response for x in row),
             *self._run.normal_angles,
-            *(d.relief(i) for i in range(len(d.gaps) if d.compliant else 0)),
+            *(d.relief(i) for i in range(len(d.gaps) if d.contacts.compliant else 0)),
         ]
         if d.rubs:
             values = self._forces.acting(d.exact).values
@@ -83,16 +92,16 @@ class PresentFunctions:
         The latter are how many components each term of each bound has, and its wall.
         """
         d, frames = self._dynamics, self._dynamics.equations.frames
-        unit = [hy.make_vars(f'struck{k}') for k in range(len(d.rows))]
+        unit = [hy.make_vars(f'struck{k}') for k in range(len(d.contacts.rows))]
         impulses = [*unit, *(rub.T for rub in d.rubs)]
         carried = self._forces.reactions(d.struck(unit))
         bounds = [rub.friction.pressed(frames, carried[rub.friction.name]) for rub in d.rubs]
         forces = [dense(c) for b in bounds for p in b for c in p.components]
         terms = [
             *(rub.slip.rate for rub in d.rubs),
-            *(x for w in d.rub_response for x in w),
-            *(x for row in d.rub_compliance for x in row),
-            *(x for row in d.rub_drive_response for x in row),
+            *(x for w in d.reduced.joints.response for x in w),
+            *(x for row in d.reduced.joints.compliance for x in row),
+            *(x for row in d.reduced.joints.drive_response for x in row),
             *(hy.diff(force, x) for force in forces for x in impulses),
             *(p.coefficient for b in bounds for p in b),
         ]
@@ -114,35 +123,39 @@ class PresentFunctions:
         of the closures from depending on each other. Of the same vector as `watch`.
         """
         d, frames = self._dynamics, self._dynamics.equations.frames
+        closures, active = d.equations.relation_jets, d.contacts.active
         outputs: list[Term] = []
         for symbol, rows, quantity in (
-            (frames.q, d.normal, 'value'),
-            (frames.v, d.rows, 'rate'),
+            (frames.q, d.contacts.normal, 'value'),
+            (frames.v, d.contacts.rows, 'rate'),
         ):
-            shift = d.closing([getattr(jet, quantity) for jet in d.relation])
-            count = len(rows)
-            K = [
-                [
-                    add(mul(mul(d.active[i], d.active[k]),
-                            mul(d.compliance[i][k], 1.0 + dense(d.softness[i]))
-                            if i == k and d.softness[i] is not None else d.compliance[i][k]),
-                        1.0 - d.active[i] if i == k else None)
-                    for k in range(count)
-                ]
-                for i in range(count)
-            ]  # fmt: skip
+            shift = d.reduced.closing_shift([getattr(jet, quantity) for jet in closures])
+            count = range(len(rows))
+            K = [[self._kept(i, k) for k in count] for i in count]
             off = [
-                add(getattr(jet, quantity), d.along(row, shift))
-                for jet, row in zip(rows, d.J, strict=False)
+                add(getattr(jet, quantity), dot(row, shift))
+                for jet, row in zip(rows, d.reduced.J, strict=False)
             ]
-            impulses = solve_symmetric(
-                K, [[neg(mul(a, x)) for a, x in zip(d.active, off, strict=False)]]
-            )[0] if count else []  # fmt: skip
+            impulses: Vector = []
+            if rows:
+                wanted = [neg(mul(a, x)) for a, x in zip(active, off, strict=False)]
+                impulses = solve_symmetric(K, [wanted])[0]
+            response = d.reduced.contacts.response[
+                : len(rows)
+            ]  # of positions only the normal rows
             outputs += [
-                add(symbol[c], shift[i], *(mul(W[i], x) for W, x in zip(d.response, impulses)))  # noqa: B905 - of positions only the normal rows
-                for i, c in enumerate(self._dynamics.free)
+                add(symbol[c], shift[i], *map(mul, (W[i] for W in response), impulses))
+                for i, c in enumerate(d.free)
             ]
-        return self._run.compile_now([*outputs, *(d.distances if d.relation else [])])
+        return self._run.compile_now([*outputs, *(d.distances if closures else [])])
+
+    def _kept(self, i: int, k: int) -> Term:
+        """Compliance between rows that are kept, and the identity for others."""
+        contacts, entry = self._dynamics.contacts, self._dynamics.reduced.contacts.compliance[i][k]
+        if i == k and contacts.softness[i] is not None:
+            entry = mul(entry, 1.0 + dense(contacts.softness[i]))
+        entry = mul(mul(contacts.active[i], contacts.active[k]), entry)
+        return add(entry, 1.0 - contacts.active[i] if i == k else None)
 
     @cached_property
     def pin_forces(self) -> hy.cfunc_dbl:

@@ -9,9 +9,11 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.contact.problem import Instant
 from mechanism_sim.hybrid.clock import Base, horner
 from mechanism_sim.hybrid.dense_output import floats
 from mechanism_sim.hybrid.system import System
+from mechanism_sim.tolerances import TOLERANCES
 
 
 class PresentState:
@@ -58,6 +60,10 @@ class PresentState:
         tau = self.integrator.time
         return np.array([rate_of(law, tau) for law in self.base.laws])
 
+    def instant(self) -> Instant:
+        """The present instant for an impact, which changes the integrator's own rates."""
+        return Instant(self.time, self.drive_rates, self.v)
+
     @property
     def where(self) -> str:
         """The angle of the first drive, for messages."""
@@ -92,7 +98,7 @@ class PresentState:
             again = floats(self.evaluate(system.functions.projection))
             self.state[f:] = again[f : 2 * f]
 
-    def singular_joints(self, distance: float = 1e-6) -> list[str]:
+    def singular_joints(self, distance: float = TOLERANCES.singular.named) -> list[str]:
         """The joints whose closures depend on those before them, to the root of a distance."""
         frames = self.system.equations.frames
         joints = [r.name for r in self.system.relations for _ in r.values(frames)]

@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mechanism_sim.contact.problem import Mask, release, rest_now
+from mechanism_sim.contact.problem import Mask, Resting, release, rest_now
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.contact_state import ContactState, chosen
 from mechanism_sim.hybrid.frictional_shocks import shock_contacts
 from mechanism_sim.hybrid.rubbing_contacts import iterate_friction_modes, set_trial_modes
 from mechanism_sim.hybrid.switching import Switching
+from mechanism_sim.tolerances import TOLERANCES
 
-_MOST_JAMS = 6
-"""Impacts without collision at one instant."""
+_CONTACTS = TOLERANCES.contacts
 
 
 def rest(
@@ -23,7 +23,7 @@ def rest(
     resting: Mask,
     touching: Mask,
     given: Mapping[int, int] | None = None,
-    jams: int = _MOST_JAMS,
+    jams: int = _CONTACTS.jams,
 ) -> None:
     """Keep closed those of the contacts without normal speed that are pressed together.
 
@@ -51,11 +51,9 @@ def rest(
         set_trial_modes(state, switching, state.mode_array)
     else:
         found = rest_now(
-            *state.arrays,
+            state.arrays,
             state.limits,
-            resting,
-            touching,
-            slips,
+            Resting(resting, touching, slips),
             present.drive_rates,
             log.rows[log.count - booked : log.count],
             state.mode_array,

@@ -21,6 +21,7 @@ from mechanism_sim.contact.problem import (
     STICKS,
     TANGENTIAL,
     Mask,
+    Resting,
     impact_now,
     rest_now,
 )
@@ -29,13 +30,11 @@ from mechanism_sim.hybrid.contact_state import ContactState, chosen
 from mechanism_sim.hybrid.guards import Guard
 from mechanism_sim.hybrid.switching import Switching
 from mechanism_sim.numerics.complementarity import Indices
+from mechanism_sim.tolerances import TOLERANCES
 
-TINY_SHARE = 1e-9
-"""Of the accelerations: rounding."""
-
-_MOST_TRIED = 4  # gaps at rest whose modes are all tried
-_RUBBED, _MOST_RUBBED = 1e-13, 200  # of impulses that friction in ideal joints changes
-_ROUGHLY_RUBBED = 1e-9  # the same, where rounding goes on turning a slip over
+_CONTACTS = TOLERANCES.contacts
+_IMPACTS = TOLERANCES.impacts
+_ROUNDING = TOLERANCES.rounding
 
 
 def add_joint_friction(state: ContactState, switching: Switching, gap: int) -> float:
@@ -51,11 +50,18 @@ def add_joint_friction(state: ContactState, switching: Switching, gap: int) -> f
     rubs = rubs_of(present.evaluate(function), sizes, *layout[1:4])
     rows, T, lost = np.empty((m, len(state.impacts.rows[0]))), np.zeros(len(sizes)), 0.0
     before = np.zeros(layout.rows)
-    for _ in range(_MOST_RUBBED):
+    for _ in range(_IMPACTS.joint_rounds):
+        now = present.instant()
         done = impact_now(
-            *state.arrays, state.limits, gap, present.time, present.drive_rates,
-            present.v.copy(), rows, 0, state.marks.touching, state.marks.resting,
-        )  # fmt: skip
+            state.arrays,
+            state.limits,
+            gap,
+            now._replace(v=now.v.copy()),
+            rows,
+            0,
+            state.marks.touching,
+            state.marks.resting,
+        )
         x = np.zeros(layout.rows)
         for row in rows[: done.entered]:
             x[int(row[GAP])] = row[NORMAL]
@@ -63,12 +69,12 @@ def add_joint_friction(state: ContactState, switching: Switching, gap: int) -> f
         if not x.any():
             break
         lost = loss(rubs, x, T)
-        if (left := np.abs(x - before).max() / np.abs(x).max()) <= _RUBBED:
+        if (left := np.abs(x - before).max() / np.abs(x).max()) <= _IMPACTS.joint:
             break
         state.arrays.terms[:], before = plain, x
         T = with_friction(state.problem, rubs, x, T)
     else:
-        if left > _ROUGHLY_RUBBED:
+        if left > _IMPACTS.joint_rough:
             raise switching.jammed_joints()
     return lost
 
@@ -79,19 +85,17 @@ def iterate_friction_modes(
     """Let friction in ideal joints be that of the modes that come of it, if there are any."""
     modes, closed = state.mode_array.copy(), state.problem.closed.copy()
     begins, drawn = np.zeros((2, len(modes)), dtype=np.bool_)
-    terms, layout, laws, _, hypothesis = state.arrays
+    arrays, contacts = state.arrays._replace(closed=closed), Resting(resting, touching, slips)
+    drives, unlogged = state.present.drive_rates, state.impacts.rows[:0]
     seen: set[bytes] = set()
     while modes.tobytes() not in seen:
         seen.add(modes.tobytes())
-        rest = rest_now(
-            terms, layout, laws, closed, hypothesis, state.limits, resting, touching, slips,
-            state.present.drive_rates, state.impacts.rows[:0], modes, begins, drawn,
-        )  # fmt: skip
+        rest = rest_now(arrays, state.limits, contacts, drives, unlogged, modes, begins, drawn)
         if not (rest.solved and rest.changed):
             return True
         set_trial_modes(state, switching, modes)
     # each of these modes makes a friction under which others follow: some go with their own
-    known = resting.sum() <= _MOST_TRIED
+    known = resting.sum() <= _CONTACTS.enumerated
     for tried in _possible_modes(state, resting, slips) if known else ():
         set_trial_modes(state, switching, tried)
         if _is_consistent(state, tried, resting):
@@ -130,7 +134,7 @@ def _is_consistent(state: ContactState, modes: Indices, resting: Mask) -> bool:
     seen = state.present.evaluate(system.functions.watch)
     if any(seen[k] <= 0.0 for k, guard in enumerate(system.guards) if guard == Guard(-1, 0)):
         return False
-    least = -TINY_SHARE * np.abs(c.free_acceleration).max(initial=0.0)
+    least = -_ROUNDING.acceleration * np.abs(c.free_acceleration).max(initial=0.0)
     for i in chosen(resting):
         if modes[i] == FLIES:
             if c.acceleration[i] < least:

@@ -95,7 +95,7 @@ class RunExpressions:
         No power of a negative number is real; where a series is wanted, there is no such clip.
         """
         found = [dense(x) for x in terms]
-        if not self.dynamics.compliant:
+        if not self.dynamics.contacts.compliant:
             return found
         depths = [dense(self.dynamics.compressed(i)[0]) for i in range(len(self.dynamics.gaps))]
         known = self.dynamics.depths

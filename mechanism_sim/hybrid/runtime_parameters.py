@@ -81,7 +81,7 @@ def lay_out(dynamics: Dynamics, pins: int) -> RuntimeParameters:
     def of(known: Iterable[Gap], what: str) -> list[int]:
         return [names[f'{gap.name}.{what}'] for gap in known]
 
-    soft, rough = [gap for gap in gaps if gap.law], [gaps[i] for i in dynamics.frictional]
+    soft, rough = [gap for gap in gaps if gap.law], [gaps[i] for i in dynamics.contacts.frictional]
     return RuntimeParameters(
         np.array(p.values),
         of(gaps, 'closed'), of(rough, 'sticks'), of(rough, 'slips'),

@@ -19,51 +19,13 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.dense_output import floats
-from mechanism_sim.hybrid.guards import WATCH_SCALE
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.polynomials import shift_powers
+from mechanism_sim.tolerances import TOLERANCES
 
-AHEAD = 3.0
-"""Steps ahead in which the tangent of the distance's root may foresee a singular position."""
+_GUARDS = TOLERANCES.guards
+_SINGULAR = TOLERANCES.singular
 
-ZONE = 0.25
-"""Of a regular step: so far before a singular position begins the step that leads beyond it.
-
-Farther away its polynomial would be less exact; nearer, errors of rounding would be larger, which
-grow with the inverse square of the way to the position.
-"""
-
-BEYOND = 1.2
-"""Length of that step by the way to the position. The errors grow as its powers."""
-
-_TANGENT = 1.6
-"""Times that the tangent of the distance's root may put a singular position too far away."""
-
-_SLOWER = 0.9
-"""Part of a stride that the next may be shorter by nature."""
-
-_TOUCHES = 1e-5
-"""Least distance relative to that at the start of a step which counts as zero."""
-
-_DECIDED = 1e-6
-"""Largest error of a step across a singular position relative to the speed."""
-
-_NARROW = 1e-9
-"""Least distance relative to the largest so far at which branches can still be told apart."""
-
-HERE = 1e-10
-"""Distance below which a motion that starts there starts at a singular position."""
-
-BESIDE = 1e-8
-"""Distance where a motion goes on otherwise than it came: nearer, steps suffer from rounding."""
-
-_FIRST = 0.05
-"""[rad, or lengths of the mechanism] before a singular start where its first step begins."""
-
-_ROUNDS = 30
-
-_BLIND = 0.1
-"""Of a step across a singular position: nearer to the position forces are not computed."""
 
 _PLACES = np.linspace(0.0, 1.0, 65)
 _SOON = _PLACES[1] * 2.0 ** np.arange(-20.0, 0.0)
@@ -83,7 +45,7 @@ def time_of_touch(distance: Array, within: float) -> float | None:
         t -= float(polynomial.polyval(t, slope)) / curvature
     if not 0.0 < t <= within:
         return None
-    return t if polynomial.polyval(t, distance) < _TOUCHES * distance[0] else None
+    return t if polynomial.polyval(t, distance) < _SINGULAR.touches * distance[0] else None
 
 
 def truncate(coefficients: Array, h: float, scale: Array) -> float:
@@ -164,15 +126,15 @@ class SingularPositions:
         RunError
             If the way beyond is not decided.
         """
-        self.stride = stride = max(h, _SLOWER * self.stride)
-        zone = ZONE * stride
+        self.stride = stride = max(h, _SINGULAR.slower * self.stride)
+        zone = _SINGULAR.zone * stride
         integrated = self._ta.tc[self._index]
-        distance = integrated[1:] * np.arange(1.0, len(integrated)) / WATCH_SCALE
+        distance = integrated[1:] * np.arange(1.0, len(integrated)) / _GUARDS.watch_scale
         self._widest = max(self._widest, distance[0])
-        if -2.0 * distance[0] < _TANGENT * (stride + zone) * distance[1]:
+        if -2.0 * distance[0] < _SINGULAR.tangent * (stride + zone) * distance[1]:
             return h, guard, None
         touch = time_of_touch(distance, stride + zone)
-        narrow = distance[0] < _NARROW * self._widest
+        narrow = distance[0] < _SINGULAR.narrow * self._widest
         if touch is not None and touch > 1.25 * zone:
             if touch - zone < h:
                 self.return_to(tau)
@@ -216,8 +178,8 @@ class SingularPositions:
         start = state.copy()
         wanted = start.reshape(2, f)
         speed = float((np.abs(wanted[1]) / self._scale).max())
-        before = _FIRST / speed if speed else math.inf
-        while speed and before > _FIRST * 0.01 / speed:
+        before = _SINGULAR.first / speed if speed else math.inf
+        while speed and before > _SINGULAR.first * 0.01 / speed:
             try:
                 from_there = self._origin(wanted, before, now)
                 crossed = self._cross(now - before, before, since=before)
@@ -230,7 +192,9 @@ class SingularPositions:
             series = np.asarray(terms).reshape(2 * f, -1)
             series = shift_powers(series, np.full(2 * f, before))
             reached = series[:, 0].reshape(2, f) - wanted
-            if from_there and np.abs(reached / self._scale).max() <= 1e-9 * max(speed, 1.0):
+            if from_there and np.abs(reached / self._scale).max() <= _SINGULAR.start * max(
+                speed, 1.0
+            ):
                 return h - before, guard, Crossing(floats(series), start)
             before *= 0.5
         state[:], ta.time = start, now
@@ -240,7 +204,7 @@ class SingularPositions:
         """Set the state a little earlier from which a motion passes one (2, f) of now."""
         ta, f = self._ta, len(self._system.free)
         guess = np.array([wanted[0] - before * wanted[1], wanted[1]])
-        for _ in range(_ROUNDS):
+        for _ in range(_SINGULAR.start_rounds):
             ta.state[: 2 * f] = guess.ravel()
             ta.time = now - before
             for _ in range(2):
@@ -251,10 +215,12 @@ class SingularPositions:
             self.return_to(now - before)
             if not np.isfinite(series).all():
                 return False
-            truncate(series[f:], BEYOND * before, self._scale)
+            truncate(series[f:], _SINGULAR.beyond * before, self._scale)
             series[:f, 1:] = series[f:, :-1] / np.arange(1.0, series.shape[1])
             off = polynomial.polyval(before, series.T).reshape(2, f) - wanted
-            if (np.abs(off) / self._scale).max() <= 1e-14 * (1.0 + np.abs(wanted[1]).max()):
+            if (np.abs(off) / self._scale).max() <= _SINGULAR.start_newton * (
+                1.0 + np.abs(wanted[1]).max()
+            ):
                 break
             guess -= np.array([off[0] - before * off[1], off[1]])
         return True
@@ -273,7 +239,7 @@ class SingularPositions:
 
         Events count that come later than `since` [s].
         """
-        h = BEYOND * touch
+        h = _SINGULAR.beyond * touch
         ta, system, f = self._ta, self._system, len(self._system.free)
         state, index = ta.state[: 2 * f], system.parameters.stabilisation
         self.return_to(tau)
@@ -285,7 +251,7 @@ class SingularPositions:
         series = ta.tc[: 2 * f].copy()
         speed = float((np.abs(series[f:, 0]) / self._scale).max())
         error = truncate(series[f:], h, self._scale)
-        if not error <= _DECIDED * speed:
+        if not error <= _SINGULAR.decided * speed:
             self.return_to(tau)
             return None
         series[:f, 1:] = series[f:, :-1] / np.arange(1.0, series.shape[1])
@@ -309,7 +275,7 @@ class SingularPositions:
         places = h * np.concatenate([_SOON, _PLACES[1:]])
         before = since
         # nearer to the position forces are not known
-        for s in places[(places > since) & (np.abs(places - touch) > _BLIND * h)]:
+        for s in places[(places > since) & (np.abs(places - touch) > _SINGULAR.blind * h)]:
             go_to(s)
             guard = self._contacts.missed_event()
             if guard is not None:

@@ -14,17 +14,17 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.guards import WATCH_SCALE
 from mechanism_sim.hybrid.system import System
-from mechanism_sim.numerics.enclosure import FEW, Course, Reach, reach_of
+from mechanism_sim.numerics.enclosure import FEW, MotionSeries, Reach, reach_of
 from mechanism_sim.numerics.polynomials import chebyshev_nodes, shift_powers
 from mechanism_sim.planar.steep_loads import ResolvedLoads, SteepLoads
+from mechanism_sim.tolerances import TOLERANCES
 
-_ROUNDING = 1e-9  # of an acceleration: what is smaller is no defect
-_FALLEN = 1e-10  # of a guard: more below zero, and below its own series, it has fallen unseen
-_NEAR = 1e-12  # of a guard, times the share of a step: less changes no event
+_GUARDS = TOLERANCES.guards
+_ROUNDING = TOLERANCES.rounding
+_STEPS = TOLERANCES.steps
+
 _NOTHING = np.zeros(0)
-_FELT = 1e-4  # of the limit: a change of a rate that nothing needs to find
 
 
 class StepCheck:
@@ -46,7 +46,7 @@ class StepCheck:
         self._system, self._steep = system, steep
         size = np.where(system.angular, 1.0, system.mechanism.size)
         self._limit = (limit * size)[:, None]
-        loads, guards = _FELT * limit * steep.inertia, steep.enclosure.guards
+        loads, guards = _STEPS.unfelt * limit * steep.inertia, steep.enclosure.guards
         self._scales = np.append(loads, np.zeros(guards))
         self._count = len(loads)
         self._resolved = ResolvedLoads(steep, chebyshev_nodes(integrator.order + 1))
@@ -86,8 +86,8 @@ class StepCheck:
         fixed = _NOTHING
         if len(self._turns) or len(steep.symbols):
             fixed = np.concatenate([pars[self._turns], steep.switched(pars[self._symbols])])
-        course = Course(self._moving(grown, time + tau, tau, h), h, fixed, pars)
-        self._near[:] = _NEAR * h
+        course = MotionSeries(self._moving(grown, time + tau, tau, h), h, fixed, pars)
+        self._near[:] = _STEPS.guard * h
 
         looked: list[Array] = []
 
@@ -120,15 +120,15 @@ class StepCheck:
         given[2 * f : -1] = self._pars[:, None]
         given[-1] = tau + h * places
         wanted = h * system.functions.accelerations(given)
-        allowed = self._limit + _ROUNDING * np.abs(wanted)
+        allowed = self._limit + _ROUNDING.acceleration * np.abs(wanted)
         slopes = series[self._rates] @ sloping
         found: Array = (np.abs(slopes - wanted) / allowed).max(axis=0)
         if self._guards:
             guards = system.functions.watch(given)[: self._guards]
-            low = guards < -_FALLEN
+            low = guards < -_STEPS.fallen
             if low.any():
-                foretold = series[self._watch] @ sloping / (h * WATCH_SCALE)
-                found[(low & (guards < foretold - _FALLEN)).any(axis=0)] = np.inf
+                foretold = series[self._watch] @ sloping / (h * _GUARDS.watch_scale)
+                found[(low & (guards < foretold - _STEPS.fallen)).any(axis=0)] = np.inf
         return found
 
     def _moving(self, grown: Array, time: float, tau: float, h: float) -> Array:

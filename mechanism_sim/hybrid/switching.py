@@ -11,10 +11,11 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.contact.problem import ContactProblem
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.present_state import PresentState, rate_of
-from mechanism_sim.planar.switches import HOLDS, REST, SWITCH_MARGIN, Switch
+from mechanism_sim.planar.switches import HOLDS, Switch
+from mechanism_sim.tolerances import TOLERANCES
 
-_STILL_TURNING, _MOST_TURNS = 1e-6, 1000  # [s] between turns of a switch, so many times in a row
-_IDLE = 1e-30  # coefficient of what slides without friction for a while
+_JOINT_FRICTION = TOLERANCES.joint_friction
+_SWITCHES = TOLERANCES.switches
 
 
 class Switching:
@@ -39,7 +40,7 @@ class Switching:
         #: parameter that says whether a gap rubs, and the coefficient with which it does
         self._engaged = {
             i: (system.parameters.switches[flags[flag]][0], gaps[i].friction)
-            for i, flag in system.dynamics.engaged.items()
+            for i, flag in system.dynamics.contacts.engaged.items()
         }
         self._turns: dict[int, tuple[float, int]] = {}  # when they last did, how often in a row
         self._turned: dict[int, tuple[float, int]] = {}  # at which place they last did, which row
@@ -65,7 +66,7 @@ class Switching:
         for s, index, row in zip(switches, self._index.switches, rows, strict=True):
             self._now.set(index, s.values(row))
         for i, (flag, friction) in self._engaged.items():
-            self._friction[i] = friction if self._pars[flag] > 0.0 else _IDLE
+            self._friction[i] = friction if self._pars[flag] > 0.0 else _JOINT_FRICTION.idle
 
     def find_rows(self) -> None:
         """Set the rows as the present state has them."""
@@ -93,7 +94,7 @@ class Switching:
         fastest = max(map(abs, rates), default=0.0)
         if not (before and fastest):
             return
-        places = self.places(0.5 * SWITCH_MARGIN / fastest)
+        places = self.places(0.5 * _SWITCHES.margin / fastest)
         rows = [s.row_at(x) for s, x in zip(self._system.switches, places, strict=True)]
         self.set_rows(tuple(rows))
         guards = self._now.evaluate(self._functions.watch)[: len(self._system.guards)][
@@ -190,7 +191,7 @@ class Switching:
         for k in slipping:
             row, rates = self.rows[k], self._rates_of(k)
             after = self._holding[k].holding(row, rates, places[k])
-            if after is None and abs(places[k]) <= REST:
+            if after is None and abs(places[k]) <= _SWITCHES.rest:
                 after = int(rates[0] + rates[1] > 0.0)
             if after not in (None, row):
                 self.set_rows((*self.rows[:k], after, *self.rows[k + 1 :]))
@@ -225,7 +226,7 @@ class Switching:
         part by roundings fall back as fast, and would move it for ever.
         """
         places, rows = self.places(), list(self.rows)
-        moved = [k for k in self._holding if rows[k] == HOLDS and abs(places[k]) > REST]
+        moved = [k for k in self._holding if rows[k] == HOLDS and abs(places[k]) > _SWITCHES.rest]
         if not moved:
             return
         slow = [
@@ -272,9 +273,9 @@ class Switching:
         RunError
         """
         since, count = self._turns.get(switch, (-math.inf, 0))
-        count = 1 if self._now.time - since > _STILL_TURNING else count + 1
+        count = 1 if self._now.time - since > _SWITCHES.again else count + 1
         self._turns[switch] = self._now.time, count
-        if count > _MOST_TURNS:
+        if count > _SWITCHES.turns:
             name = [*self._system.equations.frames.switches][switch]
             load = '.'.join(name.replace(':', '.', 1).split('.')[:2])
             raise RunError(

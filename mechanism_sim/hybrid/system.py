@@ -15,19 +15,21 @@ import heyoka as hy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.contact.problem import Layout
-from mechanism_sim.hybrid.dynamics import Dynamics
-from mechanism_sim.hybrid.guards import TINY, WATCH_SCALE, guard_functions, guards_of
+from mechanism_sim.hybrid.dynamics import AppliedForces, Dynamics
+from mechanism_sim.hybrid.guards import guard_functions, guards_of
 from mechanism_sim.hybrid.present_functions import PresentFunctions
 from mechanism_sim.hybrid.run_expressions import RunExpressions
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.symbolic import Term, dense
-from mechanism_sim.planar.joint_friction import JointFriction
+from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.motor import Motor
-from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
+from mechanism_sim.planar.protocols import Gap, Relation
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import by_level
+from mechanism_sim.tolerances import TOLERANCES
+
+_GUARDS = TOLERANCES.guards
 
 
 class System:
@@ -41,10 +43,8 @@ class System:
     degree : degree of these laws as polynomials in time
     relations : closures of loops
     powered : names of the coordinates on which a drive's torque acts
-    elements : forces between links that need no gap
-    motors : of powered coordinates, beside the drive's torque
-    frictions : of ideal joints
-    lent : [kg] to closures, see `Dynamics`
+    applied : forces that need no gap
+    lent : [kg] to closures, see `hybrid.reduction`
 
     Attributes
     ----------
@@ -52,7 +52,6 @@ class System:
     parameters : indices and values of the runtime parameters ``par[]``
     guards : of the integrator, in the order of its events
     functions : of the present state, compiled when first asked for
-    switch_levels : how many times rows must be set until each follows from those before it
     """
 
     def __init__(
@@ -63,9 +62,7 @@ class System:
         degree: int,
         relations: Sequence[Relation] = (),
         powered: Sequence[str] = (),
-        elements: Sequence[ForceElement] = (),
-        motors: Sequence[Motor] = (),
-        frictions: Sequence[JointFriction] = (),
+        applied: AppliedForces = AppliedForces(),  # noqa: B008 - a tuple does not change
         lent: float = 0.0,
     ) -> None:
         self.mechanism = mechanism
@@ -77,30 +74,37 @@ class System:
         self.powered = tuple(powered)
         self.free = tuple(c for c in self.coordinates if c not in prescribed)
         self.angular = tuple(c not in mechanism.displacements for c in self.free)
-        self.prescribed_index = [self.coordinates.index(c) for c in self.prescribed]
-        self.driven_index = [self.coordinates.index(c) for c in (*prescribed, *powered)]
         self.degree = degree
         self.dynamics = Dynamics(
-            mechanism,
-            gaps,
-            prescribed,
-            degree,
-            relations,
-            powered,
-            elements,
-            motors,
-            frictions,
-            lent,
+            mechanism, gaps, prescribed, degree, relations, powered, applied, lent
         )
-        self.elements = tuple(elements)
-        self.equations = self.dynamics.equations
+        self.elements = self.dynamics.elements
         self.run = RunExpressions(self.dynamics)
         self.set_valued, self.switches = self.run.set_valued, self.run.switches
         self.parameters = self.run.parameters
-        self.switch_levels = len(by_level(self.switches))
         self.outside = tuple(self.equations.frames.outside)
         self.guards = guards_of(self.dynamics, self.parameters)
         self.functions = PresentFunctions(self.run, lambda: self.guard_functions)
+
+    @cached_property
+    def prescribed_index(self) -> list[int]:
+        """Indices of the prescribed among all coordinates."""
+        return [self.coordinates.index(c) for c in self.prescribed]
+
+    @cached_property
+    def driven_index(self) -> list[int]:
+        """Indices of the prescribed, then of the powered coordinates."""
+        return [self.coordinates.index(c) for c in (*self.prescribed, *self.powered)]
+
+    @property
+    def equations(self) -> Equations:
+        """The equations without contact forces."""
+        return self.dynamics.equations
+
+    @property
+    def switch_levels(self) -> int:
+        """How many times rows must be set until each follows from those before it."""
+        return len(by_level(self.switches))
 
     @cached_property
     def guard_functions(self) -> list[hy.expression]:
@@ -110,7 +114,7 @@ class System:
     @cached_property
     def steep(self) -> SteepLoads | None:
         """Loads that no series foretells, if there are any."""
-        formulas, torques = self.equations.frames.formulas, self.dynamics.characteristics
+        formulas, torques = self.equations.frames.formulas, self.dynamics.drives.characteristics
         if not (formulas or torques):
             return None
         found = SteepLoads(self.mechanism, self.equations.frames, self.elements, torques)
@@ -130,12 +134,12 @@ class System:
     @property
     def compliant(self) -> bool:
         """True if contacts push back by a law of force instead of being kept closed."""
-        return self.dynamics.compliant
+        return self.dynamics.contacts.compliant
 
     @property
     def frictional(self) -> bool:
         """True if any gap has friction."""
-        return bool(self.dynamics.frictional)
+        return bool(self.dynamics.contacts.frictional)
 
     def integrator(
         self, rtol: float, scale: float = 1.0, compact: bool = False
@@ -173,15 +177,17 @@ class System:
         motion = [(frames.q[c], frames.v[c]) for c in self.free]
         motion += [(frames.v[c], a_c) for c, a_c in zip(self.free, a, strict=True)]
         # too small to matter: their Taylor series tell what they watch for nothing
-        watch = [(hy.make_vars(f'watch{k}'), WATCH_SCALE * g) for k, g in enumerate(guards)]
-        watch += [(hy.make_vars('singularity'), WATCH_SCALE * x) for x in near]
+        watch = [
+            (hy.make_vars(f'watch{k}'), _GUARDS.watch_scale * g) for k, g in enumerate(guards)
+        ]
+        watch += [(hy.make_vars('singularity'), _GUARDS.watch_scale * x) for x in near]
         directions: list[tuple[hy.expression, hy.expression]] = []
         for (cosine, sine), rate in zip(self._direction_symbols, rates, strict=True):
             directions += [(cosine, -(rate * sine)), (sine, rate * cosine)]
         # the constant's rate, which is nothing, names the last parameter: heyoka wants no others
         equations = [
             *motion,
-            (constant, TINY * hy.par[self.parameters.fired]),
+            (constant, _GUARDS.tiny * hy.par[self.parameters.fired]),
             *watch,
             *directions,
         ]
@@ -227,6 +233,6 @@ class System:
     @cached_property
     def contact_layout(self) -> Layout:
         """Of the terms that ``functions.contact_function`` gives."""
-        m, rows = len(self.gaps), len(self.dynamics.rows)
+        m, rows = len(self.gaps), len(self.dynamics.contacts.rows)
         compliant = m if self.compliant else 0
         return Layout(m, rows, len(self.free), len(self.prescribed), compliant)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
+from mechanism_sim.tolerances import TOLERANCES
 
-_MADE = 1e-15
-"""[J] that an impact may create by rounding."""
+_CONTACTS = TOLERANCES.contacts
 
 
 class Totals:
@@ -51,6 +51,6 @@ class Totals:
 
         Contacts in one impact pass energy to each other; only their sum says what was made.
         """
-        if self._gain > _MADE:
+        if self._gain > _CONTACTS.energy_gain:
             return self._gains + 1, self._made + self._gain
         return self._gains, self._made

@@ -15,6 +15,10 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar import branch
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.switched_functions import Edges
+from mechanism_sim.tolerances import TOLERANCES
+
+_BRANCHES = TOLERANCES.branches
+
 
 _EPS = float(np.finfo(float).eps)
 
@@ -125,13 +129,13 @@ class LinkageMotion:
             seen = np.column_stack([last, q])
         except RunError as error:
             q, failed, seen = last[:, None], error, last[:, None]
-        if not self.kinematics.nearly_singular(seen, branch.NEAR).any():
+        if not self.kinematics.nearly_singular(seen, _BRANCHES.near).any():
             if failed:
                 raise failed
             return q, None
         drive = self._parameter(now[:, :, None])[0]
         shift = times if len(now[0]) > 1 else driven[0] - now[0]
-        if slope is None and self.kinematics.independence(last[:, None])[0] > branch.SINGULAR:
+        if slope is None and self.kinematics.independence(last[:, None])[0] > _BRANCHES.singular:
             slope = self.kinematics.rates(last[:, None], drive[1])[:, 0]
             stays = not failed and self._stays(seen)
             if stays and self._continues(last, q, slope * shift[0]):
@@ -141,10 +145,10 @@ class LinkageMotion:
             found = branch.follow(self.kinematics, last[:, None], slope[:, None], drive, reach)
             place, rates, _ = (x[:, 0] for x in found.at(shift[None]))
             place[self.driven] = driven
-            open_by = self.kinematics.open_beyond_rounding(place, branch.OPEN)
+            open_by = self.kinematics.open_beyond_rounding(place, _BRANCHES.open)
             if found.found[0] and not open_by.any():
                 return place, rates[:, -1]
-        ends = self.kinematics.independence(q[:, -1:])[0] > branch.SINGULAR
+        ends = self.kinematics.independence(q[:, -1:])[0] > _BRANCHES.singular
         known = slope is not None and ends and self._continues(last, q, slope * shift[0])
         if failed or not known:
             raise failed or RunError(
@@ -159,7 +163,7 @@ class LinkageMotion:
         A branch is looked for once in each: beside positions that are only nearly singular there
         is none, however many pieces the motion has there.
         """
-        octave = np.floor(np.log2(np.maximum(self.kinematics.independence(q), branch.SINGULAR)))
+        octave = np.floor(np.log2(np.maximum(self.kinematics.independence(q), _BRANCHES.singular)))
         return bool((octave == octave[0]).all())
 
     def _continues(self, last: Array, q: Array, way: Array) -> bool:
@@ -240,7 +244,7 @@ class LinkageMotion:
         kinematics, passage = self.kinematics, None
         q, rates, accelerations = near.copy(), np.empty_like(near), np.empty_like(near)
         rest = np.ones(near.shape[1], dtype=bool)
-        near_singular = kinematics.nearly_singular(near, branch.NEAR)
+        near_singular = kinematics.nearly_singular(near, _BRANCHES.near)
         if along is not None and near_singular.any():
             index = np.flatnonzero(near_singular)
             drive, pace, bend = self._parameter(
@@ -249,7 +253,7 @@ class LinkageMotion:
             slope = _slope(along[0][:, index], along[1][:, index], pace, bend)
             found = branch.follow(kinematics, near[:, index], slope, drive)
             # where no branch is known, and none is needed: at rest
-            lost = kinematics.independence(near[:, index]) < branch.SINGULAR
+            lost = kinematics.independence(near[:, index]) < _BRANCHES.singular
             kept = found.found | lost
             index, found, pace, bend = index[kept], found[kept], pace[kept], bend[kept]
             if index.size:
@@ -283,7 +287,7 @@ IdealMotion: TypeAlias = FourBarMotion | LinkageMotion
 
 def _rounding(independence: Array) -> float:
     """How well coordinates follow from constraints: rounding over their independence (N,)."""
-    return _EPS / max(float(independence.min(initial=1.0)), branch.SINGULAR)
+    return _EPS / max(float(independence.min(initial=1.0)), _BRANCHES.singular)
 
 
 def _slope(rates: Array, accelerations: Array, pace: Array, bend: Array) -> Array:

@@ -37,9 +37,11 @@ from mechanism_sim.planar.branch import SAMPLES
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.steep_loads import SHORTEST, SteepLoads
+from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges
-from mechanism_sim.planar.unknowns import NO_WORK
+from mechanism_sim.tolerances import TOLERANCES
+
+_MECHANISM = TOLERANCES.mechanism
 
 _EPS = float(np.finfo(float).eps)
 _NODES = chebyshev_nodes(15)
@@ -232,7 +234,11 @@ class NominalRun:
                         if seen:
                             continue
                     share = 1.0
-                    if self._loads and not resolved and h > SHORTEST * self._width():
+                    if (
+                        self._loads
+                        and not resolved
+                        and h > _MECHANISM.shortest_part * self._width()
+                    ):
                         rates = [abs(local[1]) for _, local in self._local if len(local) > 1]
                         share = self._loads.share(piece, max(rates, default=0.0))
                     if share == 1.0:
@@ -606,7 +612,7 @@ class NominalPhysics:
         shares = np.linspace(0.0, 1.0, _SEARCHED)
         places = np.repeat(np.arange(count), _SEARCHED), np.outer(curve.duration, shares).ravel()
         work = np.abs(self.work_of_unknowns(motion, *places)).reshape(count, _SEARCHED)
-        idle = np.pad(work[:, :-1].ravel() <= NO_WORK, 1)
+        idle = np.pad(work[:, :-1].ravel() <= _MECHANISM.no_work, 1)
         stays = (idle[1:-1] & (idle[2:] | idle[:-2])).reshape(count, -1)
         begins = np.nonzero(stays & ~idle[:-2].reshape(count, -1))
         near = np.pad(work, ((0, 0), (1, 1)), constant_values=np.inf)
@@ -622,7 +628,7 @@ class NominalPhysics:
             low, high = np.where(a <= b, low, one), np.where(a <= b, two, high)
         times, end = 0.5 * (low + high), curve.duration[segments]
         times = np.where(times < _END * end, 0.0, np.where(times > (1.0 - _END) * end, end, times))
-        idle = np.abs(self.work_of_unknowns(motion, segments, times)) <= NO_WORK
+        idle = np.abs(self.work_of_unknowns(motion, segments, times)) <= _MECHANISM.no_work
         found = self._idle(motion, begins[0], curve.duration[begins[0]] * shares[begins[1]], True)
         for single in self._idle(motion, segments[idle], times[idle], False):
             if not any(single.is_at(other.t) for other in found):

@@ -9,9 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.planar.branch import SAMPLES, SINGULAR, Branch, crossing, limits
+from mechanism_sim.planar.branch import SAMPLES, Branch, crossing, limits
 from mechanism_sim.planar.inverse_dynamics import Observation, power
 from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.tolerances import TOLERANCES
+
+_BRANCHES = TOLERANCES.branches
 
 _SHORTER = 4  # halvings of the time in which forces are compared beside a singular position
 
@@ -103,7 +106,7 @@ def with_limits(
         left = left[np.isinf(found[:, left]).any(axis=0)]
         share *= 0.5
     # where nothing smooth is found a solve must do, but not at the position itself
-    beside = passage.branch.found & (passage.independence > SINGULAR)
+    beside = passage.branch.found & (passage.independence > _BRANCHES.singular)
     solved = np.where(beside, _stacked(seen)[:, passage.index], np.nan)
     found = np.where(np.isinf(found), solved, found)
     joints, held = len(seen.reaction), passage.kinematics.held

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.numerics.enclosure import MUCH, Course, falls, reach_of
+from mechanism_sim.numerics.enclosure import MUCH, MotionSeries, falls, reach_of
 from mechanism_sim.planar.steep_loads import ResolvedLoads, SteepLoads
 from mechanism_sim.planar.switched_functions import GuardRanges
 
@@ -52,15 +52,15 @@ class NominalPiece:
         turning: Sequence[int],
         symbols: Array,
         parameters: Array,
-    ) -> Course:
-        """All that runs: derivatives and coordinates as in `SteepLoads.moving`, then the time."""
+    ) -> MotionSeries:
+        """What runs: derivatives and coordinates as in `SteepLoads.moving`, then the time."""
         rows = [self._series[derivative][i] for derivative, i in moving]
         if timed:
             rows.append(np.zeros(self._series[0].shape[1]))
             rows[-1][:2] = self._time, self.length
         series = np.reshape(rows, (len(rows), self._series[0].shape[1]))
         turns = np.array([self._turns[i] for i in turning], float)
-        return Course(series, self.length, np.concatenate([turns, symbols]), parameters)
+        return MotionSeries(series, self.length, np.concatenate([turns, symbols]), parameters)
 
 
 class LoadsOnPieces:

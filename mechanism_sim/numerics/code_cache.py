@@ -142,7 +142,7 @@ def bound_cache() -> None:
 
 
 def compiled(make: Callable[[], T]) -> T:
-    """What heyoka compiles; without its cache, which is then begun anew, if that fails.
+    """Compile with heyoka; without its cache, which is then begun anew, if that fails.
 
     heyoka checks the structure of its data base, and LLVM that of the code in it, when it is read.
     """

@@ -67,7 +67,7 @@ def forget_for_others(crowded: Callable[[], bool]) -> None:
     _crowded[:] = [crowded]
 
 
-class _Terms:
+class _KeyedTerms:
     """Expressions in their order.
 
     Attributes
@@ -94,11 +94,11 @@ class _Terms:
         return hash(self._key)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Terms) and self._key == other._key
+        return isinstance(other, _KeyedTerms) and self._key == other._key
 
 
 @lru_cache(maxsize=128)
-def _function(terms: _Terms, variables: tuple[hy.expression, ...]) -> hy.cfunc_dbl:
+def _function(terms: _KeyedTerms, variables: tuple[hy.expression, ...]) -> hy.cfunc_dbl:
     outputs, inputs = list(terms.expressions), list(variables)
     optimisation = 0 if terms.large else 3
     with _counted():
@@ -109,13 +109,13 @@ def function(
     expressions: Sequence[hy.expression], variables: Sequence[hy.expression]
 ) -> hy.cfunc_dbl:
     """Values of the expressions as a function of the variables and parameters."""
-    return _function(_Terms(expressions), tuple(variables))
+    return _function(_KeyedTerms(expressions), tuple(variables))
 
 
 @lru_cache(maxsize=16)
 def _integrator(
     states: tuple[hy.expression, ...],
-    terms: _Terms,
+    terms: _KeyedTerms,
     tolerance: float,
     compact: bool,
     flag: int,
@@ -170,7 +170,7 @@ def integrator(
         equation must name it
     """
     states, rates = zip(*equations, strict=True)
-    return copy(_integrator(states, _Terms([*rates, *guards]), tolerance, compact, flag))
+    return copy(_integrator(states, _KeyedTerms([*rates, *guards]), tolerance, compact, flag))
 
 
 COLUMNS = 1024

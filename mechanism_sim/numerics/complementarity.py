@@ -12,37 +12,42 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.tolerances import TOLERANCES
+
+_COMPLEMENTARITY = TOLERANCES.complementarity
+_ROUNDING = TOLERANCES.rounding
 
 Indices = NDArray[np.int64]
 
-_PIVOT = 1e-11  # least pivot, the entries being about 1
-_TIE = 1e-13  # ratios that differ by less are equal
-_EXACT = 1e-9  # of the terms of a row: more is not left over
-_ROUNDING = 1e-12  # of the largest rate: less is zero
-_CONE = 1e-10  # of the rates: friction beyond its cone may change them so much
-_NOTHING = 1e-14  # of the largest impulse
-_DEPENDENT = 1e-10  # least pivot of a row that does not depend on others
-_REGULAR = 1e-12  # least determinant over the product of the diagonal
-_COVERS = 3  # vectors that are tried
 _GOLDEN = 0.6180339887498949
-_WEAKEST = 1e-3, 1e-5  # least reciprocal of a coefficient of friction while pivoting
 
 OPEN, STICK, FORWARD, BACKWARD = range(4)
 
 
 class Grip(IntEnum):
-    """What a contact does: it carries no force, or sticks, or slips along or against +t."""
+    """State of a contact: no force, sticking, slip along or against +t."""
 
     OPEN = OPEN
     STICK = STICK
     FORWARD = FORWARD
     BACKWARD = BACKWARD
+
+
+class FrictionalProblem(NamedTuple):
+    """Normal and tangential impulses of m contacts, see `solve_frictional_lcp`."""
+
+    A: Array  #: (2m, 2m)
+    b: Array  #: (2m,)
+    friction: Array  #: (m,)
+    slip: Indices  #: (m,) sign of a slip that is given, 0 where it is free
+    least: Array  #: (2m,)
 
 
 @kernel
@@ -78,7 +83,7 @@ def lemke(M: Array, q: Array, cover: Array, start: int) -> tuple[Indices, bool]:
         place[i], place[n + i] = i - n, i
     nonbasic[n], place[2 * n] = 2 * n, n
     if start >= 0:
-        if abs(T[start, start]) < _TIE:
+        if abs(T[start, start]) < _COMPLEMENTARITY.tie:
             return basic, False
         exchange(T, start, start)
         basic[start], nonbasic[start] = n + start, start
@@ -127,13 +132,13 @@ def _leaving(T: Array, column: int, basic: Indices, place: Indices, first: Indic
     n = len(T)
     found = -1
     for i in range(n):
-        if T[i, column] <= _PIVOT:
+        if T[i, column] <= _COMPLEMENTARITY.pivot:
             continue
         if found < 0:
             found = i
             continue
         ratio, least = T[i, n + 1] / T[i, column], T[found, n + 1] / T[found, column]
-        if abs(ratio - least) > _TIE:
+        if abs(ratio - least) > _COMPLEMENTARITY.tie:
             if ratio < least:
                 found = i
         elif basic[i] == 2 * n or (
@@ -154,7 +159,7 @@ def _before(T: Array, column: int, place: Indices, first: Indices, i: int, k: in
         else:
             one = 1.0 / T[i, column] if at + n == i else 0.0
             other = 1.0 / T[k, column] if at + n == k else 0.0
-        if abs(one - other) > _TIE:
+        if abs(one - other) > _COMPLEMENTARITY.tie:
             return bool(one < other)
     return False
 
@@ -196,7 +201,7 @@ def solve(A: Array, b: Array) -> tuple[Array, bool]:
         for i in range(k + 1, n):
             if abs(T[i, k]) > abs(T[best, k]):
                 best = i
-        if not abs(T[best, k]) > 1e-13 * size:
+        if not abs(T[best, k]) > _ROUNDING.value * size:
             return x, False
         for j in range(k, n + 1):
             T[k, j], T[best, j] = T[best, j], T[k, j]
@@ -221,32 +226,15 @@ def solve_semidefinite(A: Array, B: Array) -> Array:
     """
     n, width = B.shape
     T, X = np.empty((n, n + width)), np.zeros((n, width))
-    order, first, rank = np.empty(n, dtype=np.int64), 0.0, 0
     scale = np.empty(n)
     for i in range(n):
-        order[i] = i
         scale[i] = 1.0 / math.sqrt(A[i, i]) if A[i, i] > 0.0 else 1.0
     for i in range(n):
         for k in range(n):
             T[i, k] = scale[i] * A[i, k] * scale[k]
         for k in range(width):
             T[i, n + k] = scale[i] * B[i, k]
-    for step in range(n):
-        best = step
-        for k in range(step + 1, n):
-            if T[order[k], order[k]] > T[order[best], order[best]]:
-                best = k
-        order[step], order[best] = order[best], order[step]
-        at = order[step]
-        first = max(first, T[at, at])
-        if not T[at, at] > _DEPENDENT * first:
-            break
-        rank += 1
-        for k in range(step + 1, n):
-            i = order[k]
-            factor = T[i, at] / T[at, at]
-            for j in range(n + width):
-                T[i, j] -= factor * T[at, j]
+    order, rank = _eliminate_symmetric(T)
     for step in range(rank - 1, -1, -1):
         at = order[step]
         for k in range(width):
@@ -261,53 +249,101 @@ def solve_semidefinite(A: Array, B: Array) -> Array:
 
 
 @kernel
-def solve_contacts(
-    A: Array, b: Array, friction: Array, slip: Indices, least: Array
-) -> tuple[Array, Indices, bool]:
-    """What `solve_frictional_lcp` says, of arrays: x, grips, and whether there is a solution.
+def _eliminate_symmetric(T: Array) -> tuple[Indices, int]:
+    """Order (n,) of the diagonal pivots of a tableau (n, n + k), and how many are not zero.
+
+    The tableau is changed in place.
+    """
+    n, columns = T.shape
+    order, first, rank = np.arange(n), 0.0, 0
+    for step in range(n):
+        best = step
+        for k in range(step + 1, n):
+            if T[order[k], order[k]] > T[order[best], order[best]]:
+                best = k
+        order[step], order[best] = order[best], order[step]
+        at = order[step]
+        first = max(first, T[at, at])
+        if not T[at, at] > _COMPLEMENTARITY.dependent * first:
+            break
+        rank += 1
+        for k in range(step + 1, n):
+            i = order[k]
+            factor = T[i, at] / T[at, at]
+            for j in range(columns):
+                T[i, j] -= factor * T[at, j]
+    return order, rank
+
+
+@kernel
+def solve_contacts(problem: FrictionalProblem) -> tuple[Array, Indices, bool]:
+    """Solution x of `solve_frictional_lcp` and the grips, as arrays, and whether there is one.
 
     The problem is that of D. E. Stewart and J. C. Trinkle (Int. J. Numer. Meth. Eng. 39, 1996):
     friction is a difference of two positive parts, ``q = q+ - q-``, and a further unknown is the
     slip that the cone ``q+ + q- <= mu p`` leaves. Each such row is divided by mu, which is bounded
     while pivoting; the basis found is solved anew for the exact cones.
     """
+    A, b, friction, slip, least = problem
     m = len(friction)
     if m == 1 and least[0] == 0.0 and least[1] == 0.0 and friction[0] < math.inf:
         return _one(A, b, friction[0], slip[0])
     x = np.zeros(2 * m)
     grips = np.zeros(m, dtype=np.int64)
-    at_rest = True
-    for i in range(m):
-        at_rest = at_rest and b[i] >= 0.0 and least[i] == 0.0 and least[m + i] == 0.0
-    if at_rest:
+    if _is_at_rest(b, least):
         return x, grips, True
-    free = np.empty(m, dtype=np.int64)
-    n, bounded = m, False
-    for i in range(m):
-        free[i] = -1
-        if friction[i] > 0.0 and slip[i] == 0 and A[m + i, m + i] > 0.0:
-            free[i] = n
-            n += 3
-            bounded = bounded or 1.0 / friction[i] < _WEAKEST[0]
-    for weakest in _WEAKEST:
-        M, q = _problem(A, b, friction, slip, least, free, n, weakest)
-        for k in range(_COVERS):
+    free, n, bounded = _free_slips(problem)
+    for weakest in _COMPLEMENTARITY.weakest:
+        M, q = _problem(problem, free, n, weakest)
+        for k in range(_COMPLEMENTARITY.covers):
             cover = np.empty(n)
             for i in range(n):
                 cover[i] = 1.0 + k * ((i + 1) * k * _GOLDEN % 1.0)
             for start in range(-1, m):
                 basis, found = lemke(M, q, cover, start)
-                if found and _settle(A, b, friction, slip, least, free, basis, x, grips):
+                if found and _settle(problem, free, basis, x, grips):
                     return x, grips, True
-            if k == 0:  # without contacts that jam by themselves
-                for i in range(m):
-                    if M[i, i] <= 0.0:
-                        q[i] = 1.0
-                        for c in range(n):
-                            M[i, c] = 1.0 if c == i else 0.0
+            if k == 0:
+                _leave_out_jammed(M, q, m)
         if not bounded:
             break
     return x, grips, False
+
+
+@kernel
+def _is_at_rest(b: Array, least: Array) -> bool:
+    """True if no contact closes, and none carries an impulse anyway."""
+    m, rests = len(b) // 2, True
+    for i in range(m):
+        rests = rests and b[i] >= 0.0 and least[i] == 0.0 and least[m + i] == 0.0
+    return rests
+
+
+@kernel
+def _free_slips(problem: FrictionalProblem) -> tuple[Indices, int, bool]:
+    """Index (m,) of the unknowns of each contact whose slip is free, or -1.
+
+    And the number of all unknowns, and whether a coefficient is bounded while pivoting.
+    """
+    A, friction, m = problem.A, problem.friction, len(problem.friction)
+    free, n, bounded = np.empty(m, dtype=np.int64), m, False
+    for i in range(m):
+        free[i] = -1
+        if friction[i] > 0.0 and problem.slip[i] == 0 and A[m + i, m + i] > 0.0:
+            free[i] = n
+            n += 3
+            bounded = bounded or 1.0 / friction[i] < _COMPLEMENTARITY.weakest[0]
+    return free, n, bounded
+
+
+@kernel
+def _leave_out_jammed(M: Array, q: Array, m: int) -> None:
+    """Take the contacts out of a problem, in place, that jam by themselves."""
+    for i in range(m):
+        if M[i, i] <= 0.0:
+            q[i] = 1.0
+            for c in range(len(q)):
+                M[i, c] = 1.0 if c == i else 0.0
 
 
 @kernel
@@ -329,13 +365,13 @@ def _one(A: Array, b: Array, mu: float, slip: int) -> tuple[Array, Indices, bool
         return x, grip, True
     product = A[0, 0] * A[1, 1]
     det = product - A[0, 1] * A[1, 0]
-    if det > _REGULAR * product:
+    if det > _COMPLEMENTARITY.regular * product:
         x[0] = (A[0, 1] * b[1] - A[1, 1] * b[0]) / det
         x[1] = (A[1, 0] * b[0] - A[0, 0] * b[1]) / det
     else:  # if the normal impulse that stops it alone stops the slip too
         x[0] = -b[0] / A[0, 0]
         off = A[1, 0] * x[0] + b[1]
-        x[1] = 0.0 if abs(off) <= _REGULAR * abs(b[1]) else math.inf
+        x[1] = 0.0 if abs(off) <= _COMPLEMENTARITY.regular * abs(b[1]) else math.inf
     if x[0] > 0.0 and abs(x[1]) <= mu * x[0]:
         grip[0] = STICK
         return x, grip, True
@@ -352,20 +388,14 @@ def _one(A: Array, b: Array, mu: float, slip: int) -> tuple[Array, Indices, bool
 
 @kernel
 def _problem(
-    A: Array,
-    b: Array,
-    friction: Array,
-    slip: Indices,
-    least: Array,
-    free: Indices,
-    n: int,
-    weakest: float,
+    problem: FrictionalProblem, free: Indices, n: int, weakest: float
 ) -> tuple[Array, Array]:
     """Matrix and vector of the complementarity problem, scaled to entries of about 1.
 
     Its unknowns are p beyond its least for every contact, and for those whose slip is `free`, from
     that index on, ``q+``, ``q-`` and the slip that is left.
     """
+    A, b, friction, slip, least = problem
     m = len(friction)
     scale, given = np.zeros(m), np.zeros(2 * m)
     for i in range(m):
@@ -411,131 +441,167 @@ def _problem(
 
 @kernel
 def _settle(
-    A: Array,
-    b: Array,
-    friction: Array,
-    slip: Indices,
-    least: Array,
-    free: Indices,
-    basis: Indices,
-    x: Array,
-    grips: Indices,
+    problem: FrictionalProblem, free: Indices, basis: Indices, x: Array, grips: Indices
 ) -> bool:
     """Enter x and grips of a basis, with the exact cones; False if they are no solution."""
-    m, n = len(friction), len(basis)
+    m, n = len(problem.friction), len(basis)
     inside = np.zeros(n, dtype=np.bool_)
     for i in range(n):
         if n <= basis[i] < 2 * n:
             inside[basis[i] - n] = True
-    direction = np.zeros(m, dtype=np.int64)
-    columns = np.zeros((2 * m, 2 * m))
-    rows = np.zeros(2 * m, dtype=np.int64)
-    k = 0
-    for i in range(m):
-        at, mu = free[i], friction[i]
-        x[i], x[m + i] = least[i], 0.0
-        sticks = False
-        if at >= 0:
-            plus, minus, slides = inside[at], inside[at + 1], inside[at + 2]
-            if slides and plus != minus:
-                direction[i] = -1 if plus else 1
-            else:
-                sticks = plus or minus
-            grips[i] = STICK if direction[i] == 0 else FORWARD if direction[i] > 0 else BACKWARD
-        elif mu > 0.0 and slip[i] != 0:
-            direction[i] = slip[i]
-            grips[i] = FORWARD if slip[i] > 0 else BACKWARD
-        else:
-            grips[i] = OPEN  # as yet
-        rough = mu == math.inf
-        if direction[i] != 0:
-            x[m + i] = -direction[i] * (abs(least[m + i]) if rough else mu * least[i])
-        if inside[i]:
-            if rough and direction[i] != 0:
-                columns[m + i, k] = -direction[i]
-            else:
-                columns[i, k] = 1.0
-                columns[m + i, k] = -mu * direction[i] if direction[i] != 0 else 0.0
-            rows[k] = i
-            k += 1
-        if sticks:
-            columns[m + i, k] = 1.0
-            rows[k] = m + i
-            k += 1
-    w = rates(A, x, b)
+    direction, sticks = _directions(problem, free, inside, grips)
+    columns, rows = _columns(problem, inside, direction, sticks, x)
+    k = len(rows)
+    w = rates(problem.A, x, problem.b)
     left, right = np.zeros((k, k)), np.empty(k)
     for i in range(k):
         right[i] = -w[rows[i]]
         for j in range(k):
             for r in range(2 * m):
-                left[i, j] += A[rows[i], r] * columns[r, j]
+                left[i, j] += problem.A[rows[i], r] * columns[r, j]
     found, regular = solve(left, right)
     if not regular:
         return False
     for r in range(2 * m):
         for j in range(k):
             x[r] += columns[r, j] * found[j]
-    return _holds(A, b, friction, slip, least, inside, direction, x, grips)
+    return _holds(problem, inside, direction, x, grips)
+
+
+@kernel
+def _directions(
+    problem: FrictionalProblem, free: Indices, inside: NDArray[np.bool_], grips: Indices
+) -> tuple[Indices, NDArray[np.bool_]]:
+    """Signs (m,) of the slips of a basis, and which contacts stick; enters their grips.
+
+    Parameters
+    ----------
+    inside : (n,) which unknowns the basis holds
+    """
+    m = len(problem.friction)
+    direction, sticks = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.bool_)
+    for i in range(m):
+        at, given = free[i], problem.slip[i]
+        if at >= 0:
+            plus, minus, slides = inside[at], inside[at + 1], inside[at + 2]
+            if slides and plus != minus:
+                direction[i] = -1 if plus else 1
+            else:
+                sticks[i] = plus or minus
+            grips[i] = STICK if direction[i] == 0 else FORWARD if direction[i] > 0 else BACKWARD
+        elif problem.friction[i] > 0.0 and given != 0:
+            direction[i] = given
+            grips[i] = FORWARD if given > 0 else BACKWARD
+        else:
+            grips[i] = OPEN  # as yet
+    return direction, sticks
+
+
+@kernel
+def _columns(
+    problem: FrictionalProblem,
+    inside: NDArray[np.bool_],
+    direction: Indices,
+    sticks: NDArray[np.bool_],
+    x: Array,
+) -> tuple[Array, Indices]:
+    """Impulses (2m, k) with which a basis can push, and the rows (k,) that they keep at zero.
+
+    Sets x to the least impulses, with the friction that they have where the contact slides.
+    """
+    m, k, least = len(problem.friction), 0, problem.least
+    columns = np.zeros((2 * m, 2 * m))
+    rows = np.zeros(2 * m, dtype=np.int64)
+    for i in range(m):
+        mu, sign = problem.friction[i], direction[i]
+        rough = mu == math.inf
+        x[i], x[m + i] = least[i], 0.0
+        if sign != 0:
+            x[m + i] = -sign * (abs(least[m + i]) if rough else mu * least[i])
+        if inside[i]:
+            if rough and sign != 0:
+                columns[m + i, k] = -sign
+            else:
+                columns[i, k] = 1.0
+                columns[m + i, k] = -mu * sign if sign != 0 else 0.0
+            rows[k] = i
+            k += 1
+        if sticks[i]:
+            columns[m + i, k] = 1.0
+            rows[k] = m + i
+            k += 1
+    return columns, rows[:k]
 
 
 @kernel
 def _holds(
-    A: Array,
-    b: Array,
-    friction: Array,
-    slip: Indices,
-    least: Array,
+    problem: FrictionalProblem,
     pressed: NDArray[np.bool_],
     direction: Indices,
     x: Array,
     grips: Indices,
 ) -> bool:
     """True if x obeys the laws of all contacts to rounding; then it does so exactly."""
-    m = len(friction)
-    most = largest(x)
-    slack = _EXACT * most
+    A, b, least = problem.A, problem.b, problem.least
+    m, most, limits = len(problem.friction), largest(x), _COMPLEMENTARITY
+    slack = limits.exact * most
     w, size = rates(A, x, b), np.empty(2 * m)
-    rounding = _ROUNDING / _EXACT * largest(b)
+    rounding = _ROUNDING.solved / limits.exact * largest(b)
     for r in range(2 * m):
         size[r] = abs(b[r]) + rounding
         for c in range(2 * m):
             size[r] += abs(A[r, c]) * most
-    of_all = largest(size)
+    off = limits.exact * largest(size)
     for i in range(m):
-        mu, p, q = friction[i], x[i], x[m + i]
-        if p < least[i] - slack or w[i] < -_EXACT * size[i]:
+        mu, p, q = problem.friction[i], x[i], x[m + i]
+        if p < least[i] - slack or w[i] < -limits.exact * size[i]:
             return False
-        if pressed[i] and abs(w[i]) > _EXACT * of_all:
+        if pressed[i] and abs(w[i]) > off:
             return False
-        p = max(p, least[i]) if p > _NOTHING * most else least[i]
+        p = max(p, least[i]) if p > limits.impulse * most else least[i]
         if mu == math.inf:
             hold = math.inf if pressed[i] or p > 0.0 else abs(least[m + i])
             if direction[i] != 0 and direction[i] * q > slack:
                 return False
         else:
             hold = mu * p
-        wt = w[m + i]
+        wt, rest = w[m + i], limits.exact * size[m + i]
         if grips[i] == STICK:
             # rows of much friction were small while pivoting: what they left out moves no rate
-            if abs(q) > hold + max(slack, _CONE * largest(b) / A[m + i, m + i]):
+            if abs(q) > hold + max(slack, limits.cone * largest(b) / A[m + i, m + i]):
                 return False
-            if (p > 0.0 or q != 0.0) and abs(wt) > _EXACT * of_all:
+            if (p > 0.0 or q != 0.0) and abs(wt) > off:
                 return False
-            q = max(-hold, min(q, hold))
-        elif direction[i] != 0:
-            if slip[i] == 0 and direction[i] * wt < -_EXACT * size[m + i]:
-                return False
-            q = q if mu == math.inf else -direction[i] * hold
-        else:  # without friction, or it changes nothing
-            grips[i] = STICK
-            if abs(wt) > _EXACT * size[m + i]:
-                grips[i] = FORWARD if wt > 0.0 else BACKWARD
-                if 0.0 < mu < math.inf:
-                    q = -hold if wt > 0.0 else hold
+        elif direction[i] != 0 and problem.slip[i] == 0 and direction[i] * wt < -rest:
+            return False
+        grips[i], q = _exact_friction(grips[i], direction[i], q, wt, rest, mu, hold)
         if p == 0.0 and q == 0.0:
             grips[i] = OPEN
         x[i], x[m + i] = p, q
     return True
+
+
+@kernel
+def _exact_friction(
+    grip: int, direction: int, q: float, wt: float, rest: float, mu: float, hold: float
+) -> tuple[int, float]:
+    """Grip and friction q of a contact that obeys Coulomb's law to rounding, within its cone.
+
+    Parameters
+    ----------
+    wt, rest : its rate, and how large that is by rounding
+    hold : bound of q
+    """
+    if grip == STICK:
+        return grip, max(-hold, min(q, hold))
+    if direction != 0:
+        return grip, q if mu == math.inf else -direction * hold
+    # without friction, or it changes nothing
+    if not abs(wt) > rest:
+        return STICK, q
+    if 0.0 < mu < math.inf:
+        q = -hold if wt > 0.0 else hold
+    return FORWARD if wt > 0.0 else BACKWARD, q
 
 
 def solve_frictional_lcp(
@@ -578,13 +644,14 @@ def solve_frictional_lcp(
     m = len(friction)
     given = np.array([s or 0 for s in slip] if slip is not None else [0] * m, dtype=np.int64)
     known = np.zeros(2 * m) if least is None else np.asarray(least, dtype=float)
-    x, grips, found = solve_contacts(
+    problem = FrictionalProblem(
         np.ascontiguousarray(A, dtype=float),
         np.asarray(b, dtype=float),
         np.asarray(friction, dtype=float),
         given,
         known,
     )
+    x, grips, found = solve_contacts(problem)
     if not found:
         raise ArithmeticError('no impulses satisfy all contacts of this instant')
     return x.tolist(), [Grip(g) for g in grips.tolist()]

@@ -25,18 +25,15 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.expressions import Node, numbers, tree_of
+from mechanism_sim.numerics.expressions import ExpressionNode, numbers, tree_of
+from mechanism_sim.tolerances import TOLERANCES
 
-_FORETOLD = 8.0  # degree of polynomials of a motion that its Taylor series foretells
+_ENCLOSURE = TOLERANCES.enclosure
+
 _FAR = {'sin': 2.0, 'cos': 2.0, 'exp': 1.5, 'tanh': 0.7, 'atan': 0.5}
 """How far arguments may go from the middle of a piece of motion whose series knows the function:
 well within the distance of the next pole, and of a function without poles a change of a few."""
-_FAR_FROM_POLE = 0.5  # the same, of the distance from it
 _ENTIRE = 'sin', 'cos', 'exp'
-_NEARER = (
-    0.5  # of the same: there a series converges so fast that its own last terms tell its error
-)
-_LIMITLESS = 1e300  # of what a function may be in a part that holds its pole
 
 
 class Ball(NamedTuple):
@@ -105,7 +102,8 @@ def _tangent(x: Ball) -> Ball:
         hy.lt(x.radius, hy.expression(1.5)),
     ])  # fmt: skip
     found = _between(hy.tan(low), hy.tan(high))
-    return Ball(found.middle, hy.select(straight, found.radius, hy.expression(_LIMITLESS)))
+    limitless = hy.expression(_ENCLOSURE.limitless)
+    return Ball(found.middle, hy.select(straight, found.radius, limitless))
 
 
 def _above_zero(f: Callable[[Any], Any]) -> Callable[[Ball], Ball]:
@@ -130,7 +128,7 @@ def _power(x: Ball, n: float) -> Ball:
         low, high = x.ends
         found = _between(f(low), f(high))
         sure = hy.gt(x.least, hy.expression(0.0))
-        limitless = hy.expression(_LIMITLESS)
+        limitless = hy.expression(_ENCLOSURE.limitless)
         if n % 2.0 == 0.0:
             found = _between(f(x.size), f(x.least))
         return Ball(
@@ -198,7 +196,7 @@ class _Program:
         self.operations.append(_Operation(kind, args, exponent))
         return len(self.operations) - 1
 
-    def _read(self, node: Node) -> int:
+    def _read(self, node: ExpressionNode) -> int:
         name, args = node.name, [] if node.kind == '**' else [*map(self._read, node.args)]
         match name.removeprefix('combined_') if node.kind == 'call' else node.kind:
             case 'number':
@@ -295,7 +293,7 @@ def _backward(
 
 
 def _steep(program: _Program, balls: list[Ball]) -> list[int]:
-    """The operations that may be steep: functions, and polynomials of more than `_FORETOLD`.
+    """The operations that may be steep: functions, and polynomials of high degree.
 
     Others are polynomials of what is known, of which a Taylor series foretells all.
     """
@@ -314,7 +312,7 @@ def _steep(program: _Program, balls: list[Ball]) -> list[int]:
         else:
             whole = kind == 'power' and n > 0.0 and n % 1.0 == 0.0
             degree = n * own[0] if whole else math.inf
-        if degree > _FORETOLD:
+        if degree > _ENCLOSURE.degree:
             found.append(k)
             degree = 1.0
         degrees.append(degree)
@@ -329,8 +327,9 @@ def _bend(operation: _Operation, balls: list[Ball]) -> Any:
     if operation.kind in ('log', 'sqrt') or (
         operation.kind == 'power' and operation.exponent < 1.0
     ):
-        return x.radius / (_FAR_FROM_POLE * x.least)
-    return hy.expression(_LIMITLESS)  # poles, and polynomials of high degree, are looked at
+        return x.radius / (_ENCLOSURE.pole * x.least)
+    # poles, and polynomials of high degree, are looked at
+    return hy.expression(_ENCLOSURE.limitless)
 
 
 def _doubts(
@@ -348,7 +347,8 @@ def _doubts(
     near, far = [zero], [zero]
     for k in chosen:
         operation = program.operations[k]
-        bend, nearer = _bend(operation, balls), 1.0 if operation.kind in _ENTIRE else _NEARER
+        bend = _bend(operation, balls)
+        nearer = 1.0 if operation.kind in _ENTIRE else _ENCLOSURE.nearer
         unfelt = hy.lte(2.0 * balls[k].radius * hy.sum(felt[k]) * length, one)
         for counted, most in ((near, nearer), (far, 1.0)):
             known = hy.logical_or([hy.lte(bend, hy.expression(most)), unfelt])
@@ -356,15 +356,15 @@ def _doubts(
     return [hy.sum(near), hy.sum(far)]
 
 
-class Parts(NamedTuple):
-    """What K functions are in N parts of a motion, or at N places."""
+class Enclosed(NamedTuple):
+    """Enclosures of K functions in N parts of a motion, or at N places."""
 
     middle: Array  #: (K, N)
     radius: Array  #: (K, N)
     weight: Array  #: (K, N) largest change of any load, in its own scale, by a unit of each
 
 
-class Course(NamedTuple):
+class MotionSeries(NamedTuple):
     """How the variables of formulas run through a piece of motion, whose length is 1."""
 
     series: Array  #: (v, n) coefficients of rising powers, of what moves
@@ -420,7 +420,7 @@ class Enclosure:
                 _doubts(program, balls, felt, chosen, length), [*inputs, length]
             )
 
-    def doubts(self, course: Course, scales: Array) -> int:
+    def doubts(self, course: MotionSeries, scales: Array) -> int:
         """How little a series of a piece of motion knows of the functions.
 
         `NONE` where they bend so little that they are as known as the motion itself, `LITTLE`
@@ -435,7 +435,9 @@ class Enclosure:
         near, far = self._doubts(given, pars=parameters[: self._doubts.nparams]).tolist()
         return MUCH if far else LITTLE if near else NONE
 
-    def __call__(self, course: Course, scales: Array, middle: Array, radius: Array) -> Parts:
+    def __call__(
+        self, course: MotionSeries, scales: Array, middle: Array, radius: Array
+    ) -> Enclosed:
         """Enclosures where what moves is at middles and not farther from there than radii (v, N).
 
         Parameters
@@ -447,10 +449,10 @@ class Enclosure:
         fixed = np.concatenate([course.fixed, scales])[:, None]
         given = np.concatenate([middle, radius, np.repeat(fixed, count, axis=1)])
         found = self._function(given, pars=np.repeat(known, count, axis=1))
-        return Parts(*found.reshape(3, self.count, count))
+        return Enclosed(*found.reshape(3, self.count, count))
 
 
-class Ranges:
+class FunctionRanges:
     """Enclosures of expressions themselves: by their balls, and by their slopes about middles.
 
     Parameters
@@ -481,7 +483,7 @@ class Ranges:
         self._count = len(expressions)
 
     def __call__(
-        self, course: Course, begin: Array, width: float
+        self, course: MotionSeries, begin: Array, width: float
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Values in the middles of parts; the least in them; whether there is none inside.
 
@@ -513,14 +515,14 @@ class Ranges:
             return values, least, np.abs(slope) > spread
 
 
-def falls(ranges: Ranges, course: Course) -> list[float]:
+def falls(ranges: FunctionRanges, course: MotionSeries) -> list[float]:
     """Places from 0 to 1 where an expression is below zero, though it is not at both ends.
 
     At least one in the first stretch where that is so, if there is any that is not a point.
     """
     begin, width = _ENDS[:1], 1.0
     found: list[float] = []
-    for _ in range(_DEEPEST):
+    for _ in range(_ENCLOSURE.halvings):
         values, least, straight = ranges(course, begin, width)
         below = (values < 0.0).any(axis=0)
         found += (begin + 0.5 * width)[below].tolist()
@@ -529,7 +531,8 @@ def falls(ranges: Ranges, course: Course) -> list[float]:
         if not unsure.any():
             break
         width *= 0.5
-        begin = np.stack([begin[unsure], begin[unsure] + width], axis=1).ravel()[:_MOST]
+        begin = np.stack([begin[unsure], begin[unsure] + width], axis=1).ravel()
+        begin = begin[: _ENCLOSURE.parts]
     return sorted(found)
 
 
@@ -543,16 +546,10 @@ def _program(
 # --- parts of a motion ---------------------------------------------------------------------------
 
 _FIRST = 8  # parts, in which most motions are known at once
-_DEEPEST = 48  # halvings: less than rounding of the place itself
-_MOST = 1024  # parts that may be unknown at the same time
-_SOUND = 0.01  # of a fault: less is far from one
 NONE, LITTLE, MUCH = range(3)
 FEW = np.array([0.25, 0.5, 0.75, 1.0])
 """Places to look at where nothing is steep."""
 _ENDS = np.linspace(0.0, 1.0, _FIRST + 1)
-_OF_RANGE, _MOST_OF_RANGE, _OF_SIZE = 0.05, 0.5, 0.01
-"""How far a function may go beyond its samples in a part: of what it varies by, and of its size.
-The former for what is between two samples of a curve, the latter for overestimation."""
 
 
 @lru_cache(maxsize=16)
@@ -606,7 +603,7 @@ WHOLE = Reach(1.0, None)
 
 def reach_of(
     enclosure: Enclosure,
-    course: Course,
+    course: MotionSeries,
     scales: Array,
     defect: Callable[[Array], Array],
 ) -> Reach:
@@ -628,14 +625,15 @@ def reach_of(
         if (found <= 1.0).all():
             return WHOLE
         fault = float(FEW[~(found <= 1.0)].min())
-        return Reach(float(FEW[(found <= _SOUND) & (fault > FEW)].max(initial=0.0)), fault)
+        sound_places = FEW[(found <= _ENCLOSURE.sound) & (fault > FEW)]
+        return Reach(float(sound_places.max(initial=0.0)), fault)
     order = course.series.shape[1] - 1
     begin, width, shift = _ENDS[:-1], 1.0 / _FIRST, _first_shift(order)
     ends = np.zeros((enclosure.count, 2, _FIRST))  # values where parts begin and end
     lowest, highest = np.inf, -np.inf
     sound: list[Array] = []  # places
     fault = np.inf
-    for depth in range(_DEEPEST):
+    for depth in range(_ENCLOSURE.halvings):
         middles = begin + 0.5 * width
         places = np.concatenate([middles, _ENDS]) if depth == 0 else middles
         parts, values = _enclosed(enclosure, course, scales, shift, width, places)
@@ -649,19 +647,19 @@ def reach_of(
         places = places[places > 0.0]
         found = defect(places)
         fault = min(fault, places[~(found <= 1.0)].min(initial=np.inf))
-        sound.append(places[found <= _SOUND])
+        sound.append(places[found <= _ENCLOSURE.sound])
         size = np.maximum(np.abs(lowest), np.abs(highest))[:, None]
         with np.errstate(all='ignore'):  # what is not finite is not known
             span = (highest - lowest)[:, None]
             off = _off(own, parts, span)
-            known = off <= _OF_RANGE * span + _OF_SIZE * size
+            known = off <= _ENCLOSURE.of_range * span + _ENCLOSURE.of_size * size
             known |= off * parts.weight * (width * course.length) <= 1.0
         known |= ~np.isfinite(own).all(axis=0)  # no halving tells more of what is no number
         unknown = ~known.all(axis=0) & (begin < fault)
         if not unknown.any():
             break
-        if unknown.sum() > _MOST:
-            unknown = unknown & (np.cumsum(unknown) <= _MOST)
+        if unknown.sum() > _ENCLOSURE.parts:
+            unknown = unknown & (np.cumsum(unknown) <= _ENCLOSURE.parts)
             fault = min(fault, begin[np.flatnonzero(unknown)[-1]])
         width *= 0.5
         begin, ends = _halved(begin[unknown], width, own[:, :, unknown])
@@ -674,7 +672,7 @@ def reach_of(
     return Reach(float(every[every < fault].max(initial=0.0)), float(fault))
 
 
-def _off(own: Array, parts: Parts, span: Array) -> Array:
+def _off(own: Array, parts: Enclosed, span: Array) -> Array:
     """How far functions (K, N) in parts are off what samples tell of them.
 
     It is how far they may go beyond all samples, or bend between them; or how much they change at
@@ -688,7 +686,7 @@ def _off(own: Array, parts: Parts, span: Array) -> Array:
     least, most = own.min(axis=0), own.max(axis=0)
     found = np.maximum(parts.middle + parts.radius - most, least - parts.middle + parts.radius)
     found = np.maximum(found, np.abs(own[1] - 0.5 * (own[0] + own[2])))
-    steps = np.where(most - least > _MOST_OF_RANGE * span, most - least, 0.0)
+    steps = np.where(most - least > _ENCLOSURE.in_part * span, most - least, 0.0)
     return np.asarray(np.maximum(found, steps))
 
 
@@ -706,12 +704,12 @@ def _halved(begin: Array, width: float, own: Array) -> tuple[Array, Array]:
 
 def _enclosed(
     enclosure: Enclosure,
-    course: Course,
+    course: MotionSeries,
     scales: Array,
     shift: Array,
     width: float,
     places: Array,
-) -> tuple[Parts, Array]:
+) -> tuple[Enclosed, Array]:
     """Enclosures in parts, and values (K, N) at places."""
     middle, radius = _on_parts(course.series, shift, 0.5 * width)
     at = course.series @ places ** np.arange(len(shift))[:, None]
@@ -724,4 +722,4 @@ def _enclosed(
     )
     values = parts.middle[:, count:]
     values[~np.isfinite(values)] = np.nan
-    return Parts(*(x[:, :count] for x in parts)), values
+    return Enclosed(*(x[:, :count] for x in parts)), values

@@ -60,7 +60,7 @@ AFTER = (
 
 
 @dataclass(frozen=True, slots=True)
-class Node:
+class ExpressionNode:
     """An operation, a function or a leaf of an expression.
 
     Attributes
@@ -76,14 +76,14 @@ class Node:
     """
 
     kind: str
-    args: tuple[Node, ...] = ()
+    args: tuple[ExpressionNode, ...] = ()
     name: str = ''
     value: float = 0.0
     unit: str | None = None
     window: tuple[tuple[str, str], ...] = ()
     text: str = field(default='', compare=False)
 
-    def walk(self) -> Iterator[Node]:
+    def walk(self) -> Iterator[ExpressionNode]:
         """All parts, each after its own parts."""
         for x in self.args:
             yield from x.walk()
@@ -107,7 +107,7 @@ def _tokens(text: str) -> list[_Token]:
     return [_Token(kind, m[kind], m.start(kind), m.end()) for kind, m in found]
 
 
-class _Reader:
+class _ExpressionReader:
     """Reads a text from left to right, by the strength of its signs (Pratt's method).
 
     Parameters
@@ -122,7 +122,7 @@ class _Reader:
         self._tokens = [*_tokens(text), *[_Token('end', '', len(text), len(text))] * 2]
         self._at = self._deep = self._count = 0
 
-    def tree(self) -> Node:
+    def tree(self) -> ExpressionNode:
         """The whole text."""
         found = self._expression(0)
         if self._now.kind != 'end':
@@ -167,11 +167,11 @@ class _Reader:
             said = "'(' was never closed"
         raise InputError(f'{text} is not a formula: {said}')
 
-    def _node(self, start: int, kind: str, *args: Node, **more: Any) -> Node:
+    def _node(self, start: int, kind: str, *args: ExpressionNode, **more: Any) -> ExpressionNode:
         written = self._text[start : self._tokens[self._at - 1].end]
-        return Node(kind, args, text=' '.join(written.split()), **more)
+        return ExpressionNode(kind, args, text=' '.join(written.split()), **more)
 
-    def _expression(self, level: int) -> Node:
+    def _expression(self, level: int) -> ExpressionNode:
         """All that is joined by signs of at least this level."""
         self._deep += 1
         if self._deep > DEEPEST:
@@ -189,7 +189,7 @@ class _Reader:
         self._deep -= 1
         return node
 
-    def _joined(self, start: int, left: Node, sign: str) -> Node:
+    def _joined(self, start: int, left: ExpressionNode, sign: str) -> ExpressionNode:
         """The operation of a sign on its left side and on all that it binds on its right."""
         level, args = _LEVELS[sign], [left]
         signs: list[str] = []
@@ -205,7 +205,7 @@ class _Reader:
         kind = {4: 'compare', 8: '**'}.get(level, sign)
         return self._node(start, kind, *args, name=' '.join(signs))
 
-    def _operand(self) -> Node:
+    def _operand(self) -> ExpressionNode:
         token = self._now
         if self._take('('):
             node = self._expression(0)
@@ -222,7 +222,7 @@ class _Reader:
             return self._node(token.start, 'pi', value=math.pi)
         return self._node(token.start, 'name', name=token.text)
 
-    def _quantity(self) -> Node:
+    def _quantity(self) -> ExpressionNode:
         """A number and the unit behind it, to which a power belongs that stands behind both."""
         number, unit, start = self._now.text.replace('_', ''), '', self._now.start
         self._at += 1
@@ -251,9 +251,9 @@ class _Reader:
             raise InputError(f'{text}: {error}') from error
         return self._node(start, 'number', value=value, unit=si)
 
-    def _call(self, token: _Token) -> Node:
+    def _call(self, token: _Token) -> ExpressionNode:
         """A function with its arguments; a figure also has words after them."""
-        args: list[Node] = []
+        args: list[ExpressionNode] = []
         window: list[tuple[str, str]] = []
         self._at += 1
         while not self._take(')'):
@@ -294,16 +294,16 @@ class _Reader:
         return self._text[first.start : self._tokens[self._at - 1].end]
 
 
-def tree_of(text: str) -> Node:
+def tree_of(text: str) -> ExpressionNode:
     """The tree of what heyoka prints: without limits, and of any functions."""
-    return _Reader(text, FUNCTIONS, {}).tree()
+    return _ExpressionReader(text, FUNCTIONS, {}).tree()
 
 
 def parse(
     text: str,
     functions: Mapping[str, int] | None = FUNCTIONS,
     figures: Mapping[str, str] | None = None,
-) -> Node:
+) -> ExpressionNode:
     """The tree of a text; `InputError` with one sentence if it is none.
 
     Parameters
@@ -316,7 +316,9 @@ def parse(
         raise InputError(f'{said}: it is longer than {LONGEST} characters')
     try:
         bare = re.sub('#.*', '', text)  # without remarks
-        tree = _Reader(bare, FUNCTIONS if functions is None else functions, figures or {}).tree()
+        tree = _ExpressionReader(
+            bare, FUNCTIONS if functions is None else functions, figures or {}
+        ).tree()
     except RecursionError:
         raise InputError(f'{said}: it is nested too deep') from None
     level, depth = [tree], 0
@@ -335,7 +337,9 @@ def parse(
     return tree
 
 
-def _check_call(node: Node, functions: Mapping[str, int], figures: list[str], text: str) -> None:
+def _check_call(
+    node: ExpressionNode, functions: Mapping[str, int], figures: list[str], text: str
+) -> None:
     """Refuse a function that is not known, or not with so many arguments."""
     name, count = node.name, len(node.args)
     if name not in functions:
@@ -371,7 +375,7 @@ def unit_hint(name: str) -> str:
 # --- units ---------------------------------------------------------------------------------------
 
 
-def unit_of(node: Node, units: Mapping[Any, str | None], text: str) -> str | None:
+def unit_of(node: ExpressionNode, units: Mapping[Any, str | None], text: str) -> str | None:
     """The SI unit of an expression; None of bare numbers, which fit any.
 
     Parameters
@@ -428,7 +432,7 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
 }  # fmt: skip
 
 
-def numbers(node: Node, known: Mapping[Any, Any]) -> Any:
+def numbers(node: ExpressionNode, known: Mapping[Any, Any]) -> Any:
     """An expression of numbers or arrays; conditions are 0 and 1, what has no value is NaN.
 
     Parameters
@@ -439,7 +443,7 @@ def numbers(node: Node, known: Mapping[Any, Any]) -> Any:
         return _numbers(node, known)
 
 
-def _numbers(node: Node, known: Mapping[Any, Any]) -> Any:
+def _numbers(node: ExpressionNode, known: Mapping[Any, Any]) -> Any:
     if node.kind in ('number', 'pi'):
         return node.value
     if node.kind in ('name', 'figure'):

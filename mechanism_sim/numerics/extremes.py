@@ -23,13 +23,15 @@ from mechanism_sim.numerics.polynomials import (
     chebyshev_coefficients,
     chebyshev_nodes,
 )
+from mechanism_sim.tolerances import TOLERANCES
+
+_EXTREMES = TOLERANCES.extremes
+_ROUNDING = TOLERANCES.rounding
 
 Functions = Callable[[Array], Array]
 Glance = Callable[[slice], Array]
 Values = Callable[[NDArray[np.intp], Array | Nodes], Array]
 
-ROUNDING = 1e-13
-"""Of the largest value of a group: what differs by less is the same."""
 
 _COUNT = 12  # nodes: enough for a step of a Taylor method, a third of the radius of convergence
 _NODES = chebyshev_nodes(_COUNT)
@@ -41,13 +43,8 @@ _PLACES = np.cos(np.linspace(np.pi, 0.0, 8 * _COUNT + 1))  # in [-1, 1], both en
 _GRID = np.polynomial.chebyshev.chebvander(_PLACES, _COUNT - 1).T.copy()
 _BETWEEN = 1.0 / np.cos(np.pi / 16.0) - 1.0
 """What a polynomial may rise between the places of the grid, of its range (Ehlich and Zeller)."""
-_GLANCED = 1e-10  # of what is seen at a glance: an extreme found later is not much less
-_RESOLVED = 1e-8  # of the range in an interval: then its extreme is off by the square of that
-_INSET = 64  # units in the last place: so far inside of an end, where another row may hold at it
 _BLOCK, _GLANCE = 64, 2048  # intervals at once, to look through and to choose from
-_MOST, _ROUNDS = 16, 2000  # intervals that are halved at once, and how many times at most
-_LESS, _STALLED = 0.3, 3
-"""An error of which so much is left in both halves, so many times in turn, is rounding."""
+_MOST = 16  # intervals that are halved at once
 
 
 class _Pairs(NamedTuple):
@@ -127,11 +124,11 @@ class ExtremeSearch:
     @property
     def rounding(self) -> Array:
         """Size of errors (C,): what differs by less is the same."""
-        return ROUNDING * self._largest[self._group]
+        return _ROUNDING.value * self._largest[self._group]
 
     @property
     def _limit(self) -> Array:
-        """What a height (2 C,) must exceed to matter."""
+        """Heights (2 C,) that must be exceeded to matter."""
         return np.asarray(self._top + np.tile(self.rounding, 2))
 
     def _finite_values(self, x: Array) -> Array:
@@ -179,14 +176,14 @@ class ExtremeSearch:
                 self._look_through(functions, a[now], b[now])
 
     def _glanced(self, values: Array) -> Array:
-        """What heights (2 C, K) do not exceed in intervals, by values (C, 5 K) at nodes in each.
+        """Upper bounds of heights (2 C, K) in intervals, by values (C, 5 K) at nodes in each.
 
         It is minus infinity where another of these intervals is seen to reach higher.
         """
         known = np.where(np.isfinite(values), values, np.nan)
         high = np.fmax.reduce(known, axis=1, initial=-np.inf)
         low = np.fmin.reduce(known, axis=1, initial=np.inf)
-        blur = _GLANCED * np.fmax(np.abs(high), np.abs(low))
+        blur = _EXTREMES.glanced * np.fmax(np.abs(high), np.abs(low))
         seen = np.concatenate([high - blur, -low - blur])
         c = chebyshev_coefficients(values.reshape(len(self._group), -1, len(_FEW)))
         above = 4.0 * np.abs(c[:, :, -2:]).max(axis=2) + 0.25 * np.abs(c[:, :, -3])
@@ -199,7 +196,7 @@ class ExtremeSearch:
         stalled = np.zeros((count, len(a)), np.int8)
         wanted = every > 0.0
         pending = self._examine(functions, _Intervals(a, b, wanted, every[:count], stalled, every))
-        for _ in range(_ROUNDS):
+        for _ in range(_EXTREMES.rounds):
             excess = (pending.bound - self._limit[:, None]).max(axis=0, initial=-np.inf)
             order = np.argsort(-excess, kind='stable')[: int((excess > 0.0).sum())]
             if not len(order):
@@ -214,14 +211,14 @@ class ExtremeSearch:
         error = _error(c, values)
         # rounding is in both halves of an interval, a corner or a peak in one
         smaller = np.minimum(error, np.roll(error, len(x.a) // 2, axis=1))
-        stalled = np.where(smaller > _LESS * x.error, x.stalled + 1, 0).astype(np.int8)
+        stalled = np.where(smaller > _EXTREMES.less * x.error, x.stalled + 1, 0).astype(np.int8)
         pairs, place, height = self._possible(c, error, x.wanted)
         t = x.a[pairs.interval] + 0.5 * (place + 1.0) * (x.b - x.a)[pairs.interval]
         self._enter_tops(functions, pairs, t, x.a, x.b)
-        spread = _RESOLVED * np.ptp(values, axis=2)
+        spread = _EXTREMES.resolved * np.ptp(values, axis=2)
         resolved = error <= np.maximum(spread, self.rounding[:, None])
-        short = x.b - x.a <= 4 * _INSET * np.spacing(np.abs(x.b))
-        done = np.tile(resolved | (stalled >= _STALLED) | short, (2, 1))
+        short = x.b - x.a <= 4 * _EXTREMES.inset * np.spacing(np.abs(x.b))
+        done = np.tile(resolved | (stalled >= _EXTREMES.stalled) | short, (2, 1))
         bound = np.full(x.wanted.shape, -np.inf)
         bound[pairs] = np.minimum(
             height + 2.0 * error[pairs.row % len(error), pairs.interval], self._highest[pairs.row]
@@ -232,7 +229,7 @@ class ExtremeSearch:
 
     def _enter(self, functions: Functions, a: Array, b: Array) -> Array:
         """The functions at both ends, close to these, and at the nodes between: (C, K, n + 4)."""
-        inset = np.minimum(_INSET * np.spacing(np.abs(b)), 0.25 * (b - a))
+        inset = np.minimum(_EXTREMES.inset * np.spacing(np.abs(b)), 0.25 * (b - a))
         t = np.column_stack([a, a + inset, a[:, None] + (b - a)[:, None] * _NODES, b - inset, b])
         values = functions(t).reshape(-1, *t.shape)
         flat = np.where(np.isfinite(values), values, np.nan).reshape(len(values), -1)
@@ -283,14 +280,14 @@ class ExtremeSearch:
 
 
 def _bounds(dense: Array, above: Array, highest: Array) -> Array:
-    """What heights (2 C, K) do not exceed, by interpolants (C, K, n) and their errors (C, K)."""
+    """Upper bounds of heights (2 C, K), by interpolants (C, K, n) and their errors (C, K)."""
     high, low = dense.max(axis=2), dense.min(axis=2)
     above = above + _BETWEEN * (high - low)
     return np.asarray(np.minimum(np.concatenate([high + above, above - low]), highest[:, None]))
 
 
 def _error(c: Array, values: Array) -> Array:
-    """What interpolants (C, K, n) may be off: by their last terms, and their misfit at the ends.
+    """Errors of interpolants (C, K, n), by their last terms and their misfit at the ends.
 
     Where there is a corner, terms fall as ``1 / n^2``: those left out add up to n times one of the
     last. At an end another value may hold than beside it; the one that fits better counts.

@@ -18,7 +18,7 @@ import heyoka as hy
 
 from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.numerics import expressions
-from mechanism_sim.numerics.expressions import CORNERED, SMOOTH, Node, parse
+from mechanism_sim.numerics.expressions import CORNERED, SMOOTH, ExpressionNode, parse
 
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {name: getattr(hy, name) for name in SMOOTH}
 """Smooth ones of one argument."""
@@ -36,7 +36,7 @@ def flag_of(guard: hy.expression) -> hy.expression:
     return hy.select(hy.gt(guard, hy.expression(0.0)), hy.expression(1.0), hy.expression(0.0))
 
 
-def _coefficients(node: Node, angles: Collection[str]) -> dict[str, float] | None:
+def _coefficients(node: ExpressionNode, angles: Collection[str]) -> dict[str, float] | None:
     """By which numbers a sum contains some of the names; None if it is no such sum."""
     if not {*node.names} & {*angles}:
         return {}
@@ -47,7 +47,10 @@ def _coefficients(node: Node, angles: Collection[str]) -> dict[str, float] | Non
             terms = [(-1.0, x)]
         case '+' | '-' as sign, (a, b):
             terms = [(1.0, a), (1.0 if sign == '+' else -1.0, b)]
-        case '*', (Node(kind='number') as factor, x) | (x, Node(kind='number') as factor):
+        case '*', (ExpressionNode(kind='number') as factor, x) | (
+            x,
+            ExpressionNode(kind='number') as factor,
+        ):
             terms = [(factor.value, x)]
         case _:
             return None
@@ -85,7 +88,7 @@ class Words:
     cyclic: Collection[str] = ()
 
 
-def read(text: str, tables: Collection[str] = ()) -> Node:
+def read(text: str, tables: Collection[str] = ()) -> ExpressionNode:
     """The tree of a formula that may call tables beside the usual functions."""
     own = dict.fromkeys((name for name in tables if name not in CORNERED), 1)
     return parse(text, {**expressions.FUNCTIONS, **own})
@@ -103,7 +106,7 @@ class _Builder:
         self._words, self._text = words, text
         self._without_turns = False
 
-    def value(self, node: Node) -> Any:
+    def value(self, node: ExpressionNode) -> Any:
         """The expression of a node."""
         words, args = self._words, node.args
         match node.kind:
@@ -137,7 +140,7 @@ class _Builder:
             "else B'"
         )
 
-    def _call(self, node: Node) -> Any:
+    def _call(self, node: ExpressionNode) -> Any:
         """A function; of one that repeats after a turn without those of angles.
 
         ``sin(60*crank)`` is the same without the whole turns of the crank, which would cost it
@@ -163,7 +166,7 @@ class _Builder:
             return hy.sqrt(reduce(operator.add, [x * x for x in args]))
         return FUNCTIONS[name](x)
 
-    def _condition(self, node: Node) -> Any:
+    def _condition(self, node: ExpressionNode) -> Any:
         """The flag of a condition."""
         match node.kind:
             case 'compare':

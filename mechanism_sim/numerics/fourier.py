@@ -20,6 +20,11 @@ import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.tolerances import TOLERANCES
+
+_HARMONICS = TOLERANCES.harmonics
+_QUADRATURE = TOLERANCES.quadrature
+_ROUNDING = TOLERANCES.rounding
 
 ComplexArray = NDArray[np.complex128]
 Functions = Callable[[Array], Array]
@@ -31,17 +36,10 @@ _POLYNOMIALS = np.polynomial.legendre.legvander(_NODES, _COUNT - 1)
 _DEGREES = np.arange(_COUNT)
 _EXPAND = (2 * _DEGREES + 1) / 2.0 * _WEIGHTS[:, None] * _POLYNOMIALS
 
-_RESOLVED = 1e-13  # of the largest value: last terms of an expansion that is known
-_SMALL = 1e-16  # of the largest value times the period: an interval that adds no more than that
-_HALVINGS = 52
-_STALLED, _LESS = 3, 0.5  # halvings in turn that leave more than this part in both halves: noise
-_MOST = 1 << 16  # intervals; then the error is what it is, and is said
 _BLOCK = 4096  # intervals, or harmonics times intervals, at once
-_SAFETY = 4.0
-_ROUNDING = 16.0 * float(np.finfo(float).eps)
 
 
-class Spectrum(NamedTuple):
+class PeriodicSpectrum(NamedTuple):
     """C periodic functions, ``mean + sum_k Re(amplitudes[:, k - 1] e^(i k w t))`` and a rest."""
 
     mean: Array  #: (C,)
@@ -49,8 +47,8 @@ class Spectrum(NamedTuple):
     error: Array  #: (C,) what the mean and each amplitude may be off
     rest: Array  #: (C,) root mean square of all higher harmonics together
 
-    def without(self, rounding: float) -> Spectrum:
-        """The same with zeros for what is not larger than rounding."""
+    def without(self, rounding: float) -> PeriodicSpectrum:
+        """Spectrum with zeros for what is not larger than rounding."""
         return self._replace(
             mean=np.where(np.abs(self.mean) > rounding, self.mean, 0.0),
             amplitudes=np.where(np.abs(self.amplitudes) > rounding, self.amplitudes, 0.0),
@@ -69,7 +67,7 @@ class _Expansion(NamedTuple):
 
 def spectrum(
     functions: Functions, edges: Array, count: int, floor: Array | None = None
-) -> Spectrum:
+) -> PeriodicSpectrum:
     """The mean and the first `count` harmonics of functions over a period.
 
     Parameters
@@ -94,9 +92,9 @@ def spectrum(
     amplitudes *= np.exp(-1j * k * w * edges[0])
     mean = x.coefficients[:, :, 0] @ x.width / period
     largest = np.abs(x.coefficients).sum(axis=2).max(axis=1, initial=0.0)
-    error = 2.0 / period * _SAFETY * (x.off @ x.width) + _ROUNDING * largest
+    error = 2.0 / period * _QUADRATURE.safety * (x.off @ x.width) + _ROUNDING.series * largest
     rest = _rest(x, mean, amplitudes, w)
-    return Spectrum(mean, amplitudes, error, rest)
+    return PeriodicSpectrum(mean, amplitudes, error, rest)
 
 
 def _expanded(functions: Functions, edges: Array, floor: Array | None) -> _Expansion:
@@ -107,23 +105,23 @@ def _expanded(functions: Functions, edges: Array, floor: Array | None) -> _Expan
     stalled, parent = np.zeros(len(begin), int), np.full(len(begin), np.inf)
     done: list[_Expansion] = []
     known = 0
-    for depth in range(_HALVINGS + 1):
+    for depth in range(_HARMONICS.halvings + 1):
         c = _coefficients(functions, begin, width)
         largest = np.maximum(largest, np.abs(c).sum(axis=2).max(axis=1, initial=0.0))
-        scale = np.maximum(largest, 1e-300)
+        scale = np.maximum(largest, _ROUNDING.least)
         off = np.abs(c[:, :, -2:]).max(axis=2)
         low = np.zeros(1) if floor is None else floor
         # by how much each interval misses what is asked of it; no more than 1 is enough
-        resolved = off / np.maximum(_RESOLVED * scale, low)[:, None]
-        small = off * width / (_SMALL * scale * period)[:, None]
+        resolved = off / np.maximum(_HARMONICS.resolved * scale, low)[:, None]
+        small = off * width / (_HARMONICS.small * scale * period)[:, None]
         fault = np.minimum(resolved, small).max(axis=0, initial=0.0)
         if depth:
             twin = np.roll(fault, len(fault) // 2)
-            stuck = np.minimum(fault, twin) > _LESS * parent
+            stuck = np.minimum(fault, twin) > _HARMONICS.less * parent
             stalled = np.where(stuck, stalled + 1, 0)
-        settled = (fault <= 1.0) | (stalled >= _STALLED) | (depth == _HALVINGS)
+        settled = (fault <= 1.0) | (stalled >= _HARMONICS.stalled) | (depth == _HARMONICS.halvings)
         known += int(settled.sum())
-        if known + 2 * int((~settled).sum()) > _MOST:
+        if known + 2 * int((~settled).sum()) > _HARMONICS.intervals:
             settled[:] = True
         done.append(_Expansion(begin[settled], width[settled], c[:, settled], off[:, settled]))
         left = ~settled

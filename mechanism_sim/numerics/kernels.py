@@ -20,7 +20,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
-from mechanism_sim import packages
+from mechanism_sim import packages, tolerances
 from mechanism_sim.numerics import code_cache
 
 F = TypeVar('F', bound=Callable[..., Any])
@@ -59,7 +59,7 @@ class Kernel:
 
     @cached_property
     def compiled(self) -> Any:
-        """What numba makes of it."""
+        """Its machine code, by numba."""
         f = self.function
         known = dict(f.__globals__)
         for name in f.__code__.co_names:
@@ -110,7 +110,7 @@ def _sealed(made: Any) -> Any:
 
 
 def _opened(path: str) -> bytes:
-    """What a file holds behind the digest of it."""
+    """Content of a file, behind its digest."""
     sealed = Path(path).read_bytes()
     size = hashlib.sha256().digest_size
     if hashlib.sha256(sealed[size:]).digest() != sealed[:size]:
@@ -140,11 +140,14 @@ def _price() -> float:
 
 @cache
 def _folder() -> Path | None:
-    """Where the code is kept: named by all sources, for numba does not see callees change."""
+    """Where the code is kept: named by all sources, for numba does not see callees change.
+
+    Nor constants of other modules, which it compiles in.
+    """
     parent = code_cache.folder()
     if parent is None:
         return None
-    files = sorted({k.function.__code__.co_filename for k in _KERNELS})
+    files = sorted({tolerances.__file__, *(k.function.__code__.co_filename for k in _KERNELS)})
     source = hashlib.sha256(b''.join(Path(file).read_bytes() for file in files)).hexdigest()
     return parent / f'kernels-{source[:16]}'
 

@@ -18,7 +18,7 @@ from typing import Any
 
 
 class _Later:
-    """What comes of sympy by a way of attributes (text) and calls (tuples of arguments)."""
+    """Object of sympy, reached by a way of attributes (text) and calls (tuples of arguments)."""
 
     def __init__(self, *way: str | tuple[Any, ...]) -> None:
         self._way = way

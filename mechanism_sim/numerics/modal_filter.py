@@ -32,8 +32,8 @@ _SERIES = 50
 _PIECES = 512  # whose coefficients are computed at once
 
 
-class Response(NamedTuple):
-    """What the modes of a system give on N pieces, without what passes directly.
+class ModalResponse(NamedTuple):
+    """Response of the modes of a system on N pieces, without what passes directly.
 
     ``y(t) = sum_j forced_j (t / h)^j + Re sum_k free_k e^(p_k t)`` from the start of a piece on.
     """
@@ -79,7 +79,7 @@ class ModalFilter:
     def __len__(self) -> int:
         return len(self._poles)
 
-    def advance(self, durations: Array, polynomials: Array, impulses: Array) -> Response:
+    def advance(self, durations: Array, polynomials: Array, impulses: Array) -> ModalResponse:
         """Go on through N pieces.
 
         Parameters
@@ -103,7 +103,7 @@ class ModalFilter:
         for k, (part, _) in enumerate(parts):
             forced[: len(part), k * _PIECES : k * _PIECES + part.shape[1]] = part
         free = np.concatenate([free for _, free in parts], axis=1)
-        return Response(self._poles, durations, forced, free)
+        return ModalResponse(self._poles, durations, forced, free)
 
     def _advance(
         self, durations: Array, polynomials: Array, impulses: Array

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.polynomials import gauss_nodes
 from mechanism_sim.numerics.quadrature import Parts, Values
+from mechanism_sim.tolerances import TOLERANCES
 
-RELATIVE = 1e-10
-"""Error of the interpolants that is aimed at, of the largest magnitude so far."""
+_QUADRATURE = TOLERANCES.quadrature
+
 
 _COUNT = 12
 _PLACES = gauss_nodes(_COUNT)[0]
@@ -30,8 +31,6 @@ _TO_SERIES = (
 )
 _GRID = -np.cos(np.linspace(0.0, np.pi, 4 * _COUNT + 1))  # in [-1, 1], both ends among them
 _ON_GRID = legendre.legvander(_GRID, _COUNT - 1).T.copy()
-_HALVINGS, _AT_ONCE = 48, 32  # as in `mechanism_sim.numerics.quadrature`
-_SAFETY = 4.0
 _NEWTON, _BISECTIONS = 6, 52
 
 
@@ -87,7 +86,10 @@ class Monotone(NamedTuple):
             return most
         return float(
             scipy.optimize.brentq(
-                lambda y: self.time_below(y) - wanted, least, most, xtol=1e-15 * (most - least)
+                lambda y: self.time_below(y) - wanted,
+                least,
+                most,
+                xtol=_QUADRATURE.quantile * (most - least),
             )
         )
 
@@ -111,17 +113,17 @@ def monotone(values: Values, parts: Parts, largest: float = 0.0) -> tuple[Monoto
     begin, width = parts.begin, parts.end - parts.begin
     scale = np.zeros(len(begin))
     found, error, lost = [], 0.0, 0.0
-    for depth in range(_HALVINGS):
+    for depth in range(_QUADRATURE.halvings):
         series, top, finite = _series(values, parts.segment[interval], begin, width)
         if not depth:
             scale = np.maximum.accumulate(np.append(largest, top))[1:]
             largest = float(scale[-1]) if len(scale) else largest
-        tail = _SAFETY * np.abs(series[:, -3:]).max(axis=1)
+        tail = _QUADRATURE.safety * np.abs(series[:, -3:]).max(axis=1)
         known = finite == _COUNT
         np.maximum.at(scale, interval, top)
-        done = known & (tail <= RELATIVE * scale[interval])
+        done = known & (tail <= _QUADRATURE.relative * scale[interval])
         pending = np.bincount(interval[~done & (finite > 0)], minlength=len(scale))
-        done |= known & (pending[interval] > _AT_ONCE)
+        done |= known & (pending[interval] > _QUADRATURE.parts)
         error = max(error, float(tail[done].max(initial=0.0)))
         lost += float(width[finite == 0].sum())
         kept = np.flatnonzero(done)

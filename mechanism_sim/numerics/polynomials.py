@@ -19,7 +19,7 @@ _GATHERED = 2048  # instants whose coefficients are gathered at once
 
 @dataclass(frozen=True)
 class Nodes:
-    """The same K places in every segment: fractions of its duration."""
+    """K places, equal in every segment: fractions of its duration."""
 
     fractions: tuple[float, ...]
 
@@ -149,7 +149,7 @@ class PiecewisePolynomial:
         return np.repeat(self.turns[segment], each, axis=0)
 
     def local(self, segment: NDArray[np.intp], dt: Array | Nodes, derivative: int = 0) -> Array:
-        """The same without the whole turns, which cost an angle its last digits."""
+        """Values without the whole turns, which cost an angle its last digits."""
         n, count = self.coefficients.shape[1:]
         if isinstance(dt, Nodes):
             # a small product for each segment: one for all would round by how many there are

@@ -32,19 +32,14 @@ from mechanism_sim.numerics.polynomials import (
     double_exponential_nodes,
     gauss_nodes,
 )
+from mechanism_sim.tolerances import TOLERANCES
+
+_QUADRATURE = TOLERANCES.quadrature
+_ROUNDING = TOLERANCES.rounding
 
 Values = Callable[[NDArray[np.intp], Array | Nodes], Array]
 """Functions (C, K n) in K segments at times (K, n) [s] after their starts, or at n `Nodes`."""
 
-RELATIVE = 1e-10
-"""Error that is aimed at, of the integral of the magnitude over the same interval."""
-
-FORETOLD = 1e-9
-"""The same where functions are foretold: their estimates exceed their errors by orders."""
-
-NEGLIGIBLE = 1e-12
-"""Error that does not matter, of the largest mean magnitude so far times the length of an
-interval: what is smaller all the while is rounding of larger terms, which no halving removes."""
 
 _SPLIT = [2, 4, *[8] * 15]
 """Into how many parts intervals are split that are not resolved, round by round.
@@ -52,13 +47,7 @@ _SPLIT = [2, 4, *[8] * 15]
 What one round has not resolved is mostly a jump or a corner: fewer rounds take fewer calls of the
 functions. In the end an interval of 2^-48 of a segment is a point, where a function jumps.
 """
-_AT_ONCE = 32
-"""Parts of one depth of one interval: a feature leaves few that are not resolved, noise all."""
-_SHARE = 1.0 / 64.0  # of what an interval may be off may be at one jump or corner in it
 _BLOCK = 512  # segments at once, so that they stay in a processor's cache
-_ROUNDING = 8.0 * np.finfo(float).eps  # of the integral of the magnitude
-_BELIEVED = 0.5  # of the error aimed at: where parts were needed, no estimate below is believed
-_SAFETY = 4.0
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -82,7 +71,7 @@ class Parts(NamedTuple):
 
 
 def parts_of(curve: PiecewisePolynomial, since: float = -np.inf, until: float = np.inf) -> Parts:
-    """What each segment holds of the time from `since` to `until` [s].
+    """Part of each segment in the time from `since` to `until` [s].
 
     Times count from the starts of segments: after a long run a step may be no longer than what
     the time itself rounds away.
@@ -94,12 +83,7 @@ def parts_of(curve: PiecewisePolynomial, since: float = -np.inf, until: float = 
     return Parts(k, begin[k], end[k], whole)
 
 
-_NOTHING, _CONSTANT = 60.0, 20.0
-"""How far below zero exp is nothing, and how far from it tanh constant, but for rounding."""
-_INFINITE = 710.0  # exp of it
 _SEEN = np.linspace(0.0, 1.0, 9)
-_DEEPEST = 48  # halvings
-_STEADY = 4.0  # change of an argument, or ratio of a divisor, over which few nodes find a function
 
 
 def where_steep(argument: Values, name: str, parts: Parts) -> Parts:
@@ -113,7 +97,7 @@ def where_steep(argument: Values, name: str, parts: Parts) -> Parts:
     name : exp, tanh, or 'over' for its reciprocal
     """
     done: list[Parts] = []
-    for _ in range(_DEEPEST):
+    for _ in range(_QUADRATURE.halvings):
         width = parts.end - parts.begin
         places = parts.begin[:, None] + width[:, None] * _SEEN
         with np.errstate(invalid='ignore', over='ignore', divide='ignore'):
@@ -122,10 +106,12 @@ def where_steep(argument: Values, name: str, parts: Parts) -> Parts:
             low, high = u.min(axis=1), u.max(axis=1)
             near = np.maximum(np.maximum(low, -high) - step, 0.0)  # the least of its sizes
             if name == 'over':
-                steep = np.maximum(-low, high) > _STEADY * near
+                steep = np.maximum(-low, high) > _QUADRATURE.steady * near
             else:
-                varies = (high + step > -_NOTHING) & (low - step < _INFINITE)
-                steep = (varies if name == 'exp' else near < _CONSTANT) & (high - low > _STEADY)
+                varies = high + step > -_QUADRATURE.exp_zero
+                varies &= low - step < _QUADRATURE.exp_infinite
+                steep = varies if name == 'exp' else near < _QUADRATURE.tanh_constant
+                steep = steep & (high - low > _QUADRATURE.steady)
         done.append(some(parts, np.flatnonzero(~steep)))
         parts = some(parts, np.flatnonzero(steep))
         if not len(parts.segment):
@@ -169,10 +155,29 @@ SMOOTH = _smooth(8)
 """For functions with a series about every point of an interval, its ends included."""
 
 SECOND = _smooth(9)
-"""The same with none of its nodes: what one of the two misses the other one may see."""
+"""A rule with none of its nodes: what one of the two misses the other one may see."""
 
 POWERS = _powers()
 """For functions that behave as any power of the distance from an end."""
+
+
+class Assumptions(NamedTuple):
+    """Knowledge of functions and intervals that saves evaluations, or asks for more of them."""
+
+    #: the intervals follow each other, so that what was before tells what is rounding
+    in_order: bool = True
+    #: the functions are of one kind, so that the largest of them tells it for all
+    alike: bool = False
+    #: functions vary as fast as the steps of the motion say, and nothing else: then coefficients
+    #: go on to fall as they do
+    foretold: bool = False
+    #: functions may have small corners within intervals, as the size of a force that presses
+    #: either way has: then other nodes must agree
+    corners: bool = False
+    smooth: Rule = SMOOTH  #: or `SECOND`
+
+
+ASSUMED = Assumptions()
 
 
 def integrate(
@@ -180,12 +185,8 @@ def integrate(
     parts: Parts,
     powers: NDArray[np.bool_] | None = None,
     largest: Array | None = None,
-    in_order: bool = True,
-    alike: bool = False,
-    smooth: Rule = SMOOTH,
-    foretold: bool = False,
     beside: Array | None = None,
-    corners: bool = False,
+    assumed: Assumptions = ASSUMED,
 ) -> Integrals:
     """Integrals of functions over intervals.
 
@@ -194,15 +195,7 @@ def integrate(
     values : the functions; they may differ by rounding at `Nodes` of segments that are whole
     powers : (m,) where functions may behave as powers at the ends
     largest : (C,) `Integrals.largest` of the intervals before these
-    in_order : whether the intervals follow each other, so that what was before tells what is
-        rounding
-    alike : whether the functions are of one kind, so that the largest of them tells it for all
-    smooth : `SMOOTH` or `SECOND`
-    foretold : whether functions vary as fast as the steps of the motion say, and nothing else:
-        then coefficients go on to fall as they do
     beside : (m,) mean magnitudes so far of functions that these are compared with
-    corners : whether functions may have small corners within intervals, as the size of a force
-        that presses either way has: then other nodes must agree
 
     Examples
     --------
@@ -210,12 +203,13 @@ def integrate(
 
         found = integrate(values, parts_of(curve), largest=found.largest)
     """
+    in_order, alike, foretold, corners, smooth = assumed
     powers = np.zeros(len(parts.segment), bool) if powers is None else np.asarray(powers)
     if not len(powers):
         largest = np.zeros(0) if largest is None else largest
         none = np.zeros((len(largest), 0))
         return Integrals(none, none, largest, none, none)
-    relative = FORETOLD if foretold else RELATIVE
+    relative = _QUADRATURE.foretold if foretold else _QUADRATURE.relative
     width = parts.end - parts.begin
     whole = _apply(values, parts, powers, smooth)
     if foretold:
@@ -224,14 +218,14 @@ def integrate(
     running = np.column_stack([before, whole.mean])
     running = (np.maximum.accumulate(running, axis=1) if in_order else running)[:, 1:]
     if not corners and (whole.error <= relative * whole.size).all():
-        value, error, size = whole.value, whole.error + _ROUNDING * whole.size, whole.size
+        value, error, size = whole.value, whole.error + _ROUNDING.sum * whole.size, whole.size
         return Integrals(value, error, running[:, -1], size, running)
     scale = np.broadcast_to(running.max(axis=0), running.shape) if alike else running
     scale = scale if beside is None else np.maximum(scale, beside)
 
     def allowed(x: _Applied, interval: NDArray[np.intp], share: Array, width: Array) -> Array:
-        own = relative * x.size + NEGLIGIBLE * scale[:, interval] * width
-        return np.asarray(own + _SHARE * relative * share[:, interval])
+        own = relative * x.size + _QUADRATURE.negligible * scale[:, interval] * width
+        return np.asarray(own + _QUADRATURE.corner * relative * share[:, interval])
 
     every, size = np.arange(len(width)), whole.size
     limit = allowed(whole, every, size, width)
@@ -265,12 +259,12 @@ def integrate(
         settled = agrees | (now.error <= allowed(now, interval, size, width))
         settled |= np.isnan(now.error) | (k == len(_SPLIT) - 1)
         pending = _gathered(interval, wanted & ~settled, size.shape)
-        settled |= pending[:, interval] > _AT_ONCE
+        settled |= pending[:, interval] > _QUADRATURE.parts
         rows, columns = np.nonzero(wanted & settled)
         for sums, x in ((value, now.value), (error, off)):
             np.add.at(sums, (rows, interval[columns]), x[rows, columns])
         wanted, parent = wanted & ~settled, now
-    error += (_ROUNDING + _BELIEVED * relative * refined) * size
+    error += (_ROUNDING.sum + _QUADRATURE.believed * relative * refined) * size
     error = np.where(np.isfinite(value), error, np.inf)
     return Integrals(value, error, running[:, -1], size, running)
 
@@ -314,7 +308,7 @@ class _Applied(NamedTuple):
     middle: Array
 
     def sharper(self, foretold: bool = False) -> _Applied:
-        """The same with errors that are smaller where coefficients fall geometrically.
+        """With errors that are smaller where coefficients fall geometrically.
 
         Then their logarithms fall as straight or steeper lines, and those that are left out are
         less than those of a power of the degree by at least ``(E_6 / E_2)^1.4``; half of that is
@@ -379,7 +373,7 @@ def _applied(x: Array, width: Array, rule: Rule) -> _Applied:
         tail = np.maximum(left[4], left[5])
         middle = np.maximum(np.maximum(left[2], left[3]), tail) + _TINY
         first = np.maximum(np.maximum(left[0], left[1]), middle)
-    error = _SAFETY * tail * (tail / first)
+    error = _QUADRATURE.safety * tail * (tail / first)
     if known is not None:
         error = np.where(known.all(axis=1), error, np.where(known.any(axis=1), np.inf, np.nan))
     value = np.zeros(len(x))

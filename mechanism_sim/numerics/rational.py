@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.tolerances import TOLERANCES
+
+_HARMONICS = TOLERANCES.harmonics
 
 ComplexArray = NDArray[np.complex128]
-
-_LOST = 1e-16, 10.0
-"""What rounding costs two poles in units of their distance, and how much more each further one."""
-_AT_ZERO = 1e-5
-"""[rad/s] how far poles at zero are moved."""
 
 
 class Modes(NamedTuple):
@@ -84,7 +82,7 @@ class Rational:
 
 
 def separated(poles: ComplexArray) -> ComplexArray:
-    """The same poles (k,), those that nearly coincide moved apart.
+    """Poles (k,), those that nearly coincide moved apart.
 
     With m poles in a circle of radius r about c goes ``prod(s - p) - r^m`` in place of
     ``prod(s - p)``, whose roots are about r apart. That changes the transfer function by about
@@ -109,8 +107,8 @@ def _cluster(poles: ComplexArray) -> tuple[NDArray[np.bool_], complex, float] | 
     """The most of the poles that are too near to each other, if any; centre and radius."""
     sizes = np.abs(poles)
     for m in range(len(poles), 1, -1):
-        apart = (_LOST[0] * _LOST[1] ** (m - 2)) ** (1.0 / (2.0 * m - 1.0))
-        radii = np.where(sizes > 0.0, apart * sizes, _AT_ZERO)
+        apart = (_HARMONICS.lost * _HARMONICS.lost_growth ** (m - 2)) ** (1.0 / (2.0 * m - 1.0))
+        radii = np.where(sizes > 0.0, apart * sizes, _HARMONICS.at_zero)
         # conjugates belong together where the real axis is near
         centres = np.where(np.abs(poles.imag) > radii, poles, poles.real)
         near = np.abs(poles - centres[:, None]) <= radii[:, None]

@@ -153,7 +153,7 @@ def cramer(A: Matrix, b: Vector) -> tuple[Vector, Term]:
 
 
 def eliminate(A: Matrix, b: Vector) -> tuple[Vector, Term]:
-    """What `cramer` returns, by LU without pivoting; leading minors of A must not vanish."""
+    """Result of `cramer`, by LU without pivoting; leading minors of A must not vanish."""
     n = len(A)
     L: Matrix = [[None] * n for _ in range(n)]
     U: Matrix = [[None] * n for _ in range(n)]

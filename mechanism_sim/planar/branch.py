@@ -18,35 +18,16 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.tolerances import TOLERANCES
+
+_BRANCHES = TOLERANCES.branches
+_ROUNDING = TOLERANCES.rounding
 
 Mask = NDArray[np.bool_]
 
-#: [-] independence of the constraints (`Kinematics.independence`) below which a branch is fitted
-NEAR = 0.05
-#: [-] the same below which a position is singular but for rounding (Newton's method ends at the
-#: root of rounding from a double point)
-SINGULAR = 1e-5
-
-#: times what rounding may leave open where a branch is given by its polynomial
-OPEN = 4.0
 
 _PAIRS = 12
 _DEGREE = 13
-_WIDTH = 0.3  # [rad, or lengths of the mechanism] to either side
-_BEHIND = 1.3  # times as far as it must be known: also behind a singular position at the end
-_HALVINGS = 8
-_TRUSTED = 1.0 / 15.0  # of the width: samples of less independence do not count
-_LOOSE = 1e-4  # of the largest singular value: less leaves a motion free
-_TRIES = 48
-_STEP = 0.02  # [rad, or lengths of the mechanism] from a singular position where branches begin
-_STEEPEST = 20.0  # [-] rate of a link by that of the drive
-_SAME = 1e-6
-_FAR = 0.1  # part of the greatest independence: nearer samples of forces do not count
-_DIFFERENCE = 1e-9  # of a function's size: less is rounding
-_BESIDE = 1e-3  # of the largest of its kind: what is smaller is measured by that
-_ITERATIONS = 20  # of Newton's method for the singular position
-_AT = 1e-9  # of the width: not farther from a singular position is at it
-_ROUNDING = 8.0 * float(np.finfo(float).eps)
 
 # positive Chebyshev points of an even number of them: none in the middle
 _POINTS = np.sin((2.0 * np.arange(1, _PAIRS + 1) - 1.0) * np.pi / (4.0 * _PAIRS))
@@ -115,11 +96,11 @@ def follow(
     # [rad/u], so that widths are angles or lengths of the mechanism
     pace = (np.abs(drive[1]) / scale[kinematics.held, None]).max(axis=0)
     pace = np.maximum(pace, 1e-300)
-    least = np.zeros(count) if reach is None else _BEHIND * reach * pace
-    width = np.maximum(_WIDTH, least) / pace
+    least = np.zeros(count) if reach is None else _BRANCHES.behind * reach * pace
+    width = np.maximum(_BRANCHES.width, least) / pace
     found = Branch(np.zeros(count, bool), width, np.zeros((count, len(q), _DEGREE + 1)))
     left = np.flatnonzero(np.isfinite(slope).all(axis=0) & (pace > 1e-200))
-    for _ in range(_HALVINGS):
+    for _ in range(_BRANCHES.halvings):
         if not left.size:
             break
         fitted, good = _fitted(
@@ -164,7 +145,7 @@ def _fitted(
     samples = np.zeros((n, count, 2 * _PAIRS))
     trust = np.zeros((count, 2 * _PAIRS))
     even, odd = np.zeros((n, count)), np.zeros((n, count))
-    least = _TRUSTED * width * pace
+    least = _BRANCHES.trusted * width * pace
     for k, x in enumerate(_POINTS):
         if k:
             ratio = x / _POINTS[k - 1]
@@ -199,7 +180,7 @@ def _fitted(
     values = samples.transpose(1, 2, 0) - q.T[:, None]
     solved = _inverse(weighted) @ (trust[:, :, None] * values)
     misfit = trust * np.abs((_BASIS @ solved - values)[:, :, sought] / scale[sought]).max(axis=2)
-    rounding = _ROUNDING * (1.0 + np.abs(q / scale[:, None]).max(axis=0))
+    rounding = _ROUNDING.sum * (1.0 + np.abs(q / scale[:, None]).max(axis=0))
     good &= misfit.max(axis=1) <= rounding / best
     bend = 0.25 * drive[2] * width**2
     held = [drive[0] + bend - q[kinematics.held], drive[1] * width, bend]
@@ -207,7 +188,7 @@ def _fitted(
     solved[:, :3, kinematics.held] = np.array(held).transpose(2, 0, 1)
     solved[:, 0] += q.T
     centre = np.einsum('m,tmc->ct', chebyshev.chebvander(0.0, _DEGREE)[0], solved)
-    good &= kinematics.open_beyond_rounding(centre, OPEN) == 0.0
+    good &= kinematics.open_beyond_rounding(centre, _BRANCHES.open) == 0.0
     return solved.transpose(0, 2, 1), good
 
 
@@ -229,7 +210,7 @@ def limits(values: Array, determinant: Array, independence: Array) -> Array:
     functions are no such quotients, and shorter intervals should be tried.
     """
     trust = independence / independence.max(axis=1, keepdims=True)
-    trust = np.where(trust > _FAR, trust, 0.0) ** 2
+    trust = np.where(trust > _BRANCHES.far, trust, 0.0) ** 2
     enough = (trust > 0.0).sum(axis=1) > _DEGREE + 2
     trust[~enough] = 1.0
     weighted = trust[:, :, None] * _BASIS
@@ -240,9 +221,9 @@ def limits(values: Array, determinant: Array, independence: Array) -> Array:
         y = np.where(trust > 0.0, trust * x, 0.0)
         c = np.einsum('ndk,mnk->mnd', inverse, y)
         size = np.abs(y).max(axis=2)
-        size = np.maximum(size, _BESIDE * size.max(axis=0))
+        size = np.maximum(size, _BRANCHES.beside * size.max(axis=0))
         off = np.abs(np.einsum('nkd,mnd->mnk', weighted, c) - y).max(axis=2)
-        return c, np.asarray(off <= _DIFFERENCE * size)
+        return c, np.asarray(off <= _BRANCHES.misfit * size)
 
     middle = chebyshev.chebvander(0.0, _DEGREE)[0]
     plain, smooth = fit(values)
@@ -251,7 +232,7 @@ def limits(values: Array, determinant: Array, independence: Array) -> Array:
     above, quotient = fit(values * unit)
     root = roots(determinant)
     with np.errstate(divide='ignore', invalid='ignore'):
-        ratio = np.where(np.abs(root) > _AT, (above @ middle) / (below @ middle), np.nan)
+        ratio = np.where(np.abs(root) > _BRANCHES.at, (above @ middle) / (below @ middle), np.nan)
     ratio = np.where(quotient & even, ratio, np.inf)
     found = np.where(smooth, plain @ middle, ratio)
     return np.asarray(np.where(enough, found, np.inf))
@@ -266,11 +247,11 @@ def roots(values: Array) -> Array:
     slopes = _SLOPE @ fits
     x = np.zeros(len(values))
     with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
-        for _ in range(_ITERATIONS):
+        for _ in range(_BRANCHES.newton):
             basis = chebyshev.chebvander(x, _DEGREE).T
             step = (fits * basis).sum(axis=0) / (slopes * basis).sum(axis=0)
             x = np.clip(x - step, -1.5, 1.5)
-    return np.asarray(np.where((np.abs(step) < _AT) & (np.abs(x) <= 1.0), x, np.inf))
+    return np.asarray(np.where((np.abs(step) < _BRANCHES.at) & (np.abs(x) <= 1.0), x, np.inf))
 
 
 def _inverse(basis: Array) -> Array:
@@ -296,24 +277,24 @@ def beginnings(kinematics: Kinematics, q: Array, drive: Array) -> Branch:
     right = -J[:, held] @ (drive[1] / scale[held] / pace)
     free = np.linalg.svd(J[:, sought])[2].T
     values = np.linalg.svd(J[:, sought], compute_uv=False)
-    rank = int((values > _LOOSE * values.max(initial=0.0)).sum())
-    plain = np.linalg.pinv(J[:, sought], rcond=_LOOSE) @ right
-    random = np.random.default_rng(1).standard_normal((len(sought) - rank, _TRIES))
-    spread = free[:, rank:] @ (random * np.geomspace(0.2, 5.0, _TRIES))
+    rank = int((values > _BRANCHES.loose * values.max(initial=0.0)).sum())
+    plain = np.linalg.pinv(J[:, sought], rcond=_BRANCHES.loose) @ right
+    random = np.random.default_rng(1).standard_normal((len(sought) - rank, _BRANCHES.tries))
+    spread = free[:, rank:] @ (random * np.geomspace(0.2, 5.0, _BRANCHES.tries))
     slopes = []
     for side in (1.0, -1.0):
-        place = np.repeat(q[:, None], _TRIES, axis=1)
-        place[held] += side * _STEP * (drive[1] / pace)[:, None]
-        off = side * _STEP * (plain[:, None] + spread) * scale[sought, None]
+        place = np.repeat(q[:, None], _BRANCHES.tries, axis=1)
+        place[held] += side * _BRANCHES.step * (drive[1] / pace)[:, None]
+        off = side * _BRANCHES.step * (plain[:, None] + spread) * scale[sought, None]
         place[sought] += off
         place, left = kinematics.positions(place)
-        slope = side * (place - q[:, None]) / scale[:, None] / _STEP
-        near = (left == 0.0) & (np.abs(slope).max(axis=0) < _STEEPEST)
+        slope = side * (place - q[:, None]) / scale[:, None] / _BRANCHES.step
+        near = (left == 0.0) & (np.abs(slope).max(axis=0) < _BRANCHES.steepest)
         slopes.append(slope[:, near])
     rough = np.concatenate(slopes, axis=1).T
     kept: list[Array] = []
     for slope in rough:
-        if all(np.abs(slope - other).max() > 0.5 * _STEP for other in kept):
+        if all(np.abs(slope - other).max() > 0.5 * _BRANCHES.step for other in kept):
             kept.append(slope)
     count = len(kept)
     tangents = np.array(kept).reshape(count, len(q)).T * scale[:, None] * pace
@@ -324,6 +305,6 @@ def beginnings(kinematics: Kinematics, q: Array, drive: Array) -> Branch:
     different: list[int] = []
     for k, tangent in enumerate(tangents[:, :, 0].T / scale / pace):
         others = (tangents[:, j, 0] / scale / pace for j in different)
-        if all(np.abs(tangent - other).max() > _SAME for other in others):
+        if all(np.abs(tangent - other).max() > _BRANCHES.same for other in others):
             different.append(k)
     return found[np.array(different, dtype=np.intp)]

@@ -35,9 +35,9 @@ from mechanism_sim.planar.beam_sections import Taper
 from mechanism_sim.planar.beam_shapes import Ends, Functions, gauss, shapes, tapered
 from mechanism_sim.planar.bodies import Arms, Body, LinkExtension
 from mechanism_sim.planar.points import Point, Vector2
+from mechanism_sim.tolerances import TOLERANCES
 
-ROUNDING = 1e-13
-"""Of a shape function's size: less is rounding, and no term of the equations."""
+_ROUNDING = TOLERANCES.rounding
 
 
 _SECTIONS = 41
@@ -200,7 +200,7 @@ class Beam(LinkExtension):
                 along, across = float(H[i, j]) + beyond * both, y * both
                 found[self.names[i], self.names[j]] = (half * along, half * across)
         for names, d in found.items():
-            least = ROUNDING * self.length ** (1 - len(names))
+            least = _ROUNDING.value * self.length ** (1 - len(names))
             found[names] = (d[0] if abs(d[0]) > least else 0.0, d[1] if abs(d[1]) > least else 0.0)
         return {names: d for names, d in found.items() if d != (0.0, 0.0)}
 

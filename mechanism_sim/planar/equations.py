@@ -20,12 +20,14 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.numerics.symbolic import Term, add, mul
-from mechanism_sim.planar.elastic import ROUNDING
 from mechanism_sim.planar.frames import Frames, Parameters, rotate_quarter
 from mechanism_sim.planar.loads import Wrench
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Spread, factors
 from mechanism_sim.planar.protocols import Gap, Relation
+from mechanism_sim.tolerances import TOLERANCES
+
+_ROUNDING = TOLERANCES.rounding
 
 
 class Equations:
@@ -128,7 +130,9 @@ class Equations:
                 size = np.sum(np.abs(mass) * np.hypot(*a.d) * np.hypot(*b.d))
                 sizes[key] = sizes.get(key, 0.0) + float(size)
         for key, size in sizes.items():  # what orthogonal shapes leave of integrals is rounding
-            inner, outer = (float(x) if abs(x) > ROUNDING * size else 0.0 for x in sums[key])
+            inner, outer = (
+                float(x) if abs(x) > _ROUNDING.value * size else 0.0 for x in sums[key]
+            )
             sums[key] = inner, outer
         p, found = self.parameters, []
         for k, ((f, g, slides), (inner, outer)) in enumerate(sums.items()):

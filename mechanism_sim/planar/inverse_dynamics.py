@@ -22,9 +22,11 @@ from mechanism_sim.planar.protocols import ForceElement, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
-from mechanism_sim.planar.switches import REST
 from mechanism_sim.planar.unknowns import Effort, UnknownLoad, Unknowns
 from mechanism_sim.planar.virtual_work import generalised
+from mechanism_sim.tolerances import TOLERANCES
+
+_SWITCHES = TOLERANCES.switches
 
 
 class Observation(NamedTuple):
@@ -321,7 +323,9 @@ class InverseDynamics:
         m, count = len(self._rubs), motion.shape[1]
         none = np.zeros((m, count))
         *_, (*_, start, numbers, ways, rates, onward) = self._solved(motion, none, rows)
-        ways = np.where((np.abs(rates) <= REST) & (np.abs(onward) <= REST), 0.0, ways)
+        ways = np.where(
+            (np.abs(rates) <= _SWITCHES.rest) & (np.abs(onward) <= _SWITCHES.rest), 0.0, ways
+        )
         slopes = []
         for k in range(m):
             unit = none.copy()

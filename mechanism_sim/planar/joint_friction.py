@@ -30,16 +30,13 @@ from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.rails import along
 from mechanism_sim.planar.switches import Switch
 from mechanism_sim.planar.touch import Touch
+from mechanism_sim.tolerances import TOLERANCES
+
+_JOINT_FRICTION = TOLERANCES.joint_friction
+_MECHANISM = TOLERANCES.mechanism
 
 _SHARES = (0.25, 0.5, 0.75, 1.0)  # of the friction, one after the other
-_SOUND = 1e-6
-"""Determinant of the equations, 1 without friction, at which it locks."""
 
-RESOLUTION = 1e-9
-"""Of the weight of all links on Earth: a smaller force in a joint is none, as far as it rubs.
-
-It rounds the corner of ``|R|`` at zero: a bound errs by twice this, times its coefficient.
-"""
 
 _AGAINST = '; where {1} slips, it is as large as that and against the slip'
 
@@ -133,7 +130,9 @@ class JointFriction(ABC):
 
     def _resolution(self, frames: Frames) -> Term:
         mass = sum(body.mass for body in self.mechanism.bodies) or 1.0
-        return self._number(frames, 'resolution', RESOLUTION * mass * STANDARD_GRAVITY)
+        return self._number(
+            frames, 'resolution', _JOINT_FRICTION.resolution * mass * STANDARD_GRAVITY
+        )
 
 
 @dataclass(frozen=True)
@@ -453,9 +452,6 @@ def rubs(frictions: Sequence[JointFriction], frames: Frames) -> list[Rub]:
     return found
 
 
-_LEFT, _STEPS = 1e-13, 60  # of a bound, and how often Newton's method may try
-
-
 def solve_friction(
     start: Array,
     slopes: Array,
@@ -480,19 +476,19 @@ def solve_friction(
     m, count = ways.shape
     T, sound = np.zeros((m, count)), np.ones(count, bool)
     for share in _SHARES:
-        for _ in range(_STEPS):
+        for _ in range(_MECHANISM.friction_newton):
             b, slope = _bounds(start + np.einsum('mcn,mn->cn', slopes, T), slopes, numbers, sizes)
             left = T - share * ways * b
             matrix = np.eye(m)[:, :, None] - share * ways[:, None] * slope
             along = np.moveaxis(matrix, 2, 0)
-            sound &= np.linalg.det(along) > _SOUND
+            sound &= np.linalg.det(along) > _JOINT_FRICTION.locked
             along[~sound] = np.eye(m)
             step = np.linalg.solve(along, left.T[:, :, None])[:, :, 0].T
             T = np.where(sound, T - step, 0.0)
-            if (np.abs(step) <= _LEFT * b).all(axis=0)[sound].all():
+            if (np.abs(step) <= _MECHANISM.friction_settled * b).all(axis=0)[sound].all():
                 break
         else:
-            sound &= (np.abs(step) <= 1e3 * _LEFT * b).all(axis=0)
+            sound &= (np.abs(step) <= 1e3 * _MECHANISM.friction_settled * b).all(axis=0)
     return T, sound
 
 

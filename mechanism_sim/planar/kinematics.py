@@ -20,10 +20,10 @@ from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Relation
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
+from mechanism_sim.tolerances import TOLERANCES
 
-_ITERATIONS = 60
-_PATIENCE = 8  # iterations in which what is left open must halve
-_ROUNDING = 32.0 * float(np.finfo(float).eps)
+_MECHANISM = TOLERANCES.mechanism
+_ROUNDING = TOLERANCES.rounding
 
 
 class _Closures:
@@ -141,7 +141,7 @@ class Kinematics:
         q = np.array(guess, dtype=float)
         goal = 0.0 if targets is None else targets
         least, since = np.full(q.shape[1], np.inf), np.zeros(q.shape[1], dtype=int)
-        for k in range(_ITERATIONS):
+        for k in range(_MECHANISM.closing):
             off, J = self.closure(q)
             off = off - goal
             if not (np.isfinite(off).all() and np.isfinite(J).all()):
@@ -155,7 +155,7 @@ class Kinematics:
             size = np.abs(off).max(axis=1, initial=0.0)
             halved = size <= 0.5 * least
             least, since = np.where(halved, size, least), np.where(halved, k, since)
-            if ((reach <= 1e-9) | (k - since >= _PATIENCE)).all():
+            if ((reach <= 1e-9) | (k - since >= _MECHANISM.patience)).all():
                 break
         return q, self.open_beyond_rounding(q, targets=targets)
 
@@ -177,7 +177,7 @@ class Kinematics:
         off = np.abs(off if targets is None else off - targets)
         terms = self.mechanism.reach + np.einsum('krn,nk->kr', np.abs(J), np.abs(q))
         return np.asarray(
-            np.where(off <= times * _ROUNDING * terms, 0.0, off).max(axis=1, initial=0.0)
+            np.where(off <= times * _ROUNDING.closure * terms, 0.0, off).max(axis=1, initial=0.0)
         )
 
     def left_open(self, q: Array) -> Array:

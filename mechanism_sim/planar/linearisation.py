@@ -28,10 +28,9 @@ from mechanism_sim.planar.reactions import generalized_forces, tree_reactions
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.planar.virtual_work import generalised
+from mechanism_sim.tolerances import TOLERANCES
 
-_STEPS = 100
-_FREE = 1e-11  # stiffness, against the largest, below which a coordinate is not held
-_SMALL = 1e-9  # force along such a coordinate, against the largest, that is rounding
+_MECHANISM = TOLERANCES.mechanism
 
 
 class Excitation(NamedTuple):
@@ -249,14 +248,14 @@ class Linearisation:
         FloatingPointError
             If forces or their slopes are not finite on the way.
         """
-        for _ in range(_STEPS):
+        for _ in range(_MECHANISM.equilibrium):
             at, linear = self._finite(at)
             B, _ = self.basis(linear.J)
             g, K = B.T @ linear.F, B.T @ linear.K @ B
             scale = 1.0 / np.abs(B / self.scale[:, None]).max(axis=0, initial=1e-300)
             g, K = scale * g, scale[:, None] * K * scale
             values, vectors = np.linalg.eigh((K + K.T) / 2.0)
-            held = np.abs(values) > _FREE * np.abs(values).max(initial=0.0)
+            held = np.abs(values) > _MECHANISM.unheld * np.abs(values).max(initial=0.0)
             along = vectors.T @ g
             if (held & (values > 0.0)).all():
                 step = -np.linalg.solve(K, g)
@@ -269,12 +268,12 @@ class Linearisation:
             if size <= 1e-14:
                 break
         else:
-            if size > _SMALL:
+            if size > _MECHANISM.force:
                 return None
         at = self._closed(at)
         linear = self(at)
         left, parts = self.basis(linear.J)[0].T @ linear.F, self._largest_force(at, linear)
-        return at if np.abs(left / parts).max(initial=0.0) <= _SMALL else None
+        return at if np.abs(left / parts).max(initial=0.0) <= _MECHANISM.force else None
 
     def turning(self, at: Point, main: int) -> Array:
         """Rates (n,) of a rotation that changes no force, with that of one coordinate 1.
@@ -307,7 +306,7 @@ class Linearisation:
         FloatingPointError
             If forces or their slopes are not finite on the way.
         """
-        for _ in range(_STEPS):
+        for _ in range(_MECHANISM.equilibrium):
             at, linear = self._finite(at)
             B, _ = self.basis(linear.J)
             size = np.abs(B / self.scale[:, None]).max(axis=0, initial=1e-300)
@@ -328,7 +327,11 @@ class Linearisation:
         along = np.abs(B.T @ linear.K @ turned).max(initial=0.0)
         stiff = float(np.abs(linear.K).max(initial=0.0)) + force
         apart = np.abs(linear.J @ turned).max(initial=0.0)
-        found = left <= _SMALL * force and along <= _SMALL * stiff and apart <= _SMALL
+        found = (
+            left <= _MECHANISM.force * force
+            and along <= _MECHANISM.force * stiff
+            and apart <= _MECHANISM.force
+        )
         return at if found else None
 
     def _largest_force(self, at: Point, linear: Linear) -> float:
@@ -357,7 +360,7 @@ class Linearisation:
         if not self._relations:
             return at
         q = at.q.copy()
-        for _ in range(_STEPS):
+        for _ in range(_MECHANISM.equilibrium):
             linear = self(at._replace(q=q))
             step = np.linalg.lstsq(linear.J[:, self.free] * self.scale[self.free],
                                    -linear.closure)[0]  # fmt: skip

@@ -11,9 +11,9 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Point, Vector2
+from mechanism_sim.tolerances import TOLERANCES
 
-NO_MASS = 1e-7
-"""Of the largest motion or closure: what moves less along a direction does not move."""
+_MECHANISM = TOLERANCES.mechanism
 
 
 def inertial_motion(mechanism: Mechanism, q: Array) -> Array:
@@ -47,7 +47,7 @@ def moving(mechanism: Mechanism, q: Array, direction: Array) -> list[str]:
         ends += [at for j in mechanism.joints for link, at in j.points if link == body.name]
         motion = [x for at in ends for x in _velocity(mechanism, q, body.name, at)]
         rates = np.array([*np.array(motion) / mechanism.size, _spin(mechanism, body.name)])
-        if np.abs(rates @ direction).max() > NO_MASS * np.abs(direction).max():
+        if np.abs(rates @ direction).max() > _MECHANISM.no_mass * np.abs(direction).max():
             found.append(body.name)
     return found
 
@@ -82,4 +82,4 @@ def _null(rows: Array, size: float) -> Array:
     if not rows.size:
         return np.eye(rows.shape[1])
     _, sizes, turned = np.linalg.svd(rows)
-    return np.asarray(turned[int((sizes > NO_MASS * size).sum()) :].T)
+    return np.asarray(turned[int((sizes > _MECHANISM.no_mass * size).sum()) :].T)

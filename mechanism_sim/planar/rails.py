@@ -29,11 +29,11 @@ from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.mechanism import Mechanism, StraightLine
 from mechanism_sim.planar.points import Vector2, rotate
+from mechanism_sim.tolerances import TOLERANCES
+
+_MECHANISM = TOLERANCES.mechanism
 
 Pair = tuple[Jet, Jet]
-
-PARALLEL = 1e-9
-"""Sine of the angle between the axis of a beam and a line that bends with it."""
 
 
 class Foot(NamedTuple):
@@ -130,7 +130,7 @@ def rail_of(mechanism: Mechanism, name: str, line: StraightLine) -> Rail | None:
 
     Any other line is straight, and goes with the cross-section at its point.
     """
-    if line.link not in mechanism.having(Beam) or abs(math.sin(line.axis)) > PARALLEL:
+    if line.link not in mechanism.having(Beam) or abs(math.sin(line.axis)) > _MECHANISM.parallel:
         return None
     return Rail(name, mechanism, line.link, line.on[1], math.copysign(1.0, math.cos(line.axis)))
 

@@ -10,16 +10,17 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.enclosure import Course, Enclosure, Reach
+from mechanism_sim.numerics.enclosure import Enclosure, MotionSeries, Reach
 from mechanism_sim.numerics.polynomials import chebyshev_coefficients
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.switches import Switch
+from mechanism_sim.tolerances import TOLERANCES
 
-_RESOLVED = 1e-8  # of a load's largest size in a part: what its interpolant may be off
-SHORTEST = 2.0**-30  # of a usual part: shorter ones would never come past a pole
+_MECHANISM = TOLERANCES.mechanism
+
 _CLOSE = 9  # places that are compared where a load falls right behind the start of a part
 
 
@@ -117,7 +118,7 @@ class ResolvedLoads:
         return compiled.function(self._steep.loads, self._steep.variables)
 
     def longest(
-        self, course: Course, looked: Sequence[Array], reach: Reach, floor: Array
+        self, course: MotionSeries, looked: Sequence[Array], reach: Reach, floor: Array
     ) -> float:
         """The last of places from 0 to 1 whose interpolant is right at all of them before it.
 
@@ -146,22 +147,24 @@ class ResolvedLoads:
             return float(places[low - 1])
         # a load that falls steeply right behind the start: there nobody has looked yet
         end = 0.5 * float(places[1])
-        while end > SHORTEST:
+        while end > _MECHANISM.shortest_part:
             places = np.linspace(0.0, end, _CLOSE)
             if self._is_resolved(course, places, self._values(course, places), floor):
                 return end
             end *= 0.5
-        return SHORTEST
+        return _MECHANISM.shortest_part
 
-    def _is_resolved(self, course: Course, places: Array, values: Array, floor: Array) -> bool:
+    def _is_resolved(
+        self, course: MotionSeries, places: Array, values: Array, floor: Array
+    ) -> bool:
         end = places[-1]
         known = self._values(course, end * self._nodes)
         between = _interpolant(len(self._nodes), (places / end).tobytes())
         size = np.maximum(np.abs(values).max(axis=1), np.abs(known).max(axis=1))
         off = np.abs(known @ between - values).max(axis=1)
-        return bool((off <= _RESOLVED * size + floor).all())
+        return bool((off <= _MECHANISM.load * size + floor).all())
 
-    def _values(self, course: Course, places: Array) -> Array:
+    def _values(self, course: MotionSeries, places: Array) -> Array:
         """The loads (l, N) at places."""
         series, _, fixed, parameters = course
         count = len(places)

@@ -11,10 +11,13 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.compiled import Evaluation
-from mechanism_sim.numerics.enclosure import Ranges
+from mechanism_sim.numerics.enclosure import FunctionRanges
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.switches import REST, SWITCH_MARGIN, Switch, Table, by_level
+from mechanism_sim.planar.switches import Switch, Table, by_level
+from mechanism_sim.tolerances import TOLERANCES
+
+_SWITCHES = TOLERANCES.switches
 
 
 class SwitchedFunction:
@@ -128,7 +131,7 @@ class GuardRanges(NamedTuple):
     moving: list[tuple[int, int]]  #: derivatives and indices of coordinates
     timed: bool  #: whether it takes the time, too
     outside: tuple[str, ...]  #: names of turns
-    ranges: Ranges
+    ranges: FunctionRanges
 
 
 class Edges:
@@ -168,7 +171,7 @@ class Edges:
         self._frames, self.parameters = frames, frames.parameters.values
         # what rests has a rate that is nothing but rounding
         held = [isinstance(s, Switch) and s.holds is not None for s in every]
-        self._slack = np.where(held, REST, 0.0)[:, None]
+        self._slack = np.where(held, _SWITCHES.rest, 0.0)[:, None]
 
     def ranges(self, driven: Sequence[int]) -> GuardRanges | None:
         """Enclosures of what falls below zero where rows end; None if nothing can hide.
@@ -199,7 +202,7 @@ class Edges:
         timed = str(frames.outside.get('time')) in named
         turns = {n: x for n, x in frames.outside.items() if n != 'time' and str(x) in named}
         moves = [x for *_, x in moving] + ([frames.outside['time']] if timed else [])
-        ranges = Ranges(guards, moves, [*turns.values(), *self._switches.symbols])
+        ranges = FunctionRanges(guards, moves, [*turns.values(), *self._switches.symbols])
         return GuardRanges([(d, i) for d, i, _ in moving], timed, tuple(turns), ranges)
 
     def check(self, q: Array) -> None:
@@ -233,7 +236,7 @@ class Edges:
         values, later = self._switches(start)[1], self._switches(middle)[1]
         for _ in range(self._switches.depth):
             (guards,) = self._guards(np.concatenate([middle, values]))
-            left = np.repeat(guards + SWITCH_MARGIN <= 0.0, self._widths, axis=0)
+            left = np.repeat(guards + _SWITCHES.margin <= 0.0, self._widths, axis=0)
             values = np.where(left, later, values)
         return values
 

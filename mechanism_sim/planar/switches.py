@@ -16,20 +16,10 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
+from mechanism_sim.tolerances import TOLERANCES
 
-SWITCH_MARGIN = 1e-12
-"""How far past zero a switch turns over: as far the other way is the next time."""
+_SWITCHES = TOLERANCES.switches
 
-_BEYOND = 1e-9  # of its length: what a table that is not periodic allows for rounding at its ends
-
-
-REST = 1e-10
-"""Size of a function of rates that is as good as zero: what steps there may hold a motion."""
-
-_FELT = 1e-9
-"""Rate of such a function, per second: a force that changes it by less steps nowhere."""
-
-_OWN = 1e-6  # of its jump alone: less is left to a switch where others hold what it would
 
 HOLDS = 2
 """The row of a switch that holds a motion."""
@@ -87,12 +77,12 @@ class Switch(NamedTuple):
         place : value of the function
         """
         below, above, free_below, free_above, part = seen
-        if abs(place) > REST:
+        if abs(place) > _SWITCHES.rest:
             return None
         if row == HOLDS:
             return int(part > 0.5)
-        own = below - above > _OWN * abs(free_below - free_above)
-        return HOLDS if own and above < -_FELT and below > _FELT else None
+        own = below - above > _SWITCHES.own * abs(free_below - free_above)
+        return HOLDS if own and above < -_SWITCHES.felt and below > _SWITCHES.felt else None
 
     def values(self, row: int) -> list[float]:
         """Of the symbols."""
@@ -148,7 +138,7 @@ class Table:
             turned = 0.5 * self._middle
             bounds = [np.cos(turned), np.sin(turned), 1.0 / np.sin(0.5 * half)]
         else:
-            hair = _BEYOND * (ends[-1] - ends[0])
+            hair = _SWITCHES.table_end * (ends[-1] - ends[0])
             ends = np.array([ends[0] - hair, *ends[1:-1], ends[-1] + hair])
             bounds = [self._middle, 0.5 * (ends[1:] + ends[:-1]), 2.0 / np.diff(ends)]
         self._values = np.column_stack([self._rows, *bounds])
@@ -219,7 +209,7 @@ class Table:
         """
         first, last = self._breaks[[0, -1]]
         beyond = np.maximum(first - places, places - last)
-        if self.bounded and beyond.max(initial=0.0) > 2.0 * _BEYOND * (last - first):
+        if self.bounded and beyond.max(initial=0.0) > 2.0 * _SWITCHES.table_end * (last - first):
             raise self._outside(float(places[beyond.argmax()]))
 
     def _outside(self, place: float) -> RunError:

@@ -21,9 +21,9 @@ from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.loads import Load
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.virtual_work import generalised
+from mechanism_sim.tolerances import TOLERANCES
 
-NO_WORK = 1e-9
-"""Virtual power per size, per rate of the drive and per size of the machine: below, it is none."""
+_MECHANISM = TOLERANCES.mechanism
 
 
 class UnknownLoad(Protocol):
@@ -108,7 +108,7 @@ class Unknowns:
         response, leverage = self._response(matrix, terms)
         count, n = matrix.shape[:2]
         rows, given = self._rows(n), terms[len(self.sizes) * n :]
-        known = np.abs(np.linalg.det(leverage * self._scale)) > NO_WORK
+        known = np.abs(np.linalg.det(leverage * self._scale)) > _MECHANISM.no_work
         sizes = np.full((count, len(self.sizes)), np.nan)
         if known.any():
             missing = (balancing[rows] - given).T[known, :, None]

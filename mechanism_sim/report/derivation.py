@@ -176,7 +176,7 @@ class _Derivation:
         forces = [make('N', (joint,), joint, f'normal force in {joint}', 'N')]
         self._push(jet, forces[0])
         if gap.friction and self._system:
-            slip = self._system.dynamics.tangent[i]
+            slip = self._system.dynamics.contacts.tangent[i]
             u = make('u', (joint,), joint, f'tangential velocity in {joint}', 'm/s')
             lines[0].append(Equation(joint, (u,), self._terms(slip.rate)))
             short[slip.rate] = u
@@ -186,7 +186,9 @@ class _Derivation:
         if gap.law and self._system:
             dynamics = self._system.dynamics
             known = {term: hy.make_vars(str(symbol)) for term, symbol in short.items()}
-            known |= dict.fromkeys((dynamics.closed[i], dynamics.presses[i]), hy.expression(1.0))
+            known |= dict.fromkeys(
+                (dynamics.flags.closed[i], dynamics.flags.presses[i]), hy.expression(1.0)
+            )
             laws = hy.subs([dynamics.exact.N[i], dense(dynamics.exact.T[i])], known)
             for force, law in zip(forces, laws, strict=False):
                 self._forces.append(Equation(joint, (force,), (self._in_symbols(law),)))

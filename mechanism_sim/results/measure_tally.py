@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.numerics.expressions import Node, numbers
+from mechanism_sim.numerics.expressions import ExpressionNode, numbers
 from mechanism_sim.numerics.extremes import GLANCES, ExtremeSearch
 from mechanism_sim.numerics.monotone import Monotone, joined, monotone
 from mechanism_sim.numerics.polynomials import Nodes
@@ -186,7 +186,7 @@ class FigureTally:
             parts = where_steep(self._of_text(piece, argument), name, parts)
         return parts
 
-    def _of_text(self, piece: Piece, node: Node) -> Values:
+    def _of_text(self, piece: Piece, node: ExpressionNode) -> Values:
         """A part of the text of a figure as a function of time."""
 
         def values(k: NDArray[np.intp], dt: Array | Nodes) -> Array:

@@ -21,7 +21,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.numerics import expressions
-from mechanism_sim.numerics.expressions import Node
+from mechanism_sim.numerics.expressions import ExpressionNode
 from mechanism_sim.units import to_si
 
 EXTREMES = 'highest', 'lowest', 'largest', 'range'
@@ -75,7 +75,7 @@ class Figure:
     since: Bound | None
     until: Bound | None
     per_revolution: bool
-    tree: Node = field(compare=False, repr=False)
+    tree: ExpressionNode = field(compare=False, repr=False)
 
     @property
     def of_events(self) -> bool:
@@ -83,13 +83,13 @@ class Figure:
         return any(name.partition('.')[0] in SERIES for name in self.names)
 
     @cached_property
-    def steep(self) -> list[tuple[str, Node]]:
+    def steep(self) -> list[tuple[str, ExpressionNode]]:
         """Functions whose peaks may be narrower than those of the motion, innermost first.
 
         Names and arguments of exp and tanh; divisors that vary, that of tan among them, as 'over'.
         A log goes to its pole so slowly that it is seen from afar.
         """
-        found: list[tuple[str, Node]] = []
+        found: list[tuple[str, ExpressionNode]] = []
         for node in self.tree.walk():
             match node.name if node.kind == 'call' else node.kind:
                 case 'exp' | 'tanh' as name:
@@ -97,14 +97,14 @@ class Figure:
                 case '/':
                     found.append(('over', node.args[1]))
                 case 'tan':
-                    found.append(('over', Node('call', node.args, 'cos')))
+                    found.append(('over', ExpressionNode('call', node.args, 'cos')))
         return [(name, x) for name, x in found if x.names]
 
     @cached_property
-    def compared(self) -> list[Node]:
+    def compared(self) -> list[ExpressionNode]:
         """The left less the right side of every comparison, whose sign it depends on."""
         found = [n.args for n in self.tree.walk() if n.kind == 'compare']
-        return [Node('-', pair) for sides in found for pair in pairwise(sides)]
+        return [ExpressionNode('-', pair) for sides in found for pair in pairwise(sides)]
 
     def unit(self, units: Mapping[str, str]) -> str:
         """The SI unit of the expression, by those of its names."""
@@ -123,7 +123,7 @@ class Measure:
 
     name: str
     text: str
-    _tree: Node
+    _tree: ExpressionNode
     figures: tuple[Figure, ...]
 
     def value(self, found: Callable[[Figure], float]) -> float:
@@ -176,7 +176,7 @@ def _named(text: str) -> tuple[str, str]:
     return named if named and named[0].isidentifier() else ('', text)
 
 
-def _figure(node: Node, text: str) -> Figure:
+def _figure(node: ExpressionNode, text: str) -> Figure:
     function, places = node.name, 2 if node.name == 'percentile' else 1
     if len(node.args) != places:
         form = f'{function}(EXPRESSION, PERCENT)' if places == 2 else f'{function}(EXPRESSION)'

@@ -7,9 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mechanism_sim.hybrid.audit import PROMISED, recovers
+from mechanism_sim.hybrid.audit import recovers
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.numerics.quadrature import Parts, Values, integrate
+from mechanism_sim.numerics.quadrature import Assumptions, Parts, Values, integrate
+from mechanism_sim.tolerances import TOLERANCES
+
+_AUDIT = TOLERANCES.audit
 
 EXACT = 'of the motion'
 
@@ -25,7 +28,7 @@ class Estimate(NamedTuple):
         """`EXACT`, or what is to be said of the figure."""
         if not math.isfinite(self.value):
             return 'it is not finite for a part of the time'
-        if self.error <= PROMISED * self.size:
+        if self.error <= _AUDIT.promised * self.size:
             return EXACT
         return f'it may be off by {self.error:.1g} {unit}'.rstrip()
 
@@ -51,9 +54,8 @@ class TimeIntegrals:
         """
         if not len(parts.segment) or not len(self._largest):
             return
-        found = integrate(
-            values, parts, recovers(motion, parts.segment), self._largest, corners=self._corners
-        )
+        flags, kind = recovers(motion, parts.segment), Assumptions(corners=self._corners)
+        found = integrate(values, parts, flags, self._largest, assumed=kind)
         self._largest = found.largest
         self._sums += [x.sum(axis=1) for x in (found.value, found.error, found.size)]
         self.time += float((parts.end - parts.begin).sum())

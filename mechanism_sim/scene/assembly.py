@@ -16,12 +16,14 @@ from mechanism_sim.linkages.four_bar import Branch
 from mechanism_sim.linkages.grashof import change_points
 from mechanism_sim.linkages.loops import FourBarLoop, whole_four_bar
 from mechanism_sim.numerics.polynomials import TWO_PI
-from mechanism_sim.planar.branch import SINGULAR
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.scene.singular_start import begin, neighbours
+from mechanism_sim.tolerances import TOLERANCES
+
+_BRANCHES = TOLERANCES.branches
 
 _TRIES = 256
 _RANK = 1e-9
@@ -74,9 +76,9 @@ def assemble(plan: ScenePlan, four_bar: FourBarLoop | None) -> Assembly:
     driven = [*plan.prescribed, *(c for c in plan.powered if c in plan.begins)]
     along = plan.kinematics(driven)
     decided = driven and freedom == len(driven) - len(plan.prescribed)
-    singular = decided and along.independence(q[:, None])[0] < SINGULAR
+    singular = decided and along.independence(q[:, None])[0] < _BRANCHES.singular
     # at a dead point of the drive only its own column is missing, and no branches meet
-    if singular and plan.kinematics(()).independence(q[:, None])[0] < SINGULAR:
+    if singular and plan.kinematics(()).independence(q[:, None])[0] < _BRANCHES.singular:
         drive = np.array([[*held[c], 0.0] for c in driven]).T
         pace = 1.0
         if len(driven) == 1:  # then it is the parameter itself

@@ -17,11 +17,13 @@ from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.planar.unknowns import NO_WORK
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.singular_start import neighbours
+from mechanism_sim.tolerances import TOLERANCES
+
+_MECHANISM = TOLERANCES.mechanism
 
 
 def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
@@ -136,7 +138,7 @@ def _check_unknowns(machine: Machine) -> None:
     assert isinstance(physics, NominalPhysics)  # noqa: S101 - its level says so
     segments = np.arange(len(motion))
     work = physics.work_of_unknowns(motion, segments, 0.37 * motion.curve.duration)
-    if (np.abs(work) <= NO_WORK).all():
+    if (np.abs(work) <= _MECHANISM.no_work).all():
         raise InputError(
             f'{start}: the sizes cannot be found, for in the given motion these loads do no work, '
             'or do it in one proportion; let them act where something moves, along its motion'

@@ -160,8 +160,8 @@ def _starts(machine: Machine) -> dict[str, GapStart]:
     place = dict(zip(system.free, zip(state.q, state.v, strict=True), strict=True))
     place |= {c: machine.plan.held[c] for c in system.prescribed}
     q, v = np.array([place[c] for c in system.coordinates]).T[:, :, None]
-    opened = seen.distances(seen.gap_values(q))[:, 0].tolist()
-    closed = (-seen.gap_rates(q, v)[:, 0]).tolist() if system.gaps else []
+    opened = seen.gaps.distances(seen.gaps.values(q))[:, 0].tolist()
+    closed = (-seen.gaps.rates(q, v)[:, 0]).tolist() if system.gaps else []
     size = machine.mechanism.size
     pace = max(1.0, float(np.abs(v).max(initial=0.0)))
     return {

@@ -20,9 +20,11 @@ from mechanism_sim.planar.mechanism import (
     bending_guides,
 )
 from mechanism_sim.planar.points import Vector2
-from mechanism_sim.planar.rails import PARALLEL
 from mechanism_sim.scene.drives import is_straight
 from mechanism_sim.scene.schema import DrivePart, LinkPart
+from mechanism_sim.tolerances import TOLERANCES
+
+_MECHANISM = TOLERANCES.mechanism
 
 _QUASI_STATIC, _RIGID = 20.0, 200.0
 """Ratios of the first mode to the drive from which on vibration, and then bending, is small."""
@@ -61,7 +63,7 @@ def _check(names: Names, joint: Joint, body: Body, driven: Mapping[str, DrivePar
             'put a rigid link between'
         )
     line, friction = joint.line, names.scene.joints[joint.name].friction
-    along = line and line.link == link and abs(math.sin(line.axis)) <= PARALLEL
+    along = line and line.link == link and abs(math.sin(line.axis)) <= _MECHANISM.parallel
     if along and friction and friction.coefficient:
         raise InputError(
             f'{where}.friction: along the elastic link {link} only what has play rubs: give the '

@@ -26,6 +26,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.hybrid.dynamics import AppliedForces
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.observer import Instants, Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
@@ -449,9 +450,9 @@ class Machine(Rich):
             degree,
             closing,
             plan.powered,
-            [*films, *plan.elements(mechanism)],
-            plan.motors,
-            plan.frictions(mechanism),
+            AppliedForces(
+                [*films, *plan.elements(mechanism)], plan.motors, plan.frictions(mechanism)
+            ),
             self._lent(mechanism) if closing else 0.0,
         )
 
@@ -562,7 +563,7 @@ class Machine(Rich):
     def _large(self) -> bool:
         """True if the equations are so long that compact code pays."""
         system = self.system
-        rows = len(system.dynamics.rows) + len(system.dynamics.relation)
+        rows = len(system.dynamics.contacts.rows) + len(system.dynamics.equations.relation_jets)
         tabulated = any(isinstance(s, Table) for s in system.switches)
         many = len(system.free) + rows >= _COMPACT_FROM
         flexible = any(x.flexible for x in self.mechanism.extensions.values())

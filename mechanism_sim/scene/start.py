@@ -84,7 +84,7 @@ class Start:
             whole, q[c] = take_off_turns(q[c])
             turns[c] = whole + plan.turned.get(c, 0)
         seated = plan.scene.start == 'seated' and not plan.placed_outright
-        values = self.observer.gap_values(np.array([[q[c]] for c in system.coordinates]))
+        values = self.observer.gaps.values(np.array([[q[c]] for c in system.coordinates]))
         closed = []
         for gap, value in zip(system.gaps, values, strict=True):
             self._check_inside(gap, value, seated)

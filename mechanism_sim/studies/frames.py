@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.numerics.fourier import Spectrum, spectrum
+from mechanism_sim.numerics.fourier import PeriodicSpectrum, spectrum
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
@@ -93,7 +93,7 @@ class Vibrating(NamedTuple):
         return Z
 
     def under(
-        self, forces: Spectrum, period: float, count: int, B: Array, rounding: float = 0.0,
+        self, forces: PeriodicSpectrum, period: float, count: int, B: Array, rounding: float = 0.0,
         impulses: Array | None = None,
     ) -> SteadyVibration:  # fmt: skip
         """The vibration ``B z`` in `count` harmonics under forces that repeat after a period [s].

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.numerics.enclosure import Course
+from mechanism_sim.numerics.enclosure import MotionSeries
 from mechanism_sim.numerics.fourier import spectrum
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.steep_loads import SteepLoads
@@ -393,7 +393,7 @@ class _Excitation:
             own = np.flatnonzero(kind.ravel() == n)
             fixed = np.append(np.zeros(len(steep.outside)), steep.switched(kinds[:, n]))
             parameters = np.asarray(steep.parameters, float)
-            course = Course(np.zeros((len(moving), 1)), 1.0, fixed, parameters)
+            course = MotionSeries(np.zeros((len(moving), 1)), 1.0, fixed, parameters)
             parts = steep.enclosure(course, scales, middle[:, own], radius[:, own])
             places = moving[:, own].reshape(len(moving), -1)
             seen = steep.enclosure(course, scales, places, np.zeros_like(places)).middle

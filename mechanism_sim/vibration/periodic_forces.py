@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.numerics.fourier import Spectrum
+from mechanism_sim.numerics.fourier import PeriodicSpectrum
 from mechanism_sim.vibration import state_space
 from mechanism_sim.vibration.excitation import FourierSeries
 
@@ -40,7 +40,7 @@ class SteadyVibration:
 
     def __init__(
         self,
-        forces: Spectrum,
+        forces: PeriodicSpectrum,
         frequency: float,
         matrices: tuple[Array, Array, Array],
         B: Array,

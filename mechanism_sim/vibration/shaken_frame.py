@@ -14,7 +14,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, Response, polynomials
+from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, ModalResponse, polynomials
 from mechanism_sim.numerics.rational import Modes
 from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.shaking import Forces, Shaking
@@ -44,7 +44,7 @@ class FrameMotion:
     frame: Frame
     shaking: Shaking
     motion: Motion
-    response: Response
+    response: ModalResponse
     start: Array
 
     def __call__(self, t: Array | float) -> FrameStates:

@@ -9,7 +9,14 @@ import mechanism_sim as ms
 from mechanism_sim.contact import problem as instant
 from mechanism_sim.contact.chatter import ChatterRule, remaining_time
 from mechanism_sim.contact.impact import Hypothesis
-from mechanism_sim.contact.problem import ContactProblem, Limits
+from mechanism_sim.contact.problem import (
+    ContactArrays,
+    ContactProblem,
+    Instant,
+    Limits,
+    Resting,
+    problem_of,
+)
 from mechanism_sim.hybrid import resting_contacts
 from mechanism_sim.hybrid.contact_state import write_flags
 from mechanism_sim.hybrid.events import Mode
@@ -69,7 +76,7 @@ def test_an_impact_changes_momentum_by_its_impulses_and_loses_what_it_says(m, fr
         rate = masses.problem.rate
         touching, resting = np.zeros((2, m), dtype=bool)
         done = instant.impact_of_all(
-            masses.problem, LIMITS, 0, 2.5, rates, masses.v, log, 0, touching, resting
+            masses.problem, LIMITS, 0, Instant(2.5, rates, masses.v), log, 0, touching, resting
         )
         assert done.found
         assert touching.all()
@@ -149,7 +156,7 @@ def test_the_last_bounce_takes_all_of_the_approach_and_says_how_long_others_woul
         log = np.zeros((1, 12))
         on, rests = np.zeros((2, 1), dtype=bool)
         done = instant.impact_of_all(
-            masses.problem, limits, 0, 0.0, np.zeros(2), masses.v, log, 0, on, rests
+            masses.problem, limits, 0, Instant(0.0, np.zeros(2), masses.v), log, 0, on, rests
         )
         assert log[0, instant.ENDS] == last
         assert [done.rests, *rests] == [last, last]
@@ -181,7 +188,7 @@ def rested(c, modes, given=None, booked=0, touching=None):
     touching = all_of if touching is None else touching
     c.closed[:] = modes > instant.FLIES
     rest = instant.come_to_rest(
-        c, LIMITS, touching, touching, given, drives, row, modes, begins, drawn
+        c, LIMITS, Resting(touching, touching, given), drives, row, modes, begins, drawn
     )
     assert (c.closed == (modes > instant.FLIES)).all()
     return rest, modes.tolist(), begins.tolist(), drawn.tolist(), row
@@ -280,7 +287,7 @@ def test_what_is_closed_strikes_nobody_by_a_step_s_error():
     before, log = masses.v.copy(), np.zeros((2, 12))
     touching, resting = np.zeros((2, 2), dtype=bool)
     done = instant.impact_of_all(
-        masses.problem, LIMITS, 0, 0.0, np.zeros(2), masses.v, log, 0, touching, resting
+        masses.problem, LIMITS, 0, Instant(0.0, np.zeros(2), masses.v), log, 0, touching, resting
     )
     assert (done.entered, log[0, instant.GAP]) == (1, 0.0)
     assert (masses.v[2:] == before[2:]).all()
@@ -315,7 +322,7 @@ def test_terms_in_a_row_are_read_as_they_were_written():
     layout = instant.Layout(2, 4, 5, 2, 0)
     assert layout.size == len(row)
     laws = np.array([given.restitution, given.friction])
-    read = instant.problem_of(row, layout, laws, given.closed, given.hypothesis)
+    read = problem_of(ContactArrays(row, layout, laws, given.closed, given.hypothesis))
     for x, y in zip(read, given, strict=True):
         assert x.shape == y.shape
         assert (x == y).all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mechanism_sim.contact.rubbing import friction_impulses
+from mechanism_sim.contact.rubbing import Rubs, friction_impulses
 
 
 @pytest.mark.parametrize('k', [1, 2, 3])
@@ -21,9 +21,10 @@ def test_each_friction_ends_its_slip_or_is_at_its_bound_against_what_is_left(k):
         forces[:, 1:] *= 0.1  # they press on each other, a little
         mu = rng.uniform(0.1, 1.0, k)
         ends, owner = 2 * np.arange(1, k + 1), np.arange(k)
-        T = friction_impulses(
-            rate, A[:, 1:], forces, mu, ends, owner, np.zeros(k, dtype=int), x, np.zeros(k)
-        )
+        none = np.zeros((k, 0))
+        walls = np.zeros(k, dtype=int)
+        rubs = Rubs(rate, none, A[:, 1:], none, forces, mu, ends, owner, walls)
+        T = friction_impulses(rubs, x, np.zeros(k))
         slip = rate + A[1:, 0] * x[0] + A[1:, 1:] @ T
         pressed = (forces @ np.concatenate([x, T])).reshape(k, 2)
         bound = mu * np.hypot(*pressed.T)

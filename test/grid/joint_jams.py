@@ -18,7 +18,9 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.symbolic import add, dense, dot
-from mechanism_sim.planar.switches import REST
+from mechanism_sim.tolerances import TOLERANCES
+
+_SWITCHES = TOLERANCES.switches
 
 _STARTS = 0.0, 1.0, -1.0, 1e3, -1e3  # [N, N m]
 _SOLVED, _SLACK = 1e-9, 1e-7  # of the largest force, and of the largest acceleration
@@ -37,7 +39,7 @@ class JointForces:
 
     def __init__(self, run: EventLoop, system: System) -> None:
         d, frames = system.dynamics, system.equations.frames
-        struck = [hy.make_vars(f'struck{k}') for k in range(len(d.rows))]
+        struck = [hy.make_vars(f'struck{k}') for k in range(len(d.contacts.rows))]
         x = [*struck, *(rub.T for rub in d.rubs)]
         solved = d.struck(struck)
         carried = system.set_valued.reactions(solved)
@@ -45,7 +47,7 @@ class JointForces:
         self._terms = [[(len(p.components), p.wall) for p in b] for b in bounds]
         parts = [
             dense(add(a, dot(line, struck)))
-            for a, line in zip(d.free_acceleration, d.compliance, strict=True)
+            for a, line in zip(d.free_acceleration, d.reduced.contacts.compliance, strict=True)
         ]
         parts += [system.set_valued._rate(dense(rub.slip.rate), solved.a) for rub in d.rubs]
         parts += [dense(c) for b in bounds for p in b for c in p.components]
@@ -57,9 +59,9 @@ class JointForces:
         size = len(parts)
         self._start, slopes, rest = np.split(seen, [size, size * (1 + len(x))])
         self._slopes = slopes.reshape(size, len(x))
-        self.rows, self.normals, self.rubs = len(struck), len(d.normal), len(d.rubs)
+        self.rows, self.normals, self.rubs = len(struck), len(d.contacts.normal), len(d.rubs)
         self.slips, self._mu = np.split(rest, [self.rubs])
-        self.slips[np.abs(self.slips) < REST] = 0.0
+        self.slips[np.abs(self.slips) < _SWITCHES.rest] = 0.0
 
     def accelerations(self, x: Array) -> Array:
         """Of all rows, then of the slips of joints."""

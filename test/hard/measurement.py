@@ -40,6 +40,7 @@ from mechanism_sim.sensing.chain import (
 from mechanism_sim.sensing.channel import Block, Channel
 from mechanism_sim.sensing.point import PointOnLink
 from mechanism_sim.sensing.sampling import LevelPassage
+from mechanism_sim.units import QuantityValue
 from test.hard.bodies import SPEED, TURN, thesis
 from test.hard.case import Figure, hard_case
 
@@ -332,8 +333,8 @@ CHAIN = Instrument(
     Amplifier(high_pass=2.0, high_pass_order=1, low_pass=1e3, low_pass_order=2),
     anti_alias=AntiAlias(frequency=1e3, order=8),
     impact_pulse=1e-4,
-    adc=Converter(range=512.0, bits=24, jitter=1e-6),
-    noise=Noise(rms=0.3, seed=1),
+    adc=Converter(range=QuantityValue(512.0, 'm/s^2'), bits=24, jitter=1e-6),
+    noise=Noise(rms=QuantityValue(0.3, 'm/s^2'), seed=1),
 )
 
 

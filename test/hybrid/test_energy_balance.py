@@ -13,8 +13,9 @@ from scipy.integrate import quad
 import mechanism_sim as ms
 from mechanism_sim.cli import main
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid.audit import PROMISED, Audit, Energy
+from mechanism_sim.hybrid.audit import Audit, Energy
 from mechanism_sim.numerics import quadrature
+from mechanism_sim.tolerances import TOLERANCES
 from test.grid.run import grid
 
 
@@ -120,13 +121,13 @@ def test_a_load_that_its_nodes_miss_is_missing_in_the_balance(monkeypatch):
     assert right.drive_work == pytest.approx(25.0 * math.sqrt(math.pi), rel=1e-9)
     assert abs(right.residual) <= right.error + right.rounding
     assert not right.doubt
-    for name in ('RELATIVE', 'FORETOLD'):
-        monkeypatch.setattr(quadrature, name, 1e9)
+    loose = quadrature._QUADRATURE._replace(relative=1e9, foretold=1e9)
+    monkeypatch.setattr(quadrature, '_QUADRATURE', loose)
     wrong = balance().energy
     off = abs(wrong.drive_work - right.drive_work)
     assert off > 1e-6 * right.exchanged
     assert abs(wrong.residual) > 0.1 * off
-    assert wrong.error > PROMISED * wrong.exchanged
+    assert wrong.error > TOLERANCES.audit.promised * wrong.exchanged
     assert 'may be off' in wrong.doubt
     with pytest.raises(RunError, match='J missing'):
         balance().judge(1.0)
@@ -136,7 +137,7 @@ def test_a_load_that_its_nodes_miss_is_missing_in_the_balance(monkeypatch):
 def test_works_of_packaged_scenes_are_as_exact_as_promised(name):
     machine = ms.load_scene(name)
     energy = ms.simulate(machine).energy
-    assert energy.error <= PROMISED * energy.exchanged
+    assert energy.error <= TOLERANCES.audit.promised * energy.exchanged
     assert not energy.doubt
     assert abs(energy.residual) <= 1e-9 * energy.exchanged
 
@@ -157,7 +158,7 @@ def test_the_command_says_error_and_what_was_exchanged(capsys):
         main(['solve', 'slider_crank', '--json'])
     energy = json.loads(capsys.readouterr().out)['energy']
     assert {'initial', 'final', 'drive_work', 'dissipated', 'residual'} < energy.keys()
-    assert 0.0 <= energy['error'] <= PROMISED * energy['exchanged']
+    assert 0.0 <= energy['error'] <= TOLERANCES.audit.promised * energy['exchanged']
 
 
 @pytest.mark.parametrize(

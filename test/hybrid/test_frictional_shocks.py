@@ -10,7 +10,7 @@ from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.contact.impact import jam, jam_margin, shock, stop_slide
-from mechanism_sim.contact.problem import problem_of
+from mechanism_sim.contact.problem import ContactArrays, problem_of
 from mechanism_sim.hybrid.events import gains
 from mechanism_sim.numerics.symbolic import cramer
 from test.grid.run import grid
@@ -194,7 +194,7 @@ def test_forces_of_many_contacts_are_those_of_a_dense_solution(name):
     machine = ms.load_scene(name, {f'joints.{j}.clearance': c for j, c in clearances.items()})
     system = machine.system
     dynamics, m = system.dynamics, len(system.gaps)
-    mu, rubs = np.array(dynamics.friction), dynamics.frictional
+    mu, rubs = np.array(dynamics.contacts.friction), dynamics.contacts.frictional
     assert 0 < len(rubs) < m
     margin = system.run.compile_now([dynamics.jam_margin])
     rng = np.random.default_rng(3)
@@ -209,7 +209,9 @@ def test_forces_of_many_contacts_are_those_of_a_dense_solution(name):
         parameters[system.parameters.slips] = slips[rubs]
         inputs = np.array([*state, *parameters, 0.3])
         seen = system.functions.contact_function(inputs)
-        terms = problem_of(seen, system.contact_layout, np.zeros((2, m)), *[None] * 2)
+        terms = problem_of(
+            ContactArrays(seen, system.contact_layout, np.zeros((2, m)), *[None] * 2)
+        )
         C, free = terms.compliance, terms.free_acceleration
         normal, stuck = np.flatnonzero(modes > 0), m + np.flatnonzero(modes == 1)
         rows = np.concatenate([normal, stuck])

@@ -162,7 +162,7 @@ def test_works_are_off_by_no_more_than_they_say(name):
     rounding = np.abs(drive_work(20) - exact).max() + 1e-14 * np.abs(exact)
     off = np.abs(work.drive[steady] - exact)
     assert (off <= work.error[steady] + 3.0 * rounding).all()
-    assert work.error.sum() <= audit.PROMISED * s.energy.exchanged
+    assert work.error.sum() <= audit._AUDIT.promised * s.energy.exchanged
 
 
 def test_books_are_what_the_observation_says(whole, machine):

@@ -7,6 +7,7 @@ import pytest
 from enumeration import solve_frictional_lcp as by_enumeration
 
 from mechanism_sim.numerics.complementarity import (
+    FrictionalProblem,
     lemke,
     solve,
     solve_contacts,
@@ -55,7 +56,9 @@ def check(count, most, seed):
         kind = KINDS[n % len(KINDS)]
         m = int(rng.integers(1, most + 1))
         A, b, mu = problem(rng, m, kind)
-        x, grips, found = solve_contacts(A, b, mu, np.zeros(m, np.int64), np.zeros(2 * m))
+        x, grips, found = solve_contacts(
+            FrictionalProblem(A, b, mu, np.zeros(m, np.int64), np.zeros(2 * m))
+        )
         assert found, (n, kind, m)
         assert residual(A, b, mu, x) < 1e-9, (n, kind, m)
         assert ((grips == 0) == ((x[:m] == 0.0) & (x[m:] == 0.0))).all()
@@ -129,11 +132,14 @@ def test_compiled_kernels_give_the_same_bits(compiled_kernels):
     rng = np.random.default_rng(6)
     problems = [problem(rng, m, kind) for m in (1, 2, 4) for kind in KINDS]
     given = [(np.zeros(len(mu), np.int64), np.zeros(2 * len(mu))) for *_, mu in problems]
-    plain = [solve_contacts.function(*p, *g) for p, g in zip(problems, given, strict=True)]
+    plain = [
+        solve_contacts.function(FrictionalProblem(*p, *g))
+        for p, g in zip(problems, given, strict=True)
+    ]
     compiled_kernels()
     assert solve_contacts.run is not solve_contacts.function
     for p, g, (x, grips, found) in zip(problems, given, plain, strict=True):
-        again = solve_contacts(*p, *g)
+        again = solve_contacts(FrictionalProblem(*p, *g))
         assert again[0].tobytes() == x.tobytes()
         assert (again[1] == grips).all()
         assert again[2] == found

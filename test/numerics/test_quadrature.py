@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.special import beta
 
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
-from mechanism_sim.numerics.quadrature import Integrals, Parts, integrate, parts_of
+from mechanism_sim.numerics.quadrature import Assumptions, Integrals, Parts, integrate, parts_of
 
 
 class Functions:
@@ -163,7 +163,7 @@ def test_what_steps_foretell_costs_one_evaluation_and_states_its_error(name):
     f, primitive = FORETOLD[name]
     edges = np.linspace(0.0, 1.0, 11)
     functions = Functions(edges, f)
-    found = functions.integrals(foretold=True)
+    found = functions.integrals(assumed=Assumptions(foretold=True))
     assert functions.count == 8 * 10
     off = np.abs(found.value[0] - np.diff(primitive(edges)))
     assert (off <= found.error[0]).all()
@@ -173,7 +173,7 @@ def test_what_steps_foretell_costs_one_evaluation_and_states_its_error(name):
 def test_what_is_not_foretold_after_all_is_parted():
     """A corner is no series: its coefficients do not fall."""
     functions = Functions([0.0, 1.0], lambda t: np.abs(t - 0.3))
-    found = functions.integrals(foretold=True)
+    found = functions.integrals(assumed=Assumptions(foretold=True))
     assert functions.count > 100
     assert abs(found.value[0, 0] - 0.29) <= found.error[0, 0] < 1e-8
 
@@ -196,7 +196,7 @@ def test_small_corners_under_smooth_functions_are_found_by_other_nodes():
     values, parts, right = corner_under(1e-3, np.linspace(0.02, 0.98, 4801))
     missed = []
     for corners in (False, True):
-        found = integrate(values, parts, corners=corners)
+        found = integrate(values, parts, assumed=Assumptions(corners=corners))
         off = np.abs(found.value[0] - right)
         missed.append(np.count_nonzero(off > found.error[0]))
         assert off.max() < 1e-7 * right.max()

@@ -10,7 +10,7 @@ from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.numerics.enclosure import Course, Enclosure, reach_of
+from mechanism_sim.numerics.enclosure import Enclosure, MotionSeries, reach_of
 from mechanism_sim.numerics.formula import FUNCTIONS
 from mechanism_sim.results.measures import measure
 
@@ -375,7 +375,7 @@ def test_the_mean_of_an_ordinary_load_of_order_60():
 
 
 def fixed(series, length=1.0):
-    return Course(np.atleast_2d(series), length, np.zeros(0), np.zeros(1))
+    return MotionSeries(np.atleast_2d(series), length, np.zeros(0), np.zeros(1))
 
 
 @pytest.mark.parametrize(

@@ -357,7 +357,7 @@ def test_printed_closures_and_gaps_are_those_of_the_engine(variant):
     terms = [jet.value for jet in eq.gap_jets]
     for i, gap in enumerate(eq.gaps):
         if gap.friction:
-            terms.append(machine.system.dynamics.tangent[i].rate)
+            terms.append(machine.system.dynamics.contacts.tangent[i].rate)
     close(sorted(reader.define('gaps')), sorted(engine(machine, terms, state)))
     for part, quantity in zip(('gap_rates', 'gap_accelerations'), quantities[1:], strict=True):
         close(reader.define(part), engine(machine, map(quantity, eq.gap_jets), state))
@@ -387,7 +387,7 @@ def test_printed_equations_of_motion_are_those_of_the_engine(variant):
     for i, (gap, jet) in enumerate(zip(eq.gaps, eq.gap_jets, strict=True)):
         rows[f'N_{gap.name}'] = engine(machine, jet.row(eq.coordinates), state)
         if gap.friction:
-            slip = machine.system.dynamics.tangent[i].row(eq.coordinates)
+            slip = machine.system.dynamics.contacts.tangent[i].row(eq.coordinates)
             rows[f'T_{gap.name}'] = engine(machine, slip, state)
     for driven, laws in machine.plan.laws.items():
         moved = driven in (motor.coordinate for motor in machine.plan.motors)
@@ -570,7 +570,7 @@ def pressed_in(machine, q):
     system = machine.system
     for angle in np.linspace(0.0, 2e-3, 2001):
         moved = q + angle * (np.array(system.coordinates) == 'rocker')
-        gap = machine.observer.distances(machine.observer.gap_values(moved[:, None]))[0, 0]
+        gap = machine.observer.gaps.distances(machine.observer.gaps.values(moved[:, None]))[0, 0]
         if -2e-5 < gap < -5e-6:
             return moved
     raise AssertionError('never pressed in')
