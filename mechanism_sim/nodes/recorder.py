@@ -114,11 +114,15 @@ class Recorder(SimulationNode):
         """Callback that writes a serialised message at its simulated time."""
         offset = 8 if kind in _IN_ARRAY else 4
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
-        # All machines share /tf: what belongs to another is in another world.
-        world = f'{self.frame(WORLD)}\0'.encode() if topic == '/tf' else b''
+        # All machines share these topics: frames of another are in another world.
+        ours: tuple[bytes, ...] = ()
+        if topic in ('/tf', '/tf_static'):
+            bodies = self.machine.mechanism.bodies
+            links = (WORLD, *(body.name for body in bodies))
+            ours = tuple(f'{self.frame(link)}\0'.encode() for link in links)
 
         def write(data: bytes) -> None:
-            if world and not data.startswith(world, _PARENT):
+            if ours and not data.startswith(ours, _PARENT):
                 return
             if kind != _NO_STAMP and len(data) >= offset + _STAMP.size:
                 seconds, nanoseconds = _STAMP.unpack_from(data, offset)
