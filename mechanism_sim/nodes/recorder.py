@@ -19,6 +19,7 @@ from mechanism_sim.nodes.qos import PROFILES, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.recording.writer import FLUSH_PERIOD
+from ros_interfaces.stamps import NANOSECONDS, nanoseconds
 
 _STAMP = struct.Struct('<iI')
 _NO_STAMP = 'std_msgs/msg/String'
@@ -31,7 +32,8 @@ class Recorder(SimulationNode):
     """Records all topics of a run until every partner has finished and all has come.
 
     A reset ends the bag: the next run goes to a bag of its own, ``run-2.mcap`` after ``run.mcap``.
-    The time it reports is that up to which all that was announced is in the bag. Parameters of the
+    The time it reports is that up to which all that was announced is in the bag, which ends with
+    the end of ``/clock`` if the drive has a clock. Parameters of the
     node, besides those of every node: ``file``, the bag to write; ``overwrite``.
     """
 
@@ -45,7 +47,7 @@ class Recorder(SimulationNode):
             raise InputError('recorder: give the bag to write, for example --file run.mcap')
         self.machine  # noqa: B018 - a bad scene is refused before a file is made
         self.writer = BagWriter(self.value('file'), overwrite=self.value('overwrite'))
-        self._now = 0
+        self._now, self._clock = 0, -1  # [ns] of the last message, of the last of the clock
         self._reports: dict[str, Any] = {}  # reports by node whose messages may still be under way
         self._complete: dict[str, float] = {}  # [s] up to which all of a node is in the bag
         self._due: dict[str, int] = {}  # counts by topic at which to look again
@@ -71,7 +73,7 @@ class Recorder(SimulationNode):
         self.writer = BagWriter(path, overwrite=overwrite)
         self._add_topics()
         self.on_ready()
-        self._now = 0
+        self._now, self._clock = 0, -1
         for topic, data, t in self._ahead:
             self.writer.write(topic, data, t)
         self._ahead.clear()
@@ -125,8 +127,13 @@ class Recorder(SimulationNode):
             if ours and not data.startswith(ours, _PARENT):
                 return
             if kind != _NO_STAMP and len(data) >= offset + _STAMP.size:
-                seconds, nanoseconds = _STAMP.unpack_from(data, offset)
-                self._now = seconds * 1_000_000_000 + nanoseconds
+                whole, part = _STAMP.unpack_from(data, offset)
+                now = whole * NANOSECONDS + part
+                if topic == '/clock':
+                    if self._ended or now > self._announced:
+                        return  # of the run before: nothing else in such a message tells
+                    self._clock = now
+                self._now = now
             if topic in tells and _run_of(data) == self.run + 1:
                 self.begin_run(self.run + 1)
             if self._ended and not self.done:
@@ -144,7 +151,7 @@ class Recorder(SimulationNode):
         """Record it, pass on how far the bag is complete, end when all have ended."""
         if message.run > self.run:
             self.begin_run(message.run)
-        self._now = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+        self._now = nanoseconds(message.header.stamp)
         self.writer.write(self.resolve_topic_name('progress'), serialize(message), self._now)
         self._reports.setdefault(message.node, message)
         self._review()
@@ -192,13 +199,29 @@ class Recorder(SimulationNode):
             for report in self._reports.values()
             for t, n in self._missing_counts(report).items()
         }
-        if not missing:
+        late = self._loss_deadline is not None and time.monotonic() > self._loss_deadline
+        # The clock is no result: no count tells of it, and it may be lost.
+        if not missing and (late or self._clock_ended()):
             again = self.another_follows()
             self.report(self.partners_time(), finished=True, again=again)
             self._ended, self.done = True, not again
-        elif self._loss_deadline is not None and time.monotonic() > self._loss_deadline:
+        elif missing and late:
             topic, count = next(iter(missing.items()))
             raise RunError(f'recorder: {count} messages of {topic} were announced and never came')
+
+    @property
+    def _announced(self) -> int:
+        """Time [ns] to which the law is announced in this run, as far as is known here."""
+        drive = self.progress_of.get('crank_drive')
+        return nanoseconds(drive.header.stamp) if drive else 0
+
+    def _clock_ended(self) -> bool:
+        """True if the clock of the drive has come to the end, or the drive has none."""
+        drive = 'crank_drive', self.get_namespace()
+        return self._clock >= self._announced or not any(
+            (info.node_name, info.node_namespace) == drive
+            for info in self.get_publishers_info_by_topic('/clock')
+        )
 
     def diagnose(self) -> Diagnosis:
         """Statistics of the bag."""
