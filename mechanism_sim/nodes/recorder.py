@@ -47,7 +47,7 @@ class Recorder(SimulationNode):
             raise InputError('recorder: give the bag to write, for example --file run.mcap')
         self.machine  # noqa: B018 - a bad scene is refused before a file is made
         self.writer = BagWriter(self.value('file'), overwrite=self.value('overwrite'))
-        self._now, self._clock = 0, -1  # [ns] of the last message, of the last of the clock
+        self._now, self._clock_time = 0, -1  # [ns] of the last message, of the last of the clock
         self._reports: dict[str, Any] = {}  # reports by node whose messages may still be under way
         self._complete: dict[str, float] = {}  # [s] up to which all of a node is in the bag
         self._due: dict[str, int] = {}  # counts by topic at which to look again
@@ -73,7 +73,7 @@ class Recorder(SimulationNode):
         self.writer = BagWriter(path, overwrite=overwrite)
         self._add_topics()
         self.on_ready()
-        self._now, self._clock = 0, -1
+        self._now, self._clock_time = 0, -1
         for topic, data, t in self._ahead:
             self.writer.write(topic, data, t)
         self._ahead.clear()
@@ -132,7 +132,7 @@ class Recorder(SimulationNode):
                 if topic == '/clock':
                     if self._ended or now > self._announced:
                         return  # of the run before: nothing else in such a message tells
-                    self._clock = now
+                    self._clock_time = now
                 self._now = now
             if topic in tells and _run_of(data) == self.run + 1:
                 self.begin_run(self.run + 1)
@@ -218,7 +218,7 @@ class Recorder(SimulationNode):
     def _clock_ended(self) -> bool:
         """True if the clock of the drive has come to the end, or the drive has none."""
         drive = 'crank_drive', self.get_namespace()
-        return self._clock >= self._announced or not any(
+        return self._clock_time >= self._announced or not any(
             (info.node_name, info.node_namespace) == drive
             for info in self.get_publishers_info_by_topic('/clock')
         )
