@@ -10,6 +10,7 @@ import json
 import os
 import re
 import runpy
+import shlex
 import signal
 import subprocess
 import sys
@@ -59,6 +60,52 @@ def test_the_manifest_says_what_pip_says_and_names_every_package_of_messages():
     own = set(re.findall(r'^(\w+)/\w+ ', '\n'.join(p.read_text() for p in MESSAGES), re.MULTILINE))
     built = {e.text for e in manifest if e.tag == 'depend'}
     assert own == built
+
+
+def installed(page: str) -> list[str]:
+    """What a page of the documentation installs by pip, in its first such line."""
+    line = re.search(r'^pip install ((?:.*\\\n)*.*)$', page, re.MULTILINE)
+    assert line is not None
+    return shlex.split(line[1].replace('\\\n', ' '))
+
+
+def test_the_installation_states_the_versions_that_are_needed():
+    """A distribution of ROS has older ones of most, which pip would be content with."""
+    project = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']
+    extras = {one for some in project['optional-dependencies'].values() for one in some}
+    given = installed((ROOT / 'docs' / 'ros2.md').read_text())
+    assert {*project['dependencies']} <= {*given} <= {*project['dependencies'], *extras}
+
+
+def modules_of(path: Path) -> set[str]:
+    """The modules that a file imports, and those of the helpers of tests among them."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.partition('.')[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.add(node.module.partition('.')[0])
+    return names
+
+
+def test_what_tests_of_colcon_import_is_installed_by_the_documentation():
+    suites = re.findall(r'foreach\(suite ([^)]*)\)', (ROOT / 'CMakeLists.txt').read_text())
+    room, page = ROOT / 'test', (ROOT / 'docs' / 'ros2.md').read_text().partition('## Tests')[2]
+    found, known = {'conftest'}, set(sys.stdlib_module_names)
+    for suite in suites[0].split():
+        folder, _, name = suite.partition('/')
+        found |= modules_of(room / folder / f'test_{name}.py')
+    helpers: set[str] = set()
+    while new := {name for name in found - helpers if (room / f'{name}.py').is_file()}:
+        helpers |= new
+        found = found.union(*(modules_of(room / f'{name}.py') for name in new))
+    ours = {'mechanism_sim', 'ros_interfaces', 'zenoh_rclpy', *(p.stem for p in room.rglob('*.py'))}
+    only_within = {'axe_playwright_python', 'playwright', 'rclpy'}
+    foreign = found - known - helpers - ours - only_within - {*REQUIRED}
+    assert 'mcap_ros2' in foreign
+    assert {name.replace('mcap_ros2', 'mcap-ros2-support') for name in foreign} <= {
+        *installed(page)
+    }
 
 
 def test_the_changelog_of_ros_is_that_of_the_releases():
