@@ -99,24 +99,22 @@ class NodePlan:
         return [*names, 'recorder'] if self.record else names
 
     def options(self, node: str) -> dict[str, str | float | bool]:
-        """Parameters of a node of this run."""
+        """Parameters of a node of this run: what is not asked for is left to files of parameters."""
         options: dict[str, str | float | bool] = {
             'scene': self.scene,
             'duration': self.duration,
             'partners': ','.join(n for n in self.nodes if n != node),
             'partner_timeout': START_PATIENCE,
         }
-        if self.overrides:
-            options['overrides'] = '\n'.join(self.overrides)
-        if self.listeners:
-            options['listeners'] = ','.join(self.listeners)
+        asked: dict[str, str | float | bool | None] = {
+            'overrides': '\n'.join(self.overrides),
+            'listeners': ','.join(self.listeners),
+        }
         if node == 'crank_drive':
-            options['realtime_factor'] = self.realtime_factor
-            options['paused'], options['hold'] = self.paused, self.hold
-        if node == 'recorder' and self.record:
-            options['file'] = self.record
-            options['overwrite'] = self.overwrite
-        return options
+            asked |= {name: getattr(self, name) for name in ('realtime_factor', 'paused', 'hold')}
+        if node == 'recorder':
+            asked |= {'file': self.record, 'overwrite': self.overwrite}
+        return options | {name: value for name, value in asked.items() if value}
 
     def to_json(self) -> dict[str, object]:
         """The nodes with their parameters, and the topics with their quality of service."""

@@ -19,16 +19,21 @@ import xml.etree.ElementTree as ET
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 
 import pytest
+import yaml
 from running import ROOT, TIMEOUT, environment, ros_found, run_json
 
+import mechanism_sim as ms
 from mechanism_sim import nodes
 from mechanism_sim.analysis import analyze
 from mechanism_sim.cli import NODE_CLASSES, NODE_NAMES
 from mechanism_sim.messages import PUBLIC, own_messages, type_hash
+from mechanism_sim.nodes.run import NodePlan
 from mechanism_sim.packages import EXTRAS, REQUIRED, distribution
 from mechanism_sim.recording import read_bag
+from zenoh_rclpy.arguments import parse_arguments
 
 NODES = Path(nodes.__file__).parent
 needs_ros = pytest.mark.skipif(not ros_found(), reason='no ROS 2 here with this package built')
@@ -146,6 +151,71 @@ def test_packages_that_may_be_missing_are_those_of_pip():
     extras = project['optional-dependencies']
     for module, extra in EXTRAS.items():
         assert any(re.split('[><=]', one)[0] == distribution(module) for one in extras[extra])
+
+
+class _Described(SimpleNamespace):
+    """Stands for what `launch` and `launch_ros` make, and keeps what it was made with."""
+
+    def __init__(self, *given: object, **how: object) -> None:
+        super().__init__(given=given, **how)
+
+
+def described(monkeypatch, program: Path, **given: str) -> dict[str, SimpleNamespace]:
+    """The nodes of the launch file by name, with a `launch` that describes and starts nothing."""
+    for name in (
+        'launch', 'launch.actions', 'launch.event_handlers', 'launch.events',
+        'launch.events.process', 'launch.logging', 'launch_ros', 'launch_ros.actions',
+        'launch_ros.parameter_descriptions', 'launch_ros.substitutions', 'launch_ros.utilities',
+    ):  # fmt: skip
+        module = ModuleType(name)
+        monkeypatch.setattr(module, '__getattr__', lambda _: _Described, raising=False)
+        monkeypatch.setitem(sys.modules, name, module)
+    names = sys.modules['launch_ros.utilities']
+    monkeypatch.setattr(names, 'prefix_namespace', lambda *_: '/', raising=False)
+    monkeypatch.setattr(names, 'make_namespace_absolute', lambda name: name, raising=False)
+    executable = SimpleNamespace(perform=lambda _: str(program))
+    substitutions = sys.modules['launch_ros.substitutions']
+    monkeypatch.setattr(
+        substitutions, 'ExecutableInPackage', lambda *_: executable, raising=False
+    )
+    monkeypatch.setattr(
+        sys.modules['launch_ros.parameter_descriptions'], 'ParameterValue',
+        lambda value, value_type: value_type(value), raising=False,
+    )  # fmt: skip
+    file = runpy.run_path(str(ROOT / 'launch' / 'machine.launch.py'))
+    defaults = {name: default for name, (default, _) in file['ARGUMENTS'].items()}
+    flags = dict.fromkeys(file['FLAGS'], 'false')
+    values = defaults | flags | {'on_failure': 'shutdown'} | given
+    entities = file['_machine'](SimpleNamespace(launch_configurations=values))
+    return {e.executable: e for e in entities if hasattr(e, 'executable')}
+
+
+def test_a_file_of_parameters_for_all_nodes_has_the_last_word(monkeypatch, tmp_path):
+    """`launch_ros` writes dictionaries to files for `/**`, and the last file counts."""
+    program, given = tmp_path / 'mechanism-sim', tmp_path / 'given.yaml'
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m mechanism_sim "$@"\n')
+    program.chmod(0o755)
+    told = {'realtime_factor': 0.5, 'partner_timeout': 7.0, 'hold': True}
+    given.write_text(yaml.safe_dump({'/**': {'ros__parameters': told}}))
+    nodes = described(monkeypatch, program, params_file=str(given), duration='1')
+    assert {'crank_drive', 'linkage'} <= nodes.keys()
+    for name, node in nodes.items():
+        args = ['--ros-args']
+        for k, parameters in enumerate(node.parameters):
+            path = tmp_path / f'{name}{k}.yaml'
+            if isinstance(parameters, dict):
+                path.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}))
+            args += ['--params-file', parameters if isinstance(parameters, str) else str(path)]
+        found = parse_arguments(args).parameters_of(f'/{name}')
+        assert found | told == found
+        assert found['duration'] == 1.0
+    (all_in_one,) = described(
+        monkeypatch, program, params_file=str(given), duration='1', composed='true'
+    ).values()
+    assert all_in_one.parameters == [str(given)]
+    # What is no wish of the launch is not set by the command, which would have the last word.
+    options = NodePlan(ms.load_scene('four_bar_clearance'), '', (), 1.0).options('crank_drive')
+    assert not told.keys() - {'partner_timeout'} & options.keys()
 
 
 @pytest.mark.parametrize(
