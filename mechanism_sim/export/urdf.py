@@ -168,9 +168,7 @@ class _Tree:
             # The format asks for limits, which the motion has not: a controller that heeds them
             # must be able to move the joint.
             far = text(self._far)
-            SubElement(
-                joint, 'limit', lower=f'-{far}', upper=far, effort=_FREE, velocity=_FREE
-            )
+            SubElement(joint, 'limit', lower=f'-{far}', upper=far, effort=_FREE, velocity=_FREE)
         elif kind == 'continuous':
             SubElement(joint, 'axis', xyz='0 0 1')
         return joint

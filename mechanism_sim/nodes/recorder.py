@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Callable, Sequence
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from mechanism_sim.nodes.middleware import Parameter, QoSProfile, Timer
 from mechanism_sim.nodes.qos import PROFILES, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording import BagWriter, Qos
+from mechanism_sim.recording.runs import next_bag
 from mechanism_sim.recording.writer import FLUSH_PERIOD
 from ros_interfaces.stamps import NANOSECONDS, nanoseconds
 
@@ -67,9 +67,10 @@ class Recorder(SimulationNode):
         """Go on with a bag of its own."""
         super().begin_run(number)
         self.writer.close()
-        first, overwrite = Path(self.value('file')), self.value('overwrite')
-        names = (first.with_name(f'{first.stem}-{n}{first.suffix}') for n in count(number + 1))
-        path = next(name for name in names if overwrite or not name.exists())
+        overwrite = self.value('overwrite')
+        path = next_bag(
+            Path(self.value('file')), number, lambda name: not overwrite and name.exists()
+        )
         self.writer = BagWriter(path, overwrite=overwrite)
         self._add_topics()
         self.on_ready()

@@ -104,7 +104,12 @@ def test_what_tests_of_colcon_import_is_installed_by_the_documentation():
     while new := {name for name in found - helpers if (room / f'{name}.py').is_file()}:
         helpers |= new
         found = found.union(*(modules_of(room / f'{name}.py') for name in new))
-    ours = {'mechanism_sim', 'ros_interfaces', 'zenoh_rclpy', *(p.stem for p in room.rglob('*.py'))}
+    ours = {
+        'mechanism_sim',
+        'ros_interfaces',
+        'zenoh_rclpy',
+        *(p.stem for p in room.rglob('*.py')),
+    }
     only_within = {'axe_playwright_python', 'playwright', 'rclpy'}
     foreign = found - known - helpers - ours - only_within - {*REQUIRED}
     assert 'mcap_ros2' in foreign
@@ -175,9 +180,7 @@ def described(monkeypatch, program: Path, **given: str) -> dict[str, SimpleNames
     monkeypatch.setattr(names, 'make_namespace_absolute', lambda name: name, raising=False)
     executable = SimpleNamespace(perform=lambda _: str(program))
     substitutions = sys.modules['launch_ros.substitutions']
-    monkeypatch.setattr(
-        substitutions, 'ExecutableInPackage', lambda *_: executable, raising=False
-    )
+    monkeypatch.setattr(substitutions, 'ExecutableInPackage', lambda *_: executable, raising=False)
     monkeypatch.setattr(
         sys.modules['launch_ros.parameter_descriptions'], 'ParameterValue',
         lambda value, value_type: value_type(value), raising=False,
