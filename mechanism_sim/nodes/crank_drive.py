@@ -32,8 +32,8 @@ class CrankDrive(Drive):
     commands, see `DriveCommands`. Parameters of the node, besides those of every node: ``lead``
     [s], how far the law is announced ahead of the slowest partner; ``realtime_factor``, simulated
     seconds per second, 0 for as fast as possible (otherwise the lead is at most `AHEAD` of wall
-    time, and a longer delay is not caught up); ``paused``, to begin so; ``hold``, to pause at the end of the run
-    instead of ending; ``step_size`` [s]; ``publish_clock``.
+    time, and a longer delay is not caught up); ``paused``, to begin so; ``hold``, to pause at the
+    end of the run instead of ending; ``step_size`` [s]; ``publish_clock``.
     """
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:

@@ -101,7 +101,7 @@ class NodePlan:
         return [*names, 'recorder'] if self.record else names
 
     def options(self, node: str) -> dict[str, str | float | bool]:
-        """Parameters of a node of this run: what is not asked for is left to files of parameters."""
+        """Parameters of a node of this run; others are left to files of parameters."""
         options: dict[str, str | float | bool] = {
             'scene': self.scene,
             'duration': self.duration,
