@@ -44,6 +44,7 @@ while os.getppid() == parent:
     if signalled and now - signalled > {LONG}:
         print('mechanism-sim: interrupted in a write that blocks', file=sys.stderr, flush=True)
         os.kill(parent, signal.SIGKILL)
+        break
 """
 
 
