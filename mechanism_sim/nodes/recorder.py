@@ -14,7 +14,7 @@ from mechanism_sim.messages import Progress, serialize, type_name
 from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.middleware import Parameter, QoSProfile, Timer
-from mechanism_sim.nodes.qos import PROFILES, RESULTS
+from mechanism_sim.nodes.qos import CLOCK_HEARD, PROFILES, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.recording.runs import next_bag
@@ -57,7 +57,8 @@ class Recorder(SimulationNode):
         self._topics: dict[str, tuple[Any, QoSProfile]] = {}
         self._ahead: list[tuple[str, bytes, int]] = []  # for the next run's bag, with their times
         for topic, kind, delivery in topics_of(self.machine, 'display' in self.partners):
-            self._record(topic, kind, PROFILES[delivery])
+            deep = CLOCK_HEARD if delivery == 'clock' else PROFILES[delivery]
+            self._record(topic, kind, PROFILES[delivery], deep)
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
         self._add_topics()
         self.create_timer(FLUSH_PERIOD, self._flush)
@@ -107,11 +108,11 @@ class Recorder(SimulationNode):
         )
         self.writer.add_topic(topic, type_name(kind), policies)
 
-    def _record(self, topic: str, kind: Any, qos: QoSProfile) -> None:
+    def _record(self, topic: str, kind: Any, qos: QoSProfile, heard: QoSProfile) -> None:
         name = self.resolve_topic_name(topic)
         self._topics[name] = kind, qos
         callback = self._make_callback(name, type_name(kind))
-        self.create_subscription(kind, topic, self.once_ready(callback), qos, raw=True)
+        self.create_subscription(kind, topic, self.once_ready(callback), heard, raw=True)
 
     def _make_callback(self, topic: str, kind: str) -> Callable[[bytes], None]:
         """Callback that writes a serialised message at its simulated time."""

@@ -366,3 +366,26 @@ def test_closed_forms_are_published_alike_however_short_the_law_is_known(
         told.append([np.array(m.position) for m in messages_of(bag, '/joint_states')])
         assert analyze(bag).digest == digest_of(scene, duration=duration)
     np.testing.assert_allclose(*told, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ('partners', 'said'),
+    [
+        ('crank_drive', 'waiting for crank_drive'),
+        ('', 'waiting for somebody who publishes /drive'),
+    ],
+)
+def test_a_node_that_waits_says_for_whom(monkeypatch, capsys, partners, said):
+    monkeypatch.setattr(simulation_node, 'SAY_AFTER', -1e9)
+    linkage = NODES['linkage']([Parameter('partners', value=partners)])
+    lines: list[str] = []
+
+    def told() -> bool:
+        lines.extend(capsys.readouterr().err.splitlines())
+        return any(said in line for line in lines)
+
+    try:
+        spin([linkage], told)
+        assert len([line for line in lines if 'waiting' in line]) == 1
+    finally:
+        linkage.destroy_node()
