@@ -142,6 +142,7 @@ class CrankDrive(Drive):
         self._announce(0.0, final=False)
         self.report(0.0)
         await self._all_at(0.0)
+        self._publish_clock()
         if playing:
             self.play()
         return ''
@@ -177,13 +178,16 @@ class CrankDrive(Drive):
     def _tick(self) -> None:
         final = self.final
         self.extend()
-        if self.value('publish_clock'):  # to the end, which the recorder waits for
-            self._clock_publisher.publish(Clock(clock=stamp(self.time)))
+        self._publish_clock()  # to the end, which the recorder waits for
         if not final:
             return
         # Who waits for the end of the run gets an answer first, in the time between two ticks.
         self.done = self._over and not self.control.busy
         self._over = self.partners_finished()
+
+    def _publish_clock(self) -> None:
+        if self.value('publish_clock'):
+            self._clock_publisher.publish(Clock(clock=stamp(self.time)))
 
     def _horizon(self) -> float:
         """Time [s] up to which the law may be announced now."""
