@@ -39,7 +39,7 @@ ARGUMENTS = {
     'duration': ('', 'length of the run [s]'),
     'revolutions': ('', 'or in revolutions of the crank'),
     'realtime_factor': ('0', 'simulated seconds per second; 0: no limit'),
-    'params_file': ('', 'YAML file with more parameters of the nodes'),
+    'params_file': ('', 'YAML file with more parameters of the nodes, which has the last word'),
     'record': ('', 'MCAP file for our own recorder'),
     'ros_bag': ('', "folder for 'ros2 bag record -s mcap'"),
     'namespace': ('', 'of all nodes and topics, within the namespace that is pushed'),
@@ -132,7 +132,8 @@ def _machine(context):
     else:
         for name, values in plan['nodes'].items():
             typed = {k: ParameterValue(v, value_type=type(v)) for k, v in values.items()}
-            machine.nodes[name] = Node(executable=name, parameters=[*more, typed], **shared)
+            # The last file has the last word, and ours is for all nodes (/**), as theirs may be.
+            machine.nodes[name] = Node(executable=name, parameters=[typed, *more], **shared)
     if bag:
         machine.recording = _recording(plan, namespace, given['ros_bag'], bag)
     return machine.entities()

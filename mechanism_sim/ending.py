@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import select
 import signal
 import sys
 import time
@@ -37,19 +38,20 @@ RETRY = 0.01  # [s] until an interrupt that came at a bad moment is tried again
 _silent = False  # somebody else speaks for this process, or it has said already why it ends
 _working = False  # there is something to be put in order
 _holding = False  # a process is being started
+_signals = -1  # end of the pipe into which signals put bytes, once `begin` was called
 _noticed = 0.0  # [s] when a signal was taken in, by ``time.monotonic``
 _patience = PATIENCE
 
 
 def begin() -> None:
     """Let this process end as the package has it."""
-    global _silent  # noqa: PLW0603
+    global _silent, _signals  # noqa: PLW0603
     for number in SIGNALS:
         signal.signal(number, interrupt)
-    reader, writer = os.pipe()
+    _signals, writer = os.pipe()
     os.set_blocking(writer, False)
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
-    Thread(target=_bound, args=[reader], daemon=True).start()
+    Thread(target=_bound, args=[_signals], daemon=True).start()
     sys.unraisablehook = _unraisable
     atexit.register(_ignore)  # the first that is registered is called last
     parent = os.environ.pop(PARENT, '')
@@ -57,6 +59,11 @@ def begin() -> None:
         _silent = True
         follow(int(parent))
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+
+
+def signals() -> int:
+    """The end of a pipe that holds a byte of each signal until a thread takes it; -1 for none."""
+    return _signals
 
 
 def follow(parent: int) -> None:
@@ -177,7 +184,10 @@ def allow(patience: float = PATIENCE) -> None:
 
 def _bound(reader: int) -> None:
     """End where the main thread does not take in a signal: compiling an integrator takes long."""
-    while os.read(reader, 64):
+    while True:
+        # Only a thread that runs takes the byte out: who looks from outside sees that one does.
+        select.select([reader], [], [])
+        os.read(reader, 64)
         patience = _patience
         earliest = time.monotonic() - patience
         time.sleep(patience)

@@ -159,7 +159,7 @@ def _ros_class(name: str) -> type[Any]:
     outer, _, part = short.partition('_')
     try:
         found = getattr(import_module(f'{package}.{kind}'), outer if part else short)
-    except (ImportError, AttributeError) as error:
+    except Exception as error:  # whatever a package that was built for another version raises
         raise MessageError(f'Message {name!r} is not installed: {error}') from error
     chosen: type[Any] = getattr(found, part) if part else found
     return chosen

@@ -18,3 +18,8 @@ def stamp(time: float) -> Any:
 def seconds(time: Any) -> float:
     """Seconds of a stamp: exact to the last digit a float64 has there."""
     return float(time.sec + time.nanosec / NANOSECONDS)
+
+
+def nanoseconds(time: Any) -> int:
+    """Nanoseconds of a stamp."""
+    return int(time.sec) * NANOSECONDS + int(time.nanosec)

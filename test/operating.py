@@ -63,7 +63,10 @@ while step(1)[1].startswith('the nodes of the run have not'):
 
 
 def operate(tmp_path: Path, text: str, *args: str, given: Sequence[str] = ()) -> tuple[Any, Path]:
-    """Run a scene paused and a program that operates it; what that prints, and the bag."""
+    """Run a scene paused and a program that operates it; what that prints, and the bag.
+
+    What the run says at its end is beside its bag, in ``run.txt``.
+    """
     env, bag = environment(), tmp_path / 'run.mcap'
     running = start('run', *args, '--paused', '--hold', '--record', str(bag), env=env)
     try:
@@ -75,7 +78,8 @@ def operate(tmp_path: Path, text: str, *args: str, given: Sequence[str] = ()) ->
         assert running.wait(TIMEOUT) == 0, running.communicate()[1]
     finally:
         running.kill()
-        running.communicate()
+        said, _ = running.communicate()
+    bag.with_suffix('.txt').write_text(said)
     return json.loads(operator.stdout.splitlines()[-1]), bag
 
 

@@ -20,6 +20,8 @@ from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.machine import Machine
 
+_FREE = '1e12'  # [N, m/s] limits of a joint that has none: 0 would let no controller move it
+
 
 def to_urdf(machine: Machine, prefix: str = '') -> str:
     """The text of a URDF file of a machine, for `robot_state_publisher`.
@@ -163,9 +165,10 @@ class _Tree:
         _origin(joint, (*at, 0.0), turn)
         if kind == 'prismatic':
             SubElement(joint, 'axis', xyz=text(*along, 0.0))
-            # asked for by the format; of the limits in the plane no motion knows
+            # The format asks for limits, which the motion has not: a controller that heeds them
+            # must be able to move the joint.
             far = text(self._far)
-            SubElement(joint, 'limit', lower=f'-{far}', upper=far, effort='0', velocity='0')
+            SubElement(joint, 'limit', lower=f'-{far}', upper=far, effort=_FREE, velocity=_FREE)
         elif kind == 'continuous':
             SubElement(joint, 'axis', xyz='0 0 1')
         return joint

@@ -83,7 +83,9 @@ def topics_of(machine: Machine, display: bool = False) -> list[Topic]:
     topics += [Topic(f'{sensor.kind}/{name}', SensorBlock, 'results') for name, sensor in sensors]
     topics += [Topic(f'imu/{name}', Imu, 'results') for name, sensor in sensors if sensor.imu]
     topics += [Topic(k.topic, k.message, 'results') for k in kinds_of(machine).values()]
-    topics += [Topic(f'{WRENCH}/{j}', WrenchStamped, 'results') for j in wrench_joints(machine)]
+    if wrenches := wrench_joints(machine):
+        topics += [Topic(f'{WRENCH}/{joint}', WrenchStamped, 'results') for joint in wrenches]
+        topics.append(Topic('/tf_static', TFMessage, 'latched'))
     if scene.oscillators:
         topics.append(Topic(OSCILLATOR_STATE, OscillatorState, 'results'))
     if display:

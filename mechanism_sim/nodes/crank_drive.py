@@ -14,7 +14,7 @@ from mechanism_sim.nodes.control import SimulationControl
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import Future, Parameter
-from mechanism_sim.nodes.pace import Pace
+from mechanism_sim.nodes.pace import AHEAD, Pace
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
 from mechanism_sim.nodes.worlds import Worlds
 
@@ -31,8 +31,9 @@ class CrankDrive(Drive):
     It is the simulator of the standard `simulation_interfaces`, see `SimulationControl`, and takes
     commands, see `DriveCommands`. Parameters of the node, besides those of every node: ``lead``
     [s], how far the law is announced ahead of the slowest partner; ``realtime_factor``, simulated
-    seconds per second, 0 for as fast as possible; ``paused``, to begin so; ``hold``, to pause at
-    the end of the run instead of ending; ``step_size`` [s]; ``publish_clock``.
+    seconds per second, 0 for as fast as possible (otherwise the lead is at most `AHEAD` of wall
+    time, and a longer delay is not caught up); ``paused``, to begin so; ``hold``, to pause at the
+    end of the run instead of ending; ``step_size`` [s]; ``publish_clock``.
     """
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
@@ -141,6 +142,7 @@ class CrankDrive(Drive):
         self._announce(0.0, final=False)
         self.report(0.0)
         await self._all_at(0.0)
+        self._publish_clock()
         if playing:
             self.play()
         return ''
@@ -155,7 +157,7 @@ class CrankDrive(Drive):
         self._pace.restart(0.0)
         self._commands.begin()
         self.create_timer(0.01, self._tick)
-        self.extend()
+        self._tick()
 
     def on_progress(self, message: Any) -> None:
         """Extend the law if a partner has progressed."""
@@ -174,14 +176,18 @@ class CrankDrive(Drive):
             future.set_result(None)
 
     def _tick(self) -> None:
-        if not self.final:
-            if self.value('publish_clock'):
-                self._clock_publisher.publish(Clock(clock=stamp(self.time)))
-            self.extend()
+        final = self.final
+        self.extend()
+        self._publish_clock()  # to the end, which the recorder waits for
+        if not final:
             return
         # Who waits for the end of the run gets an answer first, in the time between two ticks.
         self.done = self._over and not self.control.busy
         self._over = self.partners_finished()
+
+    def _publish_clock(self) -> None:
+        if self.value('publish_clock'):
+            self._clock_publisher.publish(Clock(clock=stamp(self.time)))
 
     def _horizon(self) -> float:
         """Time [s] up to which the law may be announced now."""
@@ -190,7 +196,7 @@ class CrankDrive(Drive):
         if not self.playing:
             return min(horizon, self._goal)
         if factor > 0.0:
-            horizon = min(horizon, self._pace.limit(factor, self.announced, lead))
+            horizon = min(horizon, self._pace.due(factor, self.announced) + lead)
         return horizon
 
     def extend(self) -> None:
@@ -226,7 +232,9 @@ class CrankDrive(Drive):
         return self.announced + 0.1 * min(lead, 0.05 * factor if factor > 0.0 else lead)
 
     def _lead_and_factor(self) -> tuple[float, float]:
-        return self.value('lead'), self.value('realtime_factor')
+        lead, factor = self.value('lead'), self.value('realtime_factor')
+        # With a pace, partners are not let fall far behind: they would rush to make up for it.
+        return min(lead, AHEAD * factor) if factor > 0.0 else lead, factor
 
     def _announce(self, until: float, final: bool, again: bool = False) -> None:
         """The present law holds until then."""

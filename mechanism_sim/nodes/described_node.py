@@ -45,6 +45,7 @@ class DescribedNode(Node):
     ----------
     results : names of the topics on which it publishes results
     spoken : names of the topics with messages of this package that it publishes or hears
+    heard : those that it hears
     done : whether it has nothing left to do
     keeps : whether it records what others publish, even after one of them has failed
     """
@@ -55,6 +56,7 @@ class DescribedNode(Node):
     def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
         self.results: list[str] = []
         self.spoken: set[str] = set()
+        self.heard: list[str] = []
         super().__init__(name, parameter_overrides=list(parameters))
         self.add_on_set_parameters_callback(_finite)
 
@@ -116,12 +118,16 @@ class DescribedNode(Node):
     ) -> Any:
         """Subscription to a topic."""
         heard = super().create_subscription(msg_type, topic, callback, qos_profile, **how)
-        self._note(msg_type, heard.topic_name)
+        if self._note(msg_type, heard.topic_name):
+            self.heard.append(heard.topic_name)
         return heard
 
-    def _note(self, msg_type: type[Any], topic: str) -> None:
-        if type_name(msg_type).startswith(f'{OWN}/'):
+    def _note(self, msg_type: type[Any], topic: str) -> bool:
+        """Note a topic; true if its messages are of this package."""
+        ours = type_name(msg_type).startswith(f'{OWN}/')
+        if ours:
             self.spoken.add(topic)
+        return ours
 
     def ignore(self, topic: str, reason: str) -> None:
         """Warn that a message was not taken, though it is one; seldom, however many there are."""

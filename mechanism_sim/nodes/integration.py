@@ -90,6 +90,9 @@ class Integration:
         }
         self._scene = node.create_publisher(String, 'scene', LATCHED)
         self._description = node.create_publisher(String, 'robot_description', LATCHED)
+        self._fixed = (
+            node.create_publisher(TFMessage, '/tf_static', LATCHED) if self._wrenches else None
+        )
         self._changes = node.create_publisher(SceneChange, 'scene_changes', RESULTS)
         self._known = 0.0
         self._restitutions = Restitutions(node, self._change)
@@ -107,6 +110,13 @@ class Integration:
             self._node.get_logger().warning(f'no robot_description: {error}')
         else:
             self._node.send(self._description, String(data=described))
+        if self._fixed:
+            self._node.send(
+                self._fixed,
+                publications.joint_transforms(
+                    self._wrenches, self._machine.mechanism, self._node.frame
+                ),
+            )
 
     def look(self) -> None:
         """Do nothing: the law of the drive limits the integration, not reports of partners."""
@@ -161,7 +171,7 @@ class Integration:
         self._write_linkage = publications.linkage_states(self._machine, frame(WORLD))
         self._write_reactions = publications.reactions(self._machine, frame(WORLD))
         self._write_loads = publications.bearing_loads(self._machine, frame(WORLD))
-        self._write_transforms = publications.transforms(mechanism, frame, [*self._wrenches])
+        self._write_transforms = publications.transforms(mechanism, frame)
         self._write_wrench = publications.wrenches(self._machine, frame, [*self._wrenches])
         self._runner: Runner | None = None
         self._law_id = 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 AHEAD = 0.1
-"""[s] of wall time by which a law is announced before it is due."""
+"""[s] of wall time by which a law is announced before it is due, and partners may be late."""
 
 
 class Pace:
@@ -20,17 +20,21 @@ class Pace:
         self._wall, self._sim = time.monotonic(), now
         self._seen = self._wall, now
 
-    def limit(self, factor: float, now: float, lead: float) -> float:
-        """Time [s] up to which a law may be announced that is announced to `now` [s].
+    def due(self, factor: float, announced: float) -> float:
+        """Time [s] that is due now, of a law that is announced to `announced` [s].
 
-        It is at most `lead` [s] ahead. A delay is not caught up, unless the factor
-        changes.
+        Where partners were slow the law has not come so far: of such a delay `AHEAD` is caught up
+        and the rest is not, so that a stall is followed by time at its pace and not by a rush.
         """
+        wall = time.monotonic()
         if factor != self._factor:
-            self._factor = factor
-            self.restart(now)
-        elapsed = time.monotonic() - self._wall
-        return self._sim + elapsed * factor + min(AHEAD * factor, lead)
+            self._wall, self._sim, self._factor = wall, announced, factor
+        due = self._sim + (wall - self._wall) * factor
+        late = due - announced - AHEAD * factor
+        if late > 0.0:
+            self._sim -= late
+            due -= late
+        return due
 
     def measure_factor(self, now: float) -> float:
         """Simulated seconds per second since this was last asked; `now` is [s] simulated."""

@@ -7,8 +7,8 @@ import gc
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from mechanism_sim import ending
@@ -73,44 +73,57 @@ def run_nodes(
             executor.wake()
         return None
 
-    # Also where a shell started us in the background and had SIGINT ignored.
-    before = [signal.signal(number, end) for number in ending.SIGNALS]
     code = 0
-    try:
-        init(list(ros_args))
-        executor = SingleThreadedExecutor()
-        executors.append(executor)
-        nodes += make()
-        for node in nodes:
-            executor.add_node(node)
-        if any(node.keeps for node in nodes):
-            ending.allow(PATIENCE)
-        gc.freeze()  # what is there now stays: the collector need not look through it
-        while not asked_to_end and ok():
-            if not (running() if running else not all(node.done for node in nodes)):
-                break
-            executor.spin_once(timeout_sec=0.1)
-    except KeyboardInterrupt:
-        pass
-    except (InputError, ParameterException, InvalidQosOverridesError, InvalidNameError) as error:
-        code = print_error(error, 2)
-    except (RunError, MiddlewareError) as error:
-        code = print_error(error, 2 if isinstance(error, ValueError) else 1)
-        for executor in executors:
-            _keep(executor, nodes)
-    finally:
-        leaving.append(True)
-        code = code or (ending.INTERRUPTED if asked_to_end else 0)
-        if code and stop:
-            stop(code)
+    with _signals_to(end):
         try:
-            leave(nodes, PATIENCE_AFTER_INTERRUPT if asked_to_end else PATIENCE)
-        except MiddlewareError as error:
-            code = code or print_error(error, 1)
-        ending.allow()
-        for number, handler in zip(ending.SIGNALS, before, strict=True):
-            signal.signal(number, handler or signal.SIG_DFL)
+            init(list(ros_args))
+            executor = SingleThreadedExecutor()
+            executors.append(executor)
+            nodes += make()
+            for node in nodes:
+                executor.add_node(node)
+            if any(node.keeps for node in nodes):
+                ending.allow(PATIENCE)
+            gc.freeze()  # what is there now stays: the collector need not look through it
+            while not asked_to_end and ok():
+                if not (running() if running else not all(node.done for node in nodes)):
+                    break
+                executor.spin_once(timeout_sec=0.1)
+        except KeyboardInterrupt:
+            pass
+        except (
+            InputError,
+            ParameterException,
+            InvalidQosOverridesError,
+            InvalidNameError,
+        ) as error:
+            code = print_error(error, 2)
+        except (RunError, MiddlewareError) as error:
+            code = print_error(error, 2 if isinstance(error, ValueError) else 1)
+            for executor in executors:
+                _keep(executor, nodes)
+        finally:
+            leaving.append(True)
+            code = code or (ending.INTERRUPTED if asked_to_end else 0)
+            if code and stop:
+                stop(code)
+            try:
+                leave(nodes, PATIENCE_AFTER_INTERRUPT if asked_to_end else PATIENCE)
+            except MiddlewareError as error:
+                code = code or print_error(error, 1)
+            ending.allow()
     return code or (ending.INTERRUPTED if asked_to_end else 0)
+
+
+@contextmanager
+def _signals_to(handler: Callable[[int, Any], None]) -> Iterator[None]:
+    """Handle signals, also where a shell started us in the background and had SIGINT ignored."""
+    before = [signal.signal(number, handler) for number in ending.SIGNALS]
+    try:
+        yield
+    finally:
+        for number, usual in zip(ending.SIGNALS, before, strict=True):
+            signal.signal(number, usual or signal.SIG_DFL)
 
 
 def report_end(name: str, code: int) -> int:

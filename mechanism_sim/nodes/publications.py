@@ -6,7 +6,7 @@ instants N serialised messages.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -214,10 +214,10 @@ def joint_frame(joint: str, frame_of: Callable[[str], str]) -> str:
     return frame_of(f'joint/{joint}')
 
 
-def _joint_transforms(
-    joints: Sequence[str], mechanism: Mechanism, frame_of: Callable[[str], str]
-) -> list[TransformStamped]:
-    """The frames of joints in those of their second links, which never change."""
+def joint_transforms(
+    joints: Iterable[str], mechanism: Mechanism, frame_of: Callable[[str], str]
+) -> Any:
+    """TFMessage of the frames of joints in those of their second links, which never change."""
     frames = []
     for name in joints:
         joint = mechanism.joint(name)
@@ -226,21 +226,17 @@ def _joint_transforms(
         frame.header.frame_id = frame_of(parent)
         frame.transform.translation.x, frame.transform.translation.y = map(float, joint.on_second)
         frames.append(frame)
-    return frames
+    return TFMessage(transforms=frames)
 
 
 def transforms(
-    mechanism: Mechanism, frame_of: Callable[[str], str], joints: Sequence[str] = ()
+    mechanism: Mechanism, frame_of: Callable[[str], str]
 ) -> Callable[[Array, Array], list[bytes]]:
-    """TFMessages with the frame of every link in the world; angles are (N, n).
-
-    With `joints` also the frames of these, see `joint_frame`.
-    """
+    """TFMessages with the frame of every link in the world; angles are (N, n)."""
     links = [body.name for body in mechanism.bodies]
     frames = [TransformStamped(child_frame_id=frame_of(link)) for link in links]
     for frame in frames:
         frame.header.frame_id = frame_of(WORLD)
-    frames += _joint_transforms(joints, mechanism, frame_of)
     layout = Layout(TFMessage(transforms=frames))
 
     def write(t: Array, angles: Array) -> list[bytes]:

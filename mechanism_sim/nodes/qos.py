@@ -28,5 +28,10 @@ CLOCK = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT
 )
 
+#: The clock for who records it: not only the newest of what came while it was busy.
+CLOCK_HEARD = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT
+)
+
 #: by the delivery of a topic
 PROFILES: dict[Delivery, QoSProfile] = {'results': RESULTS, 'latched': LATCHED, 'clock': CLOCK}

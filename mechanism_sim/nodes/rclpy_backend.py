@@ -15,7 +15,8 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -68,7 +69,9 @@ from rclpy.time import Time
 from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args
 
+from mechanism_sim import ending
 from mechanism_sim.messages import MessageError, objection
+from mechanism_sim.nodes.blocked_writes import BlockedWrites
 from ros_interfaces.refusals import Refusals, check_message
 
 __all__ = [
@@ -145,6 +148,9 @@ PATIENCE, RETRY = 60.0, 0.005
 """[s] that a publisher with a full queue waits for slow subscribers, and between two tries."""
 
 
+_writes: BlockedWrites | None = None  # between `init` and `leave`, of programs of this package
+
+
 class MiddlewareError(RuntimeError):
     """The network, a name or a call is not as it should be; the text says what to do."""
 
@@ -166,12 +172,14 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
         """Publisher whose `publish` waits while the queue of the middleware is full."""
         publisher = super().create_publisher(*given, **how)
         publish, topic = publisher.publish, publisher.topic_name
+        write = partial(_writes.on, topic) if _writes else nullcontext
 
         def publish_when_possible(message: Any) -> None:
             end = time.monotonic() + PATIENCE
             while True:
                 try:
-                    publish(message)
+                    with write():
+                        publish(message)
                     return
                 except RCLError as error:
                     if not ok(context=self.context):
@@ -237,6 +245,7 @@ def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None
 
     Raises MiddlewareError if there is no network to join, or if ``init`` was called already.
     """
+    global _writes  # noqa: PLW0603
     free = [
         option for number, (usual, option) in _USUAL.items() if signal.getsignal(number) is usual
     ]
@@ -252,6 +261,8 @@ def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None
         )
     except RuntimeError as error:
         raise MiddlewareError(str(error)) from error
+    if ending.signals() >= 0 and _writes is None:
+        _writes = BlockedWrites(ending.signals())
 
 
 def publish_all(publisher: Any, messages: Iterable[Any]) -> None:
@@ -265,6 +276,7 @@ def leave(nodes: Iterable[Any] = (), patience: float = 60.0) -> None:
 
     Raises MiddlewareError if they have not after `patience` [s].
     """
+    global _writes  # noqa: PLW0603
     nodes = list(nodes)
     end = time.monotonic() + patience
     taken = [
@@ -275,6 +287,9 @@ def leave(nodes: Iterable[Any] = (), patience: float = 60.0) -> None:
     for node in nodes:
         node.destroy_node()
     try_shutdown()
+    if _writes:
+        _writes.close()
+        _writes = None
     if not all(taken):
         raise MiddlewareError(
             f'After {patience} s other processes had not taken in what was published here:'

@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Callable, Sequence
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,12 @@ from mechanism_sim.messages import Progress, serialize, type_name
 from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.middleware import Parameter, QoSProfile, Timer
-from mechanism_sim.nodes.qos import PROFILES, RESULTS
+from mechanism_sim.nodes.qos import CLOCK_HEARD, PROFILES, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording import BagWriter, Qos
+from mechanism_sim.recording.runs import next_bag
 from mechanism_sim.recording.writer import FLUSH_PERIOD
+from ros_interfaces.stamps import NANOSECONDS, nanoseconds
 
 _STAMP = struct.Struct('<iI')
 _NO_STAMP = 'std_msgs/msg/String'
@@ -31,7 +32,8 @@ class Recorder(SimulationNode):
     """Records all topics of a run until every partner has finished and all has come.
 
     A reset ends the bag: the next run goes to a bag of its own, ``run-2.mcap`` after ``run.mcap``.
-    The time it reports is that up to which all that was announced is in the bag. Parameters of the
+    The time it reports is that up to which all that was announced is in the bag, which ends with
+    the end of ``/clock`` if the drive has a clock. Parameters of the
     node, besides those of every node: ``file``, the bag to write; ``overwrite``.
     """
 
@@ -45,7 +47,7 @@ class Recorder(SimulationNode):
             raise InputError('recorder: give the bag to write, for example --file run.mcap')
         self.machine  # noqa: B018 - a bad scene is refused before a file is made
         self.writer = BagWriter(self.value('file'), overwrite=self.value('overwrite'))
-        self._now = 0
+        self._now, self._clock_time = 0, -1  # [ns] of the last message, of the last of the clock
         self._reports: dict[str, Any] = {}  # reports by node whose messages may still be under way
         self._complete: dict[str, float] = {}  # [s] up to which all of a node is in the bag
         self._due: dict[str, int] = {}  # counts by topic at which to look again
@@ -55,7 +57,8 @@ class Recorder(SimulationNode):
         self._topics: dict[str, tuple[Any, QoSProfile]] = {}
         self._ahead: list[tuple[str, bytes, int]] = []  # for the next run's bag, with their times
         for topic, kind, delivery in topics_of(self.machine, 'display' in self.partners):
-            self._record(topic, kind, PROFILES[delivery])
+            deep = CLOCK_HEARD if delivery == 'clock' else PROFILES[delivery]
+            self._record(topic, kind, PROFILES[delivery], deep)
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
         self._add_topics()
         self.create_timer(FLUSH_PERIOD, self._flush)
@@ -65,13 +68,14 @@ class Recorder(SimulationNode):
         """Go on with a bag of its own."""
         super().begin_run(number)
         self.writer.close()
-        first, overwrite = Path(self.value('file')), self.value('overwrite')
-        names = (first.with_name(f'{first.stem}-{n}{first.suffix}') for n in count(number + 1))
-        path = next(name for name in names if overwrite or not name.exists())
+        overwrite = self.value('overwrite')
+        path = next_bag(
+            Path(self.value('file')), number, lambda name: not overwrite and name.exists()
+        )
         self.writer = BagWriter(path, overwrite=overwrite)
         self._add_topics()
         self.on_ready()
-        self._now = 0
+        self._now, self._clock_time = 0, -1
         for topic, data, t in self._ahead:
             self.writer.write(topic, data, t)
         self._ahead.clear()
@@ -104,25 +108,34 @@ class Recorder(SimulationNode):
         )
         self.writer.add_topic(topic, type_name(kind), policies)
 
-    def _record(self, topic: str, kind: Any, qos: QoSProfile) -> None:
+    def _record(self, topic: str, kind: Any, qos: QoSProfile, heard: QoSProfile) -> None:
         name = self.resolve_topic_name(topic)
         self._topics[name] = kind, qos
         callback = self._make_callback(name, type_name(kind))
-        self.create_subscription(kind, topic, self.once_ready(callback), qos, raw=True)
+        self.create_subscription(kind, topic, self.once_ready(callback), heard, raw=True)
 
     def _make_callback(self, topic: str, kind: str) -> Callable[[bytes], None]:
         """Callback that writes a serialised message at its simulated time."""
         offset = 8 if kind in _IN_ARRAY else 4
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
-        # All machines share /tf: what belongs to another is in another world.
-        world = f'{self.frame(WORLD)}\0'.encode() if topic == '/tf' else b''
+        # All machines share these topics: frames of another are in another world.
+        ours: tuple[bytes, ...] = ()
+        if topic in ('/tf', '/tf_static'):
+            bodies = self.machine.mechanism.bodies
+            links = (WORLD, *(body.name for body in bodies))
+            ours = tuple(f'{self.frame(link)}\0'.encode() for link in links)
 
         def write(data: bytes) -> None:
-            if world and not data.startswith(world, _PARENT):
+            if ours and not data.startswith(ours, _PARENT):
                 return
             if kind != _NO_STAMP and len(data) >= offset + _STAMP.size:
-                seconds, nanoseconds = _STAMP.unpack_from(data, offset)
-                self._now = seconds * 1_000_000_000 + nanoseconds
+                whole, part = _STAMP.unpack_from(data, offset)
+                now = whole * NANOSECONDS + part
+                if topic == '/clock':
+                    if self._ended or now > self._announced:
+                        return  # of the run before: nothing else in such a message tells
+                    self._clock_time = now
+                self._now = now
             if topic in tells and _run_of(data) == self.run + 1:
                 self.begin_run(self.run + 1)
             if self._ended and not self.done:
@@ -140,7 +153,7 @@ class Recorder(SimulationNode):
         """Record it, pass on how far the bag is complete, end when all have ended."""
         if message.run > self.run:
             self.begin_run(message.run)
-        self._now = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+        self._now = nanoseconds(message.header.stamp)
         self.writer.write(self.resolve_topic_name('progress'), serialize(message), self._now)
         self._reports.setdefault(message.node, message)
         self._review()
@@ -188,13 +201,29 @@ class Recorder(SimulationNode):
             for report in self._reports.values()
             for t, n in self._missing_counts(report).items()
         }
-        if not missing:
+        late = self._loss_deadline is not None and time.monotonic() > self._loss_deadline
+        # The clock is no result: no count tells of it, and it may be lost.
+        if not missing and (late or self._clock_ended()):
             again = self.another_follows()
             self.report(self.partners_time(), finished=True, again=again)
             self._ended, self.done = True, not again
-        elif self._loss_deadline is not None and time.monotonic() > self._loss_deadline:
+        elif missing and late:
             topic, count = next(iter(missing.items()))
             raise RunError(f'recorder: {count} messages of {topic} were announced and never came')
+
+    @property
+    def _announced(self) -> int:
+        """Time [ns] to which the law is announced in this run, as far as is known here."""
+        drive = self.progress_of.get('crank_drive')
+        return nanoseconds(drive.header.stamp) if drive else 0
+
+    def _clock_ended(self) -> bool:
+        """True if the clock of the drive has come to the end, or the drive has none."""
+        drive = 'crank_drive', self.get_namespace()
+        return self._clock_time >= self._announced or not any(
+            (info.node_name, info.node_namespace) == drive
+            for info in self.get_publishers_info_by_topic('/clock')
+        )
 
     def diagnose(self) -> Diagnosis:
         """Statistics of the bag."""

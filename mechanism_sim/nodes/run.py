@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import glob
 import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mechanism_sim import ending
@@ -22,7 +24,7 @@ from mechanism_sim.nodes.process import report_end, run_nodes
 from mechanism_sim.nodes.qos import PROFILES, RESULTS
 from mechanism_sim.nodes.sensors import Sensors
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.recording import realtime_factor
+from mechanism_sim.recording.runs import next_bag, realtime_factor
 from mechanism_sim.scene import Machine
 
 if TYPE_CHECKING:
@@ -99,24 +101,22 @@ class NodePlan:
         return [*names, 'recorder'] if self.record else names
 
     def options(self, node: str) -> dict[str, str | float | bool]:
-        """Parameters of a node of this run."""
+        """Parameters of a node of this run; others are left to files of parameters."""
         options: dict[str, str | float | bool] = {
             'scene': self.scene,
             'duration': self.duration,
             'partners': ','.join(n for n in self.nodes if n != node),
             'partner_timeout': START_PATIENCE,
         }
-        if self.overrides:
-            options['overrides'] = '\n'.join(self.overrides)
-        if self.listeners:
-            options['listeners'] = ','.join(self.listeners)
+        asked: dict[str, str | float | bool | None] = {
+            'overrides': '\n'.join(self.overrides),
+            'listeners': ','.join(self.listeners),
+        }
         if node == 'crank_drive':
-            options['realtime_factor'] = self.realtime_factor
-            options['paused'], options['hold'] = self.paused, self.hold
-        if node == 'recorder' and self.record:
-            options['file'] = self.record
-            options['overwrite'] = self.overwrite
-        return options
+            asked |= {name: getattr(self, name) for name in ('realtime_factor', 'paused', 'hold')}
+        if node == 'recorder':
+            asked |= {'file': self.record, 'overwrite': self.overwrite}
+        return options | {name: value for name, value in asked.items() if value}
 
     def to_json(self) -> dict[str, object]:
         """The nodes with their parameters, and the topics with their quality of service."""
@@ -150,13 +150,14 @@ class Outcome:
     code: int
     scene: str
     level: str
-    duration: float  #: [s] simulated
+    duration: float  #: [s] simulated, of the last run after resets, as all that follows
     wall_time: float  #: [s] from the start of the first process to the end of the last
     run_time: float  #: [s] from the first message to the last: by the bag, if there is one
     realtime_factor: float  #: by `run_time`
     impacts: int
     sent: dict[str, int]  #: messages by topic, as the nodes counted them
-    bag: str | None
+    bag: str | None  #: of the last run
+    earlier_bags: list[str]  #: of those that a reset ended
     middleware: str  #: 'rclpy' or 'zenoh'
 
     def to_json(self) -> dict[str, object]:
@@ -171,12 +172,20 @@ class Outcome:
             f'({self.wall_time:.3g} s with starting and ending)',
             f'  {self.impacts} impacts, {sum(self.sent.values())} messages',
         ]
-        return '\n'.join([*lines, f'  recorded in {self.bag}'] if self.bag else lines)
+        if self.bag:
+            lines.append(f'  recorded in {self.bag}')
+        if self.earlier_bags:
+            lines.append(f'  runs before the last reset: {", ".join(self.earlier_bags)}')
+        return '\n'.join(lines)
 
 
 def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
     """Make a run; `processes` gives each node a process of its own."""
     began = time.monotonic()
+    first = Path(plan.record) if plan.record else None
+    taken: set[Path] = set()  # names that a bag of a later run does not get
+    if first and not plan.overwrite:
+        taken |= {*first.parent.glob(f'{glob.escape(first.stem)}-*')}
     monitors: list[Monitor] = []
 
     def watch() -> Monitor:
@@ -196,10 +205,14 @@ def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
         for topic, count in zip(message.topics, message.counts, strict=True):
             sent[topic] = sent.get(topic, 0) + int(count)
     simulated, took = (monitor.time, monitor.run_time) if monitor else (0.0, 0.0)
-    if plan.record and code == 0 and monitor and monitor.run == 0:
+    bags = [first] if first else []
+    for number in range(1, monitor.run + 1 if first and monitor else 1):
+        bags.append(next_bag(bags[0], number, taken.__contains__))
+        taken.add(bags[-1])
+    if bags and code == 0:
         from mechanism_sim.recording import read_bag  # noqa: PLC0415 - a run may have no bag
 
-        took = read_bag(plan.record).wall_time or took
+        took = read_bag(bags[-1]).wall_time or took
     return Outcome(
         code,
         plan.machine.name,
@@ -210,7 +223,8 @@ def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
         realtime_factor(simulated, took) or 0.0,
         monitor.impacts if monitor else 0,
         sent,
-        plan.record,
+        str(bags[-1]) if bags else None,
+        [str(bag) for bag in bags[:-1]],
         backend(),
     )
 

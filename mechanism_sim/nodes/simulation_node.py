@@ -25,6 +25,9 @@ from mechanism_sim.scene import Machine, run_length
 LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
 SETTLE = 0.3  # [s] until a node that has joined can be sure to see who was there before
 REPORT_PERIOD = 0.01  # [s] between reports that are not urgent
+SAY_AFTER, SAY_AGAIN = 2.0, 30.0
+"""[s] after which a node says for whom it waits, and after which it says so again."""
+
 FAREWELL = 1.0  # [s] a node stays that has found a partner of another version
 GONE_AFTER = 3.0  # [s] a partner may be out of the graph before it counts as lost
 LONG = 0.0, 1e12  # [s]
@@ -198,14 +201,17 @@ class SimulationNode(DescribedNode):
                 self.on_ready()
                 if self.active:
                     self._take_early()
-            elif missing and time.monotonic() > self._deadline:
+                return
+            if (missing or unheard) and time.monotonic() > self._settled + SAY_AFTER:
+                self._say_waiting(', '.join(missing) or ' on '.join(unheard or ()))
+            if missing and time.monotonic() > self._deadline:
                 waited = self.value('partner_timeout')
                 raise RunError(
                     f"{self.get_name()}: waited {waited:g} s for '{missing[0]}', which never came;"
                     f" start it ('mechanism-sim node {missing[0]} --scene {self.value('scene')}')"
                     ' or take it off the partners'
                 )
-            elif unheard and time.monotonic() > self._deadline:
+            if unheard and time.monotonic() > self._deadline:
                 listener, topic = unheard
                 waited = self.value('partner_timeout')
                 raise RunError(
@@ -214,6 +220,10 @@ class SimulationNode(DescribedNode):
                 )
             return
         now = time.monotonic()
+        if self.first_heard is None and not self.done and now > self._settled + SAY_AFTER:
+            silent = [t for t in self.heard if not self.get_publishers_info_by_topic(t)]
+            if silent:
+                self._say_waiting(f'somebody who publishes {", ".join(silent)}')
         for partner in self.partners:
             known = self.progress_of.get(partner)
             if partner not in missing or (known and known.finished) or self.done:
@@ -223,6 +233,9 @@ class SimulationNode(DescribedNode):
                     f"{self.get_name()}: '{partner}' left before the run was finished; what came "
                     'until then is kept'
                 )
+
+    def _say_waiting(self, for_whom: str) -> None:
+        self.get_logger().info(f'waiting for {for_whom}', throttle_duration_sec=SAY_AGAIN)
 
     def _difference(self) -> str:
         """Describe a partner with other message types, which would receive nothing."""

@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from mechanism_sim.recording.pace import realtime_factor
+from mechanism_sim.recording.runs import realtime_factor
 
 if TYPE_CHECKING:
     from mechanism_sim.recording.inventory import (

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from mechanism_sim import documents, strict_json
-from mechanism_sim.recording.pace import realtime_factor
 from mechanism_sim.recording.reader import Bag, BagTopic, read_bag
+from mechanism_sim.recording.runs import realtime_factor
 from mechanism_sim.recording.writer import lock
 
 

@@ -162,6 +162,9 @@ def test_urdf_moves_the_joints_that_joint_states_names():
         moved = {j.get('name') for j in joints if j.get('type') != 'fixed'}
         mimics = {j.get('name') for j in joints if j.find('mimic') is not None}
         assert moved - mimics == {*scene.physics.coordinates}
+        # A controller that heeds limits must be able to move every joint.
+        limits = [limit for joint in joints for limit in joint.findall('limit')]
+        assert all(float(x.get(word)) > 1e6 for x in limits for word in ('effort', 'velocity'))
 
 
 def test_urdf_lists_the_joints_that_close_loops():

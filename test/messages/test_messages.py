@@ -331,3 +331,15 @@ def test_definitions_are_found_where_pip_puts_them(tmp_path):
         check=True,
     )
     assert done.stdout.split() == ["('Only',)", str(shared)]
+
+
+@pytest.mark.parametrize('fault', ['RuntimeError("built for NumPy 1")', 'OSError("libfoo.so")'])
+def test_a_package_of_messages_that_fails_in_any_way_is_not_installed(
+    monkeypatch, tmp_path, fault
+):
+    """Services of an optional package are then missing, and the run goes on."""
+    (tmp_path / 'broken_msgs').mkdir()
+    (tmp_path / 'broken_msgs' / 'msg.py').write_text(f'raise {fault}')
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(MessageError, match=r"'broken_msgs/msg/Any' is not installed"):
+        classes._ros_class('broken_msgs/msg/Any')

@@ -82,6 +82,11 @@ def test_a_hundred_single_steps_equal_one_run_to_the_bit(tmp_path):
     assert (found['stopped'], found['quit']) == (0, [1, ''])
     alone = run_json('solve', SCENE, '--duration', '0.1')
     assert analyze(bag).digest == alone['digest']
+    # The run after the reset ends where it was paused, and is what `run` tells of at its end.
+    told = bag.with_suffix('.txt').read_text().splitlines()
+    assert ': 0 s simulated in ' in told[0]
+    assert told[-2] == f'  recorded in {bag.with_name("run-3.mcap")}'
+    assert told[-1].endswith(f': {bag}, {bag.with_name("run-2.mcap")}')
     # The run after the reset begins a bag of its own, with the description of the scene.
     second = read_bag(bag.with_name('run-2.mcap'))
     assert second.complete

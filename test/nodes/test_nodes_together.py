@@ -24,7 +24,7 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.messages import Impact, JointState, service_class
 from mechanism_sim.messages.part_states import KINDS
-from mechanism_sim.nodes import middleware, simulation_node
+from mechanism_sim.nodes import middleware, pace, simulation_node
 from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes.process import report_end
 from mechanism_sim.nodes.qos import RESULTS
@@ -33,7 +33,7 @@ from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording import read_bag
 
 SCENE = 'four_bar_clearance'
-PLAYING = 1
+PLAYING, QUITTING = 1, 3
 
 pytestmark = pytest.mark.usefixtures('network')
 
@@ -269,3 +269,123 @@ def test_blocks_are_those_of_the_channel_and_an_inertial_unit_knows_its_attitude
     assert np.abs(turned - np.exp(1j * seen['position.rocker'])).max() < 1e-12
     rate = np.array([m.angular_velocity.z for m in messages])
     assert np.abs(rate - seen['velocity.rocker']).max() < 1e-9
+
+
+class _Watch:
+    """A clock of wall time that goes when it is told to."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+def test_a_stall_is_not_followed_by_a_rush(monkeypatch):
+    """A partner that stands still for 5 s of wall time delays the run by so long."""
+    watch, most = _Watch(), 2.0 * pace.AHEAD + 0.01
+    monkeypatch.setattr(pace, 'time', watch)
+    with nodes_of(SCENE, 1e5, 'crank_drive', 'linkage', realtime_factor=1.0) as nodes:
+        drive, linkage = nodes['crank_drive'], nodes['linkage']
+
+        def go(wall: float) -> None:
+            for _ in range(round(wall / 0.05)):
+                watch.now += 0.05
+                before = drive.announced
+                spin([drive, linkage], lambda b=before: not linkage.active or drive.announced > b)
+
+        spin([drive, linkage], lambda: linkage.ready and drive.announced > 0.0)
+        go(1.0)
+        assert 1.0 - 0.01 < drive.announced < 1.0 + most
+        linkage.deactivate()
+        stood = drive.announced
+        for _ in range(100):
+            watch.now += 0.05
+            ticks = iter(range(3))
+            spin([drive, linkage], lambda t=ticks: next(t, None) is None)
+        assert drive.announced < stood + most
+        linkage.activate()
+        go(1.0)
+        assert drive.announced < stood + 1.0 + most
+
+
+def clocks_of(bag: Path) -> list[float]:
+    return [m.clock.sec + 1e-9 * m.clock.nanosec for _, m, _ in read_bag(bag).messages('/clock')]
+
+
+def test_the_clock_reaches_the_end_of_each_run_in_its_bag(tmp_path):
+    """However short the run is: the law of these is announced to the end at once."""
+    bags = tmp_path / 'run.mcap', tmp_path / 'run-2.mcap'
+    operator = Node('operator')
+    with nodes_of(SCENE, 0.2, record=bags[0], hold=True) as nodes:
+        drive, everybody = nodes['crank_drive'], [*nodes.values(), operator]
+
+        def arrived() -> bool:
+            return drive.time >= 0.2
+
+        def ask(short: str, name: str, **state: int) -> None:
+            kind = service_class(f'simulation_interfaces/srv/{short}')
+            request = kind.Request()
+            if state:
+                request.state.state = state['state']
+            client = operator.create_client(kind, name)
+            spin(everybody, client.service_is_ready)
+            answer = client.call_async(request)
+            spin(everybody, answer.done)
+            assert answer.result().result.result == 1
+
+        spin(everybody, arrived)
+        ask('ResetSimulation', 'reset_simulation')
+        ask('SetSimulationState', 'set_simulation_state', state=PLAYING)
+        spin(everybody, arrived)
+        ask('SetSimulationState', 'set_simulation_state', state=QUITTING)
+        finish(nodes, operator)
+    operator.destroy_node()
+    for bag in bags:
+        times = clocks_of(bag)
+        assert times == sorted(times)
+        assert (times[0], times[-1]) == (0.0, 0.2)
+
+
+@pytest.mark.parametrize(
+    ('scene', 'duration'),
+    [
+        ('geneva', 0.23), ('linear_intermittent', 0.29), ('quick_return', 0.57),
+        ('offset_roller_cam', 0.27), ('measured_cam', 0.1),
+    ],
+)  # fmt: skip
+def test_closed_forms_are_published_alike_however_short_the_law_is_known(
+    tmp_path, scene, duration
+):
+    """Samples come from previews, which may have several pieces, where credit ends within one."""
+    told = []
+    for lead in (3.0, 0.01):
+        bag = tmp_path / f'{lead}.mcap'
+        with nodes_of(scene, duration, record=bag, drive={'lead': lead}) as nodes:
+            finish(nodes)
+        told.append([np.array(m.position) for m in messages_of(bag, '/joint_states')])
+        assert analyze(bag).digest == digest_of(scene, duration=duration)
+    np.testing.assert_allclose(*told, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ('partners', 'said'),
+    [
+        ('crank_drive', 'waiting for crank_drive'),
+        ('', 'waiting for somebody who publishes /drive'),
+    ],
+)
+def test_a_node_that_waits_says_for_whom(monkeypatch, capsys, partners, said):
+    monkeypatch.setattr(simulation_node, 'SAY_AFTER', -1e9)
+    linkage = NODES['linkage']([Parameter('partners', value=partners)])
+    lines: list[str] = []
+
+    def told() -> bool:
+        lines.extend(capsys.readouterr().err.splitlines())
+        return any(said in line for line in lines)
+
+    try:
+        spin([linkage], told)
+        assert len([line for line in lines if 'waiting' in line]) == 1
+    finally:
+        linkage.destroy_node()

@@ -10,6 +10,7 @@ import json
 import os
 import re
 import runpy
+import shlex
 import signal
 import subprocess
 import sys
@@ -18,16 +19,21 @@ import xml.etree.ElementTree as ET
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 
 import pytest
+import yaml
 from running import ROOT, TIMEOUT, environment, ros_found, run_json
 
+import mechanism_sim as ms
 from mechanism_sim import nodes
 from mechanism_sim.analysis import analyze
 from mechanism_sim.cli import NODE_CLASSES, NODE_NAMES
 from mechanism_sim.messages import PUBLIC, own_messages, type_hash
+from mechanism_sim.nodes.run import NodePlan
 from mechanism_sim.packages import EXTRAS, REQUIRED, distribution
 from mechanism_sim.recording import read_bag
+from zenoh_rclpy.arguments import parse_arguments
 
 NODES = Path(nodes.__file__).parent
 needs_ros = pytest.mark.skipif(not ros_found(), reason='no ROS 2 here with this package built')
@@ -59,6 +65,57 @@ def test_the_manifest_says_what_pip_says_and_names_every_package_of_messages():
     own = set(re.findall(r'^(\w+)/\w+ ', '\n'.join(p.read_text() for p in MESSAGES), re.MULTILINE))
     built = {e.text for e in manifest if e.tag == 'depend'}
     assert own == built
+
+
+def installed(page: str) -> list[str]:
+    """What a page of the documentation installs by pip, in its first such line."""
+    line = re.search(r'^pip install ((?:.*\\\n)*.*)$', page, re.MULTILINE)
+    assert line is not None
+    return shlex.split(line[1].replace('\\\n', ' '))
+
+
+def test_the_installation_states_the_versions_that_are_needed():
+    """A distribution of ROS has older ones of most, which pip would be content with."""
+    project = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']
+    extras = {one for some in project['optional-dependencies'].values() for one in some}
+    given = installed((ROOT / 'docs' / 'ros2.md').read_text())
+    assert {*project['dependencies']} <= {*given} <= {*project['dependencies'], *extras}
+
+
+def modules_of(path: Path) -> set[str]:
+    """The modules that a file imports, and those of the helpers of tests among them."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.partition('.')[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.add(node.module.partition('.')[0])
+    return names
+
+
+def test_what_tests_of_colcon_import_is_installed_by_the_documentation():
+    suites = re.findall(r'foreach\(suite ([^)]*)\)', (ROOT / 'CMakeLists.txt').read_text())
+    room, page = ROOT / 'test', (ROOT / 'docs' / 'ros2.md').read_text().partition('## Tests')[2]
+    found, known = {'conftest'}, set(sys.stdlib_module_names)
+    for suite in suites[0].split():
+        folder, _, name = suite.partition('/')
+        found |= modules_of(room / folder / f'test_{name}.py')
+    helpers: set[str] = set()
+    while new := {name for name in found - helpers if (room / f'{name}.py').is_file()}:
+        helpers |= new
+        found = found.union(*(modules_of(room / f'{name}.py') for name in new))
+    ours = {
+        'mechanism_sim',
+        'ros_interfaces',
+        'zenoh_rclpy',
+        *(p.stem for p in room.rglob('*.py')),
+    }
+    only_within = {'axe_playwright_python', 'playwright', 'rclpy'}
+    foreign = found - known - helpers - ours - only_within - {*REQUIRED}
+    assert 'mcap_ros2' in foreign
+    assert {name.replace('mcap_ros2', 'mcap-ros2-support') for name in foreign} <= {
+        *installed(page)
+    }
 
 
 def test_the_changelog_of_ros_is_that_of_the_releases():
@@ -99,6 +156,69 @@ def test_packages_that_may_be_missing_are_those_of_pip():
     extras = project['optional-dependencies']
     for module, extra in EXTRAS.items():
         assert any(re.split('[><=]', one)[0] == distribution(module) for one in extras[extra])
+
+
+class _Described(SimpleNamespace):
+    """Stands for what `launch` and `launch_ros` make, and keeps what it was made with."""
+
+    def __init__(self, *given: object, **how: object) -> None:
+        super().__init__(given=given, **how)
+
+
+def described(monkeypatch, program: Path, **given: str) -> dict[str, SimpleNamespace]:
+    """The nodes of the launch file by name, with a `launch` that describes and starts nothing."""
+    for name in (
+        'launch', 'launch.actions', 'launch.event_handlers', 'launch.events',
+        'launch.events.process', 'launch.logging', 'launch_ros', 'launch_ros.actions',
+        'launch_ros.parameter_descriptions', 'launch_ros.substitutions', 'launch_ros.utilities',
+    ):  # fmt: skip
+        module = ModuleType(name)
+        monkeypatch.setattr(module, '__getattr__', lambda _: _Described, raising=False)
+        monkeypatch.setitem(sys.modules, name, module)
+    names = sys.modules['launch_ros.utilities']
+    monkeypatch.setattr(names, 'prefix_namespace', lambda *_: '/', raising=False)
+    monkeypatch.setattr(names, 'make_namespace_absolute', lambda name: name, raising=False)
+    executable = SimpleNamespace(perform=lambda _: str(program))
+    substitutions = sys.modules['launch_ros.substitutions']
+    monkeypatch.setattr(substitutions, 'ExecutableInPackage', lambda *_: executable, raising=False)
+    monkeypatch.setattr(
+        sys.modules['launch_ros.parameter_descriptions'], 'ParameterValue',
+        lambda value, value_type: value_type(value), raising=False,
+    )  # fmt: skip
+    file = runpy.run_path(str(ROOT / 'launch' / 'machine.launch.py'))
+    defaults = {name: default for name, (default, _) in file['ARGUMENTS'].items()}
+    flags = dict.fromkeys(file['FLAGS'], 'false')
+    values = defaults | flags | {'on_failure': 'shutdown'} | given
+    entities = file['_machine'](SimpleNamespace(launch_configurations=values))
+    return {e.executable: e for e in entities if hasattr(e, 'executable')}
+
+
+def test_a_file_of_parameters_for_all_nodes_has_the_last_word(monkeypatch, tmp_path):
+    """`launch_ros` writes dictionaries to files for `/**`, and the last file counts."""
+    program, given = tmp_path / 'mechanism-sim', tmp_path / 'given.yaml'
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m mechanism_sim "$@"\n')
+    program.chmod(0o755)
+    told = {'realtime_factor': 0.5, 'partner_timeout': 7.0, 'hold': True}
+    given.write_text(yaml.safe_dump({'/**': {'ros__parameters': told}}))
+    nodes = described(monkeypatch, program, params_file=str(given), duration='1')
+    assert {'crank_drive', 'linkage'} <= nodes.keys()
+    for name, node in nodes.items():
+        args = ['--ros-args']
+        for k, parameters in enumerate(node.parameters):
+            path = tmp_path / f'{name}{k}.yaml'
+            if isinstance(parameters, dict):
+                path.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}))
+            args += ['--params-file', parameters if isinstance(parameters, str) else str(path)]
+        found = parse_arguments(args).parameters_of(f'/{name}')
+        assert found | told == found
+        assert found['duration'] == 1.0
+    (all_in_one,) = described(
+        monkeypatch, program, params_file=str(given), duration='1', composed='true'
+    ).values()
+    assert all_in_one.parameters == [str(given)]
+    # What is no wish of the launch is not set by the command, which would have the last word.
+    options = NodePlan(ms.load_scene('four_bar_clearance'), '', (), 1.0).options('crank_drive')
+    assert not told.keys() - {'partner_timeout'} & options.keys()
 
 
 @pytest.mark.parametrize(

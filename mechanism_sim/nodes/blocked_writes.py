@@ -1,0 +1,82 @@
+"""A word on writes that block, and their end: from outside, as rclpy lets no other thread run.
+
+DDS blocks in a write while a reliable subscriber that was killed is not known to be gone: for as
+long as its lease, 60 s. rclpy holds Python's lock meanwhile, so that this process can neither warn
+nor take in a signal. A small process beside it can: it is told of each write by shared memory, and
+sees signals as bytes in a pipe that nobody takes out.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from subprocess import Popen
+
+LONG, AGAIN = 2.0, 30.0
+"""[s] after which a write is named, and after which it is named again."""
+
+_STATE = struct.Struct('<Q255p')  # number of writes begun and ended, topic
+_SIZE = 512
+_WATCH = f"""
+import array, fcntl, os, select, signal, struct, sys, termios, time
+memory, reader, parent = map(int, sys.argv[1:])
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+since, last, named, signalled = 0.0, -1, 0.0, 0.0
+while os.getppid() == parent:
+    select.select([], [], [], 0.25)
+    now = time.monotonic()
+    number, topic = struct.unpack('{_STATE.format}', os.pread(memory, {_STATE.size}, 0))
+    if number != last:
+        last, since, named = number, now, 0.0
+    waiting = array.array('i', [0])
+    fcntl.ioctl(reader, termios.FIONREAD, waiting)
+    signalled = (signalled or now) if waiting[0] else 0.0
+    if number % 2 and now - since > {LONG} and now - (named or -1e9) > {AGAIN}:
+        named = now
+        print(f"mechanism-sim: topic '{{topic.decode()}}' has waited {{now - since:.0f}} s for a "
+              'subscriber that does not read; the run goes on when it reads, or is found gone',
+              file=sys.stderr, flush=True)
+    if signalled and now - signalled > {LONG}:
+        print('mechanism-sim: interrupted in a write that blocks', file=sys.stderr, flush=True)
+        os.kill(parent, signal.SIGKILL)
+        break
+"""
+
+
+class BlockedWrites:
+    """The process that watches the writes of this one.
+
+    Parameters
+    ----------
+    signals : end of a pipe into which a signal puts a byte, which another thread takes out
+    """
+
+    def __init__(self, signals: int) -> None:
+        memory = os.memfd_create('writes')
+        os.ftruncate(memory, _SIZE)
+        self._state, self._number = mmap.mmap(memory, _SIZE), 0
+        ends = [str(end) for end in (memory, signals, os.getpid())]
+        command = [sys.executable, '-S', '-E', '-c', _WATCH, *ends]
+        self._process = Popen(command, pass_fds=[memory, signals])  # noqa: S603
+        os.close(memory)
+
+    @contextmanager
+    def on(self, topic: str) -> Iterator[None]:
+        """While something is written on a topic."""
+        self._number += 1
+        _STATE.pack_into(self._state, 0, self._number, topic.encode())
+        try:
+            yield
+        finally:
+            self._number += 1
+            _STATE.pack_into(self._state, 0, self._number, topic.encode())
+
+    def close(self) -> None:
+        """End the process that watches."""
+        self._process.kill()
+        self._process.wait()

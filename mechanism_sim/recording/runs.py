@@ -1,0 +1,27 @@
+"""Runs and their bags: how fast a run was, which bag it has; needs no library of bags."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import count
+from pathlib import Path
+
+
+def realtime_factor(simulated: float, wall_time: float | None) -> float | None:
+    """Simulated seconds per second.
+
+    Args:
+        simulated: How long the run is [s].
+        wall_time: How long it took [s], from its first message to its last; None if not known.
+
+    """
+    return simulated / wall_time if wall_time else None
+
+
+def next_bag(first: Path, number: int, taken: Callable[[Path], bool]) -> Path:
+    """The bag of run `number` = 1, 2, ... after the first: ``run-2.mcap`` after ``run.mcap``.
+
+    Names that are taken by other files are passed over.
+    """
+    names = (first.with_name(f'{first.stem}-{n}{first.suffix}') for n in count(number + 1))
+    return next(name for name in names if not taken(name))
