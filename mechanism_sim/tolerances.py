@@ -62,6 +62,8 @@ class ImpactTolerances(NamedTuple):
 
     #: square of the sine of the angle to the rows before: a nearer row depends on them
     independent: float = 1e-8
+    #: the same of a slip: the closed gaps determine it, for less would be rounding of its friction
+    determined: float = 1e-12
     #: of the diagonal's geometric mean: by so little two coupling terms differ by rounding only
     symmetric: float = 1e-13
     #: compliance of a slip over that of its normal: with less the links cannot change it

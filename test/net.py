@@ -132,6 +132,10 @@ def command_entry(arguments: tuple[str, ...], folder: Path) -> dict[str, Any]:
     """Exit code, and the leaves of the JSON of a command."""
     done = running.run(*(x.format(folder=folder) for x in arguments), '--json')
     found = json.loads(done.stdout) if done.stdout.strip() else None
+    if arguments[0] == 'info':  # how often the time is told depends on the machine
+        told = [t for t in found['topics'] if t['name'].endswith(_TIMED_TOPICS)]
+        found['messages'] -= sum(t['count'] for t in told)
+        found['topics'] = [t for t in found['topics'] if t not in told]
     return {'code': done.returncode, 'leaves': leaves(found)}
 
 

@@ -445,6 +445,51 @@ def book_rest(c: ContactProblem, limits: Limits, kept: Mask, drives: Array, row:
 
 
 @kernel
+def independence(c: ContactProblem, r: int, rows: Indices, L: Array, n: int) -> float:
+    """What is left of a row when its parts along n others are taken off, 0 to 1.
+
+    Parameters
+    ----------
+    rows : (k,) the others, of which the first n count
+    L : (k, k) their Cholesky factor, each scaled to length one; its row n is set
+    """
+    m = len(c.value)
+    # some slips are prescribed, always or at an instant
+    if not c.compliance[r, r] > _IMPACTS.prescribed * c.compliance[r % m, r % m]:
+        return 0.0
+    left = 1.0
+    for k in range(n):
+        x = c.compliance[r, rows[k]] / math.sqrt(
+            c.compliance[r, r] * c.compliance[rows[k], rows[k]]
+        )
+        for j in range(k):
+            x -= L[n, j] * L[k, j]
+        L[n, k] = x / L[k, k]
+        left -= L[n, k] ** 2
+    L[n, n] = math.sqrt(max(left, 0.0))
+    return left
+
+
+@kernel
+def turn_determined(c: ContactProblem, grips: Indices) -> None:
+    """Let contacts count as sliding, in place, whose slips the closed gaps determine alone.
+
+    Where they stick, their friction is any within the cone: it moves nothing, and equations that
+    ask for it are singular. So it is at its bound, on the side on which it presses less.
+    """
+    m, n = len(c.value), 0
+    rows, L = np.empty(m + 1, dtype=np.int64), np.empty((m + 1, m + 1))
+    for i in range(m):
+        if grips[i] != OPEN and independence(c, i, rows, L, n) > _IMPACTS.independent:
+            rows[n] = i
+            n += 1
+    for i in range(m):
+        sticks = grips[i] == STICK and c.friction[i] > 0.0
+        if sticks and not independence(c, m + i, rows, L, n) > _IMPACTS.determined:
+            grips[i] = BACKWARD if c.compliance[i, m + i] > 0.0 else FORWARD
+
+
+@kernel
 def begin(c: ContactProblem, limits: Limits, grips: Indices, kept: Mask) -> Mask:
     """Contacts (m,) that begin to slide and whose slips can all be brought to zero at once.
 
@@ -464,20 +509,8 @@ def begin(c: ContactProblem, limits: Limits, grips: Indices, kept: Mask) -> Mask
         else:
             slides = grips[r - m] == FORWARD or grips[r - m] == BACKWARD
             wanted = slides and slip_of(c, r - m, limits.still) == 0
-        # some slips are prescribed, always or at an instant
-        if not (wanted and c.compliance[r, r] > _IMPACTS.prescribed * c.compliance[r % m, r % m]):
-            continue
-        left = 1.0
-        for k in range(n):
-            x = c.compliance[r, rows[k]] / math.sqrt(
-                c.compliance[r, r] * c.compliance[rows[k], rows[k]]
-            )
-            for j in range(k):
-                x -= L[n, j] * L[k, j]
-            L[n, k] = x / L[k, k]
-            left -= L[n, k] ** 2
-        if left > _IMPACTS.independent:
-            L[n, n], rows[n] = math.sqrt(left), r
+        if wanted and independence(c, r, rows, L, n) > _IMPACTS.independent:
+            rows[n] = r
             n += 1
             if at >= 2 * m:
                 begins[r - m] = kept[r] = True
@@ -509,6 +542,8 @@ def come_to_rest(
     grips, forces, solved = press(c, limits, resting, contacts.given)
     if not solved:
         return Rest(False, False, False, False, False, False, math.inf)
+    if len(c.rate) > m:
+        turn_determined(c, grips)
     changed = parts = False
     kept = np.zeros(len(c.rate), dtype=np.bool_)
     for i in range(m):
