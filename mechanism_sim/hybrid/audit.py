@@ -115,6 +115,7 @@ class Audit:
         self._segments = 0
         self._fastest = 0.0  # rate of any coordinate where segments begin or end [rad/s, m/s]
         self._initial: float | None = None
+        self._first: list[Impact] = []  # before the first segment
         self._end: tuple[Motion, float] | None = None  # and what impacts make there [J]
         self._final: float | None = None  # [J] there, once it has been asked for
         self.drive_work = 0.0
@@ -156,7 +157,7 @@ class Audit:
             for first in range(0, len(motion), _BLOCK):
                 k = np.arange(first, min(first + _BLOCK, len(motion)))
                 look(self._physics.account(motion, k, SMOOTH.places), k, SMOOTH.places)
-        if len(motion) and self._physics.has_forces:
+        if self._physics.has_forces:
             self._balance(motion, impacts)
         if len(motion) and self._physics.clearances:
             self._check_open(motion)
@@ -227,13 +228,21 @@ class Audit:
             self._size[k] = max(self._size[k], -ends[0], ends[1])
 
     def _balance(self, motion: Motion, impacts: Sequence[Impact]) -> None:
+        if not len(motion):  # a batch may be no more than impacts between two segments
+            if self._end is None:
+                self._first = [*self._first, *impacts]
+            elif impacts:
+                motion, made = self._end
+                made += sum(i.drive_work - i.sudden_loss for i in impacts)
+                self._end, self._final = (motion, made), None
+            return
         # an impact at the very end comes after the last segment
         last = [i for i in impacts if i.t > motion.curve.start[-1]]
         made = sum(i.drive_work - i.sudden_loss for i in last)
         self._end, self._final = (motion, made), None
         if self._initial is None:
             # and one at the very start before the first; both ends are seen at once
-            first = [i for i in impacts if i.t <= motion.curve.start[0]]
+            first = [*self._first, *(i for i in impacts if i.t <= motion.curve.start[0])]
             begun, ended = self._totals(motion, [0, -1])
             self._initial = begun + sum(i.sudden_loss - i.drive_work for i in first)
             self._final = ended + made

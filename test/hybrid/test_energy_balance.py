@@ -243,3 +243,14 @@ def test_one_step_from_rest_is_judged_by_how_fast_it_ends():
     assert len(solution.motion) == 1
     kinetic = solution.sample([0.01])['energy.kinetic'][0]
     assert solution.energy.rounding < 1e-6 < 1e-3 * kinetic
+
+
+@pytest.mark.parametrize('duration', [1e-9, 1e-6, 1e-3])
+def test_an_impact_at_the_start_counts_however_soon_the_run_ends(duration):
+    """The engine hands it out before the first segment, whose step is longer than the run."""
+    start = {'initial.velocity.coupler': -6.2249}  # 1e-4 rad/s into the bearing
+    solution = ms.simulate(ms.load_scene('bearing_run_up', start), duration=duration)
+    (first, *_) = solution.impacts
+    assert first.t == 0.0
+    assert first.drive_work < -1e-6
+    assert abs(solution.energy.residual) < 1e-14
