@@ -295,7 +295,7 @@ class SingularityTolerances(NamedTuple):
 
 
 class AuditTolerances(NamedTuple):
-    """What a finished motion may violate before the run is refused."""
+    """Violations of a finished motion beyond which the run is refused."""
 
     #: [m] deeper than what is measured already: not worth a closer look
     depth: float = 1e-14

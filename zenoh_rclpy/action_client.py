@@ -127,7 +127,7 @@ class ActionClient:
         return self.wait(self.send_goal_async(goal, **how)).get_result()
 
     def server_is_ready(self) -> bool:
-        """Whether a server is there, with all that belongs to it."""
+        """True if a server is there, with all that belongs to it."""
         graph = self._node.context.graph
         return all(client.service_is_ready() for client in self._clients) and all(
             graph.count(wire.PUBLISHER, s.topic_name, type_name(s.msg_type))

@@ -43,14 +43,14 @@ _NEXT = {
 
 
 class GoalResponse(Enum):
-    """What a goal callback answers."""
+    """Answer of a goal callback."""
 
     REJECT = 1
     ACCEPT = 2
 
 
 class CancelResponse(Enum):
-    """What a cancel callback answers."""
+    """Answer of a cancel callback."""
 
     REJECT = 1
     ACCEPT = 2
@@ -74,17 +74,17 @@ class ServerGoalHandle:
 
     @property
     def is_active(self) -> bool:
-        """Whether the goal has not come to an end."""
+        """True if the goal has not come to an end."""
         return self.status in _NEXT
 
     @property
     def is_cancelable(self) -> bool:
-        """Whether the goal has neither ended nor been asked to end."""
+        """True if the goal has neither ended nor been asked to end."""
         return self.status in {Status.ACCEPTED, Status.EXECUTING}
 
     @property
     def is_cancel_requested(self) -> bool:
-        """Whether a client asked to cancel the goal, and the cancel callback accepted."""
+        """True if a client asked to cancel the goal, and the cancel callback accepted."""
         return self.status == Status.CANCELING
 
     def execute(self, execute_callback: Callable[..., Any] | None = None) -> None:

@@ -57,7 +57,7 @@ class Arguments:
         return self._special(('__ns',), node)
 
     def remap(self, full: str, namespace: str, node: str, kind: str) -> str:
-        """What a full name of a ``kind`` ('topic' or 'service') is called after the rules."""
+        """Full name of a ``kind`` ('topic' or 'service') after the rules."""
         for rule in self.remaps:
             scheme, separator, old = rule.old.rpartition('://')
             meant = not separator or scheme == f'ros{kind}'

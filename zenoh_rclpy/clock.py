@@ -73,7 +73,7 @@ class Time:
 
 
 class ClockType(IntEnum):
-    """What a clock shows; the numbers are those of rclpy."""
+    """Kind of time that a clock shows; the numbers are those of rclpy."""
 
     ROS_TIME = 1
     SYSTEM_TIME = 2
@@ -92,7 +92,7 @@ class Clock:
 
     @property
     def ros_time_is_active(self) -> bool:
-        """Whether the time is simulated."""
+        """True if the time is simulated."""
         return self.simulated is not None
 
     def now(self) -> Time:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from zenoh_rclpy.command_node import CommandNode
 
 Act = Callable[['CommandNode', argparse.Namespace], int | None]
-"""What a verb does, on the network; its exit code if it is not 0."""
+"""Action of a verb on the network; returns its exit code if it is not 0."""
 
 _SUCCEEDED = 4  # action_msgs/msg/GoalStatus
 _LONGEST = 128  # elements of an array that are shown
@@ -313,7 +313,7 @@ def _send_goal(node: CommandNode, options: argparse.Namespace) -> int:
 
 
 def _values(text: str | None) -> Any:
-    """What somebody typed as a value, in the YAML of ROS; None if nothing."""
+    """A typed value, in the YAML of ROS; None if nothing was typed."""
     from zenoh_rclpy.parameter_files import parse  # noqa: PLC0415
 
     try:

@@ -86,12 +86,12 @@ def domain_id() -> int:
 
 
 def has_type_hashes() -> bool:
-    """Whether keys carry type hashes: from Iron on."""
+    """True if keys carry type hashes: from Iron on."""
     return os.environ.get('ROS_DISTRO') != 'humble'
 
 
 def connects_elsewhere() -> bool:
-    """Whether the environment gives the endpoints to connect to."""
+    """True if the environment gives the endpoints to connect to."""
     settings = dict(_overrides())
     return bool(os.environ.get('ZENOH_SESSION_CONFIG_URI')) or any(
         key == 'mode' or key.startswith('connect') for key in settings
@@ -121,13 +121,13 @@ def probe_config(timeout: float) -> zenoh.Config:
 
 
 def is_loopback(endpoint: str) -> bool:
-    """Whether an endpoint is on this machine, out of reach of others."""
+    """True if an endpoint is on this machine, out of reach of others."""
     host, _ = _host_and_port(endpoint)
     return host in {'localhost', '::1'} or host.startswith('127.')
 
 
 def answers(endpoint: str) -> bool:
-    """Whether anybody accepts connections at an endpoint ``tcp/host:port``."""
+    """True if anybody accepts connections at an endpoint ``tcp/host:port``."""
     try:
         with socket.create_connection(_host_and_port(endpoint), timeout=2.0):
             return True

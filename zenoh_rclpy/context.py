@@ -16,7 +16,7 @@ from zenoh_rclpy.session import FLUSH_PATIENCE, Context
 
 
 class Sleeper(Protocol):
-    """What has to look around when ``ok`` changes."""
+    """A waiter that is woken when ``ok`` changes."""
 
     def wake(self) -> None:
         """Look around; may be called from a signal handler."""
@@ -87,12 +87,12 @@ def leave(nodes: Iterable[Any] = (), patience: float = FLUSH_PATIENCE) -> None:
 
 
 def ok() -> bool:
-    """Whether the process is on the network and was not asked to end."""
+    """True if the process is on the network and was not asked to end."""
     return _context is not None and not _signalled
 
 
 def signalled() -> bool:
-    """Whether a signal asked the process to end."""
+    """True if a signal asked the process to end."""
     return _signalled
 
 

@@ -1,4 +1,4 @@
-"""What can go wrong, under the names of rclpy where it has one."""
+"""Errors, under the names of rclpy where it has one."""
 
 
 class MiddlewareError(RuntimeError):
@@ -10,7 +10,7 @@ class ExternalShutdownException(MiddlewareError):  # noqa: N818
 
 
 class InvalidArgumentsError(MiddlewareError, ValueError):
-    """What follows ``--ros-args`` makes no sense."""
+    """Arguments after ``--ros-args`` make no sense."""
 
 
 class InvalidQosOverridesError(MiddlewareError, ValueError):

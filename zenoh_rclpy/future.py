@@ -25,7 +25,7 @@ class Future:
         return self.result()
 
     def done(self) -> bool:
-        """Whether there is a result or an exception."""
+        """True if there is a result or an exception."""
         return self._done.is_set()
 
     def result(self) -> Any:
@@ -55,7 +55,7 @@ class Future:
             self._run_callbacks()
 
     def cancelled(self) -> bool:
-        """Whether it was cancelled, and no result came all the same."""
+        """True if it was cancelled, and no result came all the same."""
         return self._cancelled
 
     def add_done_callback(self, callback: 'Callable[[Future], Any]') -> None:

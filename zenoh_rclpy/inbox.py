@@ -30,7 +30,7 @@ RECHECK = 0.05  # [s]
 
 
 class Entity(Protocol):
-    """What an executor executes."""
+    """Work for an executor."""
 
     def execute(self) -> bool:
         """Handle one item that waits; False if there is none."""
@@ -40,7 +40,7 @@ Ready = SimpleQueue[Entity | None]
 
 
 class Overflow(Enum):
-    """What happens to an item that finds the queue full."""
+    """Policy for an item that finds the queue full."""
 
     WAIT = 'wait'
     DROP_OLDEST = 'drop oldest'

@@ -51,7 +51,7 @@ class Logger:
         return self._level
 
     def is_enabled_for(self, severity: LoggingSeverity) -> bool:
-        """Whether what is so bad is said."""
+        """True if messages of this severity are logged."""
         return severity >= self._level
 
     def log(self, message: str, severity: LoggingSeverity, **how: Any) -> bool:
@@ -63,21 +63,21 @@ class Logger:
         return self._log(LoggingSeverity.DEBUG, message, **how)
 
     def info(self, message: str, **how: Any) -> bool:
-        """What happens."""
+        """Log a message of severity INFO."""
         return self._log(LoggingSeverity.INFO, message, **how)
 
     def warning(self, message: str, **how: Any) -> bool:
-        """What is not as it should be."""
+        """Log a message of severity WARN."""
         return self._log(LoggingSeverity.WARN, message, **how)
 
     warn = warning
 
     def error(self, message: str, **how: Any) -> bool:
-        """What failed."""
+        """Log a message of severity ERROR."""
         return self._log(LoggingSeverity.ERROR, message, **how)
 
     def fatal(self, message: str, **how: Any) -> bool:
-        """What ends the node."""
+        """Log a message of severity FATAL."""
         return self._log(LoggingSeverity.FATAL, message, **how)
 
     def _log(

@@ -39,7 +39,7 @@ E = TypeVar('E', Subscription, Service, Client)
 
 
 class Executor(Protocol):
-    """What a node needs of the executor that runs it."""
+    """Interface of an executor for the nodes that it runs."""
 
     def wake(self) -> None:
         """Look for work."""

@@ -1,4 +1,4 @@
-"""What a node does with its parameters: the surface of rclpy."""
+"""Parameters of a node: the surface of rclpy."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -49,7 +49,7 @@ class NodeParameters:
         self._parameters.undeclare(name)
 
     def has_parameter(self, name: str) -> bool:
-        """Whether the parameter is declared."""
+        """True if the parameter is declared."""
         return self._parameters.has(name)
 
     def get_parameter(self, name: str) -> Parameter:
@@ -138,7 +138,7 @@ class NodeParameters:
 
 
 def _within(name: str, prefix: str, depth: int) -> bool:
-    """Whether a dotted name is at or below a prefix, at most ``depth`` levels deep."""
+    """True if a dotted name is at or below a prefix, at most ``depth`` levels deep."""
     if prefix and name != prefix and not name.startswith(f'{prefix}.'):
         return False
     below = name[len(prefix) :].strip('.')

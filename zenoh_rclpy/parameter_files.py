@@ -86,7 +86,7 @@ def _content(node: Any) -> Any:
 
 
 def _held(value: Any) -> Any:
-    """The same, if parameters can hold it: their lists are of one type."""
+    """The value, if parameters can hold it: their lists are of one type."""
     if isinstance(value, dict):
         return {name: _held(below) for name, below in value.items()}
     if isinstance(value, list):

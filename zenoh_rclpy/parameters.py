@@ -88,7 +88,7 @@ class Parameters:
         del self._declared[name]
 
     def has(self, name: str) -> bool:
-        """Whether a parameter is declared."""
+        """True if a parameter is declared."""
         return name in self._declared
 
     def names(self) -> list[str]:
@@ -152,7 +152,7 @@ class Parameters:
             follow(parameters)
 
     def _objection(self, parameters: Listed) -> str:
-        """What the node has against it; empty if it agrees."""
+        """Reason of the node against it; empty if it agrees."""
         for consent in self.consents:
             result = consent(parameters)
             if not result.successful:

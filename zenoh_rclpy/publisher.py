@@ -51,7 +51,7 @@ class Publisher:
         self.publish_all([message])
 
     def publish_all(self, messages: Sequence[Any]) -> None:
-        """The same for several messages in their order, with less work for each."""
+        """Publish several messages in their order, with less work for each."""
         out = [(m, m if isinstance(m, bytes) else serialize(m)) for m in messages]
         try:
             # Sequence numbers have to go out in their order, whichever threads publish.
@@ -96,7 +96,7 @@ def publish_all(publisher: Publisher, messages: Sequence[Any]) -> None:
 
 
 def _goes_by_network(qos: QoSProfile) -> bool:
-    """Whether subscriptions of this process, too, are served by Zenoh, which keeps the last."""
+    """True if subscriptions of this process, too, are served by Zenoh, which keeps the last."""
     return qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
 

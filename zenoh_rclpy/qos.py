@@ -7,21 +7,21 @@ DEFAULT_DEPTH = 42  # what rmw_zenoh takes where nothing is said
 
 
 class ReliabilityPolicy(IntEnum):
-    """Whether samples may be lost."""
+    """Reliability: samples arrive, or may be lost."""
 
     RELIABLE = 1
     BEST_EFFORT = 2
 
 
 class DurabilityPolicy(IntEnum):
-    """Whether a late subscription gets what was published before it."""
+    """Durability: a late subscription gets what was published before it, or not."""
 
     TRANSIENT_LOCAL = 1
     VOLATILE = 2
 
 
 class HistoryPolicy(IntEnum):
-    """What a full queue does: forget its oldest sample, or make the publisher wait."""
+    """Policy of a full queue: forget its oldest sample, or make the publisher wait."""
 
     KEEP_LAST = 1
     KEEP_ALL = 2
@@ -49,7 +49,7 @@ class QoSProfile:
 
     @property
     def blocks(self) -> bool:
-        """Whether a publisher waits for slow subscribers rather than lose a sample."""
+        """True if a publisher waits for slow subscribers rather than lose a sample."""
         return (
             self.reliability == ReliabilityPolicy.RELIABLE
             and self.history == HistoryPolicy.KEEP_ALL

@@ -141,7 +141,7 @@ class Client:
         return self.srv_name
 
     def service_is_ready(self) -> bool:
-        """Whether a server has this name and type."""
+        """True if a server has this name and type."""
         served = self._context.graph.count(wire.SERVICE, self.srv_name, type_name(self.srv_type))
         # Typed as a bool, but an object in the releases there are.
         status: Any = self._querier.matching_status

@@ -33,7 +33,7 @@ FLUSH_PATIENCE = 60.0  # [s]
 
 
 class Closable(Protocol):
-    """What a context closes when it ends."""
+    """A resource that a context closes when it ends."""
 
     def close(self) -> None:
         """Take in nothing more and let go whoever waits."""
@@ -222,7 +222,7 @@ def _find_or_open_router(endpoint: str, attempts: int | None) -> zenoh.Session |
 
 
 def _is_router(endpoint: str) -> bool:
-    """Whether a router answers; MiddlewareError if something else does."""
+    """True if a router answers; MiddlewareError if something else does."""
     if not config.answers(endpoint):
         return False
     try:

@@ -152,7 +152,7 @@ class Subscription:
 
 
 def _takes_info(callback: Callable[..., Any]) -> bool:
-    """Whether a callback takes the message and a dictionary about it, as rclpy decides it."""
+    """True if a callback takes the message and a dictionary about it, as rclpy decides it."""
     parameters = signature(callback)
     try:
         parameters.bind(object())

@@ -43,11 +43,11 @@ class Timer:
         self._start_over()
 
     def is_canceled(self) -> bool:
-        """Whether the timer stands still."""
+        """True if the timer stands still."""
         return self._cancelled
 
     def is_ready(self) -> bool:
-        """Whether the next call is due."""
+        """True if the next call is due."""
         return not self._cancelled and self.time_until_next_call() <= 0
 
     def time_until_next_call(self) -> int:

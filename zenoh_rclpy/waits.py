@@ -39,7 +39,7 @@ class Waits:
 
     @contextmanager
     def on(self, topic: str) -> Iterator[None]:
-        """The same around what is published on a topic, which is named if it takes long."""
+        """Watch a write to a topic, which is named if it takes long."""
         if self._watch is None:
             self._begin()
         ident = get_ident()
@@ -52,11 +52,11 @@ class Waits:
             self._topics.pop(ident, None)
 
     def here(self) -> bool:
-        """Whether it is this thread that calls: what it does now happens inside that call."""
+        """True if it is this thread that calls: what it does now happens inside that call."""
         return get_ident() in self._since
 
     def long(self) -> bool:
-        """Whether some thread has been waiting for a while."""
+        """True if some thread has been waiting for a while."""
         now = time.monotonic()
         return any(now - since > STUCK for since in list(self._since.values()))
 

@@ -36,7 +36,7 @@ _SECOND = 1_000_000_000
 
 
 class Attachment(NamedTuple):
-    """What comes with every sample, request and reply."""
+    """Attachment of every sample, request and reply."""
 
     sequence: int  # from 1, per endpoint
     time: int  # [ns] at the source

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Iterator
 from typing import Any, Literal, get_args, get_origin
 
-from mechanism_sim.keys.quantities import Part, Quantity, meanings
+from mechanism_sim.keys.quantities import Part, UnitValue, meanings
 from mechanism_sim.scene.four_bar import FourBarScene, Link
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies.schema import SweepFile
@@ -112,7 +112,7 @@ def _values(annotation: Any) -> Iterator[str]:
 
 def _values_of(metadata: list[Any]) -> Iterator[str]:
     for it in metadata:
-        if isinstance(it, Quantity):
+        if isinstance(it, UnitValue):
             yield ' or '.join(unit or 'number' for unit in it.units)
             if it.other:
                 yield it.other

@@ -446,7 +446,7 @@ def book_rest(c: ContactProblem, limits: Limits, kept: Mask, drives: Array, row:
 
 @kernel
 def independence(c: ContactProblem, r: int, rows: Indices, L: Array, n: int) -> float:
-    """What is left of a row when its parts along n others are taken off, 0 to 1.
+    """Share of a row that is left when its parts along n others are taken off, 0 to 1.
 
     Parameters
     ----------

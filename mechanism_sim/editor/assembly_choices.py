@@ -7,7 +7,7 @@ import numpy as np
 from mechanism_sim.editor.document import Document
 from mechanism_sim.editor.layout import placed
 from mechanism_sim.editor.motion import Turn
-from mechanism_sim.editor.picture import Picture, pictured
+from mechanism_sim.editor.picture import DocumentPicture, pictured
 from mechanism_sim.editor.rounding import degrees
 from mechanism_sim.editor.sketch import GONE, Edit, Poses
 from mechanism_sim.errors import InputError
@@ -17,7 +17,7 @@ _FAR = 0.2
 """[rad], or sizes of the machine: more is another way to close the loops."""
 
 
-def choices(document: Document, edits: list[Edit], picture: Picture) -> list[Edit]:
+def choices(document: Document, edits: list[Edit], picture: DocumentPicture) -> list[Edit]:
     """Guesses, or the other branch, where the scene alone would close its loops otherwise."""
     if picture.turn is None:
         return []
@@ -45,7 +45,9 @@ def choices(document: Document, edits: list[Edit], picture: Picture) -> list[Edi
     ]
 
 
-def as_drawn(document: Document, edits: list[Edit], picture: Picture, poses: Poses) -> list[Edit]:
+def as_drawn(
+    document: Document, edits: list[Edit], picture: DocumentPicture, poses: Poses
+) -> list[Edit]:
     """Guesses, where what was drawn would be assembled in another way than it was drawn."""
     try:
         scene = document.scene(edits)

@@ -21,8 +21,8 @@ Traced = Mapping[str, bool]
 """Points whose paths somebody wants drawn, or not."""
 
 
-class Picture(NamedTuple):
-    """What is drawn of a document.
+class DocumentPicture(NamedTuple):
+    """Picture of a document.
 
     Attributes
     ----------
@@ -75,19 +75,19 @@ class Picture(NamedTuple):
         }
 
 
-def nothing(scene: Scene) -> Picture:
+def nothing(scene: Scene) -> DocumentPicture:
     """The picture of an empty document."""
-    return Picture(scene, None, {GROUND: ORIGIN}, '')
+    return DocumentPicture(scene, None, {GROUND: ORIGIN}, '')
 
 
 def pictured(
     name: str,
     scene: Scene,
-    old: Picture,
+    old: DocumentPicture,
     near: Poses | None = None,
     loops: Kinematics | None = None,
     machine: Machine | None = None,
-) -> Picture:
+) -> DocumentPicture:
     """The picture of a scene, assembled nearest to `near`; of its parts if it is no machine.
 
     Parameters
@@ -99,8 +99,8 @@ def pictured(
         turn = Turn(machine or Machine(name, scene), near, old.turn, loops)
     except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError) as error:
         poses = placed(scene, near or old.poses)
-        return Picture(scene, None, {**poses, **(near or {})}, str(error))
-    return Picture(scene, turn, turn.start, '')
+        return DocumentPicture(scene, None, {**poses, **(near or {})}, str(error))
+    return DocumentPicture(scene, turn, turn.start, '')
 
 
 def has_path(point: str, traced: Traced) -> bool:

@@ -18,7 +18,7 @@ from mechanism_sim.editor.background import Job
 from mechanism_sim.editor.document import Document
 from mechanism_sim.editor.force_arrows import ForceArrows
 from mechanism_sim.editor.layout import coordinates, placed
-from mechanism_sim.editor.picture import Picture, has_path, nothing, pictured
+from mechanism_sim.editor.picture import DocumentPicture, has_path, nothing, pictured
 from mechanism_sim.editor.rounding import unit_of
 from mechanism_sim.editor.sketch import (
     GONE,
@@ -72,7 +72,7 @@ class Session:
         self.number, self._heavy = number, dict(heavy or {})
         self._path, self._traced = chosen or ((), {})
         self._picture = nothing(Document().scene())
-        self._grabbed: tuple[str, Picture] | None = None
+        self._grabbed: tuple[str, DocumentPicture] | None = None
         self._of: str | None = None  # the text whose picture this is
         self._tried: list[Edit] = []  # what is dragged makes of it
         self._arrows, self._forces_of = ForceArrows(), 0  # the state whose forces are shown
@@ -225,7 +225,7 @@ class Session:
 
     # --- gestures ---------------------------------------------------------------------------
 
-    def _moved(self, message: Mapping[str, Any]) -> tuple[list[Edit], Picture]:
+    def _moved(self, message: Mapping[str, Any]) -> tuple[list[Edit], DocumentPicture]:
         """Document after a handle is moved, and its picture."""
         key, grid = str(message['handle']), _grid(message, self.document)
         if self._grabbed is None or self._grabbed[0] != key:
@@ -391,7 +391,7 @@ def _grid(message: Mapping[str, Any], document: Document) -> Grid:
     return Grid(step, unit_of(document.content().get('links')) or 'mm')
 
 
-def _spot(data: Mapping[str, Any], picture: Picture) -> Spot:
+def _spot(data: Mapping[str, Any], picture: DocumentPicture) -> Spot:
     handle = picture.handle(data['handle']) if data.get('handle') else None
     link = '' if handle else str(data.get('link') or '')
     link = link if link in picture.scene.links and link != GROUND else ''

@@ -40,7 +40,7 @@ class FreeMotion(NamedTuple):
 
 
 class UnitResponse(NamedTuple):
-    """What unit impulses of some rows make, with all loops closed."""
+    """Effects of unit impulses of some rows, with all loops closed."""
 
     response: Matrix  #: rates of the free coordinates, by row
     compliance: Matrix  #: of every row of contacts, then of joint friction

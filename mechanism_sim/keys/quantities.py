@@ -28,7 +28,7 @@ from mechanism_sim.units import EXAMPLES, to_si, to_si_of
 
 
 @dataclass(frozen=True)
-class Quantity:
+class UnitValue:
     """An annotation of fields: what people write is read before it is checked.
 
     Attributes
@@ -58,14 +58,14 @@ class Quantity:
         return {'anyOf': [one, {'type': 'array', 'items': one, 'minItems': 2, 'maxItems': 2}]}
 
 
-def si(unit: str) -> Quantity:
+def si(unit: str) -> UnitValue:
     """Text with a unit, or a number, becomes a number in `unit`."""
-    return Quantity(lambda value: to_si(value, unit), (unit,))
+    return UnitValue(lambda value: to_si(value, unit), (unit,))
 
 
-def si_of(*units: str) -> Quantity:
+def si_of(*units: str) -> UnitValue:
     """A quantity of one of several kinds, which the place it belongs to decides."""
-    return Quantity(lambda value: to_si_of(value, units), units)
+    return UnitValue(lambda value: to_si_of(value, units), units)
 
 
 _FINITE = Field(allow_inf_nan=False)
@@ -76,7 +76,7 @@ Length = Annotated[float, si('m'), POSITIVE]
 Position = Annotated[float, si('m'), _FINITE]
 
 
-def one_or_two(unit: str, other: str, least: float = -math.inf) -> Quantity:
+def one_or_two(unit: str, other: str, least: float = -math.inf) -> UnitValue:
     """One quantity in `unit`, or a pair of them, each finite and at least `least`."""
 
     def read(value: Any) -> float | tuple[float, ...]:
@@ -88,7 +88,7 @@ def one_or_two(unit: str, other: str, least: float = -math.inf) -> Quantity:
             raise ValueError(f'must be finite{"" if least else " and at least 0"}')
         return numbers[0] if alone else numbers
 
-    return Quantity(read, (unit,), other, pair=True)
+    return UnitValue(read, (unit,), other, pair=True)
 
 
 Offset = Annotated[float | tuple[float, float], one_or_two('m', 'a pair [x, y]')]
@@ -112,7 +112,7 @@ AddedInertia = Annotated[float, si('kg m^2'), NOT_NEGATIVE]
 Radius = Annotated[float, si('m'), NOT_NEGATIVE]
 Friction = Annotated[
     float,
-    Quantity(lambda x: float('inf') if x == 'rough' else to_si(x, ''), ('',), 'rough'),
+    UnitValue(lambda x: float('inf') if x == 'rough' else to_si(x, ''), ('',), 'rough'),
     Field(ge=0.0),
 ]
 """Coulomb's coefficient, or the word ``rough`` for contacts that never slip."""

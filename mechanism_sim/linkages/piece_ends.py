@@ -53,7 +53,7 @@ class NominalPiece:
         symbols: Array,
         parameters: Array,
     ) -> MotionSeries:
-        """What runs: derivatives and coordinates as in `SteepLoads.moving`, then the time."""
+        """Series: derivatives and coordinates as in `SteepLoads.moving`, then the time."""
         rows = [self._series[derivative][i] for derivative, i in moving]
         if timed:
             rows.append(np.zeros(self._series[0].shape[1]))

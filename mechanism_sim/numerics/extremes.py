@@ -42,7 +42,7 @@ GLANCES = Nodes(tuple(_FEW.tolist()))
 _PLACES = np.cos(np.linspace(np.pi, 0.0, 8 * _COUNT + 1))  # in [-1, 1], both ends among them
 _GRID = np.polynomial.chebyshev.chebvander(_PLACES, _COUNT - 1).T.copy()
 _BETWEEN = 1.0 / np.cos(np.pi / 16.0) - 1.0
-"""What a polynomial may rise between the places of the grid, of its range (Ehlich and Zeller)."""
+"""Rise of a polynomial between the places of the grid, of its range (Ehlich and Zeller)."""
 _BLOCK, _GLANCE = 64, 2048  # intervals at once, to look through and to choose from
 _MOST = 16  # intervals that are halved at once
 

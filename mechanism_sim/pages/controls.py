@@ -65,7 +65,7 @@ class Control:
         return f'{self.path}={self.si(value)!r} {self.quantity}'.rstrip()
 
     def at(self, si: float) -> Control:
-        """The same, where the machine has this value [SI]."""
+        """The control where the machine has this value [SI]."""
         return replace(self, value=si * self.scale)
 
 

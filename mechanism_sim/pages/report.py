@@ -17,7 +17,7 @@ from mechanism_sim.pages.assets import embedded, import_map, render, styles
 from mechanism_sim.pages.charts import NIGHT, figure
 from mechanism_sim.pages.recorded import Recorded
 from mechanism_sim.report.charts.chart import ChartSection
-from mechanism_sim.report.sections import Row
+from mechanism_sim.report.sections import SummaryRow
 from mechanism_sim.report.summary import head
 from mechanism_sim.units import typeset
 
@@ -128,11 +128,13 @@ def turn(run: Recorded) -> float | None:
     return (record.end - record.start) * way / passed if passed > 0.25 * way else None
 
 
-def _facts(run: Recorded, source: str, digest: str) -> list[Row]:
+def _facts(run: Recorded, source: str, digest: str) -> list[SummaryRow]:
     """Facts in the header; a digest is cut, its whole is said when it is pointed at."""
     rows = [*head(run.record, digest, len(run.impacts) if run.left_out else None)]
     if source:
-        rows.append(Row('recorded in', source if run.record.complete else f'{source}, cut short'))
+        rows.append(
+            SummaryRow('recorded in', source if run.record.complete else f'{source}, cut short')
+        )
     return rows
 
 

@@ -14,7 +14,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.points import GROUND, Point, Vector2, factors
-from mechanism_sim.planar.switches import Switch, Table
+from mechanism_sim.planar.switches import Switch, SwitchTable
 
 
 @dataclass
@@ -86,7 +86,7 @@ class Frames:
             for letter in 'qva'
         )
         self.outside: dict[str, hy.expression] = {}
-        self.switches: dict[str, Switch | Table] = {}
+        self.switches: dict[str, Switch | SwitchTable] = {}
         self.slips: set[str] = set()
         self.wide: set[str] = set()
         self.formulas: set[str] = set()
@@ -171,11 +171,11 @@ class Frames:
 
     def _table(
         self, name: str, place: hy.expression, breaks: Array, rows: Array, periodic: bool
-    ) -> Table:
+    ) -> SwitchTable:
         known = self.switches.get(name)
-        if not isinstance(known, Table):
+        if not isinstance(known, SwitchTable):
             own = f'row{len(self.switches)}'
-            known = self.switches[name] = Table(name, own, place, breaks, rows, periodic)
+            known = self.switches[name] = SwitchTable(name, own, place, breaks, rows, periodic)
         return known
 
     def world(self, frame: str, x: Term, y: Term) -> tuple[Term, Term]:

@@ -27,7 +27,7 @@ from mechanism_sim.planar.points import (
     trace,
 )
 from mechanism_sim.planar.protocols import ForceElement, Relation, Rubbing
-from mechanism_sim.planar.view import Draft, Side, ToothLoad, View
+from mechanism_sim.planar.view import Draft, PairView, Side, ToothLoad
 
 
 class StraightLine(NamedTuple):
@@ -161,7 +161,7 @@ class HigherPair(Connection, ABC):
     #: fields that are worth a chart, by its title
     charts: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
 
-    def reading(self, view: View) -> Any:
+    def reading(self, view: PairView) -> Any:
         """Readings of it: a named tuple of (N,) arrays, the fields of a message.
 
         Raises
@@ -180,7 +180,7 @@ class HigherPair(Connection, ABC):
         """The links on whose shafts `tooth_loads` acts, in their order."""
         return ()
 
-    def tooth_loads(self, view: View) -> Sequence[ToothLoad]:
+    def tooth_loads(self, view: PairView) -> Sequence[ToothLoad]:
         """Forces of its teeth on shafts, where forces are known."""
         return ()
 

@@ -14,7 +14,7 @@ from mechanism_sim.numerics.compiled import Evaluation
 from mechanism_sim.numerics.enclosure import FunctionRanges
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.switches import Switch, Table, by_level
+from mechanism_sim.planar.switches import Switch, SwitchTable, by_level
 from mechanism_sim.tolerances import TOLERANCES
 
 _SWITCHES = TOLERANCES.switches
@@ -91,7 +91,7 @@ class _Switches:
                 given.update(str(x) for x in every[k].symbols)
         self.symbols = [x for k in own for x in every[k].symbols]
         self.known = np.array([str(x) in given for s in every for x in s.symbols], bool)
-        self._levels: list[tuple[list[Switch | Table], Evaluation]] = []
+        self._levels: list[tuple[list[Switch | SwitchTable], Evaluation]] = []
         symbols: list[hy.expression] = []
         chosen = [every[k] for k in own]
         for level in by_level(chosen, [places[k] for k in own]):
@@ -156,7 +156,7 @@ class Edges:
         variables = [*frames.q.values(), *frames.v.values(), *frames.outside.values()]
         self._every = every = [*frames.switches.values()]
         self._switches = _Switches(frames, variables)
-        self._bounded = [s for s in every if isinstance(s, Table) and s.bounded]
+        self._bounded = [s for s in every if isinstance(s, SwitchTable) and s.bounded]
         self._widths = [len(s.symbols) for s in every]
         named = {x for s in every for x in hy.get_variables(s.place)}
         rated = [str(v) in named for v in frames.v.values()]
@@ -186,7 +186,7 @@ class Edges:
             for name, s in frames.switches.items()
             if ':' in name
             and not (
-                (isinstance(s, Table) or name in frames.wide)
+                (isinstance(s, SwitchTable) or name in frames.wide)
                 and steady.issuperset(hy.get_variables(s.place))
             )
         ]

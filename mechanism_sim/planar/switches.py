@@ -94,7 +94,7 @@ class Switch(NamedTuple):
         return np.array([places > 0.0, np.zeros_like(places)][: len(self.symbols)], float)
 
 
-class Table:
+class SwitchTable:
     """Rows of numbers along a coordinate; see `Frames.table` for the parameters.
 
     With the place x and the middle and the half length of the present row, the guard of a periodic
@@ -231,7 +231,7 @@ class Table:
 
 
 def by_level(
-    switches: Sequence[Switch | Table], places: Sequence[hy.expression] | None = None
+    switches: Sequence[Switch | SwitchTable], places: Sequence[hy.expression] | None = None
 ) -> list[list[int]]:
     """The switches that depend on motion alone, those that depend on rows of these, and so on.
 

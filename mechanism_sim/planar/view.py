@@ -88,7 +88,7 @@ TOOTH_PARTS = 'tangential', 'radial', 'axial'
 """Components of a `ToothLoad`."""
 
 
-class View(Protocol):
+class PairView(Protocol):
     """A joint at N instants of a machine."""
 
     def course(self, link: str, at: Vector2 | None = None) -> Course:

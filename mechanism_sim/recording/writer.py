@@ -32,13 +32,14 @@ from mechanism_sim.recording.rosbag2 import (
     qos_profile,
 )
 
-VERSION = 5
+VERSION = 6
 """Of what bags hold: topics, their types, their times. A reader refuses a later one.
 
 2: samples of every kind of sensor are SensorBlock; of accelerometers it was AccelerometerBlock.
 3: Motion says which loads that step act (``load_switches``).
 4: CamState says where cam and follower touch; ``bearing_loads``.
 5: JointReactions has what bearings that tilt carry out of the plane.
+6: CamState says how fast a roller spins; ``/clock``.
 """
 
 LIBRARY = 'mechanism_sim'

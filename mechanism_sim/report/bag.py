@@ -14,7 +14,7 @@ from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary
 from mechanism_sim.analysis.summary import Summary
 from mechanism_sim.analysis.vibration import SensorSummary
 from mechanism_sim.analysis.wear import WearMap
-from mechanism_sim.report.sections import Row, Section, text
+from mechanism_sim.report.sections import Section, SummaryRow, text
 from mechanism_sim.report.summary import energy_rows, impact_rows
 from mechanism_sim.results.means import Mean
 from mechanism_sim.text_table import Cell
@@ -57,29 +57,31 @@ def sections(s: Summary) -> Iterator[Section]:
         yield Section('not in this bag', notes=s.absent)
 
 
-def _head(s: Summary) -> Iterator[Row]:
+def _head(s: Summary) -> Iterator[SummaryRow]:
     cut = '' if s.complete else 'CUT SHORT: what could be read is analysed'
-    yield Row('bag', s.bag, words=cut)
-    yield Row('scene', s.scene or 'not recorded')
-    yield Row('time', f'{s.start:.9g} s to {s.end:.9g}', 's')
+    yield SummaryRow('bag', s.bag, words=cut)
+    yield SummaryRow('scene', s.scene or 'not recorded')
+    yield SummaryRow('time', f'{s.start:.9g} s to {s.end:.9g}', 's')
     if s.motion is not None:
         m = s.motion
         how = f'slides, {m.mean_speed:.6g} m/s on average'
         if m.revolutions is not None:
             rpm = m.mean_speed * 30 / math.pi
             how = f'{m.revolutions:.9g} revolutions, {rpm:.6g} rpm on average'
-        yield Row(m.crank, how)
-        yield Row('motion', f'{m.segments} segments of {", ".join(m.coordinates)}')
-        yield from (Row('MISSING', f'motion from {a:.9g} s to {b:.9g}', 's') for a, b in m.gaps)
+        yield SummaryRow(m.crank, how)
+        yield SummaryRow('motion', f'{m.segments} segments of {", ".join(m.coordinates)}')
+        yield from (
+            SummaryRow('MISSING', f'motion from {a:.9g} s to {b:.9g}', 's') for a, b in m.gaps
+        )
     if s.digest is not None:
-        yield Row('digest', s.digest)
+        yield SummaryRow('digest', s.digest)
 
 
 def _impacts(drive: str, impacts: ImpactSummary) -> Iterator[Section]:
     rows = [*impact_rows(impacts.count, impacts.normal_impulse, impacts.means)]
     if impacts.means is None and impacts.count_per_revolution is not None:
         per = impacts.count_per_revolution, impacts.normal_impulse_per_revolution or 0.0
-        rows.append(Row('per revolution', f'{per[0]:.6g} impacts, {per[1]:.6g}', 'N s'))
+        rows.append(SummaryRow('per revolution', f'{per[0]:.6g} impacts, {per[1]:.6g}', 'N s'))
     table: list[Sequence[Cell]] = [
         (j.joint, j.count, j.normal_impulse, Mean('I_n', 'N s', j.I_n, j.I_n_half_width).shown(),
          j.energy_loss, j.largest_approach_speed)
@@ -160,7 +162,7 @@ def _parts(title: str, parts: tuple[PartSummary, ...]) -> Iterator[Section]:
     for p in parts:
         share = ', '.join(f'{name} {100 * x:.4g} %' for name, x in p.share.items())
         rows = [(r.quantity, r.lowest, r.lowest_time, r.highest, r.highest_time) for r in p.ranges]
-        yield Section(rows=[Row(p.joint, share)], table=[head, *rows])
+        yield Section(rows=[SummaryRow(p.joint, share)], table=[head, *rows])
 
 
 def _vibration(sensors: tuple[SensorSummary, ...]) -> Section:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from mechanism_sim import strict_json
-from mechanism_sim.report.sections import Row, Section
+from mechanism_sim.report.sections import Section, SummaryRow
 from mechanism_sim.results.measures import Measured
 from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.units import for_people
@@ -17,7 +17,7 @@ def section(found: Sequence[Measured]) -> list[Section]:
     return [Section('measures', table=rows(found), left=(0, 2, 3))] if found else []
 
 
-def rows(found: Sequence[Measured]) -> list[Row]:
+def rows(found: Sequence[Measured]) -> list[SummaryRow]:
     """A row for each measure, in the units in which people read."""
     made = []
     for m in found:
@@ -25,7 +25,7 @@ def rows(found: Sequence[Measured]) -> list[Row]:
         half = f' +- {scale * m.half_width:.2g}' if math.isfinite(m.half_width) else ''
         value = 'none' if math.isnan(m.value) else f'{scale * m.value:.6g}{half}'
         said = [m.text] * (m.name != m.text) + [m.resolution] * (m.resolution != EXACT)
-        made.append(Row(m.name, value, unit, '; '.join(said)))
+        made.append(SummaryRow(m.name, value, unit, '; '.join(said)))
     return made
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -82,6 +82,42 @@ def _shared(panel: Panel, below: Panel | None) -> bool:
     return below is not None and panel.form == below.form == 'plain' and panel.x == below.x
 
 
+def _legend(axes: Any, panel: Panel, artists: Mapping[str, Any]) -> None:
+    """Above a panel, in as many columns as it is wide; beside one that is round."""
+    entries = panel.entries
+    longest = max(map(len, entries))
+    width = axes.figure.get_figwidth() * axes.get_position().width
+    side, edge = ('right', 1.0) if panel.title else ('left', 0.0)
+    place: dict[str, Any] = {
+        'loc': f'lower {side}', 'bbox_to_anchor': (edge, 1.0),
+        'ncols': max(1, int(1.3 * _LETTERS * width) // (longest + 8)),
+    }  # fmt: skip
+    if panel.form == 'polar':  # beside it, for above is its title
+        place = {'loc': 'upper left', 'bbox_to_anchor': (1.15, 1.0)}
+    axes.legend(
+        [artists[e] for e in entries], entries, borderaxespad=0.2, frameon=False,
+        fontsize=7.5, handlelength=2.6, **place,
+    )  # fmt: skip
+
+
+def _scale(axes: Any, panel: Panel, wide: float) -> None:
+    """Scales and ticks of both axes of a panel that is so wide [in]."""
+    for name, axis in (('x', panel.x), ('y', panel.y)):
+        side = getattr(axes, f'{name}axis')
+        if axis.log:
+            getattr(axes, f'set_{name}scale')('log')
+        if axis.every:
+            side.set_major_locator(MultipleLocator(axis.every))
+        if axis.names:
+            getattr(axes, f'set_{name}ticks')(axis.places, axis.names)
+            if name == 'x' and sum(map(len, axis.names)) > _NAMES * wide:
+                axes.tick_params(axis='x', rotation=25.0)
+            side.set_minor_locator(MultipleLocator(1e300))
+        if axis.names and name == 'y':
+            axes.tick_params(axis='y', length=0.0)
+            axes.grid(visible=False)
+
+
 def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
     """One panel; `bare` if the one below has its x."""
     artists: dict[str, Any] = {}
@@ -103,20 +139,8 @@ def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
             transform=axes.get_xaxis_transform(), label='impact', **style,
         )  # fmt: skip
         artists['impact'] = Line2D([], [], marker='|', **style)
-    if entries := panel.entries:
-        longest = max(map(len, entries))
-        width = axes.figure.get_figwidth() * axes.get_position().width
-        side, edge = ('right', 1.0) if panel.title else ('left', 0.0)
-        place: dict[str, Any] = {
-            'loc': f'lower {side}', 'bbox_to_anchor': (edge, 1.0),
-            'ncols': max(1, int(1.3 * _LETTERS * width) // (longest + 8)),
-        }  # fmt: skip
-        if panel.form == 'polar':  # beside it, for above is its title
-            place = {'loc': 'upper left', 'bbox_to_anchor': (1.15, 1.0)}
-        axes.legend(
-            [artists[e] for e in entries], entries, borderaxespad=0.2, frameon=False,
-            fontsize=7.5, handlelength=2.6, **place,
-        )  # fmt: skip
+    if panel.entries:
+        _legend(axes, panel, artists)
     if panel.form == 'polar':
         axes.set_rlabel_position(panel.free)
         axes.tick_params(labelsize=6.5, pad=0.0)
@@ -130,20 +154,7 @@ def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
     if panel.title:
         axes.set_title(panel.title, fontsize=9.0, loc='left')
     wide = axes.figure.get_figwidth() / axes.get_gridspec().ncols
-    for name, axis in (('x', panel.x), ('y', panel.y)):
-        side = getattr(axes, f'{name}axis')
-        if axis.log:
-            getattr(axes, f'set_{name}scale')('log')
-        if axis.every:
-            side.set_major_locator(MultipleLocator(axis.every))
-        if axis.names:
-            getattr(axes, f'set_{name}ticks')(axis.places, axis.names)
-            if name == 'x' and sum(map(len, axis.names)) > _NAMES * wide:
-                axes.tick_params(axis='x', rotation=25.0)
-            side.set_minor_locator(MultipleLocator(1e300))
-        if axis.names and name == 'y':
-            axes.tick_params(axis='y', length=0.0)
-            axes.grid(visible=False)
+    _scale(axes, panel, wide)
     if panel.form == 'equal':
         axes.set_aspect('equal', adjustable='datalim')
     small = panel.height <= SMALL

@@ -1,4 +1,4 @@
-"""What the runtime parameters of a machine's equations are, read off their names."""
+"""Words for the runtime parameters of a machine's equations, read off their names."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Description(NamedTuple):
 
 
 def describe(name: str, equations: Equations) -> Description:
-    """What the parameter `name` is; one that is not known stands for itself."""
+    """Words for the parameter `name`; one that is not known stands for itself."""
     for read in (_of_masses, _of_vectors):
         found = read(name, equations)
         if found:

@@ -11,7 +11,7 @@ from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.packages import refusal
 from mechanism_sim.report import cycle, sections
-from mechanism_sim.report.sections import Row, Section
+from mechanism_sim.report.sections import Section, SummaryRow
 from mechanism_sim.report.summary import facts
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.solution import Piece
@@ -41,12 +41,12 @@ def _page(title: str, picture: str, *summary: Section) -> str:
 def _machine(machine: Machine) -> Section:
     """Level, links and joints of a machine, and what `check` remarks."""
     rows = [
-        Row('level', machine.level.value),
-        Row('coordinates', ', '.join(machine.physics.coordinates)),
-        Row('joints', ', '.join(machine.physics.joints)),
+        SummaryRow('level', machine.level.value),
+        SummaryRow('coordinates', ', '.join(machine.physics.coordinates)),
+        SummaryRow('joints', ', '.join(machine.physics.joints)),
     ]
     if machine.clearances:
-        rows.append(Row('with clearance', ', '.join(machine.clearances)))
+        rows.append(SummaryRow('with clearance', ', '.join(machine.clearances)))
     return Section(rows=rows, notes=check(machine).notes)
 
 

@@ -18,7 +18,7 @@ from mechanism_sim.units import for_people
 _MOST = 40  # rows of a section in a notebook
 
 
-class Row(NamedTuple):
+class SummaryRow(NamedTuple):
     """A figure of a summary.
 
     Attributes
@@ -39,10 +39,10 @@ class Row(NamedTuple):
         return f'{value} ({self.words})' if self.words else value
 
 
-def amount(label: str, value: float, unit: str, digits: int = 6, words: str = '') -> Row:
+def amount(label: str, value: float, unit: str, digits: int = 6, words: str = '') -> SummaryRow:
     """Row of a quantity, in the unit in which people read one of its size."""
     shown, scale = for_people(unit, abs(value))
-    return Row(label, f'{scale * value:.{digits}g}', shown, words)
+    return SummaryRow(label, f'{scale * value:.{digits}g}', shown, words)
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Section:
     """
 
     title: str = ''
-    rows: Sequence[Row] = ()
+    rows: Sequence[SummaryRow] = ()
     table: Sequence[Sequence[Cell]] = ()
     notes: Sequence[str] = ()
     left: int | Sequence[int] = 1

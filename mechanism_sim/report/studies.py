@@ -46,7 +46,7 @@ def periodic(response: PeriodicResponse) -> str:
 
 
 def periodic_json(response: PeriodicResponse | None) -> dict[str, object]:
-    """The same as JSON; a machine that does not repeat has ``period: null``."""
+    """JSON of it; a machine that does not repeat has ``period: null``."""
     if response is None:
         return {'period': None}
     keys = 'period', 'residual', 'stable', 'impacts', 'impulse'
@@ -77,7 +77,7 @@ def statistics(found: Statistics) -> str:
 
 
 def statistics_json(found: Statistics) -> dict[str, object]:
-    """The same as JSON."""
+    """JSON of it."""
     keys = 'revolutions', 'skipped', 'I_n', 'I_n_half_width'
     rows = {'means': found.means, 'measures': found.measures}
     return {key: plain(getattr(found, key)) for key in keys} | {
@@ -131,7 +131,7 @@ def finding_text(finding: Finding) -> str:
 
 
 def finding_json(finding: Finding) -> dict[str, Any]:
-    """The same as JSON, SI units."""
+    """JSON of it, SI units."""
     return {
         'path': finding.parameter.path,
         'measure': finding.goal.name,
@@ -196,7 +196,7 @@ def fit_text(found: Result) -> str:
 
 
 def fit_json(found: Result) -> dict[str, object]:
-    """The same as JSON."""
+    """JSON of it."""
     return {
         'parameters': {
             e.parameter.name: {

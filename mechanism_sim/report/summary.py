@@ -16,7 +16,7 @@ from mechanism_sim.hybrid.events import Impact, Mode, ModeChange, StopReason
 from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.recording import realtime_factor
-from mechanism_sim.report.sections import Row, Section, amount
+from mechanism_sim.report.sections import Section, SummaryRow, amount
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.means import ImpactTally, Mean
 from mechanism_sim.results.quantity import Shown
@@ -172,34 +172,34 @@ def _final(run: Stream) -> dict[str, Any]:
 
 def impact_rows(
     count: int, impulse: float, means: Sequence[Mean] | None, losses: int | None = None
-) -> Iterator[Row]:
+) -> Iterator[SummaryRow]:
     """Impacts of a run, the sum of their normal impulses [N s], and means per revolution.
 
     Parameters
     ----------
     losses : of contact; None where they are not counted
     """
-    yield Row('impacts', f'{count}')
+    yield SummaryRow('impacts', f'{count}')
     yield amount('normal impulse', impulse, 'N s')
     if means and count:
         number, each, _ = means
         unit, scale = for_people('N s', each.mean)
         over = f'95 %, over the last {number.revolutions}'
-        yield Row('impacts per revolution', number.shown(), words=over)
-        yield Row('normal impulse per revolution', each.shown(scale), unit)
+        yield SummaryRow('impacts per revolution', number.shown(), words=over)
+        yield SummaryRow('normal impulse per revolution', each.shown(scale), unit)
     if losses is not None:
-        yield Row('losses of contact', f'{losses}')
+        yield SummaryRow('losses of contact', f'{losses}')
 
 
 def energy_rows(
     initial: float, final: float, work: float, dissipated: float, missing: float, exchanged: float
-) -> Iterator[Row]:
+) -> Iterator[SummaryRow]:
     """The balance of energy of a run [J]."""
-    yield Row('energy', f'{initial:.6g} J to {final:.6g}', 'J')
+    yield SummaryRow('energy', f'{initial:.6g} J to {final:.6g}', 'J')
     yield amount('work of drives', work, 'J')
     yield amount('dissipated', dissipated, 'J')
-    yield Row('energy missing at the end', f'{missing:.3g}', 'J')
-    yield Row('energy exchanged', f'{exchanged:.3g}', 'J')
+    yield SummaryRow('energy missing at the end', f'{missing:.3g}', 'J')
+    yield SummaryRow('energy exchanged', f'{exchanged:.3g}', 'J')
 
 
 def _figures(
@@ -208,30 +208,30 @@ def _figures(
     totals: Totals,
     means: Sequence[Mean] | None,
     audited: Stream | Solution | Audit,
-) -> Iterator[Row]:
+) -> Iterator[SummaryRow]:
     """Steps, events, errors and energies of a run."""
-    yield Row('steps', f'{steps}')
+    yield SummaryRow('steps', f'{steps}')
     loose = machine.physics.clearances
     if loose or totals.impacts:
         counted = totals.impacts, totals.normal_impulse, means, totals.losses_of_contact
         yield from impact_rows(*counted)
     if loose:
         deepest = f'{audited.max_penetration:.3g}'
-        yield Row('largest penetration of an open gap', deepest, 'm')
-    yield Row('largest error of a closure', f'{audited.max_closure_error:.3g}', 'm')
+        yield SummaryRow('largest penetration of an open gap', deepest, 'm')
+    yield SummaryRow('largest error of a closure', f'{audited.max_closure_error:.3g}', 'm')
     e = audited.energy
     if e and math.isfinite(e.residual):
         balance = e.initial, e.final, e.drive_work, e.dissipated, e.residual, e.exchanged
         yield from energy_rows(*balance)
-        yield Row('error of works, estimated', f'{e.error:.2g}', 'J')
+        yield SummaryRow('error of works, estimated', f'{e.error:.2g}', 'J')
 
 
-def _costs(stats: Stats) -> Iterator[Row]:
-    yield Row('compilation', f'{stats.compile_time:.3g}', 's')
-    yield Row('CPU time', f'{stats.cpu_time:.3g}', 's')
+def _costs(stats: Stats) -> Iterator[SummaryRow]:
+    yield SummaryRow('compilation', f'{stats.compile_time:.3g}', 's')
+    yield SummaryRow('CPU time', f'{stats.cpu_time:.3g}', 's')
 
 
-def head(record: Record, digest: str = '', hardest: int | None = None) -> Iterator[Row]:
+def head(record: Record, digest: str = '', hardest: int | None = None) -> Iterator[SummaryRow]:
     """Span, model, impacts, tolerances and digest of a run.
 
     Parameters
@@ -241,13 +241,13 @@ def head(record: Record, digest: str = '', hardest: int | None = None) -> Iterat
     """
     machine, solver = record.machine, record.machine.scene.solver
     span = f'{record.start:.9g} s to {record.end:.9g}'
-    yield Row('time', span, 's', _turns_of(record))
-    yield Row('model', machine.level.value)
+    yield SummaryRow('time', span, 's', _turns_of(record))
+    yield SummaryRow('model', machine.level.value)
     if machine.clearances:
         fewer = '' if hardest is None else f'the hardest {hardest} shown'
-        yield Row('impacts', f'{len(record.piece.impacts)}', words=fewer)
-    yield Row('tolerances', f'rtol {solver.rtol:g}, atol {solver.atol:g}', 'm')
-    yield Row('digest', digest or record.digest())
+        yield SummaryRow('impacts', f'{len(record.piece.impacts)}', words=fewer)
+    yield SummaryRow('tolerances', f'rtol {solver.rtol:g}, atol {solver.atol:g}', 'm')
+    yield SummaryRow('digest', digest or record.digest())
 
 
 def _turns_of(record: Record) -> str:
@@ -260,7 +260,7 @@ def _turns_of(record: Record) -> str:
     return f'{turns} turn{"" if turns == "1" else "s"} of {drive}'
 
 
-def facts(record: Record) -> list[Row]:
+def facts(record: Record) -> list[SummaryRow]:
     """All that is known of a run as a whole; errors are read from its motion."""
     machine, piece = record.machine, record.piece
     steps, span, totals = len(piece.motion), record.end - record.start, Totals()
@@ -268,25 +268,25 @@ def facts(record: Record) -> list[Row]:
     audited: Audit | Solution
     wall_time: float | None
     *known, digest = (row for row in head(record) if row.label != 'impacts')
-    costs: list[Row] = []
+    costs: list[SummaryRow] = []
     if isinstance(piece, Solution):
         audited, wall_time, costs = piece, piece.stats.wall_time, [*_costs(piece.stats)]
     else:
         audited, wall_time = record.audited, record.wall_time
         if wall_time:
-            costs.append(Row('recorded in', f'{wall_time:.3g}', 's'))
+            costs.append(SummaryRow('recorded in', f'{wall_time:.3g}', 's'))
     if factor := realtime_factor(span, wall_time):
-        costs.append(Row('real-time factor', f'{factor:.3g}'))
+        costs.append(SummaryRow('real-time factor', f'{factor:.3g}'))
     entered = Counter(c.mode for c in piece.modes if c.previous != Mode.UNKNOWN)
     return [
         *known,
         *_figures(machine, steps, totals, None, audited),
         *(
-            Row(f'changes to {mode.name.lower().replace("_", " ")}', f'{count}')
+            SummaryRow(f'changes to {mode.name.lower().replace("_", " ")}', f'{count}')
             for mode, count in sorted(entered.items())
         ),
-        Row('mean step', f'{span / steps:.4g}', 's'),
-        Row('shortest step', f'{piece.motion.curve.duration.min():.4g}', 's'),
+        SummaryRow('mean step', f'{span / steps:.4g}', 's'),
+        SummaryRow('shortest step', f'{piece.motion.curve.duration.min():.4g}', 's'),
         *costs,
         digest,
     ]
@@ -296,7 +296,7 @@ def sections(run: Stream, turns: ImpactTally) -> Iterator[Section]:
     """A run that was streamed, and the machine at its end."""
     machine, stats = run.machine, run.stats
     rows = [
-        Row('time', f'{run.duration:.9g}', 's'),
+        SummaryRow('time', f'{run.duration:.9g}', 's'),
         *_figures(machine, stats.steps, run.totals, turns.means, run),
         *_costs(stats),
     ]
@@ -344,6 +344,6 @@ def _end(run: Stream) -> Iterator[Section]:
     loads = data.get('loads', {}).items()
     sizes += [(f'load {name}', load, physics.unknowns[name]) for name, load in loads]
     yield Section(rows=[
-        Row(name, 'not determined' if size is None else f'{size:.9g}', unit)
+        SummaryRow(name, 'not determined' if size is None else f'{size:.9g}', unit)
         for name, size, unit in sizes
     ])  # fmt: skip

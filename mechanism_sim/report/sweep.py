@@ -175,7 +175,7 @@ class SweepChart:
 
 
 def chart_of(plan: SweepPlan, file: str | None, over: str | None) -> SweepChart | None:
-    """What is asked for; nothing without a file."""
+    """Charts that are asked for; none without a file."""
     if file is None:
         if over is not None:
             raise InputError('--over needs --plot FILE')

@@ -19,7 +19,7 @@ from sympy.simplify.fu import TR8
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.rotor import Rotor, disk_of
-from mechanism_sim.planar.switches import Table
+from mechanism_sim.planar.switches import SwitchTable
 from mechanism_sim.planar.tilt import Tilt
 from mechanism_sim.report.parameters import bare, describe
 
@@ -102,7 +102,7 @@ class Symbols:
             for k, symbol in enumerate(switch.symbols):
                 meaning = f'1 where {bare(name)} acts, otherwise 0'
                 known = self.make('sigma', (name,), f'{name}.on', meaning, '')
-                if isinstance(switch, Table):
+                if isinstance(switch, SwitchTable):
                     meaning = f'number {k} of the present row of the table {name}'
                     known = self.make(f'c{k}', (name,), f'{name}.row.{k}', meaning, '')
                 self._variables[_sympy_symbol(str(symbol))] = known

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from mechanism_sim.keys.quantities import Part, Quantity
+from mechanism_sim.keys.quantities import Part, UnitValue
 
 _BOUNDS = {'gt': '>', 'ge': '>=', 'lt': '<', 'le': '<='}
 
@@ -26,7 +26,7 @@ class Facts(NamedTuple):
 
     part: type[Part] | None
     many: Literal['', 'list', 'dict']
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[UnitValue, ...]
     bounds: tuple[str, ...]
     choices: tuple[str, ...]
 
@@ -59,7 +59,7 @@ def facts_of(field: FieldInfo) -> Facts:
     return Facts(
         parts[0] if parts else None,
         '' if not (parts and several) else 'dict' if dict in several else 'list',
-        tuple(note for note in notes if isinstance(note, Quantity)),
+        tuple(note for note in notes if isinstance(note, UnitValue)),
         (*whole, *_range(bounds)),
         (*choices, *(['true', 'false'] if bool in kinds else [])),
     )

@@ -53,7 +53,7 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.planar.switched_functions import Edges
-from mechanism_sim.planar.switches import Table
+from mechanism_sim.planar.switches import SwitchTable
 from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
 from mechanism_sim.scene.elastic_links import stiffened
 from mechanism_sim.scene.plan import ScenePlan
@@ -564,7 +564,7 @@ class Machine(Rich):
         """True if the equations are so long that compact code pays."""
         system = self.system
         rows = len(system.dynamics.contacts.rows) + len(system.dynamics.equations.relation_jets)
-        tabulated = any(isinstance(s, Table) for s in system.switches)
+        tabulated = any(isinstance(s, SwitchTable) for s in system.switches)
         many = len(system.free) + rows >= _COMPACT_FROM
         flexible = any(x.flexible for x in self.mechanism.extensions.values())
         more = system.elements or system.lent or system.dynamics.rubs or flexible

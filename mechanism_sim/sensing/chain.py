@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import scipy
 from pydantic import Field
 
-from mechanism_sim.keys.quantities import Angle, Part, Quantity, Rate, Time, si
+from mechanism_sim.keys.quantities import Angle, Part, Rate, Time, UnitValue, si
 from mechanism_sim.numerics.rational import Rational
 from mechanism_sim.units import QuantityValue, to_si_of
 
@@ -107,7 +107,7 @@ def _reading(value: Any) -> QuantityValue:
     return measure
 
 
-Reading = Annotated[QuantityValue, Quantity(_reading, tuple(QUANTITIES.values()))]
+Reading = Annotated[QuantityValue, UnitValue(_reading, tuple(QUANTITIES.values()))]
 
 
 class Converter(Part):

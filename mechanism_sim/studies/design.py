@@ -35,7 +35,7 @@ _FORMS = (
 
 
 class Factor(NamedTuple):
-    """What is varied.
+    """A quantity that is varied.
 
     Attributes
     ----------

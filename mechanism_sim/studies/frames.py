@@ -61,7 +61,7 @@ def load_on(machine: Machine, option: str, place: str, direction: float | None) 
 
 
 class Vibrating(NamedTuple):
-    """What vibrates: ``M z'' + C z' + K z = F``, all (n, n).
+    """Equations of vibration ``M z'' + C z' + K z = F``, all (n, n).
 
     Attributes
     ----------
@@ -174,7 +174,7 @@ def _edges(curve: PiecewisePolynomial, period: float, loaded: bool, count: int) 
 
 
 def without_play(machine: Machine) -> Machine:
-    """The same machine without play."""
+    """The machine without play."""
     if not machine.clearances:
         return machine
     joints = {

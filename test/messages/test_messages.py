@@ -9,6 +9,8 @@ import pytest
 from mcap_ros2._dynamic import generate_dynamic
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from docs.messages import READINGS
+from docs.messages import text as written
 from mechanism_sim import messages
 from mechanism_sim.messages import (
     DiagnosticStatus,
@@ -245,6 +247,12 @@ def test_cdr_is_what_an_independent_reader_reads():
     assert (found.time, found.index, found.joint) == (0.25, 7, 'crank_coupler')
     assert found.header.stamp.nanosec == 250_000_000
     assert deserialize(data, Impact) == deserialize(data, 'mechanism_sim/msg/Impact') == message
+
+
+@pytest.mark.parametrize('name', READINGS)
+def test_messages_of_parts_have_the_fields_of_their_readings(name):
+    """As `python docs/messages.py` writes them."""
+    assert (message_folder() / f'{name}.msg').read_text(encoding='utf-8') == written(name)
 
 
 @pytest.mark.parametrize('name', own_messages())

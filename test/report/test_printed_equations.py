@@ -26,7 +26,7 @@ from mechanism_sim.hybrid.observer import Instants, Observer
 from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.drive import DriveLaw, TorqueLaw
 from mechanism_sim.planar.reactions import generalized_forces
-from mechanism_sim.planar.switches import Table
+from mechanism_sim.planar.switches import SwitchTable
 from mechanism_sim.planar.virtual_work import generalised
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
@@ -323,7 +323,7 @@ def reader_of(variant, state):
     eq = equations_of(machine_of(variant))
     rows = present_rows(eq, *state[:2])
     for name, table in eq.frames.switches.items():
-        if isinstance(table, Table):
+        if isinstance(table, SwitchTable):
             for k, symbol in enumerate(table.symbols):
                 given[f'c{k}_{name}'] = rows[symbol]
     given |= {f'n_{x.rpartition(".")[0]}': 0.0 for x in eq.frames.outside if x != 'time'}

@@ -12,7 +12,7 @@ from mechanism_sim.analysis.record import Record
 from mechanism_sim.pages.recorded import recorded
 from mechanism_sim.pages.report import page
 from mechanism_sim.report.rich import html as in_notebook
-from mechanism_sim.report.sections import Row, Section, amount, html, text
+from mechanism_sim.report.sections import Section, SummaryRow, amount, html, text
 from mechanism_sim.report.summary import facts, sections
 from mechanism_sim.results.means import ImpactTally
 
@@ -52,7 +52,7 @@ def test_the_header_of_a_page_has_its_rows_and_cuts_the_digest(record):
 
 
 def test_sections_go_on_without_a_title_and_long_tables_end_in_notebooks():
-    first = Section('one', [amount('impulse', 0.002, 'N s', words='small'), Row('n', '3')])
+    first = Section('one', [amount('impulse', 0.002, 'N s', words='small'), SummaryRow('n', '3')])
     more = Section(table=[('x', 'y'), ('a', 1.5)], notes=['said'])
     assert text([first, Section(), more, Section('two', notes=['so'])]).splitlines() == [
         'one', '  impulse  2 mN s (small)', '  n        3', '  x    y', '  a  1.5', 'said', '',

@@ -22,7 +22,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.mesh.involute import Gear
 from mechanism_sim.joints.mesh.reading import GearReading
 from mechanism_sim.joints.transmission.constraint import Transmission
-from mechanism_sim.planar.view import Draft, ToothLoad, View, circle
+from mechanism_sim.planar.view import Draft, PairView, ToothLoad, circle
 
 _FEWEST = 8  # teeth that are drawn as involutes
 
@@ -65,7 +65,9 @@ class SpatialPair(Transmission):
         """How many there are, 0 of threads, and how much of their height is seen."""
 
     @abstractmethod
-    def _beside(self, view: View, tangential: Array) -> tuple[Array, Array, Array, Array, Array]:
+    def _beside(
+        self, view: PairView, tangential: Array
+    ) -> tuple[Array, Array, Array, Array, Array]:
         """Of the tangential force on the second (N,) [N] that on the first.
 
         Then radial and axial ones on first and second.
@@ -76,7 +78,7 @@ class SpatialPair(Transmission):
         """Both links."""
         return self.first, self.second
 
-    def tooth_loads(self, view: View) -> Sequence[ToothLoad]:
+    def tooth_loads(self, view: PairView) -> Sequence[ToothLoad]:
         """At the pitch points: tangential forces of the torques, with those beside them."""
         second = view.moment / self.radii[1]
         first, radial_1, axial_1, radial_2, axial_2 = self._beside(view, second)
@@ -105,7 +107,7 @@ class SpatialPair(Transmission):
                 rim *= (radius + height * (far - radius)) / far
             draft.add('wheel', link, rim + at, size=radius)
 
-    def reading(self, view: View) -> GearReading:
+    def reading(self, view: PairView) -> GearReading:
         """Motion and torques, and the force on the second."""
         parts = self.tooth_loads(view)[1].components
         total = np.sqrt(sum(x**2 for x in parts.values()))
@@ -149,7 +151,9 @@ class BevelPair(SpatialPair):
         mate = round(self.teeth * second / first)
         return (self.teeth, math.cos(self.cones[0])), (mate, math.cos(self.cones[1]))
 
-    def _beside(self, view: View, tangential: Array) -> tuple[Array, Array, Array, Array, Array]:
+    def _beside(
+        self, view: PairView, tangential: Array
+    ) -> tuple[Array, Array, Array, Array, Array]:
         """Across the cones' common line, away from the mate: towards the shaft and the back."""
         first = -float(self.ratio) * view.moment / self.radii[0]
         apart = np.abs(tangential) * math.tan(self.pressure_angle)

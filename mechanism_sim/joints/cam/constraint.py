@@ -29,7 +29,7 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.planar.rails import chord
 from mechanism_sim.planar.touch import Touch
-from mechanism_sim.planar.view import Draft, Side, View
+from mechanism_sim.planar.view import Draft, PairView, Side
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,11 @@ class CamPair(PlacedCam):
             'lift': ('lift', 'follower_position'),
             'contact force': ('contact_force',),
             'torque on the cam': ('cam_torque',),
+            'spin of the roller': ('roller_speed',),
         }
     )
 
-    def reading(self, view: View) -> CamReading:
+    def reading(self, view: PairView) -> CamReading:
         """Cam, follower, gap and contact force."""
         return read_cam(self, view)
 

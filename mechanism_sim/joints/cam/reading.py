@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.joints.cam.placement import PlacedCam
 from mechanism_sim.joints.cam.touch import CamTouch, FramePassage
-from mechanism_sim.planar.view import Course, Told, View
+from mechanism_sim.planar.view import Course, PairView, Told
 
 
 class CamMode(IntEnum):
@@ -31,7 +31,8 @@ class CamReading(NamedTuple):
     Lift and follower count from the base circle; those of a swinging follower are angles. Angle
     and speed of a cam that slides are its displacement and velocity, its torque is a force.
     Pressure angle, contact and speeds are those where they touch at this cam angle, or would;
-    speeds count counterclockwise about a cam that turns clockwise, as in `CamTouch`.
+    speeds count counterclockwise about a cam that turns clockwise, as in `CamTouch`; the spin of a
+    roller that rolls without slip, seen from its follower, counts counterclockwise in the world.
     """
 
     cam_angle: Annotated[Array, Told('rad or m', 'cam angle', 'first', repeats=True)]
@@ -50,10 +51,11 @@ class CamReading(NamedTuple):
     contact_y: Annotated[Array, Told('m', 'point of contact, y')]
     contact_speed: Annotated[Array, Told('m/s', 'speed of the contact along the profile')]
     sliding_speed: Annotated[Array, Told('m/s', 'sliding speed of the follower over the cam')]
+    roller_speed: Annotated[Array, Told('rad/s', 'spin of the roller on its pin')]
     mode: NDArray[np.uint8]  #: (N,) of `CamMode`
 
 
-def read_cam(joint: PlacedCam, view: View) -> CamReading:
+def read_cam(joint: PlacedCam, view: PairView) -> CamReading:
     """A cam that its follower may leave, or in whose groove it has play."""
     cam, torque = _cam(joint, view)
     angle = cam.position
@@ -66,14 +68,17 @@ def read_cam(joint: PlacedCam, view: View) -> CamReading:
     fx, fy = view.force
     force = np.copysign(np.hypot(fx, fy), fx * (c * x - s * y) + fy * (s * x + c * y))
     gap, mode = _contact(joint, view)
+    *touching, sliding = _touching(joint, view, touch, cam.velocity)
+    roller = getattr(joint.cam.follower, 'roller', 0.0)
+    spin = joint.mirror * sliding / roller if roller else np.zeros_like(sliding)
     return CamReading(
         cam.total, cam.velocity, lift, *follower[:3], gap, force, touch.pressure_angle,
-        torque, *_touching(joint, view, touch, cam.velocity), mode,
+        torque, *touching, sliding, spin, mode,
     )  # fmt: skip
 
 
 def _touching(
-    joint: PlacedCam, view: View, touch: CamTouch, rate: Array
+    joint: PlacedCam, view: PairView, touch: CamTouch, rate: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Point of contact in the world [m]; its speed along the profile, and that of sliding [m/s].
 
@@ -89,7 +94,7 @@ def _touching(
     return x0 + c * x - s * y, y0 + s * x + c * y, touch.rate * rate, touch.sliding * rate
 
 
-def _cam(joint: PlacedCam, view: View) -> tuple[Course, Array]:
+def _cam(joint: PlacedCam, view: PairView) -> tuple[Course, Array]:
     """Where the cam is, and the torque or force on it, as its law counts."""
     if joint.distance.slides:
         x, y = joint.world((0.0, -1.0))
@@ -103,7 +108,7 @@ def _cam(joint: PlacedCam, view: View) -> tuple[Course, Array]:
     return Course(place + joint.phase, *rest), torque
 
 
-def _follower(joint: PlacedCam, view: View, lift: Array) -> Course:
+def _follower(joint: PlacedCam, view: PairView, lift: Array) -> Course:
     """The follower's place, from where it is on the base circle, in the direction of the lift."""
     lowest = joint.distance.lowest
     if joint.distance.swings:
@@ -118,7 +123,7 @@ def _follower(joint: PlacedCam, view: View, lift: Array) -> Course:
     return Course(place, v, a, np.zeros_like(place))
 
 
-def _contact(joint: PlacedCam, view: View) -> tuple[Array, NDArray[np.uint8]]:
+def _contact(joint: PlacedCam, view: PairView) -> tuple[Array, NDArray[np.uint8]]:
     """Distance [m] to what the follower may touch, and the mode."""
     walls = [view.gap(side) for side in joint.sides]
     count = view.count

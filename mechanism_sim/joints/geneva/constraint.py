@@ -32,8 +32,8 @@ from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import (
     SLOT,
     Draft,
+    PairView,
     Told,
-    View,
     complex_of,
     points_of,
 )
@@ -78,11 +78,11 @@ class IndexingPair(HigherPair):
     charts: ClassVar[Mapping[str, tuple[str, ...]]] = DRIVEN
 
     @abstractmethod
-    def reading(self, view: View) -> GenevaReading:
+    def reading(self, view: PairView) -> GenevaReading:
         """Where the pin is in a slot, both motions and forces."""
 
     def _read(
-        self, view: View, engaged: NDArray[np.bool_], centre: Array, effort: Array
+        self, view: PairView, engaged: NDArray[np.bool_], centre: Array, effort: Array
     ) -> GenevaReading:
         driver, driven = view.turning(self.first), view.course(self.second)
         (fx, fy), torque = view.force, view.moment_on_first(centre)
@@ -108,7 +108,7 @@ class Geneva(IndexingPair):
     distance: float  #: [m] of the two centres
     entry: float  #: [m] from the wheel's centre to the mouth of a slot
 
-    def reading(self, view: View) -> GenevaReading:
+    def reading(self, view: PairView) -> GenevaReading:
         """The pin is in a slot while nearer to the centre than the slots' mouths."""
         centre = view.place(self.second, self.on_second)
         x, y = view.place(self.first, self.on_first) - centre

@@ -20,7 +20,7 @@ from mechanism_sim.planar.mechanism import Bar, Coupling, Mechanism
 from mechanism_sim.planar.points import LinkPoint, rotate
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.touch import TurningTouch
-from mechanism_sim.planar.view import Draft, ToothLoad, View, circle
+from mechanism_sim.planar.view import Draft, PairView, ToothLoad, circle
 
 _FLANK = 14  # points of a drawn flank, its fillet among them
 
@@ -63,7 +63,7 @@ class GearMesh(PlacedMesh):
             return []
         return [MeshSpring(self.closure(mechanism), self.elasticity, self.play)]
 
-    def reading(self, view: View) -> GearReading:
+    def reading(self, view: PairView) -> GearReading:
         """Motion, transmission error and forces."""
         return read_mesh(self, view)
 
@@ -72,7 +72,7 @@ class GearMesh(PlacedMesh):
         """All but a rack."""
         return tuple(link for link in self.ends if not self.is_rack(link))
 
-    def tooth_loads(self, view: View) -> Sequence[ToothLoad]:
+    def tooth_loads(self, view: PairView) -> Sequence[ToothLoad]:
         """At the pitch point; axial against the tangential force of right-handed teeth.
 
         Along right-handed teeth one advances as one turns counterclockwise, so that a tangential

@@ -13,7 +13,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.joints.mesh.placement import PlacedMesh
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import Vector2
-from mechanism_sim.planar.view import Told, View
+from mechanism_sim.planar.view import PairView, Told
 
 
 class MeshMode(IntEnum):
@@ -50,7 +50,7 @@ class GearReading(NamedTuple):
     mode: NDArray[np.uint8]  #: (N,) of `MeshMode`
 
 
-def read_mesh(joint: PlacedMesh, view: View) -> GearReading:
+def read_mesh(joint: PlacedMesh, view: PairView) -> GearReading:
     """Teeth in mesh: ideal, with backlash or elastic."""
     sides = joint.points
     (first, rate), (second, _) = (_place(joint, view, *side) for side in sides)
@@ -73,7 +73,7 @@ def read_mesh(joint: PlacedMesh, view: View) -> GearReading:
     return _reading(joint, view, joint.per_phase * ahead, force, efforts, passing, flanks)
 
 
-def read_ratio(joint: HigherPair, ratio: float, view: View) -> GearReading:
+def read_ratio(joint: HigherPair, ratio: float, view: PairView) -> GearReading:
     """A ratio without teeth, of which the torques are known: they neither take nor give power."""
     unknown = np.full(view.count, np.nan)
     efforts = -ratio * view.moment, view.moment
@@ -92,7 +92,7 @@ class _Force(NamedTuple):
 
 def _reading(
     joint: HigherPair,
-    view: View,
+    view: PairView,
     error: Array,
     force: _Force,
     efforts: tuple[Array, Array],
@@ -108,7 +108,7 @@ def _reading(
     )  # fmt: skip
 
 
-def _place(joint: PlacedMesh, view: View, link: str, at: Vector2) -> tuple[Array, Array]:
+def _place(joint: PlacedMesh, view: PairView, link: str, at: Vector2) -> tuple[Array, Array]:
     """Angle [rad] of a gear against the carrier, or displacement [m] of a rack; and its rate."""
     carrier, guide = view.turning(joint.carrier), joint.guide
     if guide is None or guide.second != link:
@@ -122,7 +122,7 @@ def _place(joint: PlacedMesh, view: View, link: str, at: Vector2) -> tuple[Array
     return place, rate + carrier.velocity * across
 
 
-def _flanks(joint: PlacedMesh, view: View, tangential: Array) -> NDArray[np.uint8]:
+def _flanks(joint: PlacedMesh, view: PairView, tangential: Array) -> NDArray[np.uint8]:
     """Which flanks carry: by the walls of rigid teeth, by the force of elastic ones."""
     count, left, right = len(tangential), view.gap('left'), view.gap('right')
     if left and right:

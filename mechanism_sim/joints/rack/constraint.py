@@ -19,7 +19,7 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.planar.view import (
     Draft,
-    View,
+    PairView,
 )
 
 
@@ -35,7 +35,7 @@ class SlottedRack(IndexingPair):
     axis: float  #: [rad] direction of the rack in the world
     centre: Vector2  #: [m] of the crank, in the world
 
-    def reading(self, view: View) -> GenevaReading:
+    def reading(self, view: PairView) -> GenevaReading:
         """The pin moves the rack on the right of the axis through the crank's centre."""
         c, s = math.cos(self.axis), math.sin(self.axis)
         centre = np.array(self.centre)[:, None]

@@ -19,7 +19,7 @@ from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench
 from mechanism_sim.planar.mechanism import Coupling, HigherPair, Mechanism
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.planar.view import Side, View
+from mechanism_sim.planar.view import PairView, Side
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Transmission(HigherPair):
         """Without play."""
         return TransmissionClosure(self, mechanism)
 
-    def reading(self, view: View) -> GearReading:
+    def reading(self, view: PairView) -> GearReading:
         """Motion and torques."""
         return read_ratio(self, float(self.ratio), view)
 

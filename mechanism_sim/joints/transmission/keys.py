@@ -10,7 +10,7 @@ from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Reference
 from mechanism_sim.joints.mesh.gear_keys import MOST_TEETH
 from mechanism_sim.joints.transmission.constraint import Transmission
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import Angle, Quantity
+from mechanism_sim.keys.quantities import Angle, UnitValue
 from mechanism_sim.planar.points import GROUND
 
 
@@ -27,7 +27,7 @@ def _fraction(value: Any) -> str:
     return str(ratio)
 
 
-Ratio = Annotated[str, Quantity(_fraction, ('',))]
+Ratio = Annotated[str, UnitValue(_fraction, ('',))]
 
 
 class PhaseKeys(JointKeys):

@@ -11,7 +11,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.joints.bevel.constraint import SpatialPair
 from mechanism_sim.joints.worm.forces import WormPair
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.planar.view import View
+from mechanism_sim.planar.view import PairView
 
 _UNIT = WormPair(1, 1, 1.0, math.pi / 4)  # fields after others with defaults need one
 
@@ -40,7 +40,9 @@ class WormDrive(SpatialPair):
     def _teeth(self) -> tuple[tuple[int, float], tuple[int, float]]:
         return (0, 1.0), (self.worm.teeth, 1.0)
 
-    def _beside(self, view: View, tangential: Array) -> tuple[Array, Array, Array, Array, Array]:
+    def _beside(
+        self, view: PairView, tangential: Array
+    ) -> tuple[Array, Array, Array, Array, Array]:
         """The axial force on the worm is the tangential one of its wheel, and so the other way.
 
         The normal force F and ``mu F`` against the sliding along the thread, which the worm's turn

@@ -21,7 +21,7 @@ _WORDS = {
     'rad': ('angle', 'angular velocity', 'angular acceleration'),
     'm': ('displacement', 'velocity', 'acceleration'),
 }
-"""What a coordinate and its rates are called, by its unit."""
+"""Names of a coordinate and of its rates, by its unit."""
 
 
 def tracks(mechanism: Mechanism, places: Sequence[LinkPoint | Point]) -> Callable[[View], Array]:

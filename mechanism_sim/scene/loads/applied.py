@@ -12,7 +12,7 @@ from pydantic import Field
 
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import Part, Quantity, si_of
+from mechanism_sim.keys.quantities import Part, UnitValue, si_of
 from mechanism_sim.linkages.forces import (
     AppliedForce,
     CycleRange,
@@ -29,7 +29,7 @@ from mechanism_sim.units import QuantityValue, alike, to_si, to_si_of
 Place = Annotated[QuantityValue, si_of('rad', 'm')]
 
 
-def _or_formula(*units: str) -> Quantity:
+def _or_formula(*units: str) -> UnitValue:
     """A quantity, or a formula such as ``-5*vx + 3*sin(20*t)``.
 
     Of one of several units it is a `QuantityValue`.
@@ -50,7 +50,7 @@ def _or_formula(*units: str) -> Quantity:
                 raise
             return value
 
-    return Quantity(read, units, 'a formula')
+    return UnitValue(read, units, 'a formula')
 
 
 ForceOrFormula = Annotated[float | str, _or_formula('N')]

@@ -84,14 +84,16 @@ def test_the_point_of_contact_is_on_roller_and_cam_and_moves_as_told(name):
 
 def cycle_points(machine, joint, found, t):
     """The roller's centre."""
+    return places_of(machine, joint.second, joint.on_second, found, t)
+
+
+def places_of(machine, link, at, found, t):
     motion = found.solution.motion
     q = motion.curve(t).T
     places = dict(zip(machine.mechanism.coordinates, q, strict=True))
     return np.array(
         [
-            machine.mechanism.locate(
-                joint.second, {c: float(x[i]) for c, x in places.items()}, joint.on_second
-            )
+            machine.mechanism.locate(link, {c: float(x[i]) for c, x in places.items()}, at)
             for i in range(len(t))
         ]
     ).T
@@ -137,3 +139,34 @@ def test_a_law_whose_velocity_jumps_is_refused_where_forces_are_needed(capsys):
         main(['draw', 'gear_pair', '--profile', 'mesh', '--table', 'x.csv'])
     assert left.value.code == 2
     assert 'for cams, and mesh has none' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('name', ['oscillating_roller', 'offset_roller_cam', 'sliding_cam'])
+def test_a_roller_spins_as_it_rolls_on_its_cam(name):
+    """Cam and roller have one tangential velocity where they touch; differences of places."""
+    machine = ms.load_scene(name)
+    found = cycle(machine, samples=360)
+    joint = next(j for j in machine.mechanism.joints if hasattr(j, 'cam'))
+    h = 1e-5 * (found.t[-1] - found.t[0])
+    t = found.t[5:-5:7]
+    t = np.sort(np.concatenate([t - h, t, t + h]))
+    seen = found.at(t)
+    at = np.array([seen[f'contact.{joint.name}.{axis}'] for axis in 'xy'])[:, 1::3]
+
+    def velocity(link, point, more):
+        """Of the material point at the contact; ``more`` beside the turning of the link."""
+        place = places_of(machine, link, point, found, t)
+        moved, arm = (place[:, 2::3] - place[:, ::3]) / (2 * h), at - place[:, 1::3]
+        slides = link in machine.mechanism.displacements
+        spin = more + (0.0 if slides else seen[f'velocity.{link}'][1::3])
+        return moved + spin * np.array([-arm[1], arm[0]]), arm
+
+    spin = seen[f'roller_speed.{joint.name}'][1::3]
+    of_roller, arm = velocity(joint.second, joint.on_second, spin)
+    of_cam, _ = velocity(joint.first, (0.0, 0.0), 0.0)
+    slip = arm[0] * (of_roller - of_cam)[1] - arm[1] * (of_roller - of_cam)[0]
+    touching = np.abs(np.hypot(*arm) - joint.cam.follower.roller) < 1e-11
+    assert touching.mean() > 0.4  # that of the sliding cam lifts off
+    fastest = np.abs(of_cam).max()
+    assert np.abs(slip / np.hypot(*arm))[touching].max() < 1e-5 * fastest
+    assert np.ptp(spin) > 1.0
