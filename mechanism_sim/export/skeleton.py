@@ -416,11 +416,20 @@ def skeleton_of(
     }
     blocks = {
         name: (play.length, play.height, play.radial)
-        for name, play in machine.clearances.items()
+        for name, play in machine.plan.clearances.items()
         if isinstance(play, Clearance) and play.length and play.height
     }
     return Skeleton(
-        mechanism, q, points, springs, machine.clearances, drives, frames, magnified, size, blocks
+        mechanism,
+        q,
+        points,
+        springs,
+        machine.plan.clearances,
+        drives,
+        frames,
+        magnified,
+        size,
+        blocks,
     )
 
 

@@ -45,8 +45,8 @@ def _machine(machine: Machine) -> Section:
         Row('coordinates', ', '.join(machine.physics.coordinates)),
         Row('joints', ', '.join(machine.physics.joints)),
     ]
-    if machine.clearances:
-        rows.append(Row('with clearance', ', '.join(machine.clearances)))
+    if machine.plan.clearances:
+        rows.append(Row('with clearance', ', '.join(machine.plan.clearances)))
     return Section(rows=rows, notes=check(machine).notes)
 
 

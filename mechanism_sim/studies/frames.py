@@ -175,11 +175,11 @@ def _edges(curve: PiecewisePolynomial, period: float, loaded: bool, count: int) 
 
 def without_play(machine: Machine) -> Machine:
     """The same machine without play."""
-    if not machine.clearances:
+    if not machine.plan.clearances:
         return machine
     joints = {
         name: joint.model_copy(update=dict.fromkeys(_PLAYS))
-        if name in machine.clearances
+        if name in machine.plan.clearances
         else joint
         for name, joint in machine.scene.joints.items()
     }

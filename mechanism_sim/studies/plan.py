@@ -30,6 +30,7 @@ from mechanism_sim.scene.files import (
     find_scene,
     read_yaml,
 )
+from mechanism_sim.scene.load import started_at
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies import windows
 from mechanism_sim.studies.columns import FIGURES, RESERVED, ResultColumn, of_sensors, own_columns
@@ -224,9 +225,7 @@ def read_plan(
             for repetition in range(file.repeat):
                 machine = build(base.stem, content)
                 if repetition * file.nudge:  # the drive a little further at the start
-                    machine = machine.started_at(
-                        machine.start_of_crank[0] + repetition * file.nudge
-                    )
+                    machine = started_at(machine, machine.drive.start[0] + repetition * file.nudge)
                 nudged = machine.scene
                 read = [] if file.windows else of_sensors(machine, taken)
                 if scene not in measured:

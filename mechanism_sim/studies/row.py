@@ -78,7 +78,7 @@ class _Figures:
         self.edges, self._skip = task.extent.edges(machine)
         self.since = self.edges[self._skip]
         self._whole = bool(task.extent.revolutions)
-        self._main = machine.physics.coordinates.index(machine.main)
+        self._main = machine.physics.coordinates.index(machine.plan.main)
         self._crank = np.full(len(self.edges), math.nan)  # its angle at the edges [rad]
         self._tally, self._digest = StatisticsTally(self.edges), MotionDigest()
         self._peaks = LoadPeaks(machine, self.since)

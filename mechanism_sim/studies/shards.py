@@ -109,7 +109,7 @@ class ShardWriter:
     def __init__(self, shard: Shard, name: str, since: float, channels: Channels) -> None:
         self._shard, machine = shard, Machine(name, shard.scene)
         scene, windows = machine.scene, shard.windows
-        self._main = machine.mechanism.coordinates.index(machine.main)
+        self._main = machine.mechanism.coordinates.index(machine.plan.main)
         self._sensors = [
             _ShardSensor(shard, machine, n, since, channels) for n in windows.sensors_of(scene)
         ]

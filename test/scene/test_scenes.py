@@ -379,9 +379,9 @@ def test_every_coordinate_that_check_lists_can_be_given_at_the_start(scene):
     Deformations of elastic links are left as they are.
     """
     machine = ms.load_scene(scene)
-    listed = [c for c in check(machine).coordinates if '.bend' not in c and c != machine.main]
+    listed = [c for c in check(machine).coordinates if '.bend' not in c and c != machine.plan.main]
     assert any(c.endswith('.x') for c in listed)
-    state, free = machine.initial_state(), machine.system.free
+    state, free = machine.initial_state(), machine.equations.system.free
     initial = {
         kind: {c: values[free.index(c)] for c in listed}
         for kind, values in (('position', state.q), ('velocity', state.v))
@@ -396,7 +396,7 @@ def test_the_angle_of_a_block_in_a_loose_guide_can_be_given():
     """Without clearance it is a displacement by that name, and refused with the right key."""
     given = {'initial.position.slider': '0.1 mrad'}
     machine = ms.load_scene('slider_with_play', given)
-    assert machine.initial_state().q[machine.system.free.index('slider')] == 1e-4
+    assert machine.initial_state().q[machine.equations.system.free.index('slider')] == 1e-4
     said = refusal_of_start({'initial.position.slider': '0.2 m'}, 'slider_with_play')
     assert 'what can be given of it is slider, an angle' in said
 
