@@ -364,11 +364,8 @@ class Skeleton:
 
     def _arrow(self, drive: str, sense: float, places: Sequence[LinkPoint]) -> None:
         """Beside the joint that carries what is driven."""
-        carrying = [
-            j
-            for j in self.mechanism.joints
-            if not isinstance(j, HigherPair) and drive in (j.first, j.second)
-        ]
+        lower = (j for j in self.mechanism.joints if not isinstance(j, HigherPair))
+        carrying = [j for j in lower if drive in (j.first, j.second)]
         if not carrying or not sense:
             return
         joint = min(carrying, key=lambda j: GROUND not in (j.first, j.second))  # on the ground

@@ -24,8 +24,7 @@ from mechanism_sim.planar.virtual_work import generalised
 from mechanism_sim.report.equations import Equation, EquationGroup, MachineEquations
 from mechanism_sim.report.symbols import Expression, Symbol, Symbols
 from mechanism_sim.report.vectors import Vectors
-from mechanism_sim.scene.level import Level
-from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene import Level, Machine
 
 _LONG = 30
 """Operations from which on forces are written with intermediate quantities."""

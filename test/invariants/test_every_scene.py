@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from absolute import differences
+from builders import read_scene
 
 import mechanism_sim as ms
 from mechanism_sim.joints.cam.constraint import CamPair
@@ -11,7 +12,6 @@ from mechanism_sim.joints.rack.constraint import SlottedRack
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene import Level, Machine
 from mechanism_sim.scene.drives import is_straight
-from mechanism_sim.scene.files import read_scene
 from mechanism_sim.scene.schema import AffineForce, AffineTorque, Scene
 from mechanism_sim.units import QuantityValue
 

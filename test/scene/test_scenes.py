@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from builders import read_scene
 from four_bars import RADIAL, RESTITUTION, SPEED
 
 import mechanism_sim as ms
@@ -14,7 +15,7 @@ from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Level, Machine, span
 from mechanism_sim.scene.check import check, render
-from mechanism_sim.scene.files import check_scene, read_scene
+from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.motion_notes import mobility_notes
 from mechanism_sim.studies.parameters import parameters
 
