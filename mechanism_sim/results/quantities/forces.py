@@ -151,12 +151,12 @@ def _of_motor(machine: Machine) -> Iterator[Quantity]:
         return
     main, ratio = machine.plan.main, motor.ratio
     i = machine.physics.coordinates.index(main)
-    for name, unit, words, evaluate in (
-        ('torque', 'N m', 'torque', lambda view: view.observed.drive_torque[0] / ratio),
-        ('speed', 'rad/s', 'speed', lambda view: ratio * view.observed.velocity[i]),
-        ('power', 'W', 'power', lambda view: view.observed.drive_power),
+    for name, unit, evaluate in (
+        ('torque', 'N m', lambda view: view.observed.drive_torque[0] / ratio),
+        ('speed', 'rad/s', lambda view: ratio * view.observed.velocity[i]),
+        ('power', 'W', lambda view: view.observed.drive_power),
     ):
-        words = f'{words} of the motor'
+        words = f'{name} of the motor'
         yield Quantity(f'motor.{name}', unit, words, main, evaluate, Shown.ASKED)
 
 
