@@ -35,7 +35,7 @@ Four fifths of the start of large machines were LLVM's optimisation.
 
 
 @dataclass(frozen=True)
-class Equations:
+class EquationsOfMotion:
     """The equations of motion of a machine, with its clearances and without.
 
     Attributes

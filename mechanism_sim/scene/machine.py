@@ -5,7 +5,7 @@
 - `Machine.level`: how much mechanics the scene needs
 - `Machine.drive`: the drive whose revolutions count (`MainDrive`)
 - `Machine.nominal`: motion and forces without clearance (`Nominal`)
-- `Machine.equations`: the compiled equations of motion (`Equations`)
+- `Machine.equations`: the compiled equations of motion (`EquationsOfMotion`)
 - `Machine.physics`: forces, gaps and energies along a motion, whatever the level
 - `Machine.initial_state`: start of the equations of motion (`Start`)
 
@@ -35,7 +35,7 @@ from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.scene.assembly import Assembly, assemble
-from mechanism_sim.scene.equations import Equations
+from mechanism_sim.scene.equations import EquationsOfMotion
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.main_drive import MainDrive
 from mechanism_sim.scene.nominal import Nominal
@@ -160,9 +160,9 @@ class Machine(Rich):
         return Nominal(self.name, self.plan, self.assembly, forces)
 
     @cached_property
-    def equations(self) -> Equations:
+    def equations(self) -> EquationsOfMotion:
         """The equations of motion, compiled when they are first asked for."""
-        return Equations(self.name, self.plan, self.assembly)
+        return EquationsOfMotion(self.name, self.plan, self.assembly)
 
     @cached_property
     def physics(self) -> Physics:

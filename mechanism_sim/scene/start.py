@@ -37,7 +37,7 @@ from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
-from mechanism_sim.scene.equations import Equations
+from mechanism_sim.scene.equations import EquationsOfMotion
 from mechanism_sim.scene.nominal import Nominal
 from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.scene.reading import Values
@@ -63,7 +63,7 @@ class Start:
 
     plan: ScenePlan
     nominal: Nominal
-    equations: Equations
+    equations: EquationsOfMotion
     turn: float
 
     @property

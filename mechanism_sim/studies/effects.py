@@ -1,4 +1,4 @@
-"""What swept values do to figures: main effects, indices of Sobol, shares beyond a limit."""
+"""Effects of swept values on figures: main effects, indices of Sobol, shares beyond a limit."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class FactorLevel:
 
 @dataclass(frozen=True)
 class Effect:
-    """What one factor does to one measure, in the mean over all others.
+    """Effect of one factor on one measure, in the mean over all others.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ _JUMP = 1e-6  # of the range of the figure: what is left there beside a solution
 
 @dataclass(frozen=True)
 class Goal:
-    """What a measure of a cycle shall be: a value, or as small as possible (None).
+    """Goal for a measure of a cycle: a value, or as small as possible (None).
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found, and the curve on the way, in SI units.
+    """The value found, and the curve on the way, in SI units.
 
     Attributes
     ----------
@@ -212,7 +212,7 @@ class _Curve:
         return {'value': self.parameter.value(best), 'figure': figure}
 
     def searches(self, places: Array, figures: Array, wanted: float | None) -> list[Call]:
-        """What is to be found between places: each crossing of a value, or the least."""
+        """Searches between places: for each crossing of a value, or the least."""
         if wanted is not None:
             off, span = figures - wanted, float(np.nanmax(figures) - np.nanmin(figures))
             crossed = np.flatnonzero(off[:-1] * off[1:] < 0.0)

@@ -87,7 +87,7 @@ class FloquetMap:
         return np.asarray(q[:, 0]), np.asarray(v[:, 0])
 
     def change(self, x: Array, period: float, audited: bool = False) -> Array:
-        """What a time [s] changes of a state (2 k,), whole turns left out; may be `audited`."""
+        """Change of a state (2 k,) in a time [s], whole turns left out; may be `audited`."""
         q, v = self._motion(x)
         begun = replace(
             self._state, q=tuple(q[self._free].tolist()), v=tuple(v[self._free].tolist())

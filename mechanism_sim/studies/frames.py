@@ -61,7 +61,7 @@ def load_on(machine: Machine, option: str, place: str, direction: float | None) 
 
 
 class Vibrating(NamedTuple):
-    """What vibrates: ``M z'' + C z' + K z = F``, all (n, n).
+    """A linear system: ``M z'' + C z' + K z = F``, all (n, n).
 
     Attributes
     ----------
@@ -174,7 +174,7 @@ def _edges(curve: PiecewisePolynomial, period: float, loaded: bool, count: int) 
 
 
 def without_play(machine: Machine) -> Machine:
-    """The same machine without play."""
+    """Copy of a machine without play."""
     if not machine.plan.clearances:
         return machine
     joints = {

@@ -200,7 +200,7 @@ def _harmonics(
 
 
 def _at_speed(one: LinearMachine, driven: list[int], rates: Array) -> LinearMachine:
-    """The same with its drives turning, if all that they carry can turn along with them."""
+    """Copy with its drives turning, if all that they carry can turn along with them."""
     main = one.derivatives.coordinates.index(one.machine.plan.main)
     if main not in driven:
         return one

@@ -334,7 +334,7 @@ def _extent(file: str, sweep: SweepFile) -> Extent:
 
 
 def _columns(file: str, sweep: SweepFile) -> tuple[str, ...]:
-    """What is swept; a path may stand in one place of the file only."""
+    """Paths that are swept; a path may stand in one place of the file only."""
     listed = dict.fromkeys(key for one in sweep.runs for key in one)
     places = {'set': sweep.set, 'grid': sweep.grid, 'runs': listed, 'vary': sweep.vary}
     for a, b in combinations(places, 2):
@@ -351,7 +351,7 @@ def _columns(file: str, sweep: SweepFile) -> tuple[str, ...]:
 
 
 def _value(scene: Scene, path: str) -> float | str | bool | None:
-    """What stands at a dotted path of a scene; lists and parts as JSON."""
+    """Value at a dotted path of a scene; lists and parts as JSON."""
     place: Any = scene
     for part in path.split('.'):
         place = place.get(part) if isinstance(place, Mapping) else getattr(place, part, None)

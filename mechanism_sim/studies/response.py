@@ -29,7 +29,7 @@ _AXES = ('x', 'y')
 
 @dataclass(frozen=True)
 class HarmonicSource:
-    """What shakes the machine harmonically, with an amplitude of one in SI units.
+    """Harmonic excitation of the machine, with an amplitude of one in SI units.
 
     Attributes
     ----------

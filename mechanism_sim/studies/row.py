@@ -66,7 +66,7 @@ class SweepTask:
 
 
 class _Figures:
-    """What a row holds, of a run that comes in pieces.
+    """Figures of a row, of a run that comes in pieces.
 
     Attributes
     ----------

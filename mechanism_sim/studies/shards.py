@@ -58,7 +58,7 @@ class Shard:
         return int(pq.read_metadata(self.file).num_rows) if self.file.exists() else 0
 
     def writer(self, name: str, since: float, channels: Channels) -> ShardWriter:
-        """What writes its windows, see there."""
+        """Writer of its windows."""
         return ShardWriter(self, name, since, channels)
 
 
