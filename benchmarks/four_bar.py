@@ -75,7 +75,7 @@ class LooseFourBar:
         revolutions : a multiple of 1/64; the whole of the reference if not given
         """
         scene = load_scene('four_bar_clearance', scene_overrides(start, e))
-        lengths, clearance = scene.linkage, scene.clearances['coupler_rocker']
+        lengths, clearance = scene.nominal.linkage, scene.plan.clearances['coupler_rocker']
         state = scene.initial_state()
         run = reference(f'four_bar_{start}_e{f"{e:g}".replace(".", "")}')
         whole = float(run['revolutions'])
@@ -96,8 +96,8 @@ class LooseFourBar:
             gravity=-scene.scene.gravity[1],
             clearance=clearance.radial,
             restitution=clearance.restitution,
-            crank_angle=scene.start_of_crank[0],
-            crank_speed=scene.start_of_crank[1],
+            crank_angle=scene.drive.start[0],
+            crank_speed=scene.drive.start[1],
             coupler_angle=state.q[0],
             rocker_angle=state.q[1],
             coupler_rate=state.v[0],

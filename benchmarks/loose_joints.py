@@ -194,7 +194,7 @@ class Stretch:
     @cached_property
     def end(self) -> float:
         """When the first contact stays closed [s]."""
-        end = self.tree.machine.period / 256.0
+        end = self.tree.machine.drive.period / 256.0
         while True:
             modes = simulate(self.tree.machine, duration=end).modes
             closed = [change.t for change in modes if change.mode > Mode.FREE_FLIGHT]

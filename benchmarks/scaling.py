@@ -111,7 +111,7 @@ def _links() -> Iterator[Cost]:
             prepare(machine)
             ready.append(Cost(f'links, {name}: getting ready', 2 * dyads + 2,
                               time.process_time() - began, 'machine'))  # fmt: skip
-            duration = TURNS * machine.period
+            duration = TURNS * machine.drive.period
             cpu = _cpu(lambda m=machine, t=duration: simulate(m, duration=t))  # type: ignore[misc]
             yield Cost(f'links, {name}', 2 * dyads + 2, cpu / TURNS, 'revolution')
         yield from ready

@@ -204,7 +204,7 @@ def credit(scene: str, count: int) -> None:
     from mechanism_sim.scene import load_scene  # noqa: PLC0415
 
     machine, end = load_scene(scene), End('crank_drive')
-    node, law = end.node, machine.laws[0]
+    node, law = end.node, machine.drive.laws[0]
     motions, seen = list[Any](), list[Any]()
     node.create_subscription(Motion, 'motion', motions.append, RESULTS)
     node.create_subscription(Progress, 'progress', seen.append, RESULTS)

@@ -116,10 +116,10 @@ class Tree:
         m, machine = self.mechanism, self.machine
         state, held = machine.initial_state(), machine.plan.held
         q = {c: x for c, (x, _) in held.items()} | dict(
-            zip(machine.system.free, state.q, strict=True)
+            zip(machine.equations.system.free, state.q, strict=True)
         )
         v = {c: x for c, (_, x) in held.items()} | dict(
-            zip(machine.system.free, state.v, strict=True)
+            zip(machine.equations.system.free, state.v, strict=True)
         )
         powered = {c: machine.plan.laws[c][0] for c in machine.plan.powered}
         ramps = [law for c in machine.plan.prescribed for law in machine.plan.laws[c]]
@@ -163,7 +163,9 @@ class Tree:
             if not isinstance(j, Revolute):
                 raise NotImplementedError(f'{name}: only revolute joints are loose here')
             points = self.local(j.first, j.on_first), self.local(j.second, j.on_second)
-            found.append(Pin(name, (j.first, j.second), points, self.machine.clearances.get(name)))
+            found.append(
+                Pin(name, (j.first, j.second), points, self.machine.plan.clearances.get(name))
+            )
         return tuple(found)
 
     @cached_property

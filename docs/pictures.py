@@ -60,7 +60,7 @@ def draw_mechanism(machine: Machine, released: Solution) -> Figure:
     axes.set_axis_off()
     links = machine.scene.links
     th2 = np.radians(62.0)
-    th3, th4 = machine.linkage.positions(th2)
+    th3, th4 = machine.nominal.linkage.positions(th2)
     O2, O4 = np.zeros(2), np.array([links['ground'].length, 0.0])
     A = links['crank'].length * unit(th2)
     B = O4 + links['rocker'].length * unit(th4)
@@ -154,7 +154,7 @@ def _link_names(axes: Axes, bars: dict[str, Bar], links: dict[str, LinkPart]) ->
 
 def _lens(axes: Axes, machine: Machine, released: Solution, bearing: Array) -> None:
     """The circle in which the pin's centre can move, enlarged, with its path in a revolution."""
-    clearance = float(machine.system.gaps[0].clearance)
+    clearance = float(machine.equations.system.gaps[0].clearance)
     radius = MAGNIFIED * clearance
     centre = np.array(LENS)
     edge = 1.22 * radius
@@ -319,7 +319,7 @@ def main() -> None:
     with mpl.rc_context(STYLE):
         for name, figure in (
             ('four_bar', draw_mechanism(machine, released)),
-            ('bearing_force', draw_result(solution, nominal, machine.period)),
+            ('bearing_force', draw_result(solution, nominal, machine.drive.period)),
             ('measurement_chain', draw_chain(measured, solution)),
         ):
             file = FOLDER / f'{name}.svg'

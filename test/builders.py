@@ -14,7 +14,8 @@ from mechanism_sim.analysis.record import Record
 from mechanism_sim.joints.cam.constraint import CamPair
 from mechanism_sim.numerics import compiled
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.files import check_scene, find_scene, read_yaml
+from mechanism_sim.scene.schema import Scene
 
 PLAY = 'joints.coupler_rocker.clearance'
 """Of the scene four_bar_clearance."""
@@ -62,6 +63,12 @@ def made(scene: Mapping[str, Any] | str, name: str = 'made', **overrides: object
     content = yaml.safe_load(scene) if isinstance(scene, str) else scene
     content = {'title': name, 'mechanism': 'linkage', **content}
     return build(name, check_scene(name, content, overrides))
+
+
+def read_scene(name: str, overrides: Any = ()) -> tuple[str, Scene]:
+    """Name and content of a scene, checked, in SI units, of which no machine was built."""
+    path = find_scene(name)
+    return path.stem, check_scene(path.name, read_yaml(path, 'scene'), overrides)
 
 
 def weightless(**parts: object) -> ms.Machine:

@@ -61,8 +61,8 @@ def with_pin_at(machine, Q, turning=(0.0, 0.0)):
     """
     centred = machine.scene.model_copy(update={'start': 'centred'})
     state = type(machine)(machine.name, centred).initial_state()
-    th2 = machine.start_of_crank[0]
-    l = machine.linkage  # noqa: E741 - the lengths
+    th2 = machine.drive.start[0]
+    l = machine.nominal.linkage  # noqa: E741 - the lengths
     x, y = l.ground - l.crank * np.cos(th2) + Q[0], -l.crank * np.sin(th2) + Q[1]
     th3, th4 = (float(angle) for angle in l.close(np.array(x), np.array(y)))
     initial = {
@@ -78,8 +78,8 @@ def with_pin_at(machine, Q, turning=(0.0, 0.0)):
 
 def event_loop(machine, laws=None, degree=None):
     """A run of a loose machine whose laws may have any degree, and its physics."""
-    laws = laws or [machine.law]
-    clearance = machine.clearances['coupler_rocker']
+    laws = laws or [machine.drive.law]
+    clearance = machine.plan.clearances['coupler_rocker']
     gap = BearingClearance(
         'coupler_rocker', machine.mechanism, clearance.radial, clearance.restitution
     )

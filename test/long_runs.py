@@ -58,7 +58,7 @@ SUMS = 'energy.drive_work', 'energy.dissipated'
 
 def steady_speed(machine: Machine) -> Fraction | None:
     """Speed [rad/s] of a drive that turns evenly for ever and moves the machine alone."""
-    law, one = machine.law, len(machine.plan.laws) == 1 and len(machine.laws) == 1
+    law, one = machine.drive.law, len(machine.plan.laws) == 1 and len(machine.drive.laws) == 1
     if not (one and isinstance(law, DriveLaw) and law.degree == 1 and not law.straight):
         return None
     return Fraction(law.coefficients[1]) or None
@@ -66,8 +66,8 @@ def steady_speed(machine: Machine) -> Fraction | None:
 
 def repeats(machine: Machine) -> bool:
     """Whether nothing it does depends on the time or on how often anything has turned."""
-    known = machine.inverse_dynamics.outside if machine.physics.has_forces else ()
-    return not machine.dynamic and not known and steady_speed(machine) is not None
+    known = machine.nominal.inverse_dynamics.outside if machine.physics.has_forces else ()
+    return not machine.level.dynamic and not known and steady_speed(machine) is not None
 
 
 @dataclass
@@ -194,15 +194,15 @@ def lengths(machine: Machine, revolutions: float) -> Iterator[tuple[str, float]]
     """How far a machine is to run, in words and [s]; then how far if that is too dear."""
     if steady_speed(machine) is not None:
         try:
-            admit(machine, machine.time_of(1.0))
+            admit(machine, machine.drive.time_of(1.0))
         except InputError:
             pass
         else:
             for count in (revolutions, min(FEW, revolutions)):
-                yield f'{count:g} revolutions', machine.time_of(count)
+                yield f'{count:g} revolutions', machine.drive.time_of(count)
             return
     own = machine.scene.duration or 1.0
-    for duration in (own,) if isinstance(machine.law, DriveLaw) else (HOUR, MINUTE, own):
+    for duration in (own,) if isinstance(machine.drive.law, DriveLaw) else (HOUR, MINUTE, own):
         yield f'{duration:g} s', duration
 
 
@@ -231,7 +231,7 @@ def _runs_to(
     """Run a machine to an end [s] and tell what came of it; False where that is too dear."""
     began, motion, compare = time.process_time(), ms.stream(machine, duration=end), None
     if repeats(machine) and words.endswith('revolutions'):
-        compare = Revolutions(machine, round(end / machine.period) - 1)
+        compare = Revolutions(machine, round(end / machine.drive.period) - 1)
     for piece in motion:
         if compare:
             compare.add(piece)

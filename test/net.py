@@ -100,7 +100,7 @@ def environment() -> dict[str, str]:
 def scene_entry(name: str, duration: float | None = None) -> dict[str, Any]:
     """Digest, final state and counts of a scene over `duration` [s], or the usual short run."""
     machine = ms.load_scene(name)
-    period = machine.period if math.isfinite(machine.period) else LENGTH / 0.25
+    period = machine.drive.period if math.isfinite(machine.drive.period) else LENGTH / 0.25
     usual = min(0.25 * period, machine.scene.duration or math.inf)
     digest, impacts = MotionDigest(), 0
     run = ms.stream(machine, duration=span(machine, None, duration or usual))

@@ -89,7 +89,7 @@ def by_hand(count: int) -> np.ndarray:
     The state at the beginning of a period gives the torque of the next.
     """
     machine = ms.load_scene('four_bar_governed')
-    run, law, integral, last = machine.start(), machine.law, 0.0, None
+    run, law, integral, last = machine.start(), machine.drive.law, 0.0, None
     speeds = []
     for n in range(1, count + 1):
         run.advance(n * 0.005, final=n == count)

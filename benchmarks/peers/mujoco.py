@@ -103,7 +103,7 @@ def prepare_machine(tree: Tree, duration: float, setting: float) -> Run:
         raise RunError('a tendon has no friction across it')
     import mujoco  # noqa: PLC0415 - an optional package
 
-    steps = ceil(setting * duration / tree.machine.period * (1.0 - 1e-9))
+    steps = ceil(setting * duration / tree.machine.drive.period * (1.0 - 1e-9))
     pull = 1.0 / sqrt(setting)
     compiled = mujoco.MjModel.from_xml_string(model(tree, duration / steps, pull))
     data = mujoco.MjData(compiled)

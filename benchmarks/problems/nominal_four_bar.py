@@ -30,8 +30,8 @@ def ours(_: float) -> Run:
     """Closed-form kinematics and inverse dynamics, as `simulate` uses them."""
     machine = load_scene('four_bar_nominal')
     joint = [j.name for j in machine.mechanism.joints].index('coupler_rocker')
-    speed, rest = np.full(SAMPLES, machine.start_of_crank[1]), np.zeros(SAMPLES)
-    linkage, forces = machine.linkage, machine.inverse_dynamics
+    speed, rest = np.full(SAMPLES, machine.drive.start[1]), np.zeros(SAMPLES)
+    linkage, forces = machine.nominal.linkage, machine.nominal.inverse_dynamics
 
     def run() -> Callable[[], Outcome]:
         observed = forces(*linkage.motion(CRANK, speed, rest))

@@ -133,7 +133,7 @@ def _bake(app: Any, failed: Exception | None) -> None:
 
         def run(machine: Any = machine, made: list[Recorded] = made) -> Recorded:
             if not made:
-                again = is_steady(machine) and bool(machine.clearances)
+                again = is_steady(machine) and bool(machine.plan.clearances)
                 solution = ms.simulate(machine, revolutions=TURNS if again else None)
                 made.append(recorded(Record(machine, solution, {})))
             return made[0]

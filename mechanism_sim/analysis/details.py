@@ -188,7 +188,7 @@ def find_details(record: Record, wanted: Wanted, against: Record | None = None) 
         return found
 
     return Details(
-        record.machine.main,
+        record.machine.plan.main,
         record.rate if record.has_turns else None,
         {name: _spectrum(signal(name)) for name in wanted.spectra},
         {name: _orders(record, name, skip) for name in wanted.orders},

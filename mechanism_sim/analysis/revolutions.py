@@ -45,11 +45,11 @@ class Revolutions:
     @property
     def slides(self) -> bool:
         """True if the main drive moves straight, so that it makes no turns."""
-        return self.machine.main in self.machine.physics.displacements
+        return self.machine.plan.main in self.machine.physics.displacements
 
     @cached_property
     def _drive(self) -> int:
-        return self.machine.physics.coordinates.index(self.machine.main)
+        return self.machine.physics.coordinates.index(self.machine.plan.main)
 
     @cached_property
     def _sense(self) -> float:
@@ -87,13 +87,14 @@ class Revolutions:
         """The whole turns without the first `skip` of them."""
         if self.slides:
             raise InputError(
-                f'{self.machine.name}: {self.machine.main} is driven straight, it makes no turns'
+                f'{self.machine.name}: {self.machine.plan.main} is driven straight, it makes no '
+                'turns'
             )
         first, last = self.turns
         if first + skip >= last:
             raise InputError(
                 f'{self.machine.name}: the run has {max(0, last - first)} whole turns of '
-                f'{self.machine.main}; {skip + 1} are needed'
+                f'{self.machine.plan.main}; {skip + 1} are needed'
             )
         return first + skip, last
 
@@ -127,7 +128,7 @@ class Revolutions:
         """When the main drive has made `turns` (N,), as `turned` counts them [s]."""
         marks, passed = self._marks
         if np.any(np.diff(passed) < 0.0):
-            raise InputError(f'{self.machine.name}: {self.machine.main} turns back')
+            raise InputError(f'{self.machine.name}: {self.machine.plan.main} turns back')
         curve, per_turn = self.piece.motion.curve, self._sense / TWO_PI
         t = np.interp(turns, passed, marks)
         for _ in range(_NEWTON):

@@ -74,7 +74,7 @@ def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
     skip : whole turns at the start that are left out; the part of a turn before them, too
     """
     machine = record.machine
-    play = machine.clearances.get(joint)
+    play = machine.plan.clearances.get(joint)
     if not (play and play.film):
         loose_bearing(record, joint)
     pin_joint = joint_of_gap(machine.mechanism, joint)

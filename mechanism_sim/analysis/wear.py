@@ -76,7 +76,7 @@ def wear_maps(
     Of the bushing and of the pin.
     """
     loose_bearing(record, joint)
-    play = record.machine.clearances[joint_of_gap(record.machine.mechanism, joint).name]
+    play = record.machine.plan.clearances[joint_of_gap(record.machine.mechanism, joint).name]
     radius = play.pin_radius if pin_radius is None else pin_radius
     if play.friction and radius != play.pin_radius:
         raise InputError(
@@ -118,7 +118,7 @@ def _contact(
     """
     machine = record.machine
     pair = joint_of_gap(machine.mechanism, joint)
-    gap = machine.system.gaps[machine.physics.clearances.index(joint)]
+    gap = machine.equations.system.gaps[machine.physics.clearances.index(joint)]
     assert isinstance(gap, BearingClearance)  # noqa: S101 - it is a bearing
     view = JointView(machine.mechanism, pair, machine.physics, seen, np.zeros((0, 0), np.uint8))
     (x, y), (vx, vy), _ = view.trace(gap.apart)

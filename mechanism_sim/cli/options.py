@@ -107,7 +107,8 @@ def turns_of(options: argparse.Namespace, machine: Machine, usual: float) -> flo
         raise InputError('give either --revolutions or --duration, not both')
     turns = options.revolutions
     if options.duration is not None:
-        turns = options.duration / machine.period if math.isfinite(machine.period) else usual
+        period = machine.drive.period
+        turns = options.duration / period if math.isfinite(period) else usual
     if turns is not None and not 0.0 < turns < math.inf:
         raise InputError(f'the length of a run must be positive and finite, not {turns:g} turns')
     return usual if turns is None else turns

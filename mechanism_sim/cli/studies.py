@@ -102,7 +102,7 @@ def _statistics(options: argparse.Namespace) -> int:
 
     machine = read_machine(options)
     turns = math.floor(turns_of(options, machine, 200) * (1.0 + 1e-12))
-    with progress.bar('statistics', turns * machine.period, quiet=options.json) as show:
+    with progress.bar('statistics', turns * machine.drive.period, quiet=options.json) as show:
         skip = skipped_turns(options, 20)
         found = statistics(machine, turns, skip, show, read_measures(options, machine))
     return print_result(options, found, studies.statistics_json, studies.statistics)

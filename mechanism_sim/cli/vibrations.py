@@ -101,13 +101,13 @@ def _modes(options: argparse.Namespace) -> int:
     if speeds is not None:
         stations = study.campbell(machine, speeds)
         critical = study.critical_speeds(machine, stations)
-        table = report.ModeTable(machine.name, stations, 'speed', machine.main, critical)
+        table = report.ModeTable(machine.name, stations, 'speed', machine.plan.main, critical)
     elif options.along is not None:
         stations = study.along(machine, options.along)
-        table = report.ModeTable(machine.name, stations, 'angle', machine.main)
+        table = report.ModeTable(machine.name, stations, 'angle', machine.plan.main)
     else:
         found = floquet.station(machine, options.turning)
-        table = report.ModeTable(machine.name, [found], main=machine.main)
+        table = report.ModeTable(machine.name, [found], main=machine.plan.main)
     _draw(file, report.modes_chart, table, machine.scene.title)
     return print_result(options, table, report.modes_json, report.modes_text)
 

@@ -154,7 +154,7 @@ class Turn:
         )
         v = self._kinematics.rates(q, rate)
         a = self._kinematics.accelerations(q, v, second)
-        dynamics = machine.inverse_dynamics
+        dynamics = machine.nominal.inverse_dynamics
         outside = np.array([t if x == 'time' else 0.0 * t for x in dynamics.outside])
         o = dynamics(q, v, a, outside.reshape(len(dynamics.outside), len(t)))
         tree = dynamics.mechanism
@@ -188,8 +188,8 @@ class Turn:
             angle, speed = plan.begins[str(c)]
             way = np.copysign(2.0 * np.pi, speed or 1.0)
             return {str(c): angle + np.linspace(0.0, way, INSTANTS)}
-        straight = machine.main in self.mechanism.displacements
-        duration = machine.period
+        straight = machine.plan.main in self.mechanism.displacements
+        duration = machine.drive.period
         if straight or not np.isfinite(duration):
             duration = machine.scene.duration or (duration if np.isfinite(duration) else 0.0)
         t = self._times = np.linspace(0.0, duration, INSTANTS)

@@ -211,7 +211,7 @@ def way(joint: Prismatic, link: str) -> Vector2:
 
 def time_step(machine: Machine) -> float:
     """How long the steps of a fixed-step integrator should be [s]."""
-    return min(LONGEST, min(machine.period, machine.scene.duration or 1.0) / STEPS)
+    return min(LONGEST, min(machine.drive.period, machine.scene.duration or 1.0) / STEPS)
 
 
 def steady(machine: Machine, coordinate: str) -> bool:

@@ -13,7 +13,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.export.bending import bendings
 from mechanism_sim.export.scale import round_below, scale_bar
 from mechanism_sim.export.shapes import BOX, Shape, inside
-from mechanism_sim.joints.contact_keys import Clearance
+from mechanism_sim.joints.contact_keys import Clearance, Play
 from mechanism_sim.linkages.forces import Spring
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
@@ -46,11 +46,8 @@ class Skeleton:
     q : (n, N)
     points : of links, by name, that have no joint; their links reach to them, and they are marked
     springs : their ends
-    loose : joints with clearance, whose bushings are drawn
-    blocks : of those that slide the block's length and height, and its play to each side [m]
+    clearances : of loose joints, whose bushings, and blocks between walls, are drawn
     drives : driven coordinates, each with the sign of the sense in which it sets out
-    frames : bodies that carry the ground, each by the points that it reaches to, its centre of
-        gravity the last of them, and those on springs
     magnified : how much larger elastic links deform here; 0: visibly
     size : by which symbols are chosen, if not by that of the mechanism [m]
 
@@ -72,18 +69,16 @@ class Skeleton:
         q: Array,
         points: Mapping[str, LinkPoint] | None = None,
         springs: Iterable[tuple[LinkPoint, LinkPoint]] = (),
-        loose: Iterable[str] = (),
+        clearances: Mapping[str, Play] | None = None,
         drives: Mapping[str, float] | None = None,
-        frames: Mapping[str, tuple[list[Vector2], list[Vector2]]] | None = None,
         magnified: float = 0.0,
         size: float = 0.0,
-        blocks: Mapping[str, tuple[float, float, float]] | None = None,
     ) -> None:
-        self.mechanism, self._blocks = mechanism, blocks or {}
+        self.mechanism, self._clearances = mechanism, clearances or {}
         self.links = [body.name for body in mechanism.bodies]
-        self.springs, self._loose = list(springs), set(loose)
+        self.springs = list(springs)
         self._poses = Poses(mechanism, q)
-        joints, frames = mechanism.joints, frames or {}
+        joints = mechanism.joints
         places = [x for j in joints for x in j.points]
         pairs = [j for j in joints if isinstance(j, HigherPair)]
         places += [end for ends in self.springs for end in ends]
@@ -120,22 +115,30 @@ class Skeleton:
             self.reach(place)
         self.mounts: dict[str, Mounted] = {}
         self.sways: dict[str, float] = {}
-        for name, (corners, mounts) in frames.items():
-            first = len(self.springs)
-            self.mounts[name] = Mounted(corners[-1], range(first, first + len(mounts)))
-            self.add('frame', GROUND, np.array(corners + mounts), label=name)
-            for x, y in mounts:
-                foot = GROUND, (x, y - _MOUNT * self.symbol)
-                self.springs.append(((GROUND, (x, y)), foot))
-                self._support(foot)
         bases = {(j.first, j.on_first) for j in joints if isinstance(j, Prismatic)}
         self._mark(points or {}, [x for x in places if x not in bases])
         for link in self.links:
             self._link(link)
         for coordinate, sense in (drives or {}).items():
             self._arrow(coordinate, sense, places)
-        order = get_args(Kind)
-        self.shapes.sort(key=lambda shape: (order.index(shape.kind), -shape.size))
+        self.shapes.sort(key=_order)
+
+    def mount(self, name: str, corners: list[Vector2], springs: list[Vector2]) -> None:
+        """Add a frame on springs, which carries the ground.
+
+        Parameters
+        ----------
+        corners : the points [m] that it reaches to, its centre of gravity the last of them
+        springs : those of it [m] that are on springs
+        """
+        first = len(self.springs)
+        self.mounts[name] = Mounted(corners[-1], range(first, first + len(springs)))
+        self.add('frame', GROUND, np.array(corners + springs), label=name)
+        for x, y in springs:
+            foot = GROUND, (x, y - _MOUNT * self.symbol)
+            self.springs.append(((GROUND, (x, y)), foot))
+            self._support(foot)
+        self.shapes.sort(key=_order)
 
     def poses(self, q: Array) -> Array:
         """Origins [m] and angles [rad] of the frames of the moving links, (N, L, 3 + M).
@@ -218,14 +221,14 @@ class Skeleton:
         for side in sides:
             self.reach(side)
             self._support(side)
-        if joint.name in self._loose:
+        if joint.name in self._clearances:
             self.add('bushing', joint.second, np.array([joint.on_second]))
         if joint.second in self.mechanism.having(Rotor):
             radius = self.mechanism.body(joint.second).disk_radius
             notch = _plus(joint.on_second, (0.85 * radius, 0.0))
             rim = np.vstack([[notch], circle(radius, joint.on_second)[1:]])
             self.add('wheel', joint.second, rim, size=radius)
-        pin = sides[0] if joint.name in self._loose or sides[0][0] == GROUND else sides[1]
+        pin = sides[0] if joint.name in self._clearances or sides[0][0] == GROUND else sides[1]
         self.add('pin', pin[0], np.array([pin[1]]), label=joint.name)
 
     def _support(self, place: LinkPoint) -> None:
@@ -237,8 +240,9 @@ class Skeleton:
         runner = self._poses.within(joint.first, (joint.second, joint.on_second))
         length, width = (self.symbol * x for x in BOX)
         base = joint.first, joint.on_first
-        if joint.name in self._blocks:
-            length, width, play = np.array(self._blocks[joint.name]) * (0.5, 0.5, 1.0)
+        clearance = self._clearances.get(joint.name)
+        if isinstance(clearance, Clearance) and clearance.length and clearance.height:
+            length, width, play = 0.5 * clearance.length, 0.5 * clearance.height, clearance.radial
             for side, label in ((1.0, 'left wall'), (-1.0, 'right wall')):
                 off = rotate((0.0, side * (width + play)), joint.axis)
                 wall = base[0], _plus(base[1], off)
@@ -360,9 +364,11 @@ class Skeleton:
 
     def _arrow(self, drive: str, sense: float, places: Sequence[LinkPoint]) -> None:
         """Beside the joint that carries what is driven."""
-        joint = next((j for j in self._guides if drive in (j.first, j.second)), None)
-        if joint is None or not sense:
+        lower = (j for j in self.mechanism.joints if not isinstance(j, HigherPair))
+        carrying = [j for j in lower if drive in (j.first, j.second)]
+        if not carrying or not sense:
             return
+        joint = min(carrying, key=lambda j: GROUND not in (j.first, j.second))  # on the ground
         if isinstance(joint, Prismatic):
             beside = self._poses.within(joint.first, (joint.second, joint.on_second))[:, 0]
             way = np.array(rotate((math.copysign(1.0, sense), 0.0), joint.axis))
@@ -373,12 +379,6 @@ class Skeleton:
             way = at - np.mean([x for link, x in places if link == joint.first], axis=0)
             way = np.array([way[0] or -1.0, abs(way[1])])  # supports are below
         self.add('drive', joint.first, np.array([at, at + way]), label=label)
-
-    @property
-    def _guides(self) -> list[Revolute | Prismatic]:
-        """The joints that carry links, those of the ground first."""
-        lower = [j for j in self.mechanism.joints if not isinstance(j, HigherPair)]
-        return sorted(lower, key=lambda j: GROUND not in (j.first, j.second))
 
 
 def skeleton_of(
@@ -405,23 +405,21 @@ def skeleton_of(
         if name != 'start' or 'end' in named
     }
     ground = [at for j in mechanism.joints for link, at in j.points if link == GROUND]
-    frames = {
-        name: ([*ground, part.cog], [mount.at for mount in part.mounts.values()])
-        for name, part in machine.scene.oscillators.items()
-    }
     drives = {coordinate: _sense(laws[0]) for coordinate, laws in machine.plan.laws.items()}
     drives |= {
         motor.coordinate: motor.ratio * motor.characteristic.starting
         for motor in machine.plan.motors
     }
-    blocks = {
-        name: (play.length, play.height, play.radial)
-        for name, play in machine.clearances.items()
-        if isinstance(play, Clearance) and play.length and play.height
-    }
-    return Skeleton(
-        mechanism, q, points, springs, machine.clearances, drives, frames, magnified, size, blocks
-    )
+    clearances = machine.plan.clearances
+    found = Skeleton(mechanism, q, points, springs, clearances, drives, magnified, size)
+    for name, part in machine.scene.oscillators.items():
+        found.mount(name, [*ground, part.cog], [mount.at for mount in part.mounts.values()])
+    return found
+
+
+def _order(shape: Shape) -> tuple[int, float]:
+    """By which shapes are painted one on the other."""
+    return get_args(Kind).index(shape.kind), -shape.size
 
 
 def _sense(law: Law) -> float:

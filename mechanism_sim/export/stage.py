@@ -192,8 +192,8 @@ class Stage:
 
     @cached_property
     def _joints_of_gaps(self) -> dict[str, str]:
-        machine = self.machine
-        return {gap.name: gap.joint for gap in machine.system.gaps} if machine.dynamic else {}
+        gaps = self.machine.equations.system.gaps if self.machine.level.dynamic else []
+        return {gap.name: gap.joint for gap in gaps}
 
     @cached_property
     def moving(self) -> list[Joint]:
@@ -221,8 +221,8 @@ class Stage:
             'bearings': [self._bearing(joint) for joint in self.bearings],
             'plays': [self._play(pair) for pair in self.plays],
             'frames': [self._frame(name) for name in self.skeleton.mounts],
-            'main': self.machine.main,
-            'slides': self.machine.main in self.machine.physics.displacements,
+            'main': self.machine.plan.main,
+            'slides': self.machine.plan.main in self.machine.physics.displacements,
         }
 
     def frames(
@@ -264,7 +264,7 @@ class Stage:
             self._touched(modes, count),
             _by_instant([views[j.name].force for j in self.joints], count),
             _by_instant([views[j.name].foot for j in self.moving], count),
-            o.position[physics.coordinates.index(self.machine.main)],
+            o.position[physics.coordinates.index(self.machine.plan.main)],
             self.drawn(np.zeros((count, len(self.skeleton.mounts), 3)) if sway is None else sway),
         )
 
@@ -317,7 +317,7 @@ class Stage:
         return {'name': name, 'cog': list(cog), 'springs': list(springs)}
 
     def _bearing(self, joint: Joint) -> dict[str, Any]:
-        play = self.machine.clearances[joint.name]
+        play = self.machine.plan.clearances[joint.name]
         return {
             'joint': joint.name,
             'first': joint.first,
@@ -352,7 +352,7 @@ class Stage:
     def words(self, joint: Joint) -> list[str]:
         """The states of a play in words, by mode of a bearing, else by the walls touched."""
         if joint in self.bearings:
-            play = self.machine.clearances[joint.name]
+            play = self.machine.plan.clearances[joint.name]
             film = play.contact is not None and play.contact.law == 'film'
             rest = [Mode(k).name.replace('_', ' ').lower() for k in sorted(Mode) if k]
             return ['on its oil film' if film else '', *rest]

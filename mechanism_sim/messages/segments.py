@@ -96,8 +96,8 @@ def foreign(message: Any, machine: Machine) -> str:
         each * len(joints),
     }:
         return 'it is of a machine with other clearances'
-    drives = 3 * each * len(machine.system.powered) if machine.dynamic else 0
-    if message.segments and machine.dynamic and len(message.torque_laws) != drives:
+    drives = 3 * each * len(machine.equations.system.powered) if machine.level.dynamic else 0
+    if message.segments and machine.level.dynamic and len(message.torque_laws) != drives:
         return 'it is of a machine with other drives'
     return ''
 

@@ -41,7 +41,7 @@ class DriveCommands:
         self._early: deque[float] = deque()
         self._since: float | None = None  # [s] of wall time when a controller was first seen
         self._name = ''
-        commanded = drive.machine.commands
+        commanded = drive.machine.drive.commands
         name, given = _commanded(law)
         if isinstance(law, DriveLaw):
             limit = commanded.fastest if commanded else None
@@ -120,7 +120,7 @@ class DriveCommands:
         drive = self._drive
         law, at = drive.law, drive.announced
         if isinstance(law, DriveLaw):
-            acceleration = drive.machine.commands.acceleration  # type: ignore[union-attr]
+            acceleration = drive.machine.drive.commands.acceleration  # type: ignore[union-attr]
             drive.take_over(law.towards(value, at, acceleration))
         else:
             _, *slopes = law.coefficients

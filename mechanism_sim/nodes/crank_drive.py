@@ -57,7 +57,7 @@ class CrankDrive(Drive):
         self._goal = 0.0  # [s] to which a paused simulation may go
         self._waiting: list[tuple[float, Future]] = []
         self._ending: Future | None = None  # done when partners have finished before another run
-        self._laws = list(self.machine.laws)
+        self._laws = list(self.machine.drive.laws)
         self._law = 0
         self._pace = Pace()
         self._drive = self.create_publisher(DriveLaw, 'drive', RESULTS)
@@ -137,7 +137,7 @@ class CrankDrive(Drive):
         await self._ending
         self.begin_run(self.run + 1)
         self.announced = self._goal = 0.0
-        self._laws, self._law = list(self.machine.laws), 0
+        self._laws, self._law = list(self.machine.drive.laws), 0
         self._commands.begin()
         self._announce(0.0, final=False)
         self.report(0.0)

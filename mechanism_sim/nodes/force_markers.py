@@ -83,7 +83,7 @@ class ForceMarkers:
         self._size, self._stage = seen.skeleton.size, seen
         default = 0.5 * self._size / seen.largest if seen.largest else 0.0
         self.force_scale = force_scale or default
-        radial = {j.name: machine.clearances[j.name].radial for j in machine.bearings}
+        radial = {j.name: machine.plan.clearances[j.name].radial for j in machine.bearings}
         half = {name: 0.5 * width for name, width in self._stage.widths.items()}
         self._bearings, self._plays = (
             [self._lens(seen, machine.mechanism.joint(j), x, magnification) for j, x in of.items()]
@@ -93,7 +93,7 @@ class ForceMarkers:
         parts = painted(skeleton, prefix)
         self._elastic = [part for part in parts if part[0].link in skeleton.bendings]
         self._swaying = [part[:2] for part in parts if sways(skeleton, part[0])]
-        gaps = machine.system.gaps if machine.dynamic else []
+        gaps = machine.equations.system.gaps if machine.level.dynamic else []
         self._joint_of = {gap.name: machine.mechanism.joint(gap.joint) for gap in gaps}
         self._hardest = max((i.normal_impulse for i in seen.found.solution.impacts), default=0.0)
 
@@ -190,7 +190,7 @@ class ForceMarkers:
             yield self._moving(pin, middle + lens.magnification * out, closed)
             if film:
                 continue
-            far, play = np.hypot(*out), self._machine.clearances[lens.joint.name]
+            far, play = np.hypot(*out), self._machine.plan.clearances[lens.joint.name]
             along = np.divide(out, far, out=np.zeros_like(out), where=far > 0)
             dot = marker('contacts', k, self._world, Marker.SPHERE, TOUCHING, (s, s, s))
             dot.pose.position.z = (_HEIGHT + 0.5) * s

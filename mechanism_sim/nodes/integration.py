@@ -203,8 +203,9 @@ class Integration:
         self._node.done = message.final and not message.again
 
     def _advance(self, message: Any) -> None:
-        law = events.law_of(message, self._machine.mechanism.displacements)
-        if law.coordinate != self._machine.main or type(law) is not type(self._machine.law):
+        machine = self._machine
+        law = events.law_of(message, machine.mechanism.displacements)
+        if law.coordinate != machine.plan.main or type(law) is not type(machine.drive.law):
             self._node.ignore(self._drive, 'it is no law of the drive of this machine')
             return
         if self._runner is None:

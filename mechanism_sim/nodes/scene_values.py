@@ -62,9 +62,9 @@ def next_machine(present: Machine, asked: Content) -> Machine:
 def _structure(machine: Machine) -> dict[str, list[str]]:
     """Names that nodes and messages of a run are made for; causes come first."""
     plan, mechanism, scene = machine.plan, machine.mechanism, machine.scene
-    commands = machine.commands
+    commands = machine.drive.commands
     return {
-        'the joints with clearance': [*machine.clearances],
+        'the joints with clearance': [*machine.plan.clearances],
         'the joints with restitution': [n for n, p in plan.rigid.items() if p.wall == 'rigid'],
         'the kinds of drives': [f'{c}: {type(laws[0]).__name__}' for c, laws in plan.laws.items()],
         'the commands to the drive': [f'up to {commands.fastest:g} rad/s'] if commands else [],

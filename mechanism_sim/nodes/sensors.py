@@ -63,7 +63,7 @@ class _Unit:
 
     def __init__(self, machine: Machine, name: str, frame: str) -> None:
         scene = machine.scene.sensors[name]
-        self._unit = machine.inertial_unit(name)
+        self._unit = scene.inertial_unit(machine, name)
         chain = scene.chain()
         variance = chain.noise.rms.value**2 + chain.adc.step**2 / 12.0
         covariance = float64_array(np.diag([variance, variance, 0.0]))

@@ -74,7 +74,7 @@ def visible_pace(machine: Machine) -> float:
 
     At it a turn of the drive takes about four seconds.
     """
-    pace = min(max(machine.period / TURN, SLOWEST), 1.0)
+    pace = min(max(machine.drive.period / TURN, SLOWEST), 1.0)
     ten = 10.0 ** math.floor(math.log10(pace))
     return max(x for x in (ten, 2.0 * ten, 5.0 * ten, 10.0 * ten) if x <= pace * (1.0 + 1e-9))
 
@@ -91,7 +91,7 @@ def _all(machine: Machine) -> Iterator[Control]:
     )  # fmt: skip
     yield from _drive(machine)
     for joint in machine.bearings:
-        radial = 1e3 * machine.clearances[joint.name].radial
+        radial = 1e3 * machine.plan.clearances[joint.name].radial
         yield Control(
             f'joints.{joint.name}.clearance.radial', f'Clearance of {_words(joint.name)}',
             'mm', 0.1 * radial, 10.0 * radial, 0.0, radial, 'restart', 1e3, quantity='m',
@@ -109,19 +109,19 @@ def _all(machine: Machine) -> Iterator[Control]:
 
 def _drive(machine: Machine) -> Iterator[Control]:
     """Speed or torque of the main drive: by command if it takes them, else of the next run."""
-    law, commands, scene = machine.law, machine.commands, machine.scene.drive
-    straight = machine.main in machine.mechanism.displacements
+    law, commands, scene = machine.drive.law, machine.drive.commands, machine.scene.drive
+    straight = machine.plan.main in machine.mechanism.displacements
     if not isinstance(law, DriveLaw):
         now = law.coefficients[0]
         if now:
             unit, most = 'N' if straight else 'N m', 3.0 * abs(now)
             what = 'Force' if straight else 'Torque'
             yield Control(
-                'effort', f'{what} of {_words(machine.main)}', unit, -most, most, most / 300.0,
-                now, 'now', parameter='effort',
+                'effort', f'{what} of {_words(machine.plan.main)}', unit, -most, most,
+                most / 300.0, now, 'now', parameter='effort',
             )  # fmt: skip
         return
-    label = f'Speed of {_words(machine.main)}'
+    label = f'Speed of {_words(machine.plan.main)}'
     now = law.coefficients[1] if law.degree else 0.0
     if commands:
         most = RPM * commands.fastest
@@ -129,7 +129,7 @@ def _drive(machine: Machine) -> Iterator[Control]:
             'velocity', label, 'rpm', -most, most, most / 500.0, RPM * now, 'now', RPM,
             parameter='velocity',
         )  # fmt: skip
-    elif now and scene and scene.speed is not None and len(machine.laws) == 1:
+    elif now and scene and scene.speed is not None and len(machine.drive.laws) == 1:
         scale, unit, quantity = (1e3, 'mm/s', 'm/s') if straight else (RPM, 'rpm', 'rad/s')
         low, high = sorted((0.1 * scale * now, 3.0 * scale * now))
         yield Control(

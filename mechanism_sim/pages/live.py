@@ -47,7 +47,7 @@ class Live:
         """`text`: the data of a message on ``scene``. InputError, RunError: no such machine."""
         self.text, self.machine = text, parse_description(text, 'the topic scene')
         self.stage = preview(self.machine, _SEEN)
-        self.step = min(self.machine.period / PER_TURN, _SLOWEST)
+        self.step = min(self.machine.drive.period / PER_TURN, _SLOWEST)
         self.epoch, self.run = 0, 0
         self._forget()
 
@@ -124,7 +124,7 @@ class Live:
         speed, torque = [], []
         starts = [motion.curve.start[0] for motion, _ in self._pieces]
         of = np.maximum(np.searchsorted(starts, t, side='right') - 1, 0)
-        main = physics.coordinates.index(self.machine.main)
+        main = physics.coordinates.index(self.machine.plan.main)
         for number in np.unique(of).tolist():
             (motion, sway), now = self._pieces[number], t[of == number]
             k, dt = motion.curve.find(now)

@@ -123,7 +123,7 @@ def _density(record: Record) -> Array:
     t = np.append(curve.start, curve.end)
     k = np.append(np.arange(len(curve)), len(curve) - 1)
     slides = np.isin(machine.physics.coordinates, machine.physics.displacements)
-    main = np.array(machine.physics.coordinates) == machine.main
+    main = np.array(machine.physics.coordinates) == machine.plan.main
     weight = np.where(main, PER_TURN, _OTHERS) / (2.0 * np.pi)
     weight /= np.where(slides, machine.mechanism.size, 1.0)
     dense = (np.abs(curve.at(k, t - curve.start[k], 1)) * weight).max(axis=1)
@@ -132,7 +132,7 @@ def _density(record: Record) -> Array:
         # a cubic through places and rates is off by h^4 / 384 of the fourth derivative
         fourth = np.abs(curve.at(k, t - curve.start[k], 4))
         fourth = (fourth * np.where(slides, 1.0, machine.mechanism.size)).max(axis=1)
-        radial = min(machine.clearances[joint.name].radial for joint in machine.bearings)
+        radial = min(machine.plan.clearances[joint.name].radial for joint in machine.bearings)
         dense = np.maximum(dense, (fourth / (384.0 * NEAR * radial)) ** 0.25)
     return np.asarray(dense)
 

@@ -24,7 +24,7 @@ from mechanism_sim.planar.virtual_work import generalised
 from mechanism_sim.report.equations import Equation, EquationGroup, MachineEquations
 from mechanism_sim.report.symbols import Expression, Symbol, Symbols
 from mechanism_sim.report.vectors import Vectors
-from mechanism_sim.scene.machine import Level, Machine
+from mechanism_sim.scene import Level, Machine
 
 _LONG = 30
 """Operations from which on forces are written with intermediate quantities."""
@@ -43,8 +43,8 @@ def derive(machine: Machine, rates: bool = False) -> MachineEquations:
 class _Derivation:
     def __init__(self, machine: Machine, rates: bool) -> None:
         self._machine, self._rates = machine, rates
-        self._system: System | None = machine.system if machine.dynamic else None
-        model = self._system or machine.inverse_dynamics
+        self._system: System | None = machine.equations.system if machine.level.dynamic else None
+        model = self._system or machine.nominal.inverse_dynamics
         self._equations = model.equations
         self._elements = () if machine.level is Level.KINEMATIC else model.elements
         ideal, plan = machine.plan.ideal, machine.plan

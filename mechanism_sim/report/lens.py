@@ -90,7 +90,7 @@ class _Bushing(Lens):
         self._t, self._pace = t, pace
         steady = not record.slides and record.rate > 0.0
         self._turn = 1.0 / record.rate if steady else 0.25 * float(t[-1] - t[0])
-        self.metre = PLAY / machine.clearances[joint].radial
+        self.metre = PLAY / machine.plan.clearances[joint].radial
         # of the bushing on the pin; stages without forces have no joints
         known = self._joint in stage.joints
         k = stage.joints.index(self._joint) if known else 0

@@ -121,7 +121,7 @@ def _speed(machine: Machine, link: str) -> float:
 def _cam(machine: Machine, joint: CamPair) -> tuple[Sheet, Outline]:
     clearance = None
     if isinstance(joint, GroovePair):
-        play = machine.clearances.get(joint.name)
+        play = machine.plan.clearances.get(joint.name)
         clearance = 2.0 * (play.radial or 0.0) if play else 0.0
     sense = 1 if joint.distance.slides else joint.sense
     speed = sense * _speed(machine, joint.first)
@@ -175,8 +175,8 @@ class _Mesh:
             yield from self._with_rack()
         else:
             yield from pair_figures(self._pair[0], friction)
-        if self.joint.name in self.machine.clearances:
-            play = self.machine.clearances[self.joint.name].radial or 0.0
+        if self.joint.name in self.machine.plan.clearances:
+            play = self.machine.plan.clearances[self.joint.name].radial or 0.0
             yield PartFigure(
                 'backlash_of_the_scene', 2.0 * play / math.cos(self.joint.pressure_angle), 'm'
             )

@@ -45,8 +45,8 @@ def _machine(machine: Machine) -> Section:
         SummaryRow('coordinates', ', '.join(machine.physics.coordinates)),
         SummaryRow('joints', ', '.join(machine.physics.joints)),
     ]
-    if machine.clearances:
-        rows.append(SummaryRow('with clearance', ', '.join(machine.clearances)))
+    if machine.plan.clearances:
+        rows.append(SummaryRow('with clearance', ', '.join(machine.plan.clearances)))
     return Section(rows=rows, notes=check(machine).notes)
 
 

@@ -159,12 +159,12 @@ class Screen:
         text = self.figure.text(
             12.0 / width, 0.5 * _FOOT / height, '', fontsize=9.0, va='center', color='0.3'
         )
-        i = record.machine.physics.coordinates.index(record.machine.main)
+        i = record.machine.physics.coordinates.index(record.machine.plan.main)
         drive, degrees = self._coordinates(self._t)[i], np.degrees(record.angle(self._t))
 
         def show(i: int) -> None:
             where = f'{1e3 * drive[i]:.1f} mm' if record.slides else f'{degrees[i]:.0f}°'
-            name = record.machine.main.replace('_', ' ')
+            name = record.machine.plan.main.replace('_', ' ')
             text.set_text(f't = {self._t[i]:.4f} s    {name} {where}')
 
         return show

@@ -111,7 +111,7 @@ def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
     for joint, why in machine.without_forces.items():
         yield f'{joint}: {why}; this run is kinematics, forces are left out'
     for x in found[:_SENTENCES]:
-        slides = machine.main in machine.mechanism.displacements
+        slides = machine.plan.main in machine.mechanism.displacements
         angle = round(math.degrees(x.drive), 6) % 360.0
         place = f'{1e3 * x.drive:.6g} mm' if slides else f'{angle:.6g} deg'
         why = 'have no limit: they grow beyond all bounds'
@@ -123,14 +123,14 @@ def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
                 ('from', 'does no work for a while') if x.rests else ('at', 'does no work')
             )
             yield (
-                f'{since} {machine.main} = {place}, t = {x.t:.9g} s, the unknown '
+                f'{since} {machine.plan.main} = {place}, t = {x.t:.9g} s, the unknown '
                 f'{" or ".join(x.loads)} {work}: its size is not determined{forces}; '
                 'they are left out'
             )
             continue
         yield (
-            f'at {machine.main} = {place}, t = {x.t:.9g} s, a singular position, the forces in '
-            f'{", ".join(x.joints)} {why}; they are left out'
+            f'at {machine.plan.main} = {place}, t = {x.t:.9g} s, a singular position, the forces '
+            f'in {", ".join(x.joints)} {why}; they are left out'
         )
     if len(found) > _SENTENCES:
         yield f'and at {len(found) - _SENTENCES} more such instants'
@@ -243,7 +243,7 @@ def head(record: Record, digest: str = '', hardest: int | None = None) -> Iterat
     span = f'{record.start:.9g} s to {record.end:.9g}'
     yield SummaryRow('time', span, 's', _turns_of(record))
     yield SummaryRow('model', machine.level.value)
-    if machine.clearances:
+    if machine.plan.clearances:
         fewer = '' if hardest is None else f'the hardest {hardest} shown'
         yield SummaryRow('impacts', f'{len(record.piece.impacts)}', words=fewer)
     yield SummaryRow('tolerances', f'rtol {solver.rtol:g}, atol {solver.atol:g}', 'm')
@@ -256,7 +256,7 @@ def _turns_of(record: Record) -> str:
     passed = np.diff(record.turned(marks))
     if not passed.sum() > 0.999 * np.abs(passed).sum():  # it swings, or slides: not a number
         return ''
-    turns, drive = f'{passed.sum():.6g}', record.machine.main.replace('_', ' ')
+    turns, drive = f'{passed.sum():.6g}', record.machine.plan.main.replace('_', ' ')
     return f'{turns} turn{"" if turns == "1" else "s"} of {drive}'
 
 

@@ -97,7 +97,7 @@ class Catalogue(Mapping[str, Quantity]):
         if name.startswith('motor.') and 'motor.torque' not in self._known:
             return InputError(
                 f"{machine.name}: '{name}': the drive is no motor; drive_torque and "
-                f'velocity.{machine.main} are those of any drive'
+                f'velocity.{machine.plan.main} are those of any drive'
             )
         kinds = dict.fromkeys(q.kind for q in self._known.values())
         short = [*(known.removesuffix('.size') for known in self._known), *kinds]

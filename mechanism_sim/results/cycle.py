@@ -79,7 +79,7 @@ class Cycle(plotting.Rich):
     @cached_property
     def drive(self) -> str:
         """The coordinate whose position orders the cycle: that of the first drive."""
-        return self.machine.main
+        return self.machine.plan.main
 
     @property
     def drive_torques(self) -> list[str]:
@@ -145,7 +145,7 @@ class Cycle(plotting.Rich):
         if (
             lost.size and not self.machine.physics.unknowns
         ):  # those have none where they do no work
-            step = 0.003 * (self.machine.period if self.repeats else self.duration)
+            step = 0.003 * (self.machine.drive.period if self.repeats else self.duration)
             curve, at = self.solution.motion.curve, t[lost, None]
             beside, weights = at + step * _BESIDE, np.tile(_BETWEEN, (len(lost), 1))
             for sign, outside in (
@@ -179,7 +179,7 @@ class Cycle(plotting.Rich):
     @cached_property
     def no_limits(self) -> list[NoLimit]:
         """Instants of the cycle at which forces grow beyond all bounds, and are left out."""
-        physics = self.machine.statics if self.static else self.machine.physics
+        physics = self.machine.nominal.statics if self.static else self.machine.physics
         begin, end = self.t[0], self.t[-1]
         found = physics.no_limits(self.solution.motion)
         return [x for x in found if begin <= x.t <= end or x.is_at(begin) or x.is_at(end)]
@@ -251,7 +251,7 @@ class Cycle(plotting.Rich):
             self.solution.motion.curve,
             (float(self.t[0]), float(self.t[-1])),
             [x.greatest.value - x.least.value if not x.constant else 0.0 for x in ends],
-            self.machine.period if self.repeats else None,
+            self.machine.drive.period if self.repeats else None,
         )
 
     def mean(self, name: str) -> float:
@@ -349,11 +349,11 @@ def cycle(
     if start is not None:
         if not steady:
             raise InputError(f'{machine.name}: only a drive at constant speed has a start angle')
-        angle, speed = machine.start_of_crank
+        angle, speed = machine.drive.start
         begin = math.remainder(start - angle, 2.0 * math.pi) / speed
-        begin += machine.period if begin < 0.0 else 0.0
+        begin += machine.drive.period if begin < 0.0 else 0.0
     if steady and duration is None:
-        end = begin + periods * machine.period
+        end = begin + periods * machine.drive.period
     else:
         end = begin + span(machine, periods if periods != 1 else None, duration)
     solution = simulate(machine, duration=end)
@@ -386,7 +386,7 @@ def instant(
         duration = span(machine, None, duration)
     if is_steady(machine):
         if t is not None:
-            duration = max(t, duration or machine.period)
+            duration = max(t, duration or machine.drive.period)
     elif still and duration is None:
         spread = machine.scene.duration if not machine.mechanism.longest else None
         duration = max(t or 0.0, spread or _MOMENT)

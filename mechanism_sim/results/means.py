@@ -50,8 +50,9 @@ class ImpactTally:
     """Impacts of all loose joints in each revolution of a run that comes in pieces."""
 
     def __init__(self, machine: Machine) -> None:
-        straight = machine.main in machine.mechanism.displacements
-        self._turns, self._loose = DriveTurns(machine), bool(machine.clearances) and not straight
+        straight = machine.plan.main in machine.mechanism.displacements
+        self._loose = bool(machine.plan.clearances) and not straight
+        self._turns = DriveTurns(machine)
         self._table = np.zeros((0, 2))
 
     def add(self, piece: Piece) -> None:

@@ -86,10 +86,10 @@ class Measurement:
         for f in figures:
             key = f.since or limits[0], f.until or limits[1], f.per_revolution
             turns = f.per_revolution or key[0].revolutions or key[1].revolutions
-            if turns and machine.main in machine.mechanism.displacements:
+            if turns and machine.plan.main in machine.mechanism.displacements:
                 raise InputError(
-                    f'{f.function}({f.argument}): {machine.main} is driven straight, it makes no '
-                    'revolutions'
+                    f'{f.function}({f.argument}): {machine.plan.main} is driven straight, it '
+                    'makes no revolutions'
                 )
             window = self._windows.setdefault(key, Window(self._turns, *key))
             window.figures.append(f)
@@ -137,7 +137,8 @@ class Measurement:
     def _half_width(self, measure: Measure) -> float:
         """Of the 95 % confidence interval of a mean over the revolutions of a loose machine."""
         windows = [self._figures[f] for f in measure.figures]
-        if not (self._machine.clearances and windows and all(w.per_revolution for w in windows)):
+        loose = self._machine.plan.clearances
+        if not (loose and windows and all(w.per_revolution for w in windows)):
             return math.nan
         turns = zip(*(self._figures[f].each_turn(f) for f in measure.figures), strict=False)
         values = [_of_turn(measure, turn) for turn in turns]

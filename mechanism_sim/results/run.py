@@ -119,9 +119,16 @@ class Runner:
             return Piece(self.machine, motion, EnergyTerms(unknown, impacts), impacts, changes)
         before = self.audit.drive_work, self.audit.dissipated
         work = self.audit.add(motion, impacts)
-        self.audit.judge(self.machine.allowed_penetration)
+        self.audit.judge(allowed_penetration(self.machine))
         balance = EnergyTerms(work, impacts, *before)
         return Piece(self.machine, motion, balance, impacts, changes)
+
+
+def allowed_penetration(machine: Machine) -> float:
+    """Violation of a gap [m] that tolerance or rounding explain; beyond it a run fails."""
+    solver = machine.scene.solver
+    allowed = max(1e3 * solver.rtol * machine.mechanism.size, solver.atol, 1e-12)
+    return min([allowed, *(0.1 * c.radial for c in machine.plan.clearances.values() if c.radial)])
 
 
 def run(
@@ -137,4 +144,4 @@ def run(
 
 def prepare(machine: Machine) -> None:
     """Compile all that a run will need, so that it does not wait later."""
-    next(Runner(machine).to(1e-6 * min(machine.period, 1.0), batch=Batch(1, 1)))
+    next(Runner(machine).to(1e-6 * min(machine.drive.period, 1.0), batch=Batch(1, 1)))

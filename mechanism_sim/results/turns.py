@@ -66,8 +66,8 @@ class DriveTurns:
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
-        self._known = isinstance(machine.law, DriveLaw) and not machine.law.straight
-        self._index = machine.physics.coordinates.index(machine.main)
+        self._known = isinstance(machine.drive.law, DriveLaw) and not machine.drive.law.straight
+        self._index = machine.physics.coordinates.index(machine.plan.main)
         self._start: Place | None = None
         self._edges: list[float] = []
         self.end = 0.0
@@ -80,7 +80,8 @@ class DriveTurns:
             self._start, self._edges = beginning(curve, self._index), [begin]
         if self._known:
             try:
-                while (t := self._machine.time_of(len(self._edges))) <= self.end * (1.0 + 1e-12):
+                time_of, end = self._machine.drive.time_of, self.end * (1.0 + 1e-12)
+                while (t := time_of(len(self._edges))) <= end:
                     self._edges.append(min(t, self.end))
             except InputError:
                 self._known = False

@@ -48,7 +48,7 @@ class View:
     ) -> None:
         self.machine, self._motion, self._balance = machine, motion, balance
         self._segments, self._dt = segments, dt
-        self._physics = machine.statics if static else machine.physics
+        self._physics = machine.nominal.statics if static else machine.physics
         self._known: dict[Hashable, Any] = {}
         if t is not None:
             self.t = t

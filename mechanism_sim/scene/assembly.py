@@ -40,17 +40,15 @@ class Assembly(NamedTuple):
     overdriven: int  #: drives that contradict others
     redundant: int  #: closure equations that follow from the others, elastic joints left out
     slope: Array | None = None  #: (n,) direction of the motion, if the position is singular
+    loop: FourBarLoop | None = None  #: the four-bar that it is, if its motion has a closed form
 
 
-def assemble(plan: ScenePlan, four_bar: FourBarLoop | None) -> Assembly:
+def assemble(plan: ScenePlan) -> Assembly:
     """Where a machine without clearance is at the start.
 
     Drives, and coordinates set by `initial`, are where they should be; the rest lies near `guess`.
-
-    Parameters
-    ----------
-    four_bar : that it is, if it has a closed form
     """
+    four_bar = _closed_four_bar(plan)
     if four_bar and _follows(plan):
         return _assembled(plan, four_bar)
     ideal, held = plan.ideal, plan.held
@@ -91,7 +89,7 @@ def assemble(plan: ScenePlan, four_bar: FourBarLoop | None) -> Assembly:
                 f'{", ".join(driven)} starts at rest in a singular position: nothing decides '
                 'which way the links go on: start beside it, or with a speed'
             )
-    return Assembly(q, v, freedom, overdriven, hard - int(ranks[2]), slope)
+    return Assembly(q, v, freedom, overdriven, hard - int(ranks[2]), slope, four_bar)
 
 
 def _apart(loop: FourBarLoop, angle: float) -> str:
@@ -122,7 +120,7 @@ def _ranks(kinematics: Kinematics, q: Array, soft: Sequence[str]) -> Array:
     return np.array([int((x > _RANK).sum()) for x in sizes])
 
 
-def closed_four_bar(plan: ScenePlan) -> FourBarLoop | None:
+def _closed_four_bar(plan: ScenePlan) -> FourBarLoop | None:
     """The four-bar that a machine is, on the branch nearest to its guess; None if it is none.
 
     Closed forms know two branches of a four-bar; through a change point neither goes on.
@@ -160,7 +158,7 @@ def _assembled(plan: ScenePlan, loop: FourBarLoop) -> Assembly:
     if np.isnan(q).any():
         raise InputError(f'the mechanism cannot be assembled{_apart(loop, angle)}')
     order = [loop.links.index(c) for c in plan.ideal.coordinates]
-    return Assembly(q[order], v[order], len(plan.powered), 0, 0)
+    return Assembly(q[order], v[order], len(plan.powered), 0, 0, None, loop)
 
 
 def _placed(plan: ScenePlan, guess: Array) -> tuple[Kinematics, Array]:

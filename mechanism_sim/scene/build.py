@@ -13,13 +13,15 @@ from mechanism_sim.joints.contact_keys import Clearance, Contact, Play
 from mechanism_sim.keys.names import scene_errors
 from mechanism_sim.linkages.mobility import mobility
 from mechanism_sim.linkages.nominal import NominalPhysics
-from mechanism_sim.planar.configuration import Constraints, poses
+from mechanism_sim.planar.configuration import Constraints, converted, poses
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.gate import check_scenes_way
-from mechanism_sim.scene.machine import Level, Machine
+from mechanism_sim.scene.level import Level
+from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.sensor_keys import check_impulses
 from mechanism_sim.scene.singular_start import neighbours
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -61,7 +63,7 @@ def _check_freedom(machine: Machine) -> None:
             'the mechanism cannot move: its joints and drives leave it no degree of freedom; it '
             'is a structure'
         )
-    if assembly.redundant and (machine.dynamic or machine.level is Level.INVERSE_DYNAMICS):
+    if assembly.redundant and (machine.level.dynamic or machine.level is Level.INVERSE_DYNAMICS):
         raise InputError(
             f'{assembly.redundant} of the closure equations follow from the others, so that the '
             "joint forces are not determined; set 'outputs.forces: false' for kinematics, or make "
@@ -81,14 +83,14 @@ def _check_freedom(machine: Machine) -> None:
 def _check_mass(machine: Machine) -> None:
     """Refuse links without a mass that forces need, and forces without limit."""
     weighed = [n for n, link in machine.links.items() if link.mass is not None or link.elastic]
-    if machine.dynamic or (weighed and machine.scene.outputs.forces):
+    if machine.level.dynamic or (weighed and machine.scene.outputs.forces):
         without = [n for n in machine.links if n not in weighed]
         if without and not machine.plan.weighed:
             raise InputError(
                 f"'links.{without[0]}.mass' is missing: forces, torques and clearances need the "
                 'mass, inertia and cog of every moving link'
             )
-    if not machine.dynamic:
+    if not machine.level.dynamic:
         return
     _check_inertia(machine)
     for joint, why in machine.without_forces.items():
@@ -115,7 +117,7 @@ def _check_unknowns(machine: Machine) -> None:
         )
     if len(labels) > len(plan.efforts):
         silent = [c for c in plan.prescribed if c not in plan.efforts]
-        key = 'drive' if silent[:1] == [machine.main] else f'drives.{(silent or [""])[0]}'
+        key = 'drive' if silent[:1] == [machine.plan.main] else f'drives.{(silent or [""])[0]}'
         cure = f"give '{key}.effort'" if silent else "leave out 'unknown: true' of a load"
         raise InputError(
             f'{start}: {len(labels) - len(plan.efforts)} too many are unknown, for each needs a '
@@ -127,10 +129,10 @@ def _check_unknowns(machine: Machine) -> None:
             "balance what the drives supply; set 'loads.LOAD.unknown: true', or leave out an "
             "'effort'"
         )
-    duration = min(machine.scene.duration or math.inf, machine.period)
+    duration = min(machine.scene.duration or math.inf, machine.drive.period)
     if duration == math.inf:
         return
-    run = machine.nominal([plan.laws[c][0] for c in plan.prescribed])
+    run = machine.nominal.run([plan.laws[c][0] for c in plan.prescribed])
     for later in (law for c in plan.prescribed for law in plan.laws[c][1:]):
         run.change_law(later)
     motion = run.motion(duration)
@@ -152,7 +154,8 @@ def _check_inertia(machine: Machine) -> None:
     """
     mechanism = machine.mechanism
     loops = machine.plan.loops(machine.plan.prescribed)
-    q = machine.at_start(mechanism)
+    at = machine.assembly
+    q, _ = converted(machine.plan.ideal, mechanism, at.q, at.v)
     direction = _without_mass(loops, q)
     if direction is not None and loops.rows:  # at this position only, if it is singular
         _, J = loops.closure(q[:, None])
@@ -165,7 +168,7 @@ def _check_inertia(machine: Machine) -> None:
         return
     links = moving(mechanism, q, direction)
     bare = [x for x in links if not mechanism.body(x).mass]
-    open_ = ' while loose joints are open,' if machine.clearances else ''
+    open_ = ' while loose joints are open,' if machine.plan.clearances else ''
     if len(links) == 1 and not bare:
         (link,) = links
         raise InputError(
@@ -303,8 +306,8 @@ def _check_oscillators(machine: Machine) -> None:
             raise InputError(f'{where}: what shakes it needs the masses of all links')
         if part.joints is None:
             continue
-        machine.check_impulses()
-        if not (machine.dynamic or machine.scene.outputs.forces):
+        check_impulses(machine)
+        if not (machine.level.dynamic or machine.scene.outputs.forces):
             raise InputError(f"{where}.joints: their forces need 'outputs.forces: true'")
         for joint in part.joints:
             if joint not in grounded:
@@ -321,5 +324,7 @@ def _check_sensors(machine: Machine) -> None:
         if not name.isidentifier():
             raise InputError(f"the sensor name '{name}' must be letters, digits and _")
         sensor.check(machine, where)
-        if sensor.trigger and machine.main in machine.mechanism.displacements:
-            raise InputError(f'{where}.trigger needs a drive that turns; {machine.main} slides')
+        if sensor.trigger and machine.plan.main in machine.mechanism.displacements:
+            raise InputError(
+                f'{where}.trigger needs a drive that turns; {machine.plan.main} slides'
+            )

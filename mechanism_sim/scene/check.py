@@ -14,7 +14,8 @@ from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolut
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import admit
-from mechanism_sim.scene.machine import Level, Machine
+from mechanism_sim.scene.level import Level
+from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.remarks import doubts, unused
 from mechanism_sim.scene.schema import SensorPart
@@ -80,7 +81,7 @@ def check(machine: Machine) -> Report:
     """Look at a scene without running it."""
     admit(machine)
     plan, mechanism, level = machine.plan, machine.mechanism, machine.level
-    rest = 'free (integrated)' if machine.dynamic else 'follows from the closed loops'
+    rest = 'free (integrated)' if machine.level.dynamic else 'follows from the closed loops'
     straight = mechanism.displacements
     coordinates = {
         c: ('displacement, ' if c in straight else '') + rest for c in mechanism.coordinates
@@ -88,10 +89,10 @@ def check(machine: Machine) -> Report:
     coordinates |= {c: _drive(machine, c) for c in plan.laws}
     relations = []
     for name in mechanism.cut:
-        if name not in machine.clearances:
+        if name not in machine.plan.clearances:
             single = isinstance(mechanism.joint(name), HigherPair)
             relations.append(f'{name}: closes a loop, {"1 equation" if single else "2 equations"}')
-    loose = {n: c for n, c in machine.clearances.items() if n not in plan.elastic}
+    loose = {n: c for n, c in machine.plan.clearances.items() if n not in plan.elastic}
     gaps = [f'{name}: {_gap(mechanism.joint(name), c, machine)}' for name, c in loose.items()]
     notes = _notes(machine, loose)
     return Report(
@@ -140,12 +141,12 @@ def _left_out(machine: Machine, gaps: int) -> list[str]:
     elif not any(machine.scene.gravity):
         found.append('gravity: it is zero')
     found += unused(machine)
-    if gaps and not any(c.friction for c in machine.clearances.values()):
+    if gaps and not any(c.friction for c in machine.plan.clearances.values()):
         found.append('friction and pin radius: none given')
     if gaps and gaps < sum(isinstance(j, Revolute) for j in plan.joints):
         found.append('clearance in the other joints: none given')
     grounded = [{j.first, j.second} for j in plan.joints if GROUND in (j.first, j.second)]
-    given = plan.prescribed if machine.dynamic else []
+    given = plan.prescribed if machine.level.dynamic else []
     found += [
         f'{c} inertia: its motion is given' for c in given if any(c in ends for ends in grounded)
     ]
@@ -154,9 +155,10 @@ def _left_out(machine: Machine, gaps: int) -> list[str]:
 
 def _starts(machine: Machine) -> dict[str, GapStart]:
     """How all gaps start."""
-    if not machine.dynamic:
+    if not machine.level.dynamic:
         return {}
-    system, state, seen = machine.system, machine.initial_state(), machine.observer
+    equations, state = machine.equations, machine.initial_state()
+    system, seen = equations.system, equations.observer
     place = dict(zip(system.free, zip(state.q, state.v, strict=True), strict=True))
     place |= {c: machine.plan.held[c] for c in system.prescribed}
     q, v = np.array([place[c] for c in system.coordinates]).T[:, :, None]
@@ -218,7 +220,7 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
         keys = machine.scene.joints[joint.name]
         notes += keys.kind_keys.notes(keys, machine, joint)
     notes += dict.fromkeys(f'{f.name}: friction, {f.words}' for f in plan.frictions(mechanism))
-    notes += elastic_notes(machine.mechanism, machine.period, bool(machine.clearances))
+    notes += elastic_notes(machine.mechanism, machine.drive.period, bool(machine.plan.clearances))
     notes += tilt_notes(machine.mechanism)
     notes += _sensor_notes(machine)
     notes += _oscillator_notes(machine)
@@ -226,7 +228,7 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
         f'{load.name}: its size [{load.unit}] follows from the motion and the efforts'
         for load in plan.unknowns(mechanism)
     )
-    if machine.dynamic:
+    if machine.level.dynamic:
         solver = machine.scene.solver
         notes.append(f'rtol {solver.rtol:g}, atol {solver.atol:g} m')
     return notes

@@ -54,18 +54,6 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
     return folder / f'{name}.yaml'
 
 
-def read_scene(name: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> tuple[str, Scene]:
-    """Name and content of a scene, checked, in SI units.
-
-    Parameters
-    ----------
-    name : a scene of the package or a path
-    overrides : values by dotted path, or texts ``path=value``
-    """
-    path = find_scene(name)
-    return path.stem, check_scene(path.name, read_yaml(path, 'scene'), overrides)
-
-
 def read_yaml(path: Path, kind: str) -> dict[str, Any]:
     """The keys and values of a scene, or of another `kind` of file, unchecked."""
     data = with_files(path.name, path.parent, documents.read(path, kind))

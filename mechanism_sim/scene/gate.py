@@ -48,7 +48,7 @@ def admit(machine: Machine, duration: float | None = None) -> Machine:
     """
     with scene_errors(machine.name):
         try:
-            if machine.dynamic:
+            if machine.level.dynamic:
                 machine.initial_state()
         except ZeroDivisionError as error:  # of the mass matrix: what adds to it is rounded off
             masses = {name: link.mass for name, link in machine.scene.links.items() if link.mass}
@@ -64,14 +64,14 @@ def admit(machine: Machine, duration: float | None = None) -> Machine:
 
 def check_scenes_way(machine: Machine) -> None:
     """Refuse drives that it cannot follow for a turn, or for as long as the scene says."""
-    law = machine.law
+    law = machine.drive.law
     steady = (
         isinstance(law, DriveLaw)
         and not law.straight
-        and len(machine.laws) == 1
+        and len(machine.drive.laws) == 1
         and not machine.rigid.torque_driven
     )
-    duration = machine.scene.duration or (machine.period if steady else math.inf)
+    duration = machine.scene.duration or (machine.drive.period if steady else math.inf)
     if duration < math.inf:
         check_way(machine, duration)
 
@@ -93,10 +93,10 @@ def check_way(machine: Machine, duration: float) -> None:
     if len(moving) > 1 or (moving and len(plan.prescribed) > 1):
         if duration not in tried:
             laws = list(plan.laws.values())
-            run = machine.nominal([each[0] for each in laws])
+            run = machine.nominal.run([each[0] for each in laws])
             for later in (law for each in laws for law in each[1:]):
                 run.change_law(later)
-            _advance(run, min(duration, _MOST * machine.period))
+            _advance(run, min(duration, _MOST * machine.drive.period))
             tried.add(duration)
         return
     for c, way in moving.items():
@@ -106,15 +106,15 @@ def check_way(machine: Machine, duration: float) -> None:
             again = not any(isinstance(j, HigherPair) for j in plan.joints)
             reach = TURN if again else _MOST * TURN
         ends = max(way[0], start - reach), min(way[1], start + reach)
-        if machine.closed_form:
-            _check_four_bar(machine.closed_form, ends)
+        if loop := machine.assembly.loop:
+            _check_four_bar(loop, ends)
             continue
         for end in ends:
             if end != start and (start, end) not in tried:
                 straight = c in plan.ideal.displacements
                 pace = _PACE * (plan.ideal.size if straight else 1.0)
                 pace = math.copysign(pace, end - start)
-                run = machine.nominal([DriveLaw(c, (start, pace), straight=straight)])
+                run = machine.nominal.run([DriveLaw(c, (start, pace), straight=straight)])
                 _advance(run, (end - start) / pace)
                 tried.add((start, end))
 
@@ -167,7 +167,7 @@ def _try_loops(machine: Machine, duration: float) -> None:
     loops = machine.plan.loops(prescribed)
     if not loops.rows:
         return
-    known = dict(zip(machine.system.free, machine.initial_state().q, strict=True))
+    known = dict(zip(machine.equations.system.free, machine.initial_state().q, strict=True))
     q = np.array([[known.get(c, 0.0)] for c in mechanism.coordinates])
     ways = [way_of(laws[c], duration) for c in prescribed]
     scale = loops.scale[loops.held]

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.keys.names import SceneError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml
 from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.remarks import length_questions
+from mechanism_sim.units import QuantityValue
 
 
 def load_scene(name: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Machine:
@@ -40,7 +43,7 @@ def span(machine: Machine, revolutions: float | None, duration: float | None) ->
     if asked is None:
         duration = machine.scene.duration
     if duration is None:
-        duration = machine.time_of(1.0 if revolutions is None else revolutions)
+        duration = machine.drive.time_of(1.0 if revolutions is None else revolutions)
     return duration
 
 
@@ -49,3 +52,20 @@ def run_length(machine: Machine, revolutions: float | None, duration: float | No
     end = span(machine, revolutions, duration)
     admit(machine, end)
     return end
+
+
+def started_at(machine: Machine, angle: float) -> Machine:
+    """Copy of a machine with its main drive at another angle [rad] at the start."""
+    scene = machine.scene
+    if not scene.drive:
+        raise SceneError(f"{machine.name}: there is no 'drive' to start at an angle")
+    position = {c: x for c, x in scene.initial.position.items() if c != machine.plan.main}
+    changed: dict[str, Any] = {
+        'drive': scene.drive.model_copy(update={'start_angle': angle}),
+        'initial': scene.initial.model_copy(update={'position': position}),
+    }
+    if loop := machine.assembly.loop:
+        near = zip(loop.links[1:], loop.positions(angle), strict=True)
+        found = {c: QuantityValue(float(x), 'rad') for c, x in near if math.isfinite(x)}
+        changed['guess'] = {**scene.guess, **found}
+    return replace(machine, scene=scene.model_copy(update=changed))

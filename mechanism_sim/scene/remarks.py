@@ -14,8 +14,9 @@ from contextlib import suppress
 from typing import Any
 
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.loads import LOADS
-from mechanism_sim.scene.machine import Level, Machine
+from mechanism_sim.scene.machine import Machine
 from mechanism_sim.units import to_si
 
 _GYRATION = 30.0
@@ -125,7 +126,7 @@ def _masses(machine: Machine) -> Iterator[str]:
 
 def _plays(machine: Machine) -> Iterator[str]:
     size = machine.mechanism.size
-    for joint, play in machine.clearances.items():
+    for joint, play in machine.plan.clearances.items():
         radial = play.radial
         if radial and not _LEAST_PLAY <= radial <= _MOST_PLAY * size:
             yield (
@@ -138,10 +139,9 @@ def _others(machine: Machine) -> Iterator[str]:
     gravity = math.hypot(*machine.scene.gravity)
     if gravity and not _GRAVITY[0] <= gravity <= _GRAVITY[1]:
         yield f'gravity = {gravity:g} m/s^2, on Earth it is 9.81 m/s^2: is the unit right?'
-    if machine.main not in machine.mechanism.displacements and machine.fastest > _FASTEST:
-        yield (
-            f'{machine.main} turns at {machine.fastest * 30.0 / math.pi:g} rpm: is the unit right?'
-        )
+    main, fastest = machine.plan.main, machine.drive.fastest
+    if main not in machine.mechanism.displacements and fastest > _FASTEST:
+        yield f'{main} turns at {fastest * 30.0 / math.pi:g} rpm: is the unit right?'
 
 
 def _length(x: float) -> str:
@@ -155,20 +155,20 @@ def unused(machine: Machine) -> list[str]:
 
 def _solver(machine: Machine) -> Iterator[str]:
     solver, default = machine.scene.solver, type(machine.scene.solver)()
-    if not machine.dynamic:
+    if not machine.level.dynamic:
         for key in ('rtol', 'atol'):
             if getattr(solver, key) != getattr(default, key):
                 yield (
                     f'solver.{key} has no effect: the motion follows from closed loops, and '
                     'nothing is integrated'
                 )
-    elif solver.atol and not machine.clearances:
+    elif solver.atol and not machine.plan.clearances:
         yield 'solver.atol has no effect: no joint has a clearance in which impacts could chatter'
 
 
 def _start(machine: Machine) -> Iterator[str]:
     scene = machine.scene
-    if scene.start != 'seated' and not machine.clearances:
+    if scene.start != 'seated' and not machine.plan.clearances:
         yield f"start = '{scene.start}' has no effect: no joint has a clearance"
     if scene.initial.elastic != 'straight' and not machine.mechanism.deformations:
         yield f"initial.elastic = '{scene.initial.elastic}' has no effect: no link is elastic"
@@ -176,7 +176,7 @@ def _start(machine: Machine) -> Iterator[str]:
 
 def _forces(machine: Machine) -> Iterator[str]:
     scene, outputs = machine.scene, machine.scene.outputs
-    if machine.dynamic and not outputs.forces:
+    if machine.level.dynamic and not outputs.forces:
         yield 'outputs.forces = false has no effect: the motion follows from forces'
     axial = any(c.endswith('.axial') for c in machine.mechanism.deformations)
     if scene.axial_gravity and not axial:

@@ -29,7 +29,7 @@ HEAD = """\
 """
 
 
-class SceneLine(NamedTuple):
+class Entry(NamedTuple):
     """A line of YAML, and what is to be said of it."""
 
     text: str
@@ -57,7 +57,7 @@ class _SceneWriter:
     """Parts that are in the file, so that there is a better place to explain them."""
     told: set[tuple[type[Part], str]] = field(default_factory=set)
 
-    def part(self, kind: type[Part], data: Mapping[str, Any], value: Part) -> Iterator[SceneLine]:
+    def part(self, kind: type[Part], data: Mapping[str, Any], value: Part) -> Iterator[Entry]:
         """All keys of a part that is in the file."""
         for key in _keys(kind, value):
             about = kind.model_fields[key]
@@ -72,9 +72,9 @@ class _SceneWriter:
 
     def present(
         self, name: str, data: Any, value: Any, facts: Facts, note: str
-    ) -> Iterator[SceneLine]:
+    ) -> Iterator[Entry]:
         """A key that is in the file."""
-        inner: list[SceneLine]
+        inner: list[Entry]
         if facts.part is None or not data:
             yield from _entry(name, data, note)
             return
@@ -91,10 +91,10 @@ class _SceneWriter:
         else:
             yield from self.named(name, data, value, note)
             return
-        yield SceneLine(f'{name}:', note)
+        yield Entry(f'{name}:', note)
         yield from _indented(inner)
 
-    def named(self, name: str, data: Any, value: Part, note: str = '') -> Iterator[SceneLine]:
+    def named(self, name: str, data: Any, value: Part, note: str = '') -> Iterator[Entry]:
         """A part with its name; in one line where nothing has to be said of it."""
         data = data or {}
         frame = name == GROUND and isinstance(value, LinkPart)  # most keys are for what moves
@@ -105,26 +105,26 @@ class _SceneWriter:
         )
         short = f'{name}: {_flow(data)}'
         if not any(line.note for line in inner) and len(short) < WIDTH - 8:
-            yield SceneLine(short, note)
+            yield Entry(short, note)
         else:
-            yield SceneLine(f'{name}:', note)
+            yield Entry(f'{name}:', note)
             yield from _indented(inner)
 
-    def item(self, data: Any, kind: type[Part], value: Part) -> Iterator[SceneLine]:
+    def item(self, data: Any, kind: type[Part], value: Part) -> Iterator[Entry]:
         """A part in a list."""
         inner = list(self.part(kind, data, value))
         if not any(line.note for line in inner):
-            inner = [SceneLine(_flow(data))]
+            inner = [Entry(_flow(data))]
         first, *rest = inner
-        yield SceneLine(f'- {first.text}', first.note)
+        yield Entry(f'- {first.text}', first.note)
         yield from _indented(rest)
 
-    def absent(self, name: str, value: Any, facts: Facts, note: str) -> Iterator[SceneLine]:
+    def absent(self, name: str, value: Any, facts: Facts, note: str) -> Iterator[Entry]:
         """A key that is not in the file, behind a ``#``."""
         for line in self.example(name, value, facts, note):
-            yield SceneLine(f'# {line.text}', line.note)
+            yield Entry(f'# {line.text}', line.note)
 
-    def example(self, name: str, value: Any, facts: Facts, note: str) -> Iterator[SceneLine]:
+    def example(self, name: str, value: Any, facts: Facts, note: str) -> Iterator[Entry]:
         """A key that could be in the file, and what holds without it."""
         if facts.part is None:
             yield from _entry(name, _default(value, facts), note)
@@ -132,20 +132,19 @@ class _SceneWriter:
         if isinstance(value, Part) and value != facts.part():  # what an instrument stands for
             yield from _entry(name, _plain(value), note)
             return
-        yield SceneLine(f'{name}:', note)
+        yield Entry(f'{name}:', note)
         if facts.part in self.given:
             return
         inner = self.keys(facts.part, value if isinstance(value, Part) else None)
         if facts.many == 'dict':
-            inner = iter([SceneLine('NAME:'), *_indented(inner)])
+            inner = iter([Entry('NAME:'), *_indented(inner)])
         elif facts.many == 'list':
             inner = (
-                SceneLine(('  ' if i else '- ') + line.text, line.note)
-                for i, line in enumerate(inner)
+                Entry(('  ' if i else '- ') + line.text, line.note) for i, line in enumerate(inner)
             )
         yield from _indented(inner)
 
-    def keys(self, kind: type[Part], value: Part | None) -> Iterator[SceneLine]:
+    def keys(self, kind: type[Part], value: Part | None) -> Iterator[Entry]:
         """All keys of a part that could be in the file, where they come first."""
         for key, about in kind.model_fields.items():
             if (kind, key) in self.told:
@@ -189,20 +188,20 @@ def _note(meaning: str, facts: Facts, needed: bool = False) -> str:
     return f'{meaning.rstrip(".")} [{about}]' if about else meaning.rstrip('.')
 
 
-def _entry(name: str, data: Any, note: str) -> Iterator[SceneLine]:
+def _entry(name: str, data: Any, note: str) -> Iterator[Entry]:
     """A key and a plain value; a long text in several lines."""
     if isinstance(data, str) and data.endswith('\n') and ' '.join(data.split()) == data[:-1]:
-        yield SceneLine(f'{name}: >', note)
-        yield from _indented(SceneLine(row) for row in textwrap.wrap(data, WIDTH - 3))
+        yield Entry(f'{name}: >', note)
+        yield from _indented(Entry(row) for row in textwrap.wrap(data, WIDTH - 3))
         return
     text = f'{name}: {_flow(data)}'.rstrip()
     if len(text) < WIDTH or not isinstance(data, list | dict):
-        yield SceneLine(text, note)
+        yield Entry(text, note)
         return
-    yield SceneLine(f'{name}:', note)
+    yield Entry(f'{name}:', note)
     rows = data.items() if isinstance(data, dict) else data
     yield from _indented(
-        SceneLine(f'{row[0]}: {_flow(row[1])}' if isinstance(data, dict) else f'- {_flow(row)}')
+        Entry(f'{row[0]}: {_flow(row[1])}' if isinstance(data, dict) else f'- {_flow(row)}')
         for row in rows
     )
 
@@ -250,11 +249,11 @@ def _flow(data: Any) -> str:
     return text.removesuffix('...\n').strip()
 
 
-def _indented(lines: Iterable[SceneLine]) -> Iterator[SceneLine]:
-    return (SceneLine(f'  {line.text}', line.note) for line in lines)
+def _indented(lines: Iterable[Entry]) -> Iterator[Entry]:
+    return (Entry(f'  {line.text}', line.note) for line in lines)
 
 
-def _rows(line: SceneLine) -> Iterator[str]:
+def _rows(line: Entry) -> Iterator[str]:
     """A line, and its note beside it or, where there is no room, below."""
     if not line.note:
         yield line.text

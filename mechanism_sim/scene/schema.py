@@ -47,6 +47,7 @@ from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.scene.tilted_links import TiltPart
 from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import SensorSource
+from mechanism_sim.sensing.imu import InertialUnit
 from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import QuantityValue
 from mechanism_sim.vibration.frame import Frame
@@ -316,6 +317,19 @@ class SensorPart(*SENSORS.values()):  # type: ignore[misc]
     def chain(self) -> Instrument:
         """Its transfer functions, sampling and noise."""
         return Instrument(**{x.name: getattr(self, x.name) for x in fields(Instrument)})
+
+    def inertial_unit(self, machine: Any, name: str) -> InertialUnit:
+        """The inertial unit in its place, to be fed with motion from the start of a run on."""
+        return InertialUnit(
+            machine.mechanism,
+            str(self.link),
+            self.at,
+            self.axis,
+            self.chain(),
+            name,
+            self.transducer.transverse,
+            self.trigger_in(machine),
+        )
 
 
 def _merged(preset: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.keys.quantities import Angle, Duration, Part, Rate
 from mechanism_sim.keys.registry import Registry
+from mechanism_sim.scene.level import Level
 from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Converter, Noise, Trigger
 from mechanism_sim.sensing.channel import SensorSource
 
@@ -43,6 +44,10 @@ class SensorKeys(Part):
     def place(self, machine: Any) -> str:
         """Its place, in words."""
         raise NotImplementedError
+
+    def trigger_in(self, machine: Any) -> int:
+        """Index of the coordinate that triggers it, if any does."""
+        return machine.mechanism.coordinates.index(machine.plan.main) if self.trigger else 0
 
     def check(self, machine: Any, where: str) -> None:
         """Refuse what no machine has."""
@@ -112,6 +117,18 @@ def check_link(machine: Any, where: str, link: str | None, frames: Iterable[str]
         raise InputError(
             f"{where}.link: there is no moving link '{link}'{nearest(str(link), known)}; links: "
             f'{", ".join(known)}'
+        )
+
+
+def check_impulses(machine: Any) -> None:
+    """Refuse impacts beside friction in ideal joints: steps do not tell one from the other."""
+    joints = machine.scene.joints.items()
+    rubbing = [name for name, j in joints if j.friction and j.friction.coefficient]
+    if rubbing and machine.level is Level.NONSMOOTH:
+        raise InputError(
+            f'joints.{rubbing[0]}.friction: beside rigid contacts with clearance impulses in '
+            'joints are not known, which load cells and the joints of frames ask for; leave out '
+            'the friction, or give the clearances a contact with a stiffness'
         )
 
 

@@ -14,7 +14,7 @@ deflection, at the speed W of the machine and the frequency w of the first mode.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -23,18 +23,22 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.clock import take_off_turns
-from mechanism_sim.hybrid.observer import Observer
+from mechanism_sim.hybrid.observer import Instants
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.joints.revolute.bearing_ends import AxialStop, BearingEnd, seat
 from mechanism_sim.joints.revolute.keys import leaning
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import converted
+from mechanism_sim.planar.drive import TorqueLaw
+from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
+from mechanism_sim.scene.equations import EquationsOfMotion
+from mechanism_sim.scene.nominal import Nominal
 from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.scene.reading import Values
 
@@ -54,20 +58,12 @@ class Start:
 
     Attributes
     ----------
-    assembly : where it is without clearance
-    observer : of its equations of motion
-    joint_forces : forces in the joints of the ideal mechanism (j, 2) [N], first-named on
-        second-named link, at coordinates and rates (n, 1) of the start
-    accelerations : of the ideal mechanism (n, N), at coordinates and rates (n, N) and
-        accelerations of prescribed coordinates (p, N), a time [s] from the start
     turn : [s] of the drive, at most a second
     """
 
     plan: ScenePlan
-    assembly: Assembly
-    observer: Observer
-    joint_forces: Callable[[Array, Array], Array]
-    accelerations: Callable[[Array, Array, Array, float], Array]
+    nominal: Nominal
+    equations: EquationsOfMotion
     turn: float
 
     @property
@@ -76,7 +72,8 @@ class Start:
 
     def state(self) -> State:
         """Start of the equations of motion."""
-        plan, system = self.plan, self.observer.system
+        plan, observer = self.plan, self.equations.observer
+        system = observer.system
         names = self._loose.coordinates
         q, v = (dict(zip(names, x.tolist(), strict=True)) for x in self._placed())
         turns = dict.fromkeys(system.free, 0)
@@ -84,7 +81,7 @@ class Start:
             whole, q[c] = take_off_turns(q[c])
             turns[c] = whole + plan.turned.get(c, 0)
         seated = plan.scene.start == 'seated' and not plan.placed_outright
-        values = self.observer.gaps.values(np.array([[q[c]] for c in system.coordinates]))
+        values = observer.gaps.values(np.array([[q[c]] for c in system.coordinates]))
         closed = []
         for gap, value in zip(system.gaps, values, strict=True):
             self._check_inside(gap, value, seated)
@@ -135,7 +132,7 @@ class Start:
     def _placed(self) -> tuple[Array, Array]:
         """Values and rates (n,) of the coordinates."""
         plan, loose = self.plan, self._loose
-        start = self.assembly
+        start = self.nominal.assembly
         if plan.scene.initial.elastic == 'smooth':
             start = self._smooth()
         if not plan.clearances:
@@ -178,7 +175,7 @@ class Start:
                 targets[[i for i, row in enumerate(every.rows) if row == name]] = Q
 
         pressed: dict[str, Array] = {}
-        if self.plan.scene.start == 'seated' and self.observer.system.gaps:
+        if self.plan.scene.start == 'seated' and self.equations.system.gaps:
             pressed = self._seats(start.q[:, None], start.v[:, None])
             aim(pressed)
         if not given and not targets.any():
@@ -298,11 +295,53 @@ class Start:
                 seated[name] = seat(room, centred / room, off) if off.any() else centred
         return seated
 
+    def joint_forces(self, q: Array, v: Array) -> Array:
+        """Forces in the joints of the ideal mechanism (j, 2) [N], first- on second-named link.
+
+        At coordinates and rates (n, 1), with the accelerations and torques of the start.
+        """
+        plan, nominal = self.plan, self.nominal
+        if plan.powered or nominal.assembly.freedom:
+            none = np.zeros((len(plan.prescribed), 1))
+            return self._seen(q, v, none, 0.0).reaction[:, :, 0]
+        if nominal.assembly.loop is None and nominal.assembly.slope is not None:
+            raise InputError(
+                'start = seated, but the forces that press pins on bushings are not determined: '
+                "the start is a singular position, such as a dead point; write 'start: centred', "
+                'or start beside it'
+            )
+        motion = nominal.motion
+        rates = np.array([plan.law_at(motion.coordinates[i])[1:] for i in motion.driven]).T
+        _, _, a, _ = motion.motion(q, *rates[:, :, None])
+        dynamics = nominal.inverse_dynamics
+        outside = plan.outside_at_start(dynamics.outside)
+        return dynamics(q, v, a, outside).reaction[:, :, 0]
+
+    def _seen(self, q: Array, v: Array, a: Array, t: float) -> Observation:
+        """The ideal machine under its first laws, a time [s] from the start.
+
+        Parameters
+        ----------
+        q, v : coordinates and rates (n, N)
+        a : accelerations (p, N) of the prescribed coordinates
+        """
+        plan, observer, count = self.plan, self.equations.ideal_observer, q.shape[1]
+        torques, places = [], plan.ideal.coordinates
+        for c in plan.powered:
+            i, law = places.index(c), plan.laws[c][0]
+            assert isinstance(law, TorqueLaw)  # noqa: S101 - it is powered
+            constant, per_angle, per_speed = law.after(plan.turned.get(c, 0))
+            torques.append(constant + per_angle * q[i] + per_speed * v[i])
+        outside = np.repeat(plan.outside_at_start(observer.system.outside, t), count, axis=1)
+        modes = np.zeros((0, count), np.uint8)
+        given = np.reshape(torques, (-1, count))
+        return observer.observe(Instants(q, v, a, modes, given, outside=outside))
+
     # --- elastic links --------------------------------------------------------------------------
 
     def _smooth(self) -> Assembly:
         """The machine without clearance at the start, elastic links bent by its forces."""
-        start, ideal = self.assembly, self.plan.ideal
+        start, ideal = self.nominal.assembly, self.plan.ideal
         names = ideal.deformations
         if given := [c for part in self.plan.given for c in part if c in names]:
             raise InputError(
@@ -338,13 +377,13 @@ class Start:
         for t in (-moment, 0.0, moment):
             pushed = [np.full(x.shape[1], plan.law_at(c, t)[2]) for c in plan.prescribed]
             a = np.reshape(pushed, (-1, x.shape[1]))
-            seen.append(self.accelerations(*self._bent(x, t), a, t)[elastic])
+            seen.append(self._seen(*self._bent(x, t), a, t).acceleration[elastic])
         before, now, after = seen
         return np.concatenate([now, (after - before) / (2.0 * moment)])
 
     def _bent(self, x: Array, t: float) -> tuple[Array, Array]:
         """Coordinates and rates (n, N) a time [s] after the start; x (2 m, N) of elastic ones."""
-        plan, start = self.plan, self.assembly
+        plan, start = self.plan, self.nominal.assembly
         m, count = x.shape[0] // 2, x.shape[1]
         known: dict[str, tuple[Array, Array]] = {}
         for c, (q, v) in plan.held.items():

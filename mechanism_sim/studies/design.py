@@ -35,7 +35,7 @@ _FORMS = (
 
 
 class Factor(NamedTuple):
-    """A quantity that is varied.
+    """A value that is varied.
 
     Attributes
     ----------

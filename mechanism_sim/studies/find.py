@@ -52,7 +52,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Finding:
-    """Places that were found, and the curve on the way, in SI units.
+    """The value found, and the curve on the way, in SI units.
 
     Attributes
     ----------
@@ -212,7 +212,7 @@ class _Curve:
         return {'value': self.parameter.value(best), 'figure': figure}
 
     def searches(self, places: Array, figures: Array, wanted: float | None) -> list[Call]:
-        """Intervals in which to search: of each crossing of a value, or of the least."""
+        """Searches between places: for each crossing of a value, or the least."""
         if wanted is not None:
             off, span = figures - wanted, float(np.nanmax(figures) - np.nanmin(figures))
             crossed = np.flatnonzero(off[:-1] * off[1:] < 0.0)

@@ -39,7 +39,7 @@ class FloquetMap:
         run = machine.start()
         assert isinstance(run, EventLoop)  # noqa: S101 - it has equations of motion
         self._machine, self._run, self._state = machine, run, state
-        system, mechanism = machine.system, machine.mechanism
+        system, mechanism = machine.equations.system, machine.mechanism
         known = derivatives(machine)
         at = known.point(self._whole(machine, state), np.zeros(len(system.coordinates)))
         _, independent = known.basis(known(at).J)
@@ -56,9 +56,9 @@ class FloquetMap:
     @staticmethod
     def _whole(machine: Machine, state: State) -> Array:
         """All coordinates (n,)."""
-        known = dict(zip(machine.system.free, state.q, strict=True))
+        known = dict(zip(machine.equations.system.free, state.q, strict=True))
         known |= {c: machine.plan.held[c][0] for c in machine.plan.prescribed}
-        return np.array([known[c] for c in machine.system.coordinates])
+        return np.array([known[c] for c in machine.equations.system.coordinates])
 
     @property
     def start(self) -> Array:
@@ -87,7 +87,7 @@ class FloquetMap:
         return np.asarray(q[:, 0]), np.asarray(v[:, 0])
 
     def change(self, x: Array, period: float, audited: bool = False) -> Array:
-        """Change of a state (2 k,) within a time [s], whole turns left out; may be `audited`."""
+        """Change of a state (2 k,) in a time [s], whole turns left out; may be `audited`."""
         q, v = self._motion(x)
         begun = replace(
             self._state, q=tuple(q[self._free].tolist()), v=tuple(v[self._free].tolist())
@@ -116,9 +116,9 @@ def applies(machine: Machine) -> bool:
     plan = machine.plan
     return (
         machine.scene.drive is not None
-        and machine.main in plan.powered
-        and machine.main not in plan.ideal.displacements
-        and not machine.clearances
+        and machine.plan.main in plan.powered
+        and machine.plan.main not in plan.ideal.displacements
+        and not machine.plan.clearances
         and plan.weighed
         and not plan.frictions(plan.ideal)
     )
@@ -150,7 +150,7 @@ def station(machine: Machine, turning: bool = False) -> Station:
 def repeated(machine: Machine) -> Station:
     """The modes about the motion that a machine repeats in each turn of its main drive."""
     moving = any(machine.plan.held[c][1] for c in machine.plan.prescribed)
-    if 'time' in machine.system.outside or moving:
+    if 'time' in machine.equations.system.outside or moving:
         raise InputError(
             f'{machine.name}: time acts on it by loads or other drives, so that no turn is like '
             'the other: there are no modes; look at its motion by solve'
@@ -181,7 +181,7 @@ def repeated(machine: Machine) -> Station:
 
 def _settled(machine: Machine) -> tuple[State, float, float]:
     """A state near the motion that repeats itself, how long a turn takes [s], and the speed."""
-    free, main = machine.system.free, machine.main
+    free, main = machine.equations.system.free, machine.plan.main
     duration, turned = machine.scene.duration or 1.0, 0.0
     while turned < _TURNS:
         solution = simulate(machine, duration=duration)
@@ -238,5 +238,5 @@ def _repeated(machine: Machine, turns: FloquetMap, period: float) -> tuple[Array
             break
     raise InputError(
         f'{machine.name}: no motion was found that repeats itself with every turn of '
-        f'{machine.main}: look at its motion by solve'
+        f'{machine.plan.main}: look at its motion by solve'
     )

@@ -61,7 +61,7 @@ def load_on(machine: Machine, option: str, place: str, direction: float | None) 
 
 
 class Vibrating(NamedTuple):
-    """Equations of vibration ``M z'' + C z' + K z = F``, all (n, n).
+    """A linear system: ``M z'' + C z' + K z = F``, all (n, n).
 
     Attributes
     ----------
@@ -174,12 +174,12 @@ def _edges(curve: PiecewisePolynomial, period: float, loaded: bool, count: int) 
 
 
 def without_play(machine: Machine) -> Machine:
-    """The machine without play."""
-    if not machine.clearances:
+    """Copy of a machine without play."""
+    if not machine.plan.clearances:
         return machine
     joints = {
         name: joint.model_copy(update=dict.fromkeys(_PLAYS))
-        if name in machine.clearances
+        if name in machine.plan.clearances
         else joint
         for name, joint in machine.scene.joints.items()
     }

@@ -200,8 +200,8 @@ def _harmonics(
 
 
 def _at_speed(one: LinearMachine, driven: list[int], rates: Array) -> LinearMachine:
-    """The machine with its drives turning, if all that they carry can turn along with them."""
-    main = one.derivatives.coordinates.index(one.machine.main)
+    """Copy with its drives turning, if all that they carry can turn along with them."""
+    main = one.derivatives.coordinates.index(one.machine.plan.main)
     if main not in driven:
         return one
     v = steady_rates(one.machine, float(rates[driven.index(main)]))

@@ -1,4 +1,4 @@
-"""Results of a study so far, on disk.
+"""Rows that a study has computed so far, on disk.
 
 Beside the table that it makes lies a journal: one line of JSON for every finished run, written
 through to the disk before the next is taken, so that whatever ends it costs the unfinished runs

@@ -58,8 +58,9 @@ def lift_offs(machine: Machine, progress: Callable[[str], None] = lambda _: None
     ]
     if not pairs:
         raise InputError(f'{machine.name}: there is no cam that its follower could leave')
-    steady = isinstance(machine.law, DriveLaw) and not machine.law.straight
-    if machine.torque_driven or len(machine.laws) > 1 or not steady or not machine.fastest:
+    drive = machine.drive
+    steady = isinstance(drive.law, DriveLaw) and not drive.law.straight
+    if machine.torque_driven or len(drive.laws) > 1 or not steady or not drive.fastest:
         raise InputError(
             f'{machine.name}: the lift-off speed is that of a drive that turns at a constant '
             "speed: give 'drive.speed'"
@@ -80,16 +81,16 @@ class _Cycle:
     """The motion of a machine without play over a turn of its drive, at any speed."""
 
     def __init__(self, machine: Machine) -> None:
-        self.mechanism, self.period = machine.plan.ideal, machine.period
-        self.start, self.speed = machine.start_of_crank
-        self._forces = machine.inverse_dynamics
+        self.mechanism, self.period = machine.plan.ideal, machine.drive.period
+        self.start, self.speed = machine.drive.start
+        self._forces = machine.nominal.inverse_dynamics
         if 'time' in self._forces.outside:
             raise InputError(
                 f'{machine.name}: loads that depend on the time have no lift-off speed'
             )
         laws = [laws[0] for laws in machine.plan.laws.values()]
-        self._motion = machine.nominal(laws, loads=True).motion(self.period)
-        self._physics = NominalPhysics(machine.ideal, self.mechanism, None)
+        self._motion = machine.nominal.run(laws, loads=True).motion(self.period)
+        self._physics = NominalPhysics(machine.nominal.motion, self.mechanism, None)
 
     def at(self, times: Array) -> Observation:
         """The motion without forces, at times (N,) [s] of the scene's speed."""

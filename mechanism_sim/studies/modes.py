@@ -388,7 +388,7 @@ def linearised(
             'spring whose ends meet has no direction (set them apart, or free_length to 0), and '
             'a formula may be out of its range'
         ) from None
-    if at is None and not speed and machine.main in machine.plan.powered:
+    if at is None and not speed and machine.plan.main in machine.plan.powered:
         at = _steady(machine, found, q)
     if at is None:
         raise InputError(
@@ -400,22 +400,22 @@ def linearised(
     linear = found(at)
     if speed and np.abs(linear.J @ at.v).max(initial=0.0) > 1e-9 * abs(speed) * found.scale.max():
         raise InputError(
-            f'{machine.name}: at a steady speed of {machine.main} its links move against each '
-            'other, so the modes change over the turn: take --along'
+            f'{machine.name}: at a steady speed of {machine.plan.main} its links move against '
+            'each other, so the modes change over the turn: take --along'
         )
     return LinearMachine(machine, found, at, linear, *found.basis(linear.J))
 
 
 def _steady(machine: Machine, found: Linearisation, q: Array) -> Point | None:
     """The steady rotation in which a drive's torque keeps a machine, sought from likely speeds."""
-    if machine.scene.drive is None or machine.main in machine.plan.ideal.displacements:
+    if machine.scene.drive is None or machine.plan.main in machine.plan.ideal.displacements:
         return None
     start = found.point(np.array(q, float), np.zeros(len(q)))
     paces = [getattr(m.characteristic, 'synchronous_speed', 0.0) / m.ratio
              for m in machine.plan.motors]  # fmt: skip
-    for speed in dict.fromkeys((machine.start_of_crank[1], *paces)):
+    for speed in dict.fromkeys((machine.drive.start[1], *paces)):
         try:
-            turned = found.turning(start, found.coordinates.index(machine.main))
+            turned = found.turning(start, found.coordinates.index(machine.plan.main))
             at = found.steady(start._replace(v=speed * turned), turned)
         except FloatingPointError:
             continue
@@ -430,13 +430,13 @@ def steady_rates(machine: Machine, speed: float) -> Array:
     rates = np.zeros(len(mechanism.coordinates))
     if not speed:
         return rates
-    turned = {machine.main}
+    turned = {machine.plan.main}
     for link in mechanism.tree_joints:
         parent = mechanism.parent(link)
         if parent != GROUND and mechanism.frame(parent)[0] in turned:
             turned.add(mechanism.frame(link)[0])
-    straight = machine.main in mechanism.displacements
-    turned = {machine.main} if straight else turned
+    straight = machine.plan.main in mechanism.displacements
+    turned = {machine.plan.main} if straight else turned
     for c in turned:
         if c in mechanism.coordinates:
             rates[mechanism.coordinates.index(c)] = speed
@@ -461,8 +461,8 @@ def about(machine: Machine, turning: bool = False) -> Station:
     if found and not machine.torque_driven:
         return Station({}, 0.0, found)
     one = linearised(machine, turning=turning)
-    k = one.derivatives.coordinates.index(machine.main)
-    driven = machine.main in machine.plan.prescribed
+    k = one.derivatives.coordinates.index(machine.plan.main)
+    driven = machine.plan.main in machine.plan.prescribed
     own = _station(one, 0.0 if driven else float(one.at.v[k]))
     return own._replace(modes=sorted([*found, *own.modes], key=lambda m: m.roots.size))
 
@@ -569,18 +569,18 @@ def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[Criti
 def turning(machine: Machine, option: str) -> str:
     """The main drive's coordinate, which an option turns."""
     plan = machine.plan
-    driven = machine.main in plan.prescribed or machine.scene.drive is not None
-    if not driven or machine.main in plan.ideal.displacements:
+    driven = machine.plan.main in plan.prescribed or machine.scene.drive is not None
+    if not driven or machine.plan.main in plan.ideal.displacements:
         raise InputError(
             f"{machine.name}: {option} needs a drive of an angle: give 'drive.coordinate', and "
             "'drive.speed' or 'drive.torque'"
         )
-    return machine.main
+    return machine.plan.main
 
 
 def kept(machine: Machine) -> list[str]:
     """The main coordinate if a torque moves it: then the torque is what its motion takes."""
-    return [machine.main] if machine.main in machine.plan.powered else []
+    return [machine.plan.main] if machine.plan.main in machine.plan.powered else []
 
 
 def _station(one: LinearMachine, speed: float) -> Station:

@@ -114,7 +114,7 @@ def _path(machine: Machine, name: str, sensor: str, joint: str | None) -> str:
         return f'sensors.{sensor}.noise.rms'
     if name not in OF_JOINT:
         return name
-    loose = tuple(machine.clearances)
+    loose = tuple(machine.plan.clearances)
     if joint is None and len(loose) != 1:
         raise InputError(
             f'{machine.name} has {len(loose)} loose joints'

@@ -57,12 +57,12 @@ class PoincareMap:
     """The map of a machine from one passage of its start angle to a later one."""
 
     def __init__(self, machine: Machine) -> None:
-        law = machine.law
-        if len(machine.laws) > 1 or not isinstance(law, DriveLaw) or not law.coefficients[1]:
+        law = machine.drive.law
+        if len(machine.drive.laws) > 1 or not isinstance(law, DriveLaw) or not law.coefficients[1]:
             raise InputError(
                 f'{machine.name}: a periodic response needs a crank at constant speed'
             )
-        if not machine.clearances and not machine.mechanism.having(Beam):
+        if not machine.plan.clearances and not machine.mechanism.having(Beam):
             raise InputError(
                 f'{machine.name}: without clearance every revolution is like the other'
             )
@@ -70,9 +70,9 @@ class PoincareMap:
         if not isinstance(run, EventLoop):
             raise InputError(f'{machine.name}: a compliant machine has no section of states')
         self._machine, self._run = machine, run
-        self._period = machine.period
+        self._period = machine.drive.period
         mechanism, speed = machine.mechanism, abs(law.coefficients[1])
-        slides = np.array([c in mechanism.displacements for c in machine.system.free])
+        slides = np.array([c in mechanism.displacements for c in machine.equations.system.free])
         size = np.where(slides, mechanism.size, 1.0)  # [m] or [rad]
         self._turns = np.where(slides, 0.0, float(TWO_PI))
         self.scale = np.concatenate([size, speed * size])

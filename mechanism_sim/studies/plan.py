@@ -30,6 +30,7 @@ from mechanism_sim.scene.files import (
     find_scene,
     read_yaml,
 )
+from mechanism_sim.scene.load import started_at
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies import windows
 from mechanism_sim.studies.columns import FIGURES, RESERVED, ResultColumn, of_sensors, own_columns
@@ -224,9 +225,7 @@ def read_plan(
             for repetition in range(file.repeat):
                 machine = build(base.stem, content)
                 if repetition * file.nudge:  # the drive a little further at the start
-                    machine = machine.started_at(
-                        machine.start_of_crank[0] + repetition * file.nudge
-                    )
+                    machine = started_at(machine, machine.drive.start[0] + repetition * file.nudge)
                 nudged = machine.scene
                 read = [] if file.windows else of_sensors(machine, taken)
                 if scene not in measured:
@@ -335,7 +334,7 @@ def _extent(file: str, sweep: SweepFile) -> Extent:
 
 
 def _columns(file: str, sweep: SweepFile) -> tuple[str, ...]:
-    """Swept values by path, which may stand in one place of the file only."""
+    """Paths that are swept; a path may stand in one place of the file only."""
     listed = dict.fromkeys(key for one in sweep.runs for key in one)
     places = {'set': sweep.set, 'grid': sweep.grid, 'runs': listed, 'vary': sweep.vary}
     for a, b in combinations(places, 2):

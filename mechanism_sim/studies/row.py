@@ -66,7 +66,7 @@ class SweepTask:
 
 
 class _Figures:
-    """Contents of a row, of a run that comes in pieces.
+    """Figures of a row, of a run that comes in pieces.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class _Figures:
         self.edges, self._skip = task.extent.edges(machine)
         self.since = self.edges[self._skip]
         self._whole = bool(task.extent.revolutions)
-        self._main = machine.physics.coordinates.index(machine.main)
+        self._main = machine.physics.coordinates.index(machine.plan.main)
         self._crank = np.full(len(self.edges), math.nan)  # its angle at the edges [rad]
         self._tally, self._digest = StatisticsTally(self.edges), MotionDigest()
         self._peaks = LoadPeaks(machine, self.since)

@@ -24,7 +24,7 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.packages import needed
 
 Row = dict[str, Any]
-"""Record of a run: its figures by name, None where there is none, and its status."""
+"""The result of a run: its figures by name, None where there is none, and its status."""
 DONE = 'done'
 """Status of a run that did not fail; of another it is the reason."""
 
@@ -33,7 +33,7 @@ Show = Callable[[int, int], None]
 
 
 class Task(Protocol):
-    """Work that one process does by itself, and that fails by itself.
+    """Work that one process can do by itself, and that only fails by itself.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Call:
     arguments: tuple[Any, ...]
 
     def row(self) -> Row:
-        """Result of the function."""
+        """Row that the function returns."""
         return self.function(*self.arguments)
 
 

@@ -13,7 +13,7 @@ Count = Annotated[int, Field(strict=True, ge=1)]
 
 
 class WindowsPart(Part):
-    """Windows that are cut from the signals of the sensors, for data sets."""
+    """Windows cut from the signals of the sensors, for data sets."""
 
     sensors: Annotated[list[str], Field(min_length=1)] | None = None
     """A list of names; without it all of the scene."""

@@ -58,7 +58,7 @@ class Shard:
         return int(pq.read_metadata(self.file).num_rows) if self.file.exists() else 0
 
     def writer(self, name: str, since: float, channels: Channels) -> ShardWriter:
-        """Writer of its windows, see there."""
+        """Writer of its windows."""
         return ShardWriter(self, name, since, channels)
 
 
@@ -109,7 +109,7 @@ class ShardWriter:
     def __init__(self, shard: Shard, name: str, since: float, channels: Channels) -> None:
         self._shard, machine = shard, Machine(name, shard.scene)
         scene, windows = machine.scene, shard.windows
-        self._main = machine.mechanism.coordinates.index(machine.main)
+        self._main = machine.mechanism.coordinates.index(machine.plan.main)
         self._sensors = [
             _ShardSensor(shard, machine, n, since, channels) for n in windows.sensors_of(scene)
         ]

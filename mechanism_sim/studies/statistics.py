@@ -105,7 +105,8 @@ def statistics(
     The confidence intervals are those of 20 batch means: right if a batch is much longer than the
     memory of the motion. Flight counts each loose joint by itself.
     """
-    if machine.torque_driven or not machine.clearances or not np.isfinite(machine.period):
+    loose, period = machine.plan.clearances, machine.drive.period
+    if machine.torque_driven or not loose or not np.isfinite(period):
         raise InputError(
             f'{machine.name}: statistics need clearance and a crank at constant speed'
         )
@@ -115,7 +116,7 @@ def statistics(
         raise InputError(
             f'statistics need at least {BATCHES} revolutions more than the {skip} skipped'
         )
-    T = machine.period
+    T = machine.drive.period
     taken = Measurement(machine, per_turn(measures, skip)) if measures else None
     tally = StatisticsTally(np.arange(revolutions + 1.0) * T)
     observers = [tally.add, *([taken.add] if taken else [])]

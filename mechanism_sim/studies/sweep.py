@@ -112,7 +112,7 @@ def _is_complete(task: SweepTask, row: Row | None) -> bool:
 
 
 def _tasks(plan: SweepPlan, bags: Path | None, windows: Path | None) -> list[SweepTask]:
-    """Tasks of a plan: one motion for all runs that differ in their sensors only."""
+    """Motions to compute: a motion for all runs that differ in their sensors only."""
     cut: dict[int, Shard] = {}
     if windows:
         from mechanism_sim.studies.shards import shards  # noqa: PLC0415 - pyarrow is slow to load

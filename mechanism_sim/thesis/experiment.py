@@ -27,6 +27,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import quotient, ratio
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.load import started_at
 from mechanism_sim.sensing.chain import Instrument
 from mechanism_sim.sensing.orders import TurnSegments
 from mechanism_sim.thesis.angular_acceleration import TurningLink
@@ -278,7 +279,7 @@ def trial(bag: Path, skip: int | None = None, ideals: IdealRuns | None = None) -
         bag,
         machine,
         condition,
-        machine.start_of_crank[0],
+        machine.drive.start[0],
         next(iter(sensors_across(machine, 'coupler').values())).sample_rate,
         (begin, end),
         at_first,
@@ -305,19 +306,19 @@ def _errors(
 
 
 def _condition(bag: Path, machine: Machine) -> Condition:
-    if not machine.closed_form or JOINT not in machine.clearances:
+    if not machine.assembly.loop or JOINT not in machine.plan.clearances:
         raise InputError(
             f'{bag}: the experiment is that of a four_bar of rigid links whose joint {JOINT} has '
             'clearance'
         )
-    play = machine.clearances[JOINT]
-    if len(machine.laws) > 1 or machine.torque_driven:
+    play = machine.plan.clearances[JOINT]
+    if len(machine.drive.laws) > 1 or machine.torque_driven:
         raise InputError(f'{bag}: the experiment is that of a crank at constant speed')
     viscosity = 0.0
     if play.contact and play.film:
         viscosity = play.contact.viscosity or 0.0
     bearing = BearingContact(play.restitution, play.friction, viscosity)
-    return Condition(machine.start_of_crank[1], play.radial, bearing)
+    return Condition(machine.drive.start[1], play.radial, bearing)
 
 
 def _cycle(record: Record, ideal: Record, turn: int) -> CrankTurn:
@@ -337,7 +338,8 @@ def _cycle(record: Record, ideal: Record, turn: int) -> CrankTurn:
             force[:, k] += pushed / width[k]
             torque[k] += impact.drive_impulse / width[k]
     q, v = curve(middle), curve(middle, 1)
-    _, speed, acceleration = machine.linkage.motion(q[:, 0], v[:, 0], np.zeros(len(middle)))
+    linkage = machine.nominal.linkage
+    _, speed, acceleration = linkage.motion(q[:, 0], v[:, 0], np.zeros(len(middle)))
     without = ideal.piece.sample(middle)
     nominal = np.vstack(
         [
@@ -613,7 +615,7 @@ def _check_start(one: Trial, other: Trial) -> None:
             f'{one.bag}: the machine, its condition ({one.condition}) and its start are those of '
             f'{other.bag}, too'
         )
-    anywhere = [x.machine.started_at(0.0).fingerprint for x in (one, other)]
+    anywhere = [started_at(x.machine, 0.0).fingerprint for x in (one, other)]
     if anywhere[0] != anywhere[1]:
         raise InputError(
             f'{one.bag}: speed, clearance and bearing are those of {other.bag} '

@@ -202,7 +202,7 @@ def _beside_nominal(
 
 def _dominant(trial: Trial) -> Chart:
     """[SB] 8.12: the mechanism at the largest impacts of a turn, and the impulse on its rocker."""
-    rose, links, curves = trial.rose, trial.machine.linkage, []
+    rose, links, curves = trial.rose, trial.machine.nominal.linkage, []
     rows = [row[row >= 0] for row in trial.impacts.dominant if (row >= 0).any()]
     chosen = rows[-1][:_DOMINANT] if rows else rose.largest[:_DOMINANT]
     longest = rose.normal_impulse[chosen].max()

@@ -40,18 +40,18 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
 
     The criteria of the clearance link are known for the joint between coupler and rocker only.
     """
-    angle, speed = machine.start_of_crank
-    if machine.torque_driven or len(machine.laws) > 1 or not speed or not machine.clearances:
+    (angle, speed), several = machine.drive.start, len(machine.drive.laws) > 1
+    if machine.torque_driven or several or not speed or not machine.plan.clearances:
         raise InputError(f'{machine.name}: criteria need clearance and a crank at constant speed')
-    linkage = machine.linkage
+    linkage = machine.nominal.linkage
     solution = simulate(machine, revolutions=revolutions)
     found = []
     about = [
         body.inertia + body.mass * body.cog[0] ** 2
         for body in (machine.mechanism.body(link) for link in ('coupler', 'rocker'))
     ]
-    for joint, clearance in machine.clearances.items():
-        cycle = ForceCycle.nominal(linkage, machine.inverse_dynamics, joint, speed)
+    for joint, clearance in machine.plan.clearances.items():
+        cycle = ForceCycle.nominal(linkage, machine.nominal.inverse_dynamics, joint, speed)
         link = (
             ClearanceLink.four_bar(clearance.radial, linkage, about[0], about[1])
             if (joint,) == machine.plan.closing

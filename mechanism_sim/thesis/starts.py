@@ -12,6 +12,7 @@ from mechanism_sim.report.sections import Section, text
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.load import started_at
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.strict_json import plain
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
@@ -50,20 +51,20 @@ def starts(
     show: Show | None = None,
 ) -> list[StartAngle]:
     """Seated starts at so many crank angles around the turn, in the order of the angles."""
-    if machine.torque_driven or len(machine.laws) > 1 or not machine.clearances:
+    if machine.torque_driven or len(machine.drive.laws) > 1 or not machine.plan.clearances:
         raise InputError(f'{machine.name}: this needs clearance and a crank at constant speed')
     if angles < 1:
         raise InputError('at least one start angle is needed')
     places = [2.0 * math.pi * k / angles for k in range(angles)]
     tasks = []
     for angle in places:
-        scene = machine.started_at(angle).scene.model_copy(update={'start': 'seated'})
+        scene = started_at(machine, angle).scene.model_copy(update={'start': 'seated'})
         tasks.append(Call(str(angle), _follow, (machine.name, scene, revolutions)))
     with workers or Workers(1) as pool:
         rows = pool.do_all(tasks, show)
-    sense = 1 if machine.start_of_crank[1] > 0.0 else -1
+    sense = 1 if machine.drive.start[1] > 0.0 else -1
     return [
-        StartAngle(angle, math.inf if row['lost'] is None else row['lost'] / machine.period,
+        StartAngle(angle, math.inf if row['lost'] is None else row['lost'] / machine.drive.period,
               row['impacts'], sense)
         for angle, row in zip(places, rows, strict=True)
     ]  # fmt: skip

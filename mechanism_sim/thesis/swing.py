@@ -241,9 +241,9 @@ def _rebuild(
     row = machine.physics.coordinates.index(link)
     k, dt = curve.find(signals.time)
     q, v, a = (curve.at(k, dt, d).T for d in (0, 1, 2))
-    angle, speed, acceleration = machine.linkage.motion(q[0], v[0], np.zeros(len(dt)))
+    angle, speed, acceleration = machine.nominal.linkage.motion(q[0], v[0], np.zeros(len(dt)))
     rebuilt = Rebuilt(
-        machine.linkage, link, signals.places, signals.gravity, signals.bare, angle, speed
+        machine.nominal.linkage, link, signals.places, signals.gravity, signals.bare, angle, speed
     )
     accelerations = rebuilt.accelerations(signals.readings, signals.heard[signals.chosen], a[row])
     return (
@@ -289,7 +289,7 @@ def _beyond_ideal(record: Record, rows: list[int], t: Array, derivative: int) ->
     curve = record.piece.motion.curve
     k, dt = curve.find(t)
     q, v = (curve.at(k, dt, d).T for d in (0, 1))
-    ideal = record.machine.linkage.motion(q[0], v[0], np.zeros(len(t)))
+    ideal = record.machine.nominal.linkage.motion(q[0], v[0], np.zeros(len(t)))
     own = v if derivative == 1 else curve.at(k, dt, derivative).T
     return np.asarray(own[rows] - ideal[derivative][rows])
 

@@ -178,7 +178,7 @@ def test_cycle_average_of_an_ideal_machine_is_its_closed_form():
     record = simulated('four_bar_nominal', {'drive.start_angle': '50 deg'}, revolutions=4)
     turns = record.over_turns('velocity.rocker', 24)
     assert turns.values.shape == (3, 24)
-    linkage, speed = record.machine.linkage, record.machine.law.coefficients[1]
+    linkage, speed = record.machine.nominal.linkage, record.machine.drive.law.coefficients[1]
     _, rates, _ = linkage.motion(turns.angle, np.full(24, speed), np.zeros(24))
     assert turns.mean == pytest.approx(rates[2], abs=1e-10)
     assert turns.spread == pytest.approx(0.0, abs=1e-9)
@@ -198,7 +198,7 @@ def test_average_of_a_crank_that_turns_backwards_and_speeds_up():
     )
     turns = record.over_turns('position.rocker', 36)
     assert len(turns.values) == 6
-    _, rocker = record.machine.linkage.positions(-turns.angle)
+    _, rocker = record.machine.nominal.linkage.positions(-turns.angle)
     off = np.exp(1j * (turns.values - rocker))
     assert off == pytest.approx(1.0, abs=1e-10)
 
@@ -214,7 +214,7 @@ def test_orders_of_a_ramp_stay_lines():
     signal = Signal('rocker', 'rocker', 'displacement', 1e3, (0.0,), (values,))
     found = order_spectrum(signal.over_turns(record.turned))
     angle = math.tau * np.arange(512) / 512
-    closed = np.abs(np.fft.rfft(record.machine.linkage.positions(angle)[1])) / 256
+    closed = np.abs(np.fft.rfft(record.machine.nominal.linkage.positions(angle)[1])) / 256
     whole = np.abs(found.frequency - np.round(found.frequency)) < 1e-9
     orders = found.values[whole][1:8]
     assert orders == pytest.approx(closed[1:8], rel=1e-3)
@@ -241,14 +241,14 @@ def test_what_has_no_clearance_does_not_deviate():
     record = Record(ideal, ms.simulate(ideal, revolutions=3), {})
     for name in ('acceleration.coupler', 'rocker_accelerometer', 'drive_torque'):
         assert deviation(record, name).rms == pytest.approx(0.0, abs=1e-9)
-    nominal = ms.load_scene('four_bar_nominal').linkage
-    assert ideal.linkage == nominal
+    nominal = ms.load_scene('four_bar_nominal').nominal.linkage
+    assert ideal.nominal.linkage == nominal
 
 
 @pytest.mark.parametrize('name', ['valve_train', 'gear_rattle', 'groove_cam', 'mesh_stiffness'])
 def test_every_play_can_be_taken_out(name):
-    assert ms.load_scene(name).clearances
-    assert not ideal_machine(ms.load_scene(name)).clearances
+    assert ms.load_scene(name).plan.clearances
+    assert not ideal_machine(ms.load_scene(name)).plan.clearances
 
 
 def test_a_deviation_of_a_sensor_comes_through_its_filter():

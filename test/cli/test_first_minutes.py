@@ -8,6 +8,7 @@ import shlex
 
 import pytest
 import yaml
+from builders import read_scene
 from running import run, run_json
 
 import mechanism_sim as ms
@@ -18,7 +19,7 @@ from mechanism_sim.cli.overview import FOR_LAUNCH_FILES, GROUPS, RENAMED, START
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Clearance
 from mechanism_sim.keys.quantities import Part, meanings
-from mechanism_sim.scene.files import as_given, check_scene, find_scene, read_scene, read_yaml
+from mechanism_sim.scene.files import as_given, check_scene, find_scene, read_yaml
 from mechanism_sim.scene.new_scene import SCHEMA, TEMPLATES, new_scene
 from mechanism_sim.scene.scene_writer import commented
 

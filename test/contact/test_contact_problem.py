@@ -386,7 +386,7 @@ def test_the_equations_are_told_the_modes_that_hold(monkeypatch):
     machine = ms.load_scene(
         'four_bar_clearance', {f'joints.{joint}.clearance': clearance for joint in joints}
     )
-    run, system = machine.start(), machine.system
+    run, system = machine.start(), machine.equations.system
     now = resting_contacts.rest_now
     seen = []
     monkeypatch.setattr(resting_contacts, 'rest_now', lambda *x: seen.append(now(*x)) or seen[-1])

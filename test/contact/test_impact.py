@@ -518,7 +518,7 @@ def test_stick_or_slip_of_the_thesis_differs_where_slip_turns_only():
 
 def test_the_example_of_the_page_where_slip_turns():
     """docs/physics.md has both rows of figures."""
-    linkage = ms.load_scene('four_bar_clearance').linkage
+    linkage = ms.load_scene('four_bar_clearance').nominal.linkage
     crank, v = math.radians(90.0), np.array([-0.1, -0.01])
     th3, th4 = (float(x[0]) for x in linkage.positions(np.array([crank])))
     A = thesis_contact(math.radians(45.0), (crank, th3, th4), np.zeros(3))[1]

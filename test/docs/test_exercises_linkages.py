@@ -188,7 +188,7 @@ def test_wheels_and_racks_that_rest():
         'guess': {'wheel': math.radians(202.5)},
     }
     machine = ms.load_scene('geneva', wheel)
-    w = abs(machine.start_of_crank[1])
+    w = abs(machine.drive.start[1])
     fastest = -cycle(machine).extremes()['velocity.wheel'].least.value
     assert fastest == pytest.approx(w * 0.05 / (r1 - 0.05), rel=1e-9)
     assert f'{1e3 * r1:.3f}' in PAGE
@@ -226,7 +226,7 @@ def test_a_given_moment_and_the_resistance_do_what_energy_takes(name):
     machine = ms.load_scene(name, {'drive.effort': 12.0, 'loads': {'resistance': load}})
     point = at if '.' in at else f'{at}.start'
     found = cycle(machine, points=[point])
-    link, period = at.partition('.')[0], machine.period
+    link, period = at.partition('.')[0], machine.drive.period
     for t in (0.13 * period, 0.31 * period, 0.77 * period):
         now = found.at(np.array([t]))
         v = np.array([now[f'velocity.{point}.{axis}'][0] for axis in 'xy'])
@@ -239,7 +239,9 @@ def test_a_given_moment_and_the_resistance_do_what_energy_takes(name):
         energy = around['energy.kinetic'] + around['energy.potential']
         rate = (energy[0] - 8.0 * energy[1] + 8.0 * energy[3] - energy[4]) / (12.0 * h)
         fed = 12.0 * now['velocity.crank'][0] + force @ v
-        assert fed == pytest.approx(rate, abs=1e-7 * (abs(rate) + abs(12.0 * machine.fastest)))
+        assert fed == pytest.approx(
+            rate, abs=1e-7 * (abs(rate) + abs(12.0 * machine.drive.fastest))
+        )
 
 
 def test_forces_of_links_without_mass():

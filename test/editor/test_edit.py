@@ -156,8 +156,8 @@ def test_a_curve_is_where_the_machine_goes(name):
     machine = load_scene(name)
     turn = Turn(Machine(name, machine.scene))
     assert turn.q.shape[1] == INSTANTS
-    end = machine.scene.duration if machine.main in machine.mechanism.displacements else None
-    solution = ms.simulate(machine, duration=end or machine.period)
+    end = machine.scene.duration if machine.plan.main in machine.mechanism.displacements else None
+    solution = ms.simulate(machine, duration=end or machine.drive.period)
     t = np.linspace(0.0, solution.duration, INSTANTS)
     run = solution.sample(t)
     for k, c in enumerate(turn.mechanism.coordinates):

@@ -100,9 +100,9 @@ def angle_of(frame):
 
 def elsewhere(machine):
     """Coordinates of the ideal mechanism in which all loops are closed, not those of the start."""
-    ideal, four_bar = machine.plan.ideal, machine.closed_form
+    ideal, four_bar = machine.plan.ideal, machine.assembly.loop
     if four_bar:
-        crank = machine.start_of_crank[0] + 0.3
+        crank = machine.drive.start[0] + 0.3
         return np.array([crank, *four_bar.positions(np.array(crank))])
     kinematics, start = machine.plan.kinematics(list(machine.plan.laws)), machine.assembly.q
     for step in (0.1, -0.1, 0.02, -0.02):
@@ -283,7 +283,7 @@ def simulated(scene, factor, share=1.0, integrator='mjINT_RK4'):
     """MuJoCo's model and state after a share of the run, with so many of the file's time steps."""
     mujoco = pytest.importorskip('mujoco')
     model = mujoco.MjModel.from_xml_string(to_mjcf(scene))
-    duration = share * (scene.scene.duration or scene.period)
+    duration = share * (scene.scene.duration or scene.drive.period)
     steps = round(duration / (factor * model.opt.timestep))
     servos = model.actuator_biastype == mujoco.mjtBias.mjBIAS_AFFINE
     servos &= model.actuator_gainprm[:, 0] > 1.0  # speeds are held as firmly as a step allows
@@ -319,7 +319,9 @@ def test_mjcf_is_the_mechanism_at_the_start_and_elsewhere():
         mujoco.mj_forward(model, data)
         assert np.abs(data.efc_pos).max(initial=0.0) < 1e-12, name
         if not machine.plan.elastic:  # teeth that give way have started to
-            assert np.abs(data.efc_vel).max(initial=0.0) < 1e-10 * max(1.0, machine.fastest), name
+            assert np.abs(data.efc_vel).max(initial=0.0) < 1e-10 * max(
+                1.0, machine.drive.fastest
+            ), name
         for body in machine.plan.bodies:
             k = model.body(body.name).id
             if body.mass and body.inertia:

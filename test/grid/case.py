@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.results.run import allowed_penetration
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Solution
 from mechanism_sim.scene import Level, Machine, run_length
@@ -172,7 +173,7 @@ def _judge(case: GridCase, machine: Machine, draft: Draft) -> tuple[dict[str, fl
         if confirm_bending(machine, error):
             return {}, f'mass matrix singular, confirmed: {error}'
         raise Failure('ended early', str(error)) from error
-    end = machine.time_of(draft.revolutions) if draft.revolutions else draft.duration
+    end = machine.drive.time_of(draft.revolutions) if draft.revolutions else draft.duration
     if end is not None and not math.isclose(solution.duration, end, rel_tol=1e-12):
         raise Failure('ended early', f'it ended at {solution.duration:.9g} of {end:.9g} s')
     figures = _figures(machine, solution) | case.judged(machine, solution)
@@ -206,7 +207,7 @@ def _figures(machine: Machine, solution: Solution) -> dict[str, float]:
             at = end * float(np.argmin(np.isfinite(x))) / (_INSTANTS - 1)
             raise Failure('not finite', f'{name} at t = {at:.9g} s')
     found = {'penetration': solution.max_penetration, 'closure': solution.max_closure_error}
-    if solution.max_penetration > machine.allowed_penetration:
+    if solution.max_penetration > allowed_penetration(machine):
         raise Failure('penetration', f'{solution.max_penetration:.3g} m')
     bound = _CLOSED * max(machine.mechanism.size, machine.mechanism.reach)
     if machine.level is not Level.COMPLIANT and solution.max_closure_error > bound:

@@ -32,22 +32,22 @@ _SLACK = 1e-9  # of the largest term: rounding of an inequality
 def confirm_jam(machine: Machine, error: RunError) -> bool:
     """Whether no mode of contact is consistent where a run ended because contacts jam."""
     said = re.search(r'jams .*?at t = ([-+.\de]+) s', str(error))
-    if not said or not machine.dynamic:
+    if not said or not machine.level.dynamic:
         return False
     run = machine.start()
     if not isinstance(run, EventLoop):
         return False
     at = float(said[1])
     run.advance(at - _BEFORE * max(at, 1e-3), final=True)
-    terms, count = run.contact_terms, len(machine.system.gaps)
-    near, speed = _NEAR * machine.mechanism.size, machine.fastest * machine.mechanism.size
+    terms, count = run.contact_terms, len(machine.equations.system.gaps)
+    near, speed = _NEAR * machine.mechanism.size, machine.drive.fastest * machine.mechanism.size
     touching = [i for i in range(count) if run.state.closed[i] or abs(terms.value[i]) < near]
-    if machine.system.dynamics.rubs:
+    if machine.equations.system.dynamics.rubs:
         slips = np.array([terms.rate[count + i] if len(terms.rate) > count else 0.0
                           for i in touching])  # fmt: skip
         slips[np.abs(slips) < _NEAR * max(speed, 1.0)] = 0.0
         friction = np.minimum(terms.friction[touching], 1e4)
-        if no_forces(run, machine.system, touching, slips, friction):
+        if no_forces(run, machine.equations.system, touching, slips, friction):
             return True
         # the engine ends where forces grow a thousandfold: shortly before there are none
         moved = run.state
@@ -55,13 +55,13 @@ def confirm_jam(machine: Machine, error: RunError) -> bool:
         q = [x + ahead * v for x, v in zip(moved.q, moved.v, strict=True)]
         run._state[: len(q)] = q
         run._ta.time += ahead
-        return no_forces(run, machine.system, touching, slips, friction)
+        return no_forces(run, machine.equations.system, touching, slips, friction)
     rows = [*touching, *(count + i for i in touching)]
     A = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
     b = np.array([terms.free_acceleration[r] for r in rows])
     v = np.array([terms.rate[r] for r in rows])
     v[np.abs(v) < _NEAR * max(speed, 1.0)] = 0.0
-    return jams(A, b, v, [min(machine.system.gaps[i].friction, 1e4) for i in touching])
+    return jams(A, b, v, [min(machine.equations.system.gaps[i].friction, 1e4) for i in touching])
 
 
 def confirm_bending(machine: Machine, error: RunError) -> bool:
@@ -71,7 +71,7 @@ def confirm_bending(machine: Machine, error: RunError) -> bool:
     these are small. It is so here by the expressions of the matrix, from which no step was made.
     """
     said = re.search(r'broke down at t = ([-+.\de]+) s', str(error))
-    if not said or not machine.dynamic or not machine.mechanism.having(Beam):
+    if not said or not machine.level.dynamic or not machine.mechanism.having(Beam):
         return False
     at = float(said[1])
     near, before = (_definite(machine, at * (1.0 - share)) for share in (1e-6, 1e-2))
@@ -80,7 +80,7 @@ def confirm_bending(machine: Machine, error: RunError) -> bool:
 
 def _definite(machine: Machine, at: float) -> float:
     """Least eigenvalue of the mass matrix of free coordinates at a time, scaled to ones."""
-    run, system = machine.start(), machine.system
+    run, system = machine.start(), machine.equations.system
     assert isinstance(run, EventLoop)
     run.advance(at, final=True)
     free = [system.coordinates.index(c) for c in system.free]

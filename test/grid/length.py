@@ -88,14 +88,14 @@ def defects(machine: Machine, duration: float) -> Iterator[str]:
         )
         if not (same and np.array_equal(a.duration, b.duration)):
             yield f'it moves otherwise {float(time):g} s and {turns} turns later'
-    if not machine.dynamic and _steady(machine):
+    if not machine.level.dynamic and _steady(machine):
         bound = _CLOSED * max(machine.mechanism.size, machine.mechanism.reach)
-        long = stream(machine, duration=REVOLUTIONS * machine.period)
+        long = stream(machine, duration=REVOLUTIONS * machine.drive.period)
         for _ in long:
             pass
-        slow, law = Audit(machine.physics), machine.law
+        slow, law = Audit(machine.physics), machine.drive.law
         assert isinstance(law, DriveLaw)
-        run = machine.nominal([replace(law, coefficients=_slowed(machine))])
+        run = machine.nominal.run([replace(law, coefficients=_slowed(machine))])
         slow.add(_steps(run, 2.0**20), [])
         for words, x in (
             (f'after {REVOLUTIONS} revolutions', long.max_closure_error),
@@ -107,10 +107,12 @@ def defects(machine: Machine, duration: float) -> Iterator[str]:
 
 def _shifts(machine: Machine) -> tuple[Fraction, int]:
     """By what a run may be moved [s, turns] without any other motion."""
-    if machine.dynamic:
-        outside = {*machine.system.outside}
+    if machine.level.dynamic:
+        outside = {*machine.equations.system.outside}
     else:
-        outside = {*machine.inverse_dynamics.outside} if machine.physics.has_forces else set()
+        outside = (
+            {*machine.nominal.inverse_dynamics.outside} if machine.physics.has_forces else set()
+        )
     laws = [law for laws in machine.plan.laws.values() for law in laws]
     by_time = 'time' in outside or len(laws) > len(machine.plan.laws)
     springs = any(not isinstance(law, DriveLaw) and law.coefficients[1] for law in laws)
@@ -120,8 +122,8 @@ def _shifts(machine: Machine) -> tuple[Fraction, int]:
 
 def _steady(machine: Machine) -> bool:
     """Whether one drive turns it evenly, for ever."""
-    law = machine.law
-    alone = len(machine.plan.laws) == 1 and len(machine.laws) == 1
+    law = machine.drive.law
+    alone = len(machine.plan.laws) == 1 and len(machine.drive.laws) == 1
     if not (alone and isinstance(law, DriveLaw) and law.degree == 1 and not law.straight):
         return False
     try:
@@ -132,7 +134,7 @@ def _steady(machine: Machine) -> bool:
 
 
 def _slowed(machine: Machine) -> tuple[float, float]:
-    angle, speed = machine.start_of_crank
+    angle, speed = machine.drive.start
     return angle, float(np.copysign(SLOW, speed))
 
 

@@ -264,7 +264,7 @@ def test_joints_that_jam_beside_a_contact_have_no_forces_and_others_have():
     assert isinstance(run, EventLoop)
     run.advance(0.02, final=True)
     slip = run.contact_terms.rate[1:] * (run.state.closed[0] > 0)
-    assert not no_forces(run, machine.system, [0], slip, np.array([0.5]))
+    assert not no_forces(run, machine.equations.system, [0], slip, np.array([0.5]))
 
 
 def test_two_contacts_that_wedge_jam():

@@ -367,7 +367,7 @@ def flank_to_flank() -> list[Figure]:
     solution = simulate(machine, duration=1000.0 * every)
     times = np.array([i.t for i in solution.impacts])
     exact = (np.arange(len(times)) + 0.5) * every
-    law = machine.laws[0]
+    law = machine.drive.laws[0]
     assert isinstance(law, DriveLaw)
     return [
         Figure('impacts, less 1000', len(times) - 1000, 0.0),

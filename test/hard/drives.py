@@ -28,7 +28,7 @@ def _one_freedom(torque: float, flywheel: float, until: float) -> Array:
     cogs = (0.009, 0.185, 0.134)
 
     def energies(th2: float) -> tuple[float, float]:
-        q, w, _ = machine.linkage.motion(np.array(th2), np.array(1.0), np.array(0.0))
+        q, w, _ = machine.nominal.linkage.motion(np.array(th2), np.array(1.0), np.array(0.0))
         u = np.exp(1j * q)
         pins = (0.0, 0.064 * u[0], 0.387)
         speeds = (0.0, 1j * 0.064 * u[0], 0.0)

@@ -53,7 +53,7 @@ def ten_thousand_revolutions() -> list[Figure]:
             memory.append(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     c = motion.curve
     end = Fraction(float(c.start[-1])) + Fraction(float(c.start_low[-1]))
-    exact, local = machine.laws[0].about(end)  # type: ignore[union-attr]
+    exact, local = machine.drive.laws[0].about(end)  # type: ignore[union-attr]
     angle = float(c.coefficients[-1, 0, 0]) - local[0]
     return [
         Figure('growth of memory from 1,000 to 10,000', memory[2] - memory[0], 8e6, 'B'),

@@ -394,7 +394,7 @@ def passages(drive: dict[str, object], angle: float, last: float) -> Array:
     """When the crank of the thesis, without loose bearings, passes an angle [s]."""
     machine = load_scene('four_bar_nominal', {'drive': drive})
     motion = simulate(machine, duration=last).motion
-    index = machine.mechanism.coordinates.index(machine.main)
+    index = machine.mechanism.coordinates.index(machine.plan.main)
     return np.array(LevelPassage(angle, {index: 1.0}).times(motion))
 
 

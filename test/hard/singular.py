@@ -130,7 +130,7 @@ def toggle_near_its_dead_point() -> list[Figure]:
         exact = -1.0 / (2.0 * ARM * math.sin(angle))
         rates.append(abs(float(v[0, 0]) / exact - 1.0) / explained)
         zero = np.zeros_like(q)
-        torque = float(machine.inverse_dynamics(q, zero, zero).drive_torque[0, 0])
+        torque = float(machine.nominal.inverse_dynamics(q, zero, zero).drive_torque[0, 0])
         # the slider carries half of the load over the slope of the arms
         forces.append(abs(torque * 2.0 * math.tan(angle) - 1.0) / explained)
     return [

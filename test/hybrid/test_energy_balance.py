@@ -189,7 +189,7 @@ def test_the_work_of_a_load_on_the_crank_of_a_loose_machine():
     loads = {'l': {'at': 'crank', 'torque': CLEARANCE_WORK}}
     machine = ms.load_scene('four_bar_clearance', {'loads': loads})
     plain = ms.load_scene('four_bar_clearance')
-    start, speed = machine.start_of_crank
+    start, speed = machine.drive.start
     right = quad(
         lambda angle: 20.0 * math.exp(-(((angle - 1.0) / 0.02) ** 2)),
         start, start + 2.0 * math.pi, points=[1.0, 1.0 + 2.0 * math.pi], epsabs=1e-13,
@@ -218,7 +218,7 @@ def test_loads_that_are_not_steep_are_accounted_with_the_drive(name):
     assert machine.physics.steep is steep
     load_power = machine.physics.load_power
     machine.physics.load_power = lambda *at: asked.append(at) or load_power(*at)
-    duration = min(machine.scene.duration or np.inf, 0.1 * machine.period, 0.05)
+    duration = min(machine.scene.duration or np.inf, 0.1 * machine.drive.period, 0.05)
     assert ms.simulate(machine, duration=duration).energy.exchanged >= 0.0
     assert bool(asked) is (steep and machine.physics.takes_power)
 

@@ -54,7 +54,7 @@ def gaps(machine, motion, t):
     """The true gap c - |Q| [m] at times t, from the positions alone."""
     q = motion.curve(np.atleast_1d(t)).T
     Q = 0.064 * np.exp(1j * q[0]) + 0.309 * np.exp(1j * q[1]) - 0.387 - 0.312 * np.exp(1j * q[2])
-    return machine.clearances['coupler_rocker'].radial - np.abs(Q)
+    return machine.plan.clearances['coupler_rocker'].radial - np.abs(Q)
 
 
 # --- who asks, and how, does not matter -------------------------------------------------------
@@ -573,7 +573,7 @@ def test_a_run_that_starts_after_a_million_turns_is_the_run_that_starts_at_zero(
     for origin in (Fraction(0), Fraction(171428)):
         late = DriveLaw('crank', (0.0, SPEED), float(origin), float(origin))
         state = State(origin, (3, -5), start.q, start.v, start.closed)
-        loop = EventLoop(machine.system, [late], state, 1e-12, 0.0, TURN / 8.0)
+        loop = EventLoop(machine.equations.system, [late], state, 1e-12, 0.0, TURN / 8.0)
         runs.append(finish(loop, float(origin) + 1.5 * TURN))
     early, late = (r[0].curve for r in runs)
     n = min(len(early), len(late)) - 1
@@ -755,9 +755,9 @@ def starts(draw):
 @given(starts())
 @settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 def test_books_gaps_and_impacts_are_in_order_whatever_the_start(machine):
-    clearance = machine.clearances['coupler_rocker']
+    clearance = machine.plan.clearances['coupler_rocker']
     run = machine.start()
-    run.advance(machine.period, final=True, most=1200)
+    run.advance(machine.drive.period, final=True, most=1200)
     motion, impacts, modes = run.drain()
     audit = audited(machine.physics, motion, impacts)
     energy = audit.energy

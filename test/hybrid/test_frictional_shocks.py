@@ -192,7 +192,7 @@ def test_forces_of_many_contacts_are_those_of_a_dense_solution(name):
     loose = {'radial': '0.1 mm', 'restitution': 0.5}
     clearances = {j: loose | {'friction': 0.2 * (j != LOOSE[name][1])} for j in LOOSE[name]}
     machine = ms.load_scene(name, {f'joints.{j}.clearance': c for j, c in clearances.items()})
-    system = machine.system
+    system = machine.equations.system
     dynamics, m = system.dynamics, len(system.gaps)
     mu, rubs = np.array(dynamics.contacts.friction), dynamics.contacts.frictional
     assert 0 < len(rubs) < m

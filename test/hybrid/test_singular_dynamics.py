@@ -202,7 +202,8 @@ def test_another_torque_may_begin_near_a_change_point_or_at_it(off):
     changed = crank_path(0.5, start, 0.0, at).y[:, -1]
     exact = crank_path(0.1, changed, at, 1.0).y[:, -1]
     angle, rate = (
-        dict(zip(machine.system.free, x, strict=True)) for x in (run.state.q, run.state.v)
+        dict(zip(machine.equations.system.free, x, strict=True))
+        for x in (run.state.q, run.state.v)
     )
     off_angle = math.remainder(angle['crank'] - exact[0], 2.0 * math.pi)
     assert off_angle == pytest.approx(0.0, abs=1e-9)

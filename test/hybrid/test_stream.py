@@ -267,7 +267,7 @@ import mechanism_sim as ms
 run = ms.stream(ms.load_scene('four_bar_clearance'), revolutions=1500)
 peak = {}
 for piece in run:
-    turns = int(piece.motion.curve.end / run.machine.period)
+    turns = int(piece.motion.curve.end / run.machine.drive.period)
     peak[turns // 300] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 print(peak[0], peak[4])
 """

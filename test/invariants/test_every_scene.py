@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from absolute import differences
+from builders import read_scene
 
 import mechanism_sim as ms
 from mechanism_sim.joints.cam.constraint import CamPair
@@ -11,13 +12,12 @@ from mechanism_sim.joints.rack.constraint import SlottedRack
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene import Level, Machine
 from mechanism_sim.scene.drives import is_straight
-from mechanism_sim.scene.files import read_scene
 from mechanism_sim.scene.schema import AffineForce, AffineTorque, Scene
 from mechanism_sim.units import QuantityValue
 
 # unchecked: every worker collects these names, and checking all machines takes 5 s
 MACHINES = [Machine(*read_scene(name)) for name in ms.scene_names()]
-SCENES = [m.name for m in MACHINES if not m.clearances]
+SCENES = [m.name for m in MACHINES if not m.plan.clearances]
 # 6th-order central differences
 FIRST = np.array([-1 / 60, 3 / 20, -3 / 4, 0.0, 3 / 4, -3 / 20, 1 / 60])
 SECOND = np.array([1 / 90, -3 / 20, 3 / 2, -49 / 18, 3 / 2, -3 / 20, 1 / 90])
@@ -156,7 +156,7 @@ def freed(scene):
 DRIVEN = [
     m.name
     for m in MACHINES
-    if not m.clearances and not m.plan.powered and m.scene.outputs.forces and m.plan.weighed
+    if not m.plan.clearances and not m.plan.powered and m.scene.outputs.forces and m.plan.weighed
 ]
 
 
@@ -175,7 +175,7 @@ def test_every_mechanism_moves_freely_as_inverse_dynamics_wants(name):
     size = max(map(abs, (energy.initial, energy.final, energy.dissipated)))
     assert abs(energy.residual) < 1e-10 * size + 1e-14
     seen = solution.view(np.linspace(0.0, solution.duration, 5)).observed
-    inverse = machine.inverse_dynamics
+    inverse = machine.nominal.inverse_dynamics
     instants = np.linspace(0.0, solution.duration, 5)
     known = np.array([instants if x == 'time' else 0.0 * instants for x in inverse.outside])
     wanted = inverse(seen.position, seen.velocity, seen.acceleration, known.reshape(-1, 5))

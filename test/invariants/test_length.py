@@ -39,7 +39,7 @@ CUT = 'geneva', 'quick_return', 'measured_cam', 'linear_intermittent', 'offset_r
 def test_loops_close_after_days_and_many_turns(name):
     machine = ms.load_scene(name)
     run = far_from_start(machine)
-    run.advance(run.time + 2.5 * machine.period, final=True)
+    run.advance(run.time + 2.5 * machine.drive.period, final=True)
     motion, *_ = run.drain()
     audit = Audit(machine.physics)
     audit.add(motion, [])
@@ -58,7 +58,7 @@ def test_many_revolutions_come_to_their_end(name):
 def test_a_run_in_small_parts_has_the_pieces_of_one_at_once(name):
     """Nodes advance as far as the law is known, and look ahead for their samples."""
     machine, digests = ms.load_scene(name), []
-    end = 1.3 * machine.period
+    end = 1.3 * machine.drive.period
     for parts in (1, 7, 61):
         run, digest = machine.start(), MotionDigest()
         for k in range(1, parts + 1):
@@ -79,7 +79,7 @@ def test_a_run_in_small_parts_has_the_pieces_of_one_at_once(name):
     'name', [CUT[0], *(pytest.param(x, marks=pytest.mark.slow) for x in CUT[1:])]
 )
 def test_nodes_in_their_own_time_move_as_one_run_does(name, tmp_path):
-    bag, period = tmp_path / 'run.mcap', ms.load_scene(name).period
+    bag, period = tmp_path / 'run.mcap', ms.load_scene(name).drive.period
     args = '--duration', str(1.3 * period)
     pace = str(4.0 * period)  # so that it takes a third of a second
     run_json('run', name, *args, '--record', str(bag), '--realtime-factor', pace)
@@ -105,7 +105,7 @@ def quick_and_deep(names):
 
 def begun(machine: Machine, run: Run) -> Piece:
     """A turn of a run, or a moment, the length a number of which floats know all digits."""
-    until = run.time + np.ceil(min(machine.period, 0.2) * 2.0**20) / 2.0**20
+    until = run.time + np.ceil(min(machine.drive.period, 0.2) * 2.0**20) / 2.0**20
     run.advance(until, final=True)
     motion, impacts, changes = run.drain()
     work = Audit(machine.physics).add(motion, impacts)
@@ -140,11 +140,11 @@ def test_a_machine_that_starts_at_many_turns_is_the_same_machine(name):
     plain = ms.load_scene(name)
     start = 2.0 * np.pi * OFTEN + (plain.scene.drive.start_angle or 0.0)
     turned = ms.load_scene(name, overrides={'drive.start_angle': f'{start!r} rad'})
-    length = {'duration': min(plain.period, 0.2)}
+    length = {'duration': min(plain.drive.period, 0.2)}
     a, b = ms.simulate(plain, **length), ms.simulate(turned, **length)
     assert len(a.impacts) == len(b.impacts)
     t = np.linspace(0.0, a.duration, 30)
-    main = f'position.{plain.main}'
+    main = f'position.{plain.plan.main}'
     off = b.sample(t)[main] - a.sample(t)[main]
     assert off == pytest.approx(2.0 * np.pi * OFTEN, rel=1e-12)
     for column in ('drive_torque', 'energy.kinetic'):
@@ -160,7 +160,7 @@ def test_slow_drives(name):
     run.advance(run.time + 30.0, final=True)
     motion, *_ = run.drain()
     plain = ms.load_scene(name)
-    there = ms.simulate(plain, duration=0.003 / plain.start_of_crank[1]).motion.curve
+    there = ms.simulate(plain, duration=0.003 / plain.drive.start[1]).motion.curve
     assert motion.curve.local(*motion.curve.find(np.array([run.time])))[0] == pytest.approx(
         there.local(*there.find(np.array([there.end])))[0], abs=1e-11
     )
@@ -179,12 +179,12 @@ def test_a_run_goes_on_from_a_snapshot_far_from_its_start(tmp_path):
     for name in ('geneva', 'four_bar_clearance'):
         machine = ms.load_scene(name)
         whole, digests = far_from_start(machine), []
-        end = whole.time + 0.25 * machine.period
+        end = whole.time + 0.25 * machine.drive.period
         whole.advance(end)
         whole.drain()
         machine.snapshot(whole).save(tmp_path / name)
         for run in (whole, machine.resume(Snapshot.load(tmp_path / name))):
-            run.advance(whole.time + machine.period if run is whole else end, final=True)
+            run.advance(whole.time + machine.drive.period if run is whole else end, final=True)
             end, digest = run.time, MotionDigest()
             digest.add(*run.drain()[:2])
             digests.append(digest.hexdigest())
@@ -246,7 +246,7 @@ def test_profiles_keep_their_turns_apart():
             'points': [['0 s', '10 rad/s'], ['1000000 s', '10 rad/s'], ['1000001 s', '20 rad/s']],
         }},
     })  # fmt: skip
-    last = machine.laws[-1]
+    last = machine.drive.laws[-1]
     assert 0.0 <= last.coefficients[0] < 2.0 * np.pi
     total = 2.0 * np.pi * last.turns + last.coefficients[0]
     assert total == pytest.approx(10_000_015.0, rel=1e-15)

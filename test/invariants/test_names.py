@@ -69,7 +69,7 @@ def scene_of(names: dict[str, str]) -> ms.Machine:
 def digest_of(machine: ms.Machine) -> str:
     """Of a run, with its impacts under the numbers of the gaps."""
     solution = ms.simulate(machine, duration=0.1)
-    gaps = [gap.name for gap in machine.system.gaps]
+    gaps = [gap.name for gap in machine.equations.system.gaps]
     assert len({i.joint for i in solution.impacts}) == 3
     digest = MotionDigest()
     digest.add(
@@ -91,7 +91,7 @@ def test_no_name_of_the_engine_means_anything_in_a_scene(
     expected = digest_of(plain)
     words = {
         *ENGINES.split(),
-        *re.findall(r'[a-z]\w*', ' '.join(plain.system.equations.parameters.names)),
+        *re.findall(r'[a-z]\w*', ' '.join(plain.equations.system.equations.parameters.names)),
     }
     words = sorted(words - {'ground', 'x', 'y', *PLAIN})
     if not all_of_them:  # as many as a scene takes
@@ -109,7 +109,7 @@ def test_no_name_of_the_engine_means_anything_in_a_scene(
 def test_joints_called_as_walls_are_kept_apart(plain: ms.Machine) -> None:
     machine = scene_of({'slit': 'pin', 'knee': 'pin_left', 'hook': 'pin_rod', 'base': 'pin_right'})
     assert digest_of(machine) == digest_of(plain)
-    gaps = machine.system.gaps
+    gaps = machine.equations.system.gaps
     assert len({gap.name for gap in gaps}) == len(gaps) == 3
     for gap in gaps:
         assert joint_of_gap(machine.mechanism, gap.name).name == gap.joint
@@ -123,7 +123,7 @@ def test_a_restitution_is_changed_in_the_joint_that_is_named(slit: str, knee: st
     run.change_restitution(slit, 0.1)
     run.advance(0.1)
     _, impacts, _ = run.drain()
-    own = {g.name for g in machine.system.gaps if g.joint == slit}
+    own = {g.name for g in machine.equations.system.gaps if g.joint == slit}
     assert len(own) == 2
     for i in impacts:
         if not i.ends_chatter and i.approach_speed > 1e-6:

@@ -80,7 +80,7 @@ def test_a_figure_is_the_same_number_at_every_door(name, part, joint, tmp_path):
     assert row[f'largest_force.{joint}'] == pytest.approx(force, **SAME)
     low = ends[f'acceleration.{part}'].least.value
     assert low == pytest.approx(value[f'lowest(acceleration.{part})'], **SAME)
-    largest = row[f'largest_torque.{machine.main}']
+    largest = row[f'largest_torque.{machine.plan.main}']
     assert abs(largest) == pytest.approx(value['largest(drive_torque)'], **SAME)
 
 
@@ -89,7 +89,7 @@ def test_means_over_revolutions_are_the_mean_over_the_whole():
     texts = ['mean(reaction.coupler_rocker)', 'mean(drive_torque)', 'integral(drive_power)']
     found = statistics(machine, 22, 2, measures=read_all(texts, 'test'))
     solution = ms.simulate(machine, revolutions=22)
-    since = {'since': 2.0 * machine.period, 'until': 22.0 * machine.period}
+    since = {'since': 2.0 * machine.drive.period, 'until': 22.0 * machine.drive.period}
     whole = {m.text: m.value for m in measure(machine, solution, *texts, **since)}
     row = of_a_sweep(machine, texts, Extent(22, None, 2))
     for m in found.measures:

@@ -303,10 +303,10 @@ def test_a_four_bar_is_known_by_its_loop_however_its_links_are_drawn(loose):
     changes = {} if loose else {'joints.coupler_rocker.clearance': None}
     short = ms.load_scene('four_bar_clearance', changes)
     drawn = written_out(turns, guess, loose)
-    lengths = drawn.closed_form.linkage.lengths
-    assert lengths == pytest.approx(short.linkage.lengths, rel=1e-15)
+    lengths = drawn.assembly.loop.linkage.lengths
+    assert lengths == pytest.approx(short.nominal.linkage.lengths, rel=1e-15)
     with pytest.raises(InputError, match='joints on their x axes'):
-        _ = drawn.linkage
+        _ = drawn.nominal.linkage
     one, other = (ms.simulate(m, duration=0.08) for m in (short, drawn))
     t = np.linspace(0.0, 0.05 if loose else 0.08, 41)
     turned = np.array([frame - a, frame - b, frame - c])

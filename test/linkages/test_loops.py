@@ -172,7 +172,7 @@ def test_of_a_toggle_check_says_how_it_is_swung_not_what_it_could_do_as_a_crank(
         f'{through} deg'
     )
     if scene == 'double_toggle_punch':  # whose crank is prescribed
-        t = np.linspace(0.0, machine.period, 20001)
+        t = np.linspace(0.0, machine.drive.period, 20001)
         angle = ms.simulate(machine, revolutions=1).sample(t[:-1])[f'position.{link}']
         assert np.degrees(np.ptp(angle)) == pytest.approx(float(through), abs=1e-4)
 

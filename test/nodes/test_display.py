@@ -194,9 +194,9 @@ def test_the_lens_shows_the_pin_where_it_is(shown):
     """By the frames of both links, by the gap that another message tells, and touching or not."""
     (joint,) = (
         j for j in shown.machine.mechanism.joints
-        if j.name in shown.machine.clearances and isinstance(j, Revolute)
+        if j.name in shown.machine.plan.clearances and isinstance(j, Revolute)
     )  # fmt: skip
-    play = shown.machine.clearances[joint.name]
+    play = shown.machine.plan.clearances[joint.name]
     seen = set()
     for state, frames in zip(shown.topics['/linkage_state'], shown.frames, strict=True):
         markers = shown.samples[round(seconds(state.header.stamp), 9)]
@@ -326,7 +326,7 @@ def test_shapes_move_with_the_frames(shown):
     fixed = {(m.ns, m.id): m for m in shown.topics['/markers'][0].markers}
     mechanism = shown.machine.mechanism
     revolute = [j for j in mechanism.joints if isinstance(j, Revolute)]
-    loose = [j for j in revolute if j.name in shown.machine.clearances]
+    loose = [j for j in revolute if j.name in shown.machine.plan.clearances]
     rings = [m for (ns, _), m in sorted(fixed.items()) if ns == 'bushings' and m.type == LINES]
     assert len(rings) == len(loose)
     pins = [m for (ns, _), m in sorted(fixed.items()) if ns == 'pins' and m.type == LINES]
@@ -339,7 +339,7 @@ def test_shapes_move_with_the_frames(shown):
         for ring, joint in zip(rings, loose, strict=True):
             around = in_world(shown, frames, ring.header.frame_id, [place(p) for p in ring.points])
             apart = min(np.hypot(*(middle - around.mean(axis=0))) for middle in middles)
-            assert apart < 1.001 * shown.machine.clearances[joint.name].radial + 1e-9
+            assert apart < 1.001 * shown.machine.plan.clearances[joint.name].radial + 1e-9
     for k, joint in enumerate(j for j in mechanism.joints if hasattr(j, 'wheels')):
         wheels = [m for (ns, _), m in fixed.items() if ns == 'wheels' and m.type == LINES]
         tips = sorted(max(np.hypot(p.x, p.y) for p in m.points) for m in wheels)
@@ -498,7 +498,7 @@ def test_sizes_are_the_users_to_choose():
     arrow = markers['reactions', 0]
     foot, tip = map(place, arrow.points)
     assert np.hypot(*(tip - foot)) == pytest.approx(2e-3 * np.hypot(*o.reaction[0, :, 0]))
-    radial = seen.machine.clearances['coupler_rocker'].radial
+    radial = seen.machine.plan.clearances['coupler_rocker'].radial
     lens, pin = (markers['lenses', k].scale.x for k in range(2))
     assert 0.5 * (lens - pin) == pytest.approx(400.0 * radial)
     assert pin > 0.0

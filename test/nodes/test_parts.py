@@ -300,7 +300,7 @@ def test_forces_of_gears_balance(scene, overrides):
         assert np.allclose(r.mesh_frequency, np.abs(joint.waves[0] * wheel) / (2.0 * np.pi))
         loose = bool(view.physics.clearances)
         assert (MeshMode.MESHED in r.mode) != loose
-        play = machine.clearances[joint.name].radial if loose else 0.0
+        play = machine.plan.clearances[joint.name].radial if loose else 0.0
         side = {MeshMode.LEFT: play, MeshMode.RIGHT: -play}
         for mode, error in zip(r.mode.tolist(), r.transmission_error, strict=True):
             if mode == MeshMode.FREE:

@@ -104,7 +104,7 @@ def test_peaks_do_not_depend_on_batches():
     machine = ms.load_scene('gear_rattle')
     whole, parts = LoadPeaks(machine), LoadPeaks(machine)
     whole.add(ms.simulate(machine, revolutions=3).motion)
-    run, end = machine.start(), machine.time_of(3)
+    run, end = machine.start(), machine.drive.time_of(3)
     while run.time < end:
         run.advance(end, final=True, most=7)
         parts.add(run.drain()[0])

@@ -438,7 +438,7 @@ def test_each_of_several_bearings_has_its_lens(tab, tmp_path):
         titles.append(tab.page.locator('#lens .title').text_content())
         shown = tab.page.locator('#lens .journal')
         at = math.hypot(*(float(shown.get_attribute(f'data-{x}')) for x in 'xy'))
-        play = run.record.machine.clearances[run.stage.bearings[index].name]
+        play = run.record.machine.plan.clearances[run.stage.bearings[index].name]
         assert at <= play.radial * (1.0 + 1e-6)
         assert f'{1e6 * play.radial:g} µm' in tab.page.locator('#lens .note').text_content()
     assert titles == ['crank coupler', 'coupler rocker']

@@ -593,5 +593,5 @@ def test_the_pace_begins_where_motion_can_be_followed(scene):
     machine = ms.load_scene(scene)
     pace = visible_pace(machine)
     assert 1e-3 <= pace <= 1.0
-    if 4e-3 < machine.period < 4.0:
-        assert 4.0 <= machine.period / pace <= 10.1
+    if 4e-3 < machine.drive.period < 4.0:
+        assert 4.0 <= machine.drive.period / pace <= 10.1

@@ -179,7 +179,7 @@ def test_a_turning_beam_is_stiffened(spin, root):
 
 
 def frequencies_turning(machine):
-    speed = machine.law.coefficients[1]
+    speed = machine.drive.law.coefficients[1]
     derivatives = linearised(machine).derivatives
     n = len(derivatives.coordinates)
     v = np.zeros(n)
@@ -535,8 +535,8 @@ def test_a_smooth_start_leaves_hardly_any_vibration():
     linear = {'links.rod.elastic.stretch': 2, 'links.rod.elastic.foreshortening': False}
     machine = ms.load_scene('elastic_slider_crank', linear)
     state = machine.initial_state()
-    v = dict(zip(machine.system.free, state.v, strict=True))
-    q = dict(zip(machine.system.free, state.q, strict=True))
+    v = dict(zip(machine.equations.system.free, state.v, strict=True))
+    q = dict(zip(machine.equations.system.free, state.q, strict=True))
     # he goes a step further: (150/1277)^2 of the deflection is left
     assert v['rod.bend1'] == pytest.approx(simeon.START[10], rel=5e-3)
     assert v['rod.bend2'] == pytest.approx(simeon.START[11], rel=5e-3)
@@ -752,7 +752,7 @@ def test_the_periodic_response_of_an_elastic_machine():
     found = find_periodic(damped, transient=1)
     assert found.stable
     run = damped.start()
-    run.advance(20 * damped.period, final=True)
+    run.advance(20 * damped.drive.period, final=True)
     assert run.state.q[-2:] == pytest.approx(found.state.q[-2:], abs=1e-12)
 
 

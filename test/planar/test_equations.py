@@ -383,7 +383,7 @@ def test_textbook_equations_of_the_thesis_in_flight_and_in_following():
     for closed in (False, True):
         for q, v in states(c if closed else 0.4 * c):
             th2, th3, th4 = q
-            seen = machine.observer.observe(
+            seen = machine.equations.observer.observe(
                 Instants(q[:, None], v[:, None], np.zeros((1, 1)), np.array([[1 + closed]]))
             )
             F = -seen.reaction[2, :, 0]  # of the bushing on the pin
@@ -401,7 +401,9 @@ def test_states_of_the_reference_give_its_accelerations_forces_and_torques():
     closed = np.array([mode == 'following' for mode in ref['mode']])
     q = np.array([SPEED * ref['t'], ref['th3'], ref['th4']])
     v = np.array([np.full(len(closed), SPEED), ref['w3'], ref['w4']])
-    seen = loose().observer.observe(Instants(q, v, np.zeros((1, len(closed))), 1 + closed[None]))
+    seen = loose().equations.observer.observe(
+        Instants(q, v, np.zeros((1, len(closed))), 1 + closed[None])
+    )
     assert np.abs(seen.acceleration[1] - ref['a3']).max() < 3e-9
     assert np.abs(seen.acceleration[2] - ref['a4']).max() < 3e-9
     assert np.abs(seen.normal_force[0] - ref['normal_force']).max() < 3e-11

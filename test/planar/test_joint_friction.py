@@ -293,7 +293,7 @@ def test_forces_forwards_are_those_backwards():
         np.array([seen[f'{x}.{n}'] for n in ('crank', 'rod', 'piston')])
         for x in ('position', 'velocity', 'acceleration')
     )
-    back = given.inverse_dynamics(q, v, a)
+    back = given.nominal.inverse_dynamics(q, v, a)
     torque = 4.0 - 0.06 * seen['velocity.crank']
     assert back.drive_torque[0] == pytest.approx(torque, abs=1e-8)
     assert solution.energy.residual == pytest.approx(0.0, abs=1e-9 * seen['energy.dissipated'][-1])

@@ -169,7 +169,7 @@ def lightened(name, seed):
         if not any(x in str(error) for x in known):
             raise
         return None
-    duration = min(machine.scene.duration or machine.period, 1.0)
+    duration = min(machine.scene.duration or machine.drive.period, 1.0)
     solution = ms.simulate(machine, duration=duration)
     if solution.energy is None:
         return None

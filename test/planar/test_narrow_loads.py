@@ -89,7 +89,7 @@ def test_the_work_of_a_load_on_the_crank_of_a_loose_machine(width):
         'four_bar_clearance', {'loads': {'l': {'at': 'crank', 'torque': torque}}}
     )
     plain = ms.load_scene('four_bar_clearance')
-    start, _ = loaded.start_of_crank
+    start, _ = loaded.drive.start
     right = quad(
         lambda angle: 20.0 * math.exp(-(((angle - 1.0) / width) ** 2)),
         start, start + TURN, points=[1.0], epsabs=1e-13, limit=500,

@@ -15,7 +15,7 @@ from mechanism_sim.nodes.publications import reactions
 from mechanism_sim.numerics import compiled
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.scene import scene_names
-from mechanism_sim.scene.machine import Level
+from mechanism_sim.scene.level import Level
 from ros_interfaces.checks import objection
 
 R2, R3, C2, C3 = 0.05, 0.2, 0.02, 0.08
@@ -212,7 +212,7 @@ def back(name, seed):
     machine = ms.load_scene(name)
     links = [b.name for b in machine.plan.bodies if b.name not in machine.plan.prescribed]
     count = len(machine.plan.prescribed)
-    duration = machine.scene.duration or machine.period
+    duration = machine.scene.duration or machine.drive.period
     t = float(rng.uniform(0.1, 0.9)) * duration
     known, unknown, sizes = {}, {}, {}
     for k in range(count):

@@ -136,7 +136,7 @@ def distance(machine, at, side, t):
 
 def run(machine):
     """Times and speeds of all impacts; times at which contact begins and ends."""
-    end, longest = REVOLUTIONS * machine.period, machine.period / 500
+    end, longest = REVOLUTIONS * machine.drive.period, machine.drive.period / 500
     t, side = mp.mpf(0), machine.seated
     x, v = machine.wall(t, side) if side else (mp.mpf(0), mp.mpf(0))
     impacts, seatings, releases = [], [], []
@@ -193,7 +193,7 @@ def main():
             'units': 'SI; digits are decimal strings; impacts faster than 1/100 of the fastest',
             'parameters': machine.parameters,
             'revolutions': REVOLUTIONS,
-            'duration': mp.nstr(REVOLUTIONS * machine.period, 25),
+            'duration': mp.nstr(REVOLUTIONS * machine.drive.period, 25),
             'impacts': {
                 't': [mp.nstr(t, 25) for t, _ in hard],
                 'approach_speed': [mp.nstr(v, 25) for _, v in hard],

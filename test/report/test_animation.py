@@ -99,7 +99,7 @@ def test_frames_of_svg_show_pins_where_the_run_has_them(machine, solution, tmp_p
 
 def test_a_short_mp4_lasts_as_long_as_it_should(machine, solution, tmp_path):
     file = tmp_path / 'film.mp4'
-    ms.animate(machine, file, solution, end=0.1 * machine.period, fps=10.0, size=240)
+    ms.animate(machine, file, solution, end=0.1 * machine.drive.period, fps=10.0, size=240)
     frames, about = pictures(file)
     assert about['fps'] == 10.0
     assert len(frames) == 3  # a turn takes three seconds
@@ -112,7 +112,7 @@ def test_a_short_mp4_lasts_as_long_as_it_should(machine, solution, tmp_path):
 @pytest.mark.slow
 def test_an_mp4_lasts_as_long_as_it_should_and_moves(machine, solution, tmp_path):
     file = tmp_path / 'film.mp4'
-    period = machine.period
+    period = machine.drive.period
     for _ in range(2):  # the same frames are the same file
         before = file.read_bytes() if file.exists() else None
         ms.animate(machine, file, solution, end=period, fps=10.0, size=480, forces=True)
@@ -167,7 +167,7 @@ def test_a_bag_is_shown_as_it_was_recorded(machine, solution, tmp_path):
         'all', '-o', str(tmp_path / 'bag.svg'),
     )  # fmt: skip
     assert said['frames'] == 3
-    assert said['end'] - said['start'] == pytest.approx(0.5 * machine.period, rel=1e-9)
+    assert said['end'] - said['start'] == pytest.approx(0.5 * machine.drive.period, rel=1e-9)
     files = ms.animate(
         machine, tmp_path / 'memory.svg', solution, start=0.2, end=said['end'], fps=2.0,
         speed=said['speed'], labels='all',
@@ -192,7 +192,7 @@ def test_every_kind_of_machine_makes_a_film(scene, more, tmp_path):
     assert len(said['files']) == said['frames'] > 0
     machine = ms.load_scene(scene)
     pins = [j.name for j in machine.mechanism.joints if isinstance(j, Revolute | PinInSlot)]
-    lens = {f'lens-{name}' for name in machine.clearances}
+    lens = {f'lens-{name}' for name in machine.plan.clearances}
     assert set(circles(tmp_path / 'frame_0000.svg')) - lens == {f'pin-{name}' for name in pins}
 
 

@@ -89,7 +89,7 @@ def test_beneath_lies_the_ideal_four_bar(loose, charts):
     """By intersecting circles about the ends of crank and rocker."""
     (c,) = curves(charts['motion-position-turning'], 'position.rocker', 'ideal')
     crank, rocker = np.radians(c.x), c.y
-    f = loose.machine.linkage
+    f = loose.machine.nominal.linkage
     tip = f.crank * np.exp(1j * crank)
     apart = tip - f.ground
     d = np.abs(apart)
@@ -239,7 +239,7 @@ def test_a_sensor_has_its_peak_and_its_orders(loose, charts):
     (orders,) = curves(charts['sensor-rocker_accelerometer-orders'])
     assert orders.x[np.argmax(orders.y)] == pytest.approx(1.0, abs=1e-3)
     marks = charts['sensor-rocker_accelerometer-density'].panels[0].marks
-    rate = loose.machine.start_of_crank[1] / (2.0 * np.pi)
+    rate = loose.machine.drive.start[1] / (2.0 * np.pi)
     assert marks[0].at == pytest.approx(max(1, math.ceil(marks[0].at / rate - 0.5)) * rate)
 
 

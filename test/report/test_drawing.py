@@ -218,7 +218,7 @@ def test_from_python_in_one_line():
 
 def test_an_angle_and_the_time_of_it_give_the_same_picture(tmp_path):
     machine = ms.load_scene('four_bar_nominal')
-    t = math.radians(50.0) / machine.law.coefficients[1]
+    t = math.radians(50.0) / machine.drive.law.coefficients[1]
     files = [tmp_path / 'angle.svg', tmp_path / 'time.svg']
     for file, at in zip(files, ('50 deg', f'{t!r} s'), strict=True):
         found = run_json('draw', 'four_bar_nominal', '-o', str(file), '--at', at)

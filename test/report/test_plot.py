@@ -138,7 +138,7 @@ def test_over_the_angle_of_the_drive(bag, tmp_path):
     figure = lines.draw(chart(series, '', against(asked.record.piece, 'angle')))
     x, y = np.concatenate([line.get_data() for line in figure.axes[0].lines], axis=1)
     states, machine = messages_of(bag, '/linkage_state'), ms.load_scene('four_bar_clearance')
-    angle, speed = machine.start_of_crank
+    angle, speed = machine.drive.start
     true = np.degrees(np.array([angle + speed * m.time for m in states])) % 360.0
     energy = np.array([m.kinetic_energy for m in states])
     apart = np.abs((x[:, None] - true + 180.0) % 360.0 - 180.0)

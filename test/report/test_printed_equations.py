@@ -255,7 +255,7 @@ def equations_of(machine):
 
 
 def model_of(machine):
-    return machine.system if machine.dynamic else machine.inverse_dynamics
+    return machine.equations.system if machine.level.dynamic else machine.nominal.inverse_dynamics
 
 
 def engine(machine, terms, state, parameters=()):
@@ -357,7 +357,7 @@ def test_printed_closures_and_gaps_are_those_of_the_engine(variant):
     terms = [jet.value for jet in eq.gap_jets]
     for i, gap in enumerate(eq.gaps):
         if gap.friction:
-            terms.append(machine.system.dynamics.contacts.tangent[i].rate)
+            terms.append(machine.equations.system.dynamics.contacts.tangent[i].rate)
     close(sorted(reader.define('gaps')), sorted(engine(machine, terms, state)))
     for part, quantity in zip(('gap_rates', 'gap_accelerations'), quantities[1:], strict=True):
         close(reader.define(part), engine(machine, map(quantity, eq.gap_jets), state))
@@ -387,7 +387,7 @@ def test_printed_equations_of_motion_are_those_of_the_engine(variant):
     for i, (gap, jet) in enumerate(zip(eq.gaps, eq.gap_jets, strict=True)):
         rows[f'N_{gap.name}'] = engine(machine, jet.row(eq.coordinates), state)
         if gap.friction:
-            slip = machine.system.dynamics.contacts.tangent[i].row(eq.coordinates)
+            slip = machine.equations.system.dynamics.contacts.tangent[i].row(eq.coordinates)
             rows[f'T_{gap.name}'] = engine(machine, slip, state)
     for driven, laws in machine.plan.laws.items():
         moved = driven in (motor.coordinate for motor in machine.plan.motors)
@@ -400,7 +400,7 @@ def test_printed_equations_of_motion_are_those_of_the_engine(variant):
             name = element.name.partition('.')[2] or element.name
             rows[f'Q_{name}_{c.replace(".", "_")}'] = np.array([d == c for d in eq.coordinates])
     model = model_of(machine)
-    for rub in model.dynamics.rubs if machine.dynamic else model._rubs:
+    for rub in model.dynamics.rubs if machine.level.dynamic else model._rubs:
         found = generalised(
             rub.friction.loads(eq.frames, hy.expression(1.0)), eq.frames, eq.mechanism
         )
@@ -420,7 +420,7 @@ def test_forces_of_inverse_dynamics_fulfil_the_printed_equations(variant):
     machine = machine_of(variant)
     state = in_motion(machine, 0.7)
     reader = reader_of(variant, state)
-    inverse = machine.inverse_dynamics(*(x[:, None] for x in state))
+    inverse = machine.nominal.inverse_dynamics(*(x[:, None] for x in state))
     joints = [j.name for j in machine.mechanism.joints]
     on_second = inverse.reaction[joints.index('coupler_rocker'), :, 0]
     reader.values['lambdax_coupler_rocker'] = -on_second[0]
@@ -437,7 +437,7 @@ def test_forces_of_inverse_dynamics_fulfil_the_printed_equations(variant):
 def test_motion_that_is_solved_fulfils_the_printed_equations(variant):
     """Accelerations and forces of the compiled system, in the contact that rubs or presses."""
     machine = machine_of(variant)
-    system = machine.system
+    system = machine.equations.system
     q, v, _ = in_motion(machine, 0.0137)
     sliding = (
         Mode.SLIDING_FORWARD if system.frictional and not system.compliant else Mode.FOLLOWING
@@ -447,7 +447,7 @@ def test_motion_that_is_solved_fulfils_the_printed_equations(variant):
         q = pressed_in(machine, q)
     torque = None
     if system.powered:
-        constant, _, per_speed = machine.law.coefficients
+        constant, _, per_speed = machine.drive.law.coefficients
         torque = np.array([[constant + per_speed * v[0]]])
     approach = np.full((len(system.gaps), 1), 0.3) if system.compliant else None
     a_p = np.zeros((len(system.prescribed), 1))
@@ -532,7 +532,7 @@ def test_printed_text_alone_gives_accelerations_and_drive_forces(variant):
     for c in page['coordinates']:
         if c['name'] not in prescribed:
             unknown.append(c['acceleration'])
-        elif not machine.dynamic:
+        elif not machine.level.dynamic:
             drives.append(('tau_' if c['unit'] == 'rad' else 'F_') + c['name'])
     if machine.torque_driven:
         reader.define('drive_laws')
@@ -552,8 +552,8 @@ def test_printed_text_alone_gives_accelerations_and_drive_forces(variant):
     for c, expected in zip(page['coordinates'], a, strict=True):
         if c['name'] not in prescribed:
             assert found[c['acceleration']] == pytest.approx(expected, rel=1e-9, abs=1e-9)
-    if not machine.dynamic:
-        forces = machine.inverse_dynamics(
+    if not machine.level.dynamic:
+        forces = machine.nominal.inverse_dynamics(
             *(x[:, None] for x in (q, v, a)), *outside(machine, time)
         )
         close([found[name] for name in drives], forces.drive_torque[:, 0], 1e-9)
@@ -561,16 +561,18 @@ def test_printed_text_alone_gives_accelerations_and_drive_forces(variant):
 
 def outside(machine, time):
     """What loads ask for beside the motion."""
-    names = machine.inverse_dynamics.outside
+    names = machine.nominal.inverse_dynamics.outside
     return [np.array([[time if name == 'time' else 0.0] for name in names])] if names else []
 
 
 def pressed_in(machine, q):
     """The same with the rocker turned until the pin is 10 micrometres deep."""
-    system = machine.system
+    system = machine.equations.system
     for angle in np.linspace(0.0, 2e-3, 2001):
         moved = q + angle * (np.array(system.coordinates) == 'rocker')
-        gap = machine.observer.gaps.distances(machine.observer.gaps.values(moved[:, None]))[0, 0]
+        gap = machine.equations.observer.gaps.distances(
+            machine.equations.observer.gaps.values(moved[:, None])
+        )[0, 0]
         if -2e-5 < gap < -5e-6:
             return moved
     raise AssertionError('never pressed in')
@@ -579,8 +581,8 @@ def pressed_in(machine, q):
 def test_laws_of_the_drive_are_printed_with_the_times_from_which_they_hold():
     machine = machine_of('profile')
     laws = [e for e in printed('profile')['drive_laws'] if e['text'].startswith('theta_')]
-    assert len(laws) == len(machine.laws) > 1
-    for law, e in zip(machine.laws, laws, strict=True):
+    assert len(laws) == len(machine.drive.laws) > 1
+    for law, e in zip(machine.drive.laws, laws, strict=True):
         assert isinstance(law, DriveLaw)
         assert e['note'] == f'for t >= {law.valid_from!r} s'
         t = law.valid_from + 0.37

@@ -36,7 +36,7 @@ def runs():
 def run_of(runs, name):
     if name not in runs:
         machine = ms.load_scene(name)
-        runs[name] = ms.simulate(machine, duration=min(machine.period, SHORT))
+        runs[name] = ms.simulate(machine, duration=min(machine.drive.period, SHORT))
     return runs[name]
 
 

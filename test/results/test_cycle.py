@@ -52,11 +52,11 @@ def test_columns_are_those_of_the_solution_and_more(nominal):
     for name, column in expected.items():
         np.testing.assert_array_equal(nominal[name], column, err_msg=name)
     assert len(nominal.t) == 361
-    assert nominal.duration == pytest.approx(nominal.machine.period, rel=1e-14)
+    assert nominal.duration == pytest.approx(nominal.machine.drive.period, rel=1e-14)
 
 
 def test_extremes_of_the_rocker_are_where_crank_and_coupler_are_in_line(nominal):
-    l = nominal.machine.linkage  # noqa: E741 - the lengths
+    l = nominal.machine.nominal.linkage  # noqa: E741 - the lengths
     ends = nominal.extremes()['position.rocker']
     limits = {}
     for name, reach, turn in (
@@ -410,7 +410,7 @@ def general_machine(title, folder):
 @pytest.fixture(scope='module', params=GENERAL)
 def general(request, tmp_path_factory):
     machine = general_machine(request.param, tmp_path_factory.mktemp('scene'))
-    duration = None if machine.main == 'crank' else 0.1
+    duration = None if machine.plan.main == 'crank' else 0.1
     return ms.cycle(machine, samples=200, duration=duration, local=True)
 
 
@@ -431,9 +431,9 @@ def test_any_machine_is_told_and_drawn(general, tmp_path):
     files = figures.save_all(drawn, tmp_path / 'plots.pdf')
     assert {'motion', 'phase', 'forces', 'hodographs', 'drive'} == {c.key for c in drawn}
     assert all(file.stat().st_size > 3000 for file in files)
-    assert general.repeats == (general.machine.main == 'crank')
+    assert general.repeats == (general.machine.plan.main == 'crank')
     assert {units[name] for name in general.drive_torques} == (
-        {'N m'} if general.machine.main == 'crank' else {'N'}
+        {'N m'} if general.machine.plan.main == 'crank' else {'N'}
     )
     work = sum(
         general[name] * general[f'velocity.{name.partition(".")[2] or general.drive}']

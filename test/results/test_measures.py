@@ -88,7 +88,7 @@ def test_energy_work_and_power_agree(rattling):
 
 def test_events_are_counted_and_summed(rattling):
     machine, solution = rattling
-    joint, T = 'coupler_rocker', machine.period
+    joint, T = 'coupler_rocker', machine.drive.period
     late = [i for i in solution.impacts if i.t >= 2 * T]
     for text, expected in (
         ('count(impacts.coupler_rocker)', len(solution.impacts)),

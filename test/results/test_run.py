@@ -62,7 +62,7 @@ SCENES = ('four_bar_clearance', 'four_bar_nominal', 'gear_rattle', 'pendulum')
 def test_the_motion_does_not_depend_on_how_it_is_asked_for(name):
     """Whole, in batches of steps, in batches of no time at all, up to times on the way."""
     machine = ms.load_scene(name)
-    end = 0.9 * machine.period if math.isfinite(machine.period) else 2.0
+    end = 0.9 * machine.drive.period if math.isfinite(machine.drive.period) else 2.0
     whole = ms.simulate(machine, duration=end)
     assert digest_of(run(machine, end)) == whole.digest()
     small = list(Runner(machine).to(end, batch=Batch(6, 3)))
@@ -85,7 +85,7 @@ def test_the_motion_does_not_depend_on_how_it_is_asked_for(name):
 def test_a_run_goes_on_from_a_snapshot():
     machine = loose()
     first = ms.simulate(machine, revolutions=1)
-    end = 2.0 * machine.period
+    end = 2.0 * machine.drive.period
     rest = list(run(machine, end, resume=first.snapshot))
     whole = ms.simulate(machine, revolutions=2)
     assert rest[-1].motion.curve.end == whole.duration
@@ -117,7 +117,7 @@ def sunk(monkeypatch):
 WAYS = {
     'simulate': lambda machine: ms.simulate(machine, revolutions=1),
     'stream': lambda machine: ms.stream(machine, revolutions=1).finish(),
-    'run': lambda machine: list(run(machine, machine.period)),
+    'run': lambda machine: list(run(machine, machine.drive.period)),
     'statistics': lambda machine: statistics(machine, 21, 1),
     'cycle': ms.cycle,
     'measures': lambda machine: ms.measure(

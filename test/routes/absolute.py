@@ -338,7 +338,7 @@ def differences(machine, solution, t):
     relative to the largest force (N,), and the condition (N,) of the equations of the second route
     """
     plan, mechanism = machine.plan, machine.mechanism
-    kept = [j for j in plan.joints if j.name not in machine.clearances]
+    kept = [j for j in plan.joints if j.name not in machine.plan.clearances]
     absolute = Absolute(plan, mechanism, plan.prescribed, kept)
     seen = solution.view(t).observed
     driven = [mechanism.coordinates.index(c) for c in plan.prescribed]
@@ -362,7 +362,7 @@ def differences(machine, solution, t):
                     part = torque * row[3 * n : 3 * n + 3]
                     yield body.name, body.cog, part[:2], part[2]
             for j in plan.joints:
-                if j.name in machine.clearances:
+                if j.name in machine.plan.clearances:
                     *force, moment = wrenches[j.name]
                     force = np.array(force)
                     pin, bushing = (

@@ -100,7 +100,7 @@ def test_the_way_of_a_profile_is_that_of_its_integral() -> None:
     points = {'points': [['0 s', 2], ['1 s', -4], ['3 s', 1]], 'ramp': 'smooth'}
     laws = ms.load_scene(
         'four_bar_nominal', {'drive': {'profile': points, 'start_angle': 0.3}}
-    ).laws
+    ).drive.laws
     t = np.linspace(0.0, 4.0, 400_001)
     s = np.clip([t, (t - 1.0) / 2.0], 0.0, 1.0)
     ramp = 3.0 * s**2 - 2.0 * s**3

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from builders import read_scene
 from four_bars import RADIAL, RESTITUTION, SPEED
 
 import mechanism_sim as ms
@@ -14,7 +15,7 @@ from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Level, Machine, span
 from mechanism_sim.scene.check import check, render
-from mechanism_sim.scene.files import check_scene, read_scene
+from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.motion_notes import mobility_notes
 from mechanism_sim.studies.parameters import parameters
 
@@ -379,9 +380,9 @@ def test_every_coordinate_that_check_lists_can_be_given_at_the_start(scene):
     Deformations of elastic links are left as they are.
     """
     machine = ms.load_scene(scene)
-    listed = [c for c in check(machine).coordinates if '.bend' not in c and c != machine.main]
+    listed = [c for c in check(machine).coordinates if '.bend' not in c and c != machine.plan.main]
     assert any(c.endswith('.x') for c in listed)
-    state, free = machine.initial_state(), machine.system.free
+    state, free = machine.initial_state(), machine.equations.system.free
     initial = {
         kind: {c: values[free.index(c)] for c in listed}
         for kind, values in (('position', state.q), ('velocity', state.v))
@@ -396,7 +397,7 @@ def test_the_angle_of_a_block_in_a_loose_guide_can_be_given():
     """Without clearance it is a displacement by that name, and refused with the right key."""
     given = {'initial.position.slider': '0.1 mrad'}
     machine = ms.load_scene('slider_with_play', given)
-    assert machine.initial_state().q[machine.system.free.index('slider')] == 1e-4
+    assert machine.initial_state().q[machine.equations.system.free.index('slider')] == 1e-4
     said = refusal_of_start({'initial.position.slider': '0.2 m'}, 'slider_with_play')
     assert 'what can be given of it is slider, an angle' in said
 

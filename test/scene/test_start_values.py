@@ -166,7 +166,7 @@ def test_any_start_value_is_honoured_or_refused(scene: str) -> None:
                     )
         try:
             machine = ms.load_scene(scene, given)
-            if machine.dynamic:
+            if machine.level.dynamic:
                 machine.initial_state()
         except InputError as error:
             said = str(error)
@@ -184,7 +184,9 @@ def _check_honoured(machine: ms.Machine, given: dict[str, float], solution: Solu
     found = {key: float(x[0]) for key, x in solution.sample([0.0]).items()}
     if any(impact.t == 0.0 for impact in solution.impacts):
         state = machine.initial_state()
-        found |= {f'velocity.{c}': v for c, v in zip(machine.system.free, state.v, strict=True)}
+        found |= {
+            f'velocity.{c}': v for c, v in zip(machine.equations.system.free, state.v, strict=True)
+        }
     for key, value in given.items():
         _, kind, link = key.split('.')
         off = found[f'{kind}.{link}'] - value

@@ -100,7 +100,7 @@ def test_at_rest_an_inertial_unit_reads_upwards():
             'sensors.x': {'link': 'bar', 'at': '100 mm', 'imu': True},
         },
     )
-    unit = machine.inertial_unit('x')
+    unit = machine.scene.sensors['x'].inertial_unit(machine, 'x')
     unit.take(ms.simulate(machine, duration=0.1).motion)
     read = unit.readings(final=True)
     assert read

@@ -171,7 +171,7 @@ def test_a_bag_sounds_like_its_scene(tmp_path, capsys):
     assert (rate, samples.dtype, np.abs(samples).max()) == (44100, np.int16, 32767)
     assert said['peak_level'] == pytest.approx(level(said['peak']))
     slow = sound(*scene, '--realtime-factor', '0.25', '-o', str(live))
-    period = ms.load_scene(scene[0]).period
+    period = ms.load_scene(scene[0]).drive.period
     assert slow['duration'] - 0.1 == pytest.approx(8.0 * period, abs=1e-3)
     assert slow['peak'] == pytest.approx(said['peak'], rel=0.1)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from builders import read_scene
 from running import run, run_json
 
 import mechanism_sim as ms
@@ -13,7 +14,6 @@ from mechanism_sim.messages import SensorBlock, float64_array, serialize
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.report.studies import fit_text, unlike
 from mechanism_sim.results.sensor_record import SensorRecord
-from mechanism_sim.scene.files import read_scene
 from mechanism_sim.studies.identification import Identification
 from mechanism_sim.studies.parameters import NAMES, parameters, ranges
 from mechanism_sim.studies.runs import Workers

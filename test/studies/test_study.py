@@ -47,12 +47,12 @@ def test_a_periodic_response_repeats_in_a_plain_run(name):
     assert response.stable
     run = machine.start()
     run.restart(response.state)
-    run.advance(10 * period * machine.period, final=True)
+    run.advance(10 * period * machine.drive.period, final=True)
     motion, impacts, _ = run.drain()
     assert len(impacts) == 10 * response.impacts
-    t = np.linspace(0.0, 0.999 * period * machine.period, 200)
+    t = np.linspace(0.0, 0.999 * period * machine.drive.period, 200)
     first = motion.curve(t)[:, 1:]
-    last = motion.curve(t + 9 * period * machine.period)[:, 1:]
+    last = motion.curve(t + 9 * period * machine.drive.period)[:, 1:]
     assert np.abs(last - first).max() < 1e-7
 
 
@@ -85,7 +85,7 @@ def test_statistics_count_what_the_solution_counts():
     machine = loose(0.5, 'seated')
     found = statistics(machine, 60, 20)
     solution = ms.simulate(machine, revolutions=60)
-    T = machine.period
+    T = machine.drive.period
     later = [i for i in solution.impacts if 20 * T <= i.t < 60 * T]
     means = {m.name: m for m in found.means}
     assert means['impacts'].mean * 40 == pytest.approx(len(later))
@@ -127,7 +127,7 @@ def test_start_angles_say_how_long_a_seated_pin_follows():
         loose(0.5, 'seated', drive__start_angle=float(found[3].angle)), revolutions=2.0
     )
     lost = next((m.t for m in other.modes if m.mode == 1), np.inf)
-    assert found[3].followed == pytest.approx(lost / machine.period)
+    assert found[3].followed == pytest.approx(lost / machine.drive.period)
     assert found[3].impacts == len(other.impacts)
     angle = other.sample(lost)['position.crank'][0]
     assert found[3].lost_at == pytest.approx(angle % (2.0 * np.pi))

@@ -200,7 +200,7 @@ def test_a_row_says_what_the_solution_says():
     machine = loose(0.5, 'seated')
     row = row_of(machine, Extent(24, None, 4))
     solution = ms.simulate(machine, revolutions=24)
-    T = machine.period
+    T = machine.drive.period
     later = [i for i in solution.impacts if i.t >= 4 * T]
     impulse = sum(i.normal_impulse for i in later)
     assert row['impacts'] * 20 == pytest.approx(len(later))

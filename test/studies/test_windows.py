@@ -286,7 +286,7 @@ def test_a_trigger_begins_records_that_windows_do_not_leave(tmp_path):
     sweep(read_plan(sweep_file(tmp_path, text)), table, workers=1)
     rows = rows_of(table)
     machine = ms.load_scene('four_bar_clearance', {f'{SENSOR}.trigger': {'angle': '90 deg'}})
-    period = machine.period
+    period = machine.drive.period
     assert [row['start'] for row in rows] == pytest.approx(
         [(0.25 + k) * period + shift for k in range(3) for shift in (0.0, 0.07)]
     )

@@ -40,12 +40,14 @@ def thesis(speed=SPEED, gravity=True):
     overrides = {'drive.speed': speed} | ({} if gravity else {'gravity': [0.0, 0.0]})
     machine = ms.load_scene('four_bar_nominal', overrides)
     speed = machine.scene.drive.speed.value
-    cycle = ForceCycle.nominal(machine.linkage, machine.inverse_dynamics, 'coupler_rocker', speed)
+    cycle = ForceCycle.nominal(
+        machine.nominal.linkage, machine.nominal.inverse_dynamics, 'coupler_rocker', speed
+    )
     inertias = [
         machine.links[name].inertia + machine.links[name].mass * machine.links[name].cog ** 2
         for name in ('coupler', 'rocker')
     ]
-    return machine, cycle, lambda c: ClearanceLink.four_bar(c, machine.linkage, *inertias)
+    return machine, cycle, lambda c: ClearanceLink.four_bar(c, machine.nominal.linkage, *inertias)
 
 
 def field(x, y, speed=W):
@@ -267,7 +269,9 @@ def test_inertia_of_the_four_bar_link_is_that_of_its_impacts():
     link = link_of(1e-4)
     m, transport = (x.transpose(2, 0, 1) for x in link.inertia(p))
     mobility = np.zeros_like(m)
-    for name, angle in zip(('coupler', 'rocker'), machine.linkage.positions(p), strict=True):
+    for name, angle in zip(
+        ('coupler', 'rocker'), machine.nominal.linkage.positions(p), strict=True
+    ):
         body = machine.links[name]
         v = np.array([-np.sin(angle), np.cos(angle)]) * body.length
         mobility += np.einsum('in,jn->nij', v, v) / (body.inertia + body.mass * body.cog**2)
@@ -417,7 +421,9 @@ def test_criteria_beside_the_machine(rpm, radial, predicted, turns, degrees, awa
     machine = ms.load_scene('four_bar_clearance', overrides)
     solution = ms.simulate(machine, revolutions=3)
     lost = [
-        change.t / machine.period for change in solution.modes if change.mode is Mode.FREE_FLIGHT
+        change.t / machine.drive.period
+        for change in solution.modes
+        if change.mode is Mode.FREE_FLIGHT
     ]
     if turns is None:
         assert not lost
@@ -444,7 +450,7 @@ def test_the_pendulum_lets_go_in_the_same_turn_as_the_machine(rpm, radial, withi
     _, cycle, link_of = thesis(speed)
     machine = ms.load_scene('four_bar_clearance', {'drive.speed': speed, RADIAL: radial})
     solution = ms.simulate(machine, revolutions=2)
-    lost = next(c.t for c in solution.modes if c.mode is Mode.FREE_FLIGHT) / machine.period
+    lost = next(c.t for c in solution.modes if c.mode is Mode.FREE_FLIGHT) / machine.drive.period
     link = link_of(radial)
     assert follow(cycle, link, turns=2.0).turned / TURN == pytest.approx(lost, abs=within)
     if lost > 1.5:

@@ -195,7 +195,9 @@ def test_an_oil_film_is_a_bearing_too(found):
     period = 2 * np.pi / trial.condition.speed
     t = np.linspace(2 * period, 6 * period * (1 - 1e-12), 20001)
     own = solution.sample(t)
-    ideal = machine.linkage.motion(own['position.crank'], own['velocity.crank'], 0.0 * t)[1][1]
+    ideal = machine.nominal.linkage.motion(own['position.crank'], own['velocity.crank'], 0.0 * t)[
+        1
+    ][1]
     means = np.diff(own['velocity.coupler'] - ideal) / np.diff(t)
     between = np.sqrt(np.mean(means**2))
     assert trial.severity['coupler'].between == pytest.approx(between, rel=1e-3)
@@ -246,7 +248,7 @@ def test_truth_and_severity_are_those_of_the_simulation(found):
     """A second route: the motion simulated anew, sampled and differentiated here."""
     trial = found.assumed.first
     solution = simulated(trial)
-    linkage = trial.machine.linkage
+    linkage = trial.machine.nominal.linkage
     for link, swing in trial.swings.items():
         own = solution.sample(swing.t)
         truth = own[f'acceleration.{link}']

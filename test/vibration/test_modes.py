@@ -14,6 +14,7 @@ from two_masses import TwoMasses
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.observer import Instants
+from mechanism_sim.scene.start import Start
 from mechanism_sim.studies.floquet import repeated, station
 from mechanism_sim.studies.frames import without_play
 from mechanism_sim.studies.harmonics import harmonics
@@ -356,7 +357,8 @@ def test_reactions_are_those_of_the_equations_of_motion():
         content['loads'] = {'push': {'at': 'arm.cup', 'force': [0.0, turn.real]}}
         loaded = made(content, 'catapult')
         q, v = one.at.q + (z * turn).real, (1j * TURN * f * z * turn).real
-        return loaded.joint_forces_at_start(q[:, None], v[:, None]).ravel()
+        start = Start(loaded.plan, loaded.nominal, loaded.equations, 1.0)
+        return start.joint_forces(q[:, None], v[:, None]).ravel()
 
     for phase in (0.0, np.pi / 2):
         change = (forces(1.0, phase) - forces(-1.0, phase)) / (2.0 * small)
@@ -415,7 +417,7 @@ def accelerations(one, dz, dv):
         i, (k0, k1, k2) = coordinates.index(c), machine.plan.laws[c][0].coefficients
         torques.append(k0 + k1 * q[i] + k2 * v[i])
     none = np.zeros((0, 1))
-    seen = machine.ideal_observer.observe(
+    seen = machine.equations.ideal_observer.observe(
         Instants(q, v, none, np.zeros((0, 1), np.uint8), np.reshape(torques, (-1, 1)))
     )
     return seen.acceleration[one.independent, 0]
@@ -575,7 +577,7 @@ def test_modes_along_the_turn():
 
 def test_frames_on_springs_have_their_modes():
     machine = ms.load_scene('four_bar_on_frame')
-    expected = machine.shaken_frame('frame')[0].frequencies
+    expected = machine.frame('frame').frequencies
     assert [m.frequency for m in modes(machine)] == pytest.approx(expected, rel=2e-3)
 
 
@@ -608,8 +610,8 @@ def test_a_machine_shakes_its_frame_as_simulated(joints):
     loose = ms.load_scene('four_bar_on_frame', overrides | {'oscillators.frame.joints': joints})
     found = harmonics(loose, [], 25).series
     ideal = without_play(loose)
-    t = 6.0 * loose.period + loose.period * np.arange(20) / 20
-    motion = ms.simulate(ideal, duration=7.0 * loose.period).motion
+    t = 6.0 * loose.drive.period + loose.drive.period * np.arange(20) / 20
+    motion = ms.simulate(ideal, duration=7.0 * loose.drive.period).motion
     seen = ideal.oscillator('frame').take(motion)(t).position
     for k, name in enumerate(('x', 'y', 'angle')):
         series = found[f'position.frame.{name}']

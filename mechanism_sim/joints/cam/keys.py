@@ -215,7 +215,7 @@ class CamKeys(PhaseKeys):
         """Pressure angle, jumps, whether the cam may pull its follower."""
         cam, name = joint.cam, joint.name
         notes = []
-        if joint.name not in machine.clearances and not isinstance(joint, GroovePair):
+        if joint.name not in machine.plan.clearances and not isinstance(joint, GroovePair):
             notes.append(
                 f'{name}: always in contact, so that the cam pulls its follower where the force '
                 "is negative; with 'lift_off' it would part (the command lift-off says from which "

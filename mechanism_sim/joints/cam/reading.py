@@ -68,12 +68,12 @@ def read_cam(joint: PlacedCam, view: PairView) -> CamReading:
     fx, fy = view.force
     force = np.copysign(np.hypot(fx, fy), fx * (c * x - s * y) + fy * (s * x + c * y))
     gap, mode = _contact(joint, view)
-    *touching, sliding = _touching(joint, view, touch, cam.velocity)
+    at_x, at_y, along, sliding = _touching(joint, view, touch, cam.velocity)
     roller = getattr(joint.cam.follower, 'roller', 0.0)
     spin = joint.mirror * sliding / roller if roller else np.zeros_like(sliding)
     return CamReading(
         cam.total, cam.velocity, lift, *follower[:3], gap, force, touch.pressure_angle,
-        torque, *touching, sliding, spin, mode,
+        torque, at_x, at_y, along, sliding, spin, mode,
     )  # fmt: skip
 
 

@@ -113,7 +113,7 @@ class RevoluteKeys(JointKeys):
 
     def notes(self, machine: Any, joint: Revolute) -> list[str]:
         """Room of the ends of a bearing, and stops along its axis."""
-        play = machine.clearances.get(joint.name)
+        play = machine.plan.clearances.get(joint.name)
         if not isinstance(play, Clearance):
             return []
         found = []

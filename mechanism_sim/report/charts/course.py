@@ -159,7 +159,7 @@ class ChartedRun:
         ]
         self.turns = _last_turns(record, skip)
         first, last = record.whole_turns(skip) if record.has_turns else (0, 0)
-        many = record.machine.dynamic and last - first > TURNS
+        many = record.machine.level.dynamic and last - first > TURNS
         self.run = ChartWindow(record, self.begin, record.end, self._frames, many)
         self.detail = self.run
         if self.turns:
@@ -171,7 +171,7 @@ class ChartedRun:
         """The angle of the main drive, or time where it makes no turns."""
         if self.turns is None:
             return OVER_TIME
-        return over_turns(self.record.machine.main, lambda t: 360.0 * self.record.turned(t))
+        return over_turns(self.record.machine.plan.main, lambda t: 360.0 * self.record.turned(t))
 
     @cached_property
     def struck(self) -> Array:
@@ -197,13 +197,13 @@ class ChartedRun:
         commanded otherwise, or the ideal machine does not get through it.
         """
         machine, detail = self.record.machine, self.detail
-        if not machine.dynamic:
+        if not machine.level.dynamic:
             return None
         try:
             beside = ideal_record(self.record)
         except (InputError, RunError):
             return None  # then there is nothing to compare with
-        if beside.machine.dynamic:
+        if beside.machine.level.dynamic:
             return None
         end = min(detail.end, beside.end)
         t = np.linspace(detail.start, end, 9)
@@ -216,7 +216,7 @@ class ChartedRun:
 def _last_turns(record: Record, skip: int) -> tuple[float, float] | None:
     if record.has_turns:
         first, last = record.whole_turns(skip)
-        return max(first, last - (_SHOWN if record.machine.dynamic else 1)), last
+        return max(first, last - (_SHOWN if record.machine.level.dynamic else 1)), last
     begin, end = record.turned(np.array([record.start, record.end])).tolist()
     if not end - begin >= 1.0 - 1e-9:  # nor is it where the drive slides: no number
         return None

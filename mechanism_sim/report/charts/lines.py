@@ -85,7 +85,7 @@ def against(run: Piece | Cycle, what: str) -> Abscissa:
     Over the direction of a vector charts are round.
     """
     piece = run.solution if isinstance(run, Cycle) else run
-    main, physics, curve = run.machine.main, piece.physics, piece.motion.curve
+    main, physics, curve = run.machine.plan.main, piece.physics, piece.motion.curve
     check_abscissa(run.machine, what)
     if what == 'time':
         return OVER_TIME
@@ -105,8 +105,8 @@ def against(run: Piece | Cycle, what: str) -> Abscissa:
 
 def check_abscissa(machine: Machine, what: str) -> None:
     """Refuse what a run of the machine cannot be drawn against."""
-    if what == 'angle' and machine.main in machine.physics.displacements:
-        raise InputError(f'{machine.main} is driven straight, it has no angle')
+    if what == 'angle' and machine.plan.main in machine.physics.displacements:
+        raise InputError(f'{machine.plan.main} is driven straight, it has no angle')
     if what not in ('time', 'angle'):
         catalogue(machine).find(what)
 

@@ -29,9 +29,9 @@ _KINDS = {
 def over(course: ChartedRun) -> str:
     """In words, what is to be seen over which turns."""
     if course.turns is None:
-        return f'Over time, for the {course.record.machine.main} makes no whole turn.'
+        return f'Over time, for the {course.record.machine.plan.main} makes no whole turn.'
     first, last = course.turns
-    main, count = course.record.machine.main, round(last - first)
+    main, count = course.record.machine.plan.main, round(last - first)
     turns = 'The last whole turn' if count == 1 else f'The last {count} whole turns'
     found = f'{turns} of the {main}'
     if course.run.reach:
@@ -56,15 +56,15 @@ def motion(course: ChartedRun) -> ChartSection:
                 and (c not in machine.mechanism.deformations or c.partition('.')[0] in rotors)
             ]
             if kind == 'position' and course.turns:
-                names = [name for name in names if name != f'position.{machine.main}']
+                names = [name for name in names if name != f'position.{machine.plan.main}']
             if kind == 'acceleration':  # of a drive at constant speed there is none
                 names = [name for name in names if _varies(course, name)]
             if any(_varies(course, name) for name in names):
                 key = f'motion-{kind}-{"straight" if straight else "turning"}'
                 charts.append(over_drive(course, key, title, names))
-    speed = f'velocity.{machine.main}'
+    speed = f'velocity.{machine.plan.main}'
     if course.turns and course.long and _varies(course, speed):
-        title = f'Speed of the {machine.main} over the whole run'
+        title = f'Speed of the {machine.plan.main} over the whole run'
         charts.append(over_time(course, 'motion-speed-run', title, [speed]))
     return ChartSection('motion', 'Motion', over(course), tuple(charts))
 

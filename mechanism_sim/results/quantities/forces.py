@@ -149,15 +149,15 @@ def _of_motor(machine: Machine) -> Iterator[Quantity]:
     motor = machine.scene.drive.motor if machine.scene.drive else None
     if motor is None:
         return
-    i, ratio = machine.physics.coordinates.index(machine.main), motor.ratio
-    for name, unit, words, evaluate in (
-        ('torque', 'N m', 'torque', lambda view: view.observed.drive_torque[0] / ratio),
-        ('speed', 'rad/s', 'speed', lambda view: ratio * view.observed.velocity[i]),
-        ('power', 'W', 'power', lambda view: view.observed.drive_power),
+    main, ratio = machine.plan.main, motor.ratio
+    i = machine.physics.coordinates.index(main)
+    for name, unit, evaluate in (
+        ('torque', 'N m', lambda view: view.observed.drive_torque[0] / ratio),
+        ('speed', 'rad/s', lambda view: ratio * view.observed.velocity[i]),
+        ('power', 'W', lambda view: view.observed.drive_power),
     ):
-        yield Quantity(
-            f'motor.{name}', unit, f'{words} of the motor', machine.main, evaluate, Shown.ASKED
-        )
+        words = f'{name} of the motor'
+        yield Quantity(f'motor.{name}', unit, words, main, evaluate, Shown.ASKED)
 
 
 def of_energy(machine: Machine) -> Iterator[Quantity]:

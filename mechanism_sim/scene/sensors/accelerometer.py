@@ -42,7 +42,7 @@ class AccelerometerKeys(OnLinkKeys, ShockKeys):
         """A point of a link, or of a frame on springs."""
         mechanism, across, link = machine.mechanism, self.transducer.transverse, str(self.link)
         if link in machine.scene.oscillators:
-            frame, forces = machine.shaken_frame(link)
+            frame, forces = machine.frame(link), machine.forces_on(link)
             gravity = mechanism.gravity if self.gravity else (0.0, 0.0)
             return PointOnFrame(frame, forces, self._at(), self.axis, gravity, across)
         return PointOnLink(mechanism, link, self._at(), self.axis, self.gravity, across)

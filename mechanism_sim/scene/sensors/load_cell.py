@@ -14,7 +14,13 @@ from mechanism_sim.hybrid.physics import Physics, outside
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.sensor_keys import SENSORS, InJointKeys, ShockKeys, check_joint
+from mechanism_sim.scene.sensor_keys import (
+    SENSORS,
+    InJointKeys,
+    ShockKeys,
+    check_impulses,
+    check_joint,
+)
 from mechanism_sim.sensing.channel import DirectSource
 from mechanism_sim.vibration.shaking import VelocitySteps
 
@@ -86,6 +92,6 @@ class LoadCellKeys(InJointKeys, ShockKeys):
     def check(self, machine: Any, where: str) -> None:
         """Refuse machines whose forces, or whose impulses, are not known."""
         check_joint(where, self.joint, [j.name for j in machine.mechanism.joints], 'joint')
-        if not (machine.dynamic or machine.scene.outputs.forces):
+        if not (machine.level.dynamic or machine.scene.outputs.forces):
             raise InputError(f"{where}: a load cell needs 'outputs.forces: true'")
-        machine.check_impulses()
+        check_impulses(machine)

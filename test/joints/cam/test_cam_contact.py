@@ -31,7 +31,7 @@ def test_a_flat_face_is_touched_off_its_axis_by_the_velocity_per_radian():
     """Contact offset dy/dphi = e cos(phi) of the eccentric; the circle is touched all round."""
     machine, joint, found = over_turn('eccentric_cam')
     e = joint.cam.law.eccentricity
-    speed, angle = machine.start_of_crank[1], found['position.cam']
+    speed, angle = machine.drive.start[1], found['position.cam']
     offset = found['contact.contact.x'] - joint.centre[0]
     assert abs(offset) == pytest.approx(abs(e * np.cos(angle)), abs=1e-15)
     radius = joint.cam.base_radius + e

@@ -211,7 +211,7 @@ def test_a_step_costs_the_same_whatever_the_number_of_rows():
     sizes = []
     for count in (8, 360):
         machine = follower_on(measured(count), {'torque': {}, 'speed': 25.0})
-        integrator = machine.system.integrator(1e-12, compact=True)
+        integrator = machine.equations.system.integrator(1e-12, compact=True)
         sizes.append(len(integrator.decomposition))
     assert sizes[0] == sizes[1]
 

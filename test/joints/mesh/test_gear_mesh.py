@@ -70,7 +70,7 @@ def test_a_geared_loose_four_bar_agrees_with_another_integrator():
     """A revolution of the crank: teeth on both flanks and the pin, against SciPy."""
     machine, span = ms.load_scene('gear_four_bar'), 0.17
     start = machine.initial_state()
-    order = [machine.system.free.index(c) for c in ('crank', 'coupler', 'rocker')]
+    order = [machine.equations.system.free.index(c) for c in ('crank', 'coupler', 'rocker')]
     pin = [geared_four_bar.NAMES.index('coupler_rocker')]
     q, v = np.array(start.q)[order], np.array(start.v)[order]
     impacts, state = geared_four_bar.solve(q, v, pin, span)
@@ -272,6 +272,6 @@ def test_teeth_stay_in_mesh_over_many_turns(play, turns):
     pinion, wheel = run.final.observed.position[:, 0]
     assert pinion == pytest.approx(2.0 * math.pi * turns, rel=1e-5 if play else 1e-12)
     ahead = 20.0 * BASE * (pinion + 2.0 * wheel)
-    pressed = machine.clearances['mesh'].radial if play else 0.0
+    pressed = machine.plan.clearances['mesh'].radial if play else 0.0
     assert ahead == pytest.approx(pressed, abs=1e-11)  # rounding of the angle with all its turns
     assert run.max_closure_error < 1e-15

@@ -220,7 +220,7 @@ def test_a_pair_at_a_larger_distance_turns_alike_and_presses_steeper():
     assert mesh.pressure_angle == pytest.approx(steep, rel=1e-12)
     inv = math.tan(steep) - steep - math.tan(math.radians(20.0)) + math.radians(20.0)
     play = 0.5 * 2.0 * distance * inv * math.cos(steep)
-    assert machine.clearances['mesh'].radial == pytest.approx(play, rel=1e-9)
+    assert machine.plan.clearances['mesh'].radial == pytest.approx(play, rel=1e-9)
     with pytest.raises(InputError, match=r'take a centre distance of 0\.06 m, or give them'):
         loaded('gear_pair', {'links.ground.points.wheel': [distance, 0.0]})
 

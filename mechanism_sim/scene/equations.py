@@ -1,0 +1,125 @@
+"""The equations of motion of a machine, compiled when they are first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mechanism_sim.hybrid.dynamics import AppliedForces
+from mechanism_sim.hybrid.observer import Observer
+from mechanism_sim.hybrid.system import System
+from mechanism_sim.joints.joint_keys import contacts_of
+from mechanism_sim.keys.names import SceneError
+from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.configuration import converted
+from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.massless import inertial_motion, without_mass
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
+from mechanism_sim.planar.switches import SwitchTable
+from mechanism_sim.scene.assembly import Assembly
+from mechanism_sim.scene.plan import ScenePlan
+
+_BESIDE = 0.3
+"""[rad, m] from the start, where it is looked whether links without mass make a difference."""
+
+_COMPACT_FROM = 8
+"""Free coordinates, contacts and closures from which on compact code pays: it compiles faster.
+
+Four fifths of the start of large machines were LLVM's optimisation.
+"""
+
+
+@dataclass(frozen=True)
+class EquationsOfMotion:
+    """The equations of motion of a machine, with its clearances and without.
+
+    Attributes
+    ----------
+    name : of the scene
+    assembly : where the mechanism without clearance is at the start
+    """
+
+    name: str
+    plan: ScenePlan
+    assembly: Assembly
+
+    @cached_property
+    def system(self) -> System:
+        """The compiled equations of motion."""
+        plan, mechanism = self.plan, self.plan.loose
+        gaps, films = contacts_of(plan.scene.joints, mechanism, plan.clearances)
+        frames = Frames(mechanism.coordinates, Parameters())
+        for gap in gaps:
+            if all(slope is None for slope in gap.value(frames).gradient.values()):
+                raise SceneError(
+                    f'{self.name}: joints.{gap.joint} has a clearance that never opens nor '
+                    'closes: its links move along it only; leave the joint out'
+                )
+        return self._compiled(mechanism, plan.loop_closures, gaps, films)
+
+    @cached_property
+    def observer(self) -> Observer:
+        """Forces, accelerations and gaps of `system` in given states."""
+        return Observer(self.system)
+
+    @cached_property
+    def ideal_observer(self) -> Observer:
+        """`observer` of the mechanism without clearance."""
+        if not self.plan.clearances:
+            return self.observer
+        ideal = self.plan.ideal
+        return Observer(self._compiled(ideal, closures(ideal, ideal.cut), [], []))
+
+    def _compiled(
+        self,
+        mechanism: Mechanism,
+        closing: Sequence[Relation],
+        gaps: Sequence[Gap],
+        films: Sequence[ForceElement],
+    ) -> System:
+        plan = self.plan
+        drive = plan.scene.drive
+        laws = [law for laws in plan.laws.values() for law in laws]
+        degree = max(law.degree if isinstance(law, DriveLaw) else 1 for law in laws)
+        if drive and drive.commands:
+            degree = max(degree, 2)  # commanded speeds are joined by ramps
+        return System(
+            mechanism,
+            gaps,
+            plan.prescribed,
+            degree,
+            closing,
+            plan.powered,
+            AppliedForces(
+                [*films, *plan.elements(mechanism)], plan.motors, plan.frictions(mechanism)
+            ),
+            self._lent(mechanism) if closing else 0.0,
+        )
+
+    def _lent(self, mechanism: Mechanism) -> float:
+        """Mass [kg] added along closures if free coordinates have no inertia by themselves."""
+        prescribed, at = self.plan.prescribed, self.assembly
+        q, _ = converted(self.plan.ideal, mechanism, at.q, at.v)
+        free = [i for i, c in enumerate(mechanism.coordinates) if c not in prescribed]
+        beside = np.random.default_rng(3).normal(0.0, _BESIDE, (3, len(q)))
+        for shift in (np.zeros(len(q)), *beside):
+            moved = inertial_motion(mechanism, q + shift)[:, free]
+            if without_mass(moved, np.zeros((0, len(free)))).size:
+                return sum(b.mass + b.inertia / mechanism.size**2 for b in mechanism.bodies)
+        return 0.0
+
+    @property
+    def compact(self) -> bool:
+        """True if the equations are so long that compact code pays."""
+        system = self.system
+        rows = len(system.dynamics.contacts.rows) + len(system.dynamics.equations.relation_jets)
+        tabulated = any(isinstance(s, SwitchTable) for s in system.switches)
+        many = len(system.free) + rows >= _COMPACT_FROM
+        flexible = any(x.flexible for x in self.plan.loose.extensions.values())
+        more = system.elements or system.lent or system.dynamics.rubs or flexible
+        return bool(more) or tabulated or many
