@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -74,11 +75,13 @@ class MotionFollower:
         node = self._node
         known = [p for p in node.progress_of.values() if p.run == node.run]
         sources = [p for p in known if self._topic in p.topics]
-        if self._ended or not sources or not all(
-            p.finished and self._time >= p.time for p in sources
-        ):  # fmt: skip
+        if self._ended or not sources or not all(p.finished for p in sources):
+            return
+        # The end of a piece is a sum that may round to the float before that which is reported.
+        end = max(p.time for p in sources)
+        if self._time < math.nextafter(end, 0.0):
             return
         self._end()
         self._ended, again = True, node.another_follows()
-        node.report(self._time, finished=True, again=again)
+        node.report(end, finished=True, again=again)
         node.done = not again

@@ -233,6 +233,13 @@ def test_nodes_whose_run_ends_at_a_boundary_of_pieces_move_as_solve_does(end, tm
     assert analyze(bag).digest == digest_of('geneva', duration=float(end))
 
 
+def test_who_follows_ends_though_the_end_of_the_last_piece_rounds_otherwise():
+    end = 0.043750000000000004
+    assert ms.simulate(ms.load_scene('gear_box'), duration=end).duration < end
+    with nodes_of('gear_box', end, 'crank_drive', 'linkage', 'gear_train') as nodes:
+        finish(nodes)
+
+
 def test_a_node_of_parts_integrates_and_follows_alike(tmp_path):
     """Alone, and beside a linkage that its scene does not need."""
     bags = {('crank_drive', 'geneva'): tmp_path / 'alone.mcap',
