@@ -24,7 +24,7 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.messages import Impact, JointState, service_class
 from mechanism_sim.messages.part_states import KINDS
-from mechanism_sim.nodes import middleware, pace, simulation_node
+from mechanism_sim.nodes import middleware, pace, partners
 from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes.process import report_end
 from mechanism_sim.nodes.qos import RESULTS
@@ -85,8 +85,8 @@ def nodes_of(
     try:
         for name in chosen:
             given = [p for p in plan.parameters(name) if p.name != 'partners']
-            partners = Parameter('partners', value=','.join(n for n in chosen if n != name))
-            made[name] = NODES[name]([*given, partners, *more.get(name, [])])
+            others = Parameter('partners', value=','.join(n for n in chosen if n != name))
+            made[name] = NODES[name]([*given, others, *more.get(name, [])])
         yield made
     finally:
         for node in made.values():
@@ -114,9 +114,9 @@ def test_a_subscriber_that_is_slower_than_a_whole_run_loses_nothing():
 
 
 def test_a_partner_that_leaves_is_named(monkeypatch):
-    monkeypatch.setattr(simulation_node, 'GONE_AFTER', 0.0)
+    monkeypatch.setattr(partners, 'GONE_AFTER', 0.0)
     with nodes_of(SCENE, 1e5, 'crank_drive', 'linkage', realtime_factor=1.0) as nodes:
-        spin([*nodes.values()], lambda: bool(nodes['linkage'].progress_of))
+        spin([*nodes.values()], lambda: bool(nodes['linkage'].partners.reports))
         nodes.pop('crank_drive').destroy_node()
         said = "linkage: 'crank_drive' left before the run was finished"
         with pytest.raises(RunError, match=said):
@@ -384,15 +384,15 @@ def test_closed_forms_are_published_alike_however_short_the_law_is_known(
 
 
 @pytest.mark.parametrize(
-    ('partners', 'said'),
+    ('names', 'said'),
     [
         ('crank_drive', 'waiting for crank_drive'),
         ('', 'waiting for somebody who publishes /drive'),
     ],
 )
-def test_a_node_that_waits_says_for_whom(monkeypatch, capsys, partners, said):
-    monkeypatch.setattr(simulation_node, 'SAY_AFTER', -1e9)
-    linkage = NODES['linkage']([Parameter('partners', value=partners)])
+def test_a_node_that_waits_says_for_whom(monkeypatch, capsys, names, said):
+    monkeypatch.setattr(partners, 'SAY_AFTER', -1e9)
+    linkage = NODES['linkage']([Parameter('partners', value=names)])
     lines: list[str] = []
 
     def told() -> bool:
