@@ -22,7 +22,7 @@ import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import RunError
 from mechanism_sim.export.urdf import to_urdf
-from mechanism_sim.messages import Impact, JointState, service_class
+from mechanism_sim.messages import Impact, JointState, Log, service_class
 from mechanism_sim.messages.part_states import KINDS
 from mechanism_sim.nodes import middleware, pace, partners
 from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
@@ -34,6 +34,7 @@ from mechanism_sim.recording import read_bag
 
 SCENE = 'four_bar_clearance'
 PLAYING, QUITTING = 1, 3
+FATAL = 50  # of rcl_interfaces/Log
 
 pytestmark = pytest.mark.usefixtures('network')
 
@@ -121,6 +122,28 @@ def test_a_partner_that_leaves_is_named(monkeypatch):
         said = "linkage: 'crank_drive' left before the run was finished"
         with pytest.raises(RunError, match=said):
             spin([nodes['linkage']], lambda: False)
+
+
+def test_an_error_that_ends_a_node_is_in_rosout(network):
+    listener, heard = Node('listener'), []
+    listener.create_subscription(Log, '/rosout', heard.append, 10)
+    ended = network.start("""
+        from mechanism_sim.nodes.middleware import Parameter
+        from mechanism_sim.nodes.process import run_nodes
+        from mechanism_sim.nodes.run import NODES
+        given = {'partners': 'crank_drive', 'partner_timeout': 1.0}
+        parameters = [Parameter(name, value=value) for name, value in given.items()]
+        print('code', run_nodes(lambda: [NODES['linkage'](parameters)]))
+    """)
+    try:
+        spin_until(listener, lambda: any(log.level == FATAL for log in heard))
+        assert ended.expect('code') == '1'
+    finally:
+        listener.destroy_node()
+    (said,) = (log for log in heard if log.level == FATAL)
+    assert said.name == 'linkage'
+    assert said.msg.startswith("linkage: waited 1 s for 'crank_drive', which never came")
+    assert sum('which never came' in line for line in ended.lines) == 1
 
 
 def test_a_process_that_was_killed_is_named(capsys):
