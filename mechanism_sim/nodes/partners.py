@@ -31,10 +31,10 @@ class Partners:
 
     def __init__(self, node: DescribedNode) -> None:
         for key, about in (
-            ('partners', 'Names of the other nodes of the run, separated by commas'),
-            ('listeners', 'Nodes that must receive all results, or NODE:TOPIC; commas between'),
+            ('partners', 'Names of the other nodes of the run; in one text, separated by commas'),
+            ('listeners', 'Nodes that must receive all results, or NODE:TOPIC; likewise'),
         ):
-            node.declare(key, '', about, read_only=True)
+            node.declare_list(key, about, read_only=True)
         node.declare('partner_timeout', 20.0, 'How long to wait for partners [s]', LONG, True)
         self._node, self._listeners = node, node.names('listeners')
         self.names = [p for p in node.names('partners') if p != node.get_name()]

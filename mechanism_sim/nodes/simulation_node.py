@@ -20,7 +20,7 @@ from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
 from mechanism_sim.nodes.middleware import Parameter, publish_all
 from mechanism_sim.nodes.partners import LONG, Partners
 from mechanism_sim.nodes.qos import RESULTS
-from mechanism_sim.nodes.scene_values import SCENE_PARAMETERS, Content, next_machine
+from mechanism_sim.nodes.scene_values import Content, next_machine
 from mechanism_sim.scene import Machine, run_length
 
 LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
@@ -30,12 +30,13 @@ REPORT_PERIOD = 0.01  # [s] between reports that are not urgent
 class SimulationNode(DescribedNode):
     """A node with a scene that works together with partners.
 
-    Parameters of the node: ``scene`` (name or path), ``overrides`` (``PATH=VALUE``, one a line;
-    another text holds from the next run on), ``duration`` [s] (0: one revolution), ``partners``
-    (names of the other nodes of the run, separated by commas), ``listeners`` (names of other
-    nodes that must receive all of this one's results from the first on, such as that of ``ros2
-    bag record``; ``NODE:TOPIC`` for one topic), ``partner_timeout`` [s], ``frame_prefix``, put
-    before the name of every frame (the namespace, if it is not given).
+    Parameters of the node: ``scene`` (name or path), ``overrides`` (``PATH=VALUE`` each,
+    an array or one a line; others hold from the next run on), ``duration`` [s] (0: one
+    revolution), ``partners`` (names of the other nodes of the run, an array or separated by
+    commas), ``listeners`` (likewise, of other nodes that must receive all of this one's results
+    from the first on, such as that of ``ros2 bag record``; ``NODE:TOPIC`` for one topic),
+    ``partner_timeout`` [s], ``frame_prefix``, put before the name of every frame (the namespace,
+    if it is not given).
 
     Subclasses make their endpoints, the results first, and then `join`; they work in `on_ready`
     and after. A node is `done` when it has nothing left to do. What comes while it is not `active`
@@ -63,9 +64,7 @@ class SimulationNode(DescribedNode):
         space = self.get_namespace().strip('/')
         prefix = f'{space}/' if space else ''
         self.declare('frame_prefix', prefix, 'Before the name of every frame', read_only=True)
-        for key, default, about in SCENE_PARAMETERS:
-            self.declare(key, default, f'{about}; from the next reset on; set that of crank_drive')
-        self._content = Content.of(self)
+        self._content = Content.declare(self)
         self.add_on_set_parameters_callback(self._judge_content)
         about = 'Length of the run [s]; 0: that of the scene, or one revolution'
         self.declare('duration', 0.0, about, LONG, read_only=True)

@@ -124,6 +124,36 @@ def test_a_partner_that_leaves_is_named(monkeypatch):
             spin([nodes['linkage']], lambda: False)
 
 
+def test_parameters_that_list_texts_are_arrays_or_one_text(tmp_path):
+    values = ['drive.speed=300 rpm', 'start=centred']
+    more = {'scene': SCENE, 'duration': 0.02, 'overrides': values}
+    names = ['crank_drive', 'linkage', 'recorder']
+    made = {
+        name: NODES[name](
+            [
+                *(Parameter(key, value=value) for key, value in more.items()),
+                Parameter('partners', value=[n for n in names if n != name]),
+                *([Parameter('file', value=str(tmp_path / 'other.mcap'))] * (name == 'recorder')),
+            ]
+        )
+        for name in names
+    }
+    try:
+        assert made['linkage'].partners.names == ['crank_drive', 'recorder']
+        for wrong in (3.0, [1, 2], True):
+            (result,) = made['crank_drive'].set_parameters([Parameter('overrides', value=wrong)])
+            assert result.reason == 'overrides must be an array of texts, or one text'
+        unknown = Parameter('overrides', value=['drive.sped=3'])
+        (result,) = made['crank_drive'].set_parameters([unknown])
+        assert 'sped' in result.reason
+        finish(made)
+    finally:
+        for node in made.values():
+            node.destroy_node()
+    found = analyze(tmp_path / 'other.mcap').digest
+    assert found == digest_of(SCENE, tuple(values), 0.02)
+
+
 def test_an_error_that_ends_a_node_is_in_rosout(network):
     listener, heard = Node('listener'), []
     listener.create_subscription(Log, '/rosout', heard.append, 10)
