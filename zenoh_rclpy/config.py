@@ -38,10 +38,12 @@ _COMMON: dict[str, Any] = {
     'transport/unicast/accept_pending': 10_000,
     'transport/unicast/max_sessions': 10_000,
     'transport/shared_memory/enabled': False,
+    # A process that does not answer so long [ms] is dropped by others, to whom it announces this,
+    # unless what they write to it waits.
     'transport/link/tx/lease': 60_000,
     'transport/link/tx/keep_alive': 2,
     # A publisher waits this long for a subscriber before it gives up the link, and with it what
-    # was published: longer than any callback takes. A dead subscriber is noticed by the lease.
+    # was published: longer than any callback takes. That of a process that ends breaks at once.
     'transport/link/tx/queue/congestion_control/block/wait_before_close': HOUR,
 }
 _SESSION: dict[str, Any] = {

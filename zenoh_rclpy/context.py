@@ -86,6 +86,11 @@ def leave(nodes: Iterable[Any] = (), patience: float = FLUSH_PATIENCE) -> None:
         shutdown(patience)
 
 
+def log_end(node: Any, reason: str) -> None:
+    """Log why a node ends, which its program writes on standard error; not part of rclpy."""
+    node.get_logger().fatal(reason, written=False)
+
+
 def ok() -> bool:
     """True if the process is on the network and was not asked to end."""
     return _context is not None and not _signalled

@@ -77,7 +77,7 @@ class Logger:
         return self._log(LoggingSeverity.ERROR, message, **how)
 
     def fatal(self, message: str, **how: Any) -> bool:
-        """Log a message of severity FATAL."""
+        """Log what ends the node; not ``written``: on ``/rosout`` alone, see `log_end`."""
         return self._log(LoggingSeverity.FATAL, message, **how)
 
     def _log(
@@ -87,6 +87,7 @@ class Logger:
         *,
         once: bool = False,
         throttle_duration_sec: float = 0.0,
+        written: bool = True,
     ) -> bool:
         if level < self._level:
             return False
@@ -100,7 +101,7 @@ class Logger:
             self._printed[place] = now
         seconds, nanoseconds = divmod(now, 1_000_000_000)
         line = f'[{level.name}] [{seconds}.{nanoseconds:09d}] [{self.name}]: {message}'
-        if self._written:
+        if self._written and written:
             print(line, file=sys.stderr, flush=True)
         if self._publish is not None:
             log = message_class('rcl_interfaces/msg/Log')

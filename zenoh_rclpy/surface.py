@@ -1,4 +1,4 @@
-"""Names of rclpy that there are here, and `leave` and `publish_all`, which it lacks."""
+"""Names of rclpy that there are here, and `leave`, `log_end`, `publish_all`, which it lacks."""
 
 from zenoh_rclpy.action_client import ActionClient, ClientGoalHandle
 from zenoh_rclpy.actions import (
@@ -13,7 +13,7 @@ from zenoh_rclpy.callback_groups import (
     ReentrantCallbackGroup,
 )
 from zenoh_rclpy.clock import Clock, ClockType, Duration, Time
-from zenoh_rclpy.context import init, leave, ok, shutdown, try_shutdown
+from zenoh_rclpy.context import init, leave, log_end, ok, shutdown, try_shutdown
 from zenoh_rclpy.errors import (
     ExternalShutdownException,
     InvalidParameterException,
@@ -92,6 +92,7 @@ __all__ = [
     'Timer',
     'init',
     'leave',
+    'log_end',
     'ok',
     'publish_all',
     'qos_profile_sensor_data',

@@ -186,7 +186,8 @@ class EventLoop:
                     limit, tau = self._present.base.local(until), 0.0
                     continue
                 if end > limit:
-                    if final:
+                    # To its rounded time a run is there: no piece of less than its rounding.
+                    if final and self.time < until:
                         self._cut(limit)
                     return
             self._pending = None
@@ -239,7 +240,7 @@ class EventLoop:
         `until` on cannot change it. None if the solution has come so far. To be called after
         `drain`.
         """
-        if self._pending is None:
+        if self._pending is None or self.time >= until:
             return None
         h = min(self._present.base.local(until) - self._pending.tau, self._pending.h)
         return self._output.peek(self._pending.tau, h) if h > 0.0 else None

@@ -141,7 +141,11 @@ class NominalRun:
         self._coming = deque(sorted((*self._coming, law), key=lambda x: x.valid_from))
 
     def advance(self, until: float, final: bool = False, most: int | None = None) -> None:
-        """Add every piece that ends not later than `until` [s]; with `final` up to `until`."""
+        """Add every piece that ends not later than `until` [s]; with `final` up to `until`.
+
+        A run has come to `until` when its rounded `time` has: what is left of a piece that ends
+        there is shorter than any difference of times, and no piece of its own.
+        """
         first = self.steps
         while most is None or self.steps - first < most:
             end = self._usual_end()
@@ -155,7 +159,7 @@ class NominalRun:
                     self._about = None, []
                 continue
             if end > until:
-                if final and self._time < until:
+                if final and self.time < until:
                     self._add(Fraction(until))
                     continue
                 return
@@ -171,10 +175,10 @@ class NominalRun:
 
         None if it has come so far. To be called after `drain`.
         """
-        if until <= self._time:
+        if until <= self.time:
             return None
         here, steps = self.snapshot(), self.steps
-        while self._time < until:
+        while self.time < until:
             changes = (Fraction(law.valid_from) for law in self._coming)
             self._add(min([self._usual_end(), *changes]))
         start, *_ = self._pieces[-1]

@@ -21,7 +21,7 @@ class ContentPropagation:
             name: drive.create_client(
                 self._kind, f'{name}/set_parameters_atomically', callback_group=group
             )
-            for name in drive.partners
+            for name in drive.partners.names
         }
         drive.add_post_set_parameters_callback(self._announce)
 

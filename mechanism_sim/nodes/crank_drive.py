@@ -87,7 +87,7 @@ class CrankDrive(Drive):
     @property
     def time(self) -> float:
         """Time [s] up to which all partners have come."""
-        return min(self.partners_time(), self.announced)
+        return min(self.partners.time, self.announced)
 
     def play(self) -> None:
         """Let time go on by itself."""
@@ -166,9 +166,9 @@ class CrankDrive(Drive):
         self._look_who_waits()
 
     def _look_who_waits(self) -> None:
-        if self._ending and not self._ending.done() and self.partners_finished():
+        if self._ending and not self._ending.done() and self.partners.finished:
             self._ending.set_result(None)
-        if not self.partners_began():
+        if not self.partners.began:
             return
         there = [w for w in self._waiting if w[0] <= self.time]
         self._waiting = [w for w in self._waiting if w[0] > self.time]
@@ -183,7 +183,7 @@ class CrankDrive(Drive):
             return
         # Who waits for the end of the run gets an answer first, in the time between two ticks.
         self.done = self._over and not self.control.busy
-        self._over = self.partners_finished()
+        self._over = self.partners.finished
 
     def _publish_clock(self) -> None:
         if self.value('publish_clock'):
@@ -192,7 +192,7 @@ class CrankDrive(Drive):
     def _horizon(self) -> float:
         """Time [s] up to which the law may be announced now."""
         lead, factor = self._lead_and_factor()
-        horizon = min(self.partners_time() + lead, self.duration, self._commands.horizon)
+        horizon = min(self.partners.time + lead, self.duration, self._commands.horizon)
         if not self.playing:
             return min(horizon, self._goal)
         if factor > 0.0:

@@ -58,7 +58,8 @@ class DescribedNode(Node):
         self.spoken: set[str] = set()
         self.heard: list[str] = []
         super().__init__(name, parameter_overrides=list(parameters))
-        self.add_on_set_parameters_callback(_finite)
+        self._lists: set[str] = set()  # parameters that are texts, or arrays of texts
+        self.add_on_set_parameters_callback(self._judge_values)
 
     # --- parameters ---------------------------------------------------------------------------
 
@@ -83,6 +84,14 @@ class DescribedNode(Node):
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
         return self.declare_parameter(name, default, descriptor).value
 
+    def declare_list(self, name: str, about: str, read_only: bool = False) -> None:
+        """Declare a parameter that is an array of texts, or one text that lists them."""
+        self._lists.add(name)
+        descriptor = ParameterDescriptor(
+            description=about, read_only=read_only, dynamic_typing=True
+        )
+        self.declare_parameter(name, '', descriptor)
+
     def announce(self, name: str, value: float, since: float) -> None:
         """Tell in the log from which time [s] on a parameter's new value holds."""
         self.get_logger().info(f'{name} = {value:g} holds from t = {since:.9g} s on')
@@ -92,8 +101,25 @@ class DescribedNode(Node):
         return self.get_parameter(parameter).value
 
     def names(self, parameter: str) -> list[str]:
-        """The names in a parameter that lists them, separated by commas."""
-        return [name.strip() for name in self.value(parameter).split(',') if name.strip()]
+        """The names in a parameter that lists them: an array, or separated by commas."""
+        given = self.value(parameter)
+        parts = given.split(',') if isinstance(given, str) else given
+        return [name.strip() for name in parts if name.strip()]
+
+    def _judge_values(self, parameters: list[Parameter]) -> Any:
+        """Refuse numbers that are not finite, which ranges let pass, and lists of no texts."""
+        result = SetParametersResult(successful=True)
+        for parameter in parameters:
+            name, value = parameter.name, parameter.value
+            texts = [value] if isinstance(value, str) else value
+            if isinstance(value, float) and not math.isfinite(value):
+                result.successful, result.reason = False, f'{name} must be finite'
+            elif name in self._lists and not (
+                isinstance(texts, list | tuple) and all(isinstance(text, str) for text in texts)
+            ):
+                reason = f'{name} must be an array of texts, or one text'
+                result.successful, result.reason = False, reason
+        return result
 
     # --- endpoints ----------------------------------------------------------------------------
 
@@ -162,15 +188,6 @@ class DescribedNode(Node):
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
-
-
-def _finite(parameters: list[Parameter]) -> Any:
-    """Refuse what is not a number: ranges let it pass."""
-    result = SetParametersResult(successful=True)
-    for parameter in parameters:
-        if isinstance(parameter.value, float) and not math.isfinite(parameter.value):
-            result.successful, result.reason = False, f'{parameter.name} must be finite'
-    return result
 
 
 def _text(value: object) -> str:

@@ -77,7 +77,7 @@ class Display(SimulationNode):
         """True if all impacts that were announced have come."""
         announced = (
             dict(zip(p.topics, p.counts, strict=True)).get(self._topic, 0)
-            for p in self.progress_of.values()
+            for p in self.partners.reports.values()
             if p.run == self.run
         )
         return self._impacts >= sum(map(int, announced))

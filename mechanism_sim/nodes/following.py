@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -41,7 +42,7 @@ class MotionFollower:
         """All partners are there: the motion will come by itself."""
 
     def _on_motion(self, message: Any) -> None:
-        if not self._node.goes_on(message.run):
+        if not self._node.partners.goes_on(message.run):
             return
         if message.run != self._node.run:
             self._node.begin_run(message.run)
@@ -72,13 +73,15 @@ class MotionFollower:
     def look(self) -> None:
         """End if all motion has come that the last report of its publisher announces."""
         node = self._node
-        known = [p for p in node.progress_of.values() if p.run == node.run]
+        known = [p for p in node.partners.reports.values() if p.run == node.run]
         sources = [p for p in known if self._topic in p.topics]
-        if self._ended or not sources or not all(
-            p.finished and self._time >= p.time for p in sources
-        ):  # fmt: skip
+        if self._ended or not sources or not all(p.finished for p in sources):
+            return
+        # The end of a piece is a sum that may round to the float before that which is reported.
+        end = max(p.time for p in sources)
+        if self._time < math.nextafter(end, 0.0):
             return
         self._end()
-        self._ended, again = True, node.another_follows()
-        node.report(self._time, finished=True, again=again)
+        self._ended, again = True, node.partners.another_follows
+        node.report(end, finished=True, again=again)
         node.done = not again

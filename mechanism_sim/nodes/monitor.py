@@ -40,11 +40,11 @@ class Monitor(SimulationNode):
             self.begin_run(message.run)
         self._heard = now = time.monotonic()
         self.run_time = now - (self.first_heard or now)
-        self.time = min(self.partners_time(), self.duration)
+        self.time = min(self.partners.time, self.duration)
         counts = dict(zip(message.topics, message.counts, strict=True))
         impacts = self.resolve_topic_name('impacts')
         self.impacts = int(counts.get(impacts, self.impacts))
-        self.done = self.partners_finished() and not self.another_follows()
+        self.done = self.partners.finished and not self.partners.another_follows
         if self._show and (self.done or now - self._shown > 0.1):
             self._shown = now
             factor = realtime_factor(self.time, self.run_time) or 0.0

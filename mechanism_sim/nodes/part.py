@@ -28,7 +28,7 @@ class PartNode(IntegratingNode):
     def make_endpoints(self) -> None:
         """Publish the states, and all that integration gives if this node does that."""
         states = States(self, self.kind)
-        role = MotionFollower if 'linkage' in self.partners else Integration
+        role = MotionFollower if 'linkage' in self.partners.names else Integration
         self._role: MotionFollower | Integration = role(
             self, states.publish, reset=states.start_over
         )

@@ -23,6 +23,7 @@ from mechanism_sim.nodes.middleware import (
     SingleThreadedExecutor,
     init,
     leave,
+    log_end,
     ok,
     remove_ros_args,
 )
@@ -97,9 +98,9 @@ def run_nodes(
             InvalidQosOverridesError,
             InvalidNameError,
         ) as error:
-            code = print_error(error, 2)
+            code = _tell(nodes, error, 2)
         except (RunError, MiddlewareError) as error:
-            code = print_error(error, 2 if isinstance(error, ValueError) else 1)
+            code = _tell(nodes, error, 2 if isinstance(error, ValueError) else 1)
             for executor in executors:
                 _keep(executor, nodes)
         finally:
@@ -113,6 +114,14 @@ def run_nodes(
                 code = code or print_error(error, 1)
             ending.allow()
     return code or (ending.INTERRUPTED if asked_to_end else 0)
+
+
+def _tell(nodes: Sequence[DescribedNode], error: Exception, code: int) -> int:
+    """Print why nodes end, and log it as the node that says so; gives back the exit code."""
+    sayer = [n for n in nodes if str(error).startswith(f'{n.get_name()}: ')] or nodes
+    if sayer and ok():
+        log_end(sayer[0], str(error))
+    return print_error(error, code)
 
 
 @contextmanager

@@ -39,18 +39,18 @@ from ros_interfaces.layout import Layout
 ENERGIES = 'kinetic_energy', 'potential_energy', 'drive_work', 'dissipated'
 
 
-def joint_states(physics: Physics) -> Callable[[Array, Observation], list[bytes]]:
+def joint_states(physics: Physics) -> Callable[[View], list[bytes]]:
     """JointState messages: angles and displacements of the links; the effort is the drives'."""
     names = list(physics.coordinates)
     driven, none = [names.index(c) for c in physics.driven], float64_array(np.zeros(len(names)))
     layout = Layout(JointState(name=names, position=none, velocity=none, effort=none))
 
-    def write(t: Array, o: Observation) -> list[bytes]:
+    def write(view: View) -> list[bytes]:
+        o = view.observed
         effort = np.zeros_like(o.position)
         effort[driven] = _torques(o)
-        return layout.write(
-            t, {'position': o.position.T, 'velocity': o.velocity.T, 'effort': effort.T}
-        )
+        columns = {'position': o.position.T, 'velocity': o.velocity.T, 'effort': effort.T}
+        return layout.write(view.t, columns)
 
     return write
 

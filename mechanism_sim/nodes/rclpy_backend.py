@@ -116,6 +116,7 @@ __all__ = [
     'Timer',
     'init',
     'leave',
+    'log_end',
     'ok',
     'publish_all',
     'qos_profile_sensor_data',
@@ -269,6 +270,11 @@ def publish_all(publisher: Any, messages: Iterable[Any]) -> None:
     """Publish messages in their order."""
     for message in messages:
         publisher.publish(message)
+
+
+def log_end(node: Any, reason: str) -> None:
+    """Log why a node ends: on ``/rosout``, in the log file, and in its form on standard error."""
+    node.get_logger().fatal(reason)
 
 
 def leave(nodes: Iterable[Any] = (), patience: float = 60.0) -> None:

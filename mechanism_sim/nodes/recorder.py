@@ -56,7 +56,7 @@ class Recorder(SimulationNode):
         self._ended = False
         self._topics: dict[str, tuple[Any, QoSProfile]] = {}
         self._ahead: list[tuple[str, bytes, int]] = []  # for the next run's bag, with their times
-        for topic, kind, delivery in topics_of(self.machine, 'display' in self.partners):
+        for topic, kind, delivery in topics_of(self.machine, 'display' in self.partners.names):
             deep = CLOCK_HEARD if delivery == 'clock' else PROFILES[delivery]
             self._record(topic, kind, PROFILES[delivery], deep)
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
@@ -157,7 +157,7 @@ class Recorder(SimulationNode):
         self.writer.write(self.resolve_topic_name('progress'), serialize(message), self._now)
         self._reports.setdefault(message.node, message)
         self._review()
-        if self.partners_finished() and self._loss_deadline is None:
+        if self.partners.finished and self._loss_deadline is None:
             self._loss_deadline = time.monotonic() + LOSS_TIMEOUT
             self._loss_timer = self.create_timer(1.0, self._finish)
         if self._loss_deadline is not None:
@@ -177,7 +177,7 @@ class Recorder(SimulationNode):
             current, missing = report, self._missing_counts(report)
             while not missing:
                 self._complete[node] = current.time
-                newest = self.progress_of.get(node, current)
+                newest = self.partners.reports.get(node, current)
                 if newest is current:
                     del self._reports[node]
                     break
@@ -185,8 +185,8 @@ class Recorder(SimulationNode):
                 missing = self._missing_counts(current)
             for topic, n in missing.items():
                 self._due[topic] = self.writer.counts[topic] + n
-        drive = self.progress_of.get('crank_drive')
-        t = min((self._complete.get(partner, 0.0) for partner in self.partners), default=0.0)
+        drive = self.partners.reports.get('crank_drive')
+        t = min((self._complete.get(partner, 0.0) for partner in self.partners.names), default=0.0)
         if drive is not None and t >= drive.time:
             self.report(t)  # the drive may be waiting for this
         else:
@@ -204,8 +204,8 @@ class Recorder(SimulationNode):
         late = self._loss_deadline is not None and time.monotonic() > self._loss_deadline
         # The clock is no result: no count tells of it, and it may be lost.
         if not missing and (late or self._clock_ended()):
-            again = self.another_follows()
-            self.report(self.partners_time(), finished=True, again=again)
+            again = self.partners.another_follows
+            self.report(self.partners.time, finished=True, again=again)
             self._ended, self.done = True, not again
         elif missing and late:
             topic, count = next(iter(missing.items()))
@@ -214,7 +214,7 @@ class Recorder(SimulationNode):
     @property
     def _announced(self) -> int:
         """Time [ns] to which the law is announced in this run, as far as is known here."""
-        drive = self.progress_of.get('crank_drive')
+        drive = self.partners.reports.get('crank_drive')
         return nanoseconds(drive.header.stamp) if drive else 0
 
     def _clock_ended(self) -> bool:

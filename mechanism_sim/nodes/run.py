@@ -201,7 +201,7 @@ def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
         )
     monitor = monitors[0] if monitors else None
     sent: dict[str, int] = {}
-    for message in monitor.progress_of.values() if monitor else ():
+    for message in monitor.partners.reports.values() if monitor else ():
         for topic, count in zip(message.topics, message.counts, strict=True):
             sent[topic] = sent.get(topic, 0) + int(count)
     simulated, took = (monitor.time, monitor.run_time) if monitor else (0.0, 0.0)

@@ -12,11 +12,7 @@ from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.scene.gate import admit
 
 SCENE, OVERRIDES = 'scene', 'overrides'
-SCENE_PARAMETERS = (
-    (SCENE, 'four_bar_clearance', 'Name of a scene of the package, or path of a file'),
-    (OVERRIDES, '', 'PATH=VALUE each, one a line'),
-)
-"""Names of the parameters that say which machine it is, their defaults, and what they are."""
+"""Names of the parameters that say which machine it is."""
 
 
 class Content(NamedTuple):
@@ -26,13 +22,22 @@ class Content(NamedTuple):
     overrides: str
 
     @staticmethod
+    def declare(node: DescribedNode) -> Content:
+        """Declare the parameters; gives back the content that they name."""
+        when = 'from the next reset on; set that of crank_drive'
+        about = f'Name of a scene of the package, or path of a file; {when}'
+        node.declare(SCENE, 'four_bar_clearance', about)
+        node.declare_list(OVERRIDES, f'PATH=VALUE each; in one text, one a line; {when}')
+        return Content.of(node)
+
+    @staticmethod
     def of(node: DescribedNode) -> Content:
         """The content that the parameters of a node name."""
-        return Content(node.value(SCENE), node.value(OVERRIDES))
+        return Content(node.value(SCENE), lines_of(node.value(OVERRIDES)))
 
     def changed(self, parameters: Sequence[Parameter]) -> Content:
-        """Content with other values of those that are texts; the middleware refuses others."""
-        given = {p.name: p.value for p in parameters if isinstance(p.value, str)}
+        """Content with other values of those that are texts; the node refuses others."""
+        given = {p.name: lines_of(p.value) for p in parameters if p.name in (SCENE, OVERRIDES)}
         return Content(given.get(SCENE, self.scene), given.get(OVERRIDES, self.overrides))
 
     @property
@@ -43,6 +48,12 @@ class Content(NamedTuple):
     def load(self) -> Machine:
         """The machine; raises InputError if the scene is not good."""
         return admit(load_scene(self.scene, self.lines))
+
+
+def lines_of(value: object) -> str:
+    """Lines of a parameter that is a text or an array of texts; empty if it is neither."""
+    texts = [value] if isinstance(value, str) else value if isinstance(value, list | tuple) else []
+    return '\n'.join(text for text in texts if isinstance(text, str))
 
 
 def next_machine(present: Machine, asked: Content) -> Machine:

@@ -8,7 +8,7 @@ from typing import Any
 from mechanism_sim.messages import MessageError, message_class, service_class
 from mechanism_sim.nodes.control import PACKAGE
 from mechanism_sim.nodes.middleware import Client, Node, Parameter, ReentrantCallbackGroup
-from mechanism_sim.nodes.scene_values import OVERRIDES, Content
+from mechanism_sim.nodes.scene_values import OVERRIDES, Content, lines_of
 from mechanism_sim.pages.controls import DRIVE, Control
 
 PLAYING, PAUSED = 1, 2
@@ -57,7 +57,7 @@ class Operator:
         )
         if isinstance(answer, str) or len(answer.values) != len(names):
             return []
-        kinds = {2: 'integer_value', 3: 'double_value', 4: 'string_value'}
+        kinds = {2: 'integer_value', 3: 'double_value', 4: 'string_value', 9: 'string_array_value'}
         return [getattr(v, kinds.get(int(v.type), 'bool_value')) for v in answer.values]
 
     async def set_now(self, control: Control, value: float) -> str:
@@ -70,7 +70,9 @@ class Operator:
         if not present:
             return f"'{DRIVE}' does not say with which values of the scene it runs"
         others = [
-            x for x in Content('', present[0]).lines if x.partition('=')[0].strip() != control.path
+            x
+            for x in Content('', lines_of(present[0])).lines
+            if x.partition('=')[0].strip() != control.path
         ]
         return await self._set(DRIVE, OVERRIDES, '\n'.join([*others, control.override(value)]))
 

@@ -18,6 +18,7 @@ from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.numerics.formula import Words, expression
 from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.run import Runner
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.machine import Run
@@ -101,6 +102,27 @@ QUICK = 'geneva', 'gear_box', 'film_advance', 'four_bar_clearance', 'valve_train
 def quick_and_deep(names):
     """Cases of which some are quick."""
     return [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in names]
+
+
+#: Closed forms and integrated runs: exact times at which their pieces end lie between floats.
+BOUNDED = quick_and_deep((*IDEAL, 'four_bar_clearance', 'valve_train', 'gear_rattle'))
+
+
+@pytest.mark.parametrize('name', BOUNDED)
+def test_a_run_that_ends_at_a_boundary_of_pieces_is_that_of_solve(name):
+    """Nodes end a run as soon as its end is known; `simulate` comes to its end, and looks."""
+    machine = ms.load_scene(name)
+    whole = ms.simulate(machine, duration=2.2 * min(machine.period, 1.0)).motion.curve.start
+    for k in np.linspace(1, len(whole) - 1, 9).astype(int):
+        for end in (np.nextafter(whole[k], 0.0), whole[k], np.nextafter(whole[k], np.inf)):
+            solution = ms.simulate(machine, duration=float(end))
+            digest, noded = MotionDigest(), Runner(machine)
+            for until in (0.37 * end, 0.8 * end, end):
+                for piece in noded.to(float(until), final=until == end):
+                    digest.add(piece.motion, piece.impacts)
+                    assert piece.motion.curve.duration.min(initial=1.0) > 0.1 * np.spacing(end)
+            assert digest.hexdigest() == solution.digest(), float(end)
+            assert noded.engine.preview(float(end)) is None
 
 
 def begun(machine: Machine, run: Run) -> Piece:

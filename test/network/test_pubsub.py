@@ -1,10 +1,12 @@
 """Publishers, subscriptions and graph, across processes and inside one."""
 
+import signal
 import threading
 import time
 
 import pytest
 from middleware_network import PATIENCE, Network, Process, eventually, spin_until
+from running import ROOT
 
 from mechanism_sim.messages import Impact, JointState, serialize
 from mechanism_sim.nodes.middleware import (
@@ -20,6 +22,7 @@ from mechanism_sim.nodes.middleware import (
     shutdown,
     spin_once,
 )
+from zenoh_rclpy.config import router_config, session_config
 from zenoh_rclpy.inbox import LIMIT
 
 KEEP_ALL = QoSProfile(history=HistoryPolicy.KEEP_ALL)
@@ -392,6 +395,23 @@ def test_what_is_destroyed_is_gone():
     node.destroy_node()
     with pytest.raises(MiddlewareError, match='/impacts: not published'):
         publisher.publish(Impact())
+
+
+def test_a_process_that_does_not_answer_is_dropped_after_the_lease_it_announced(joined):
+    joined.settings['ZENOH_CONFIG_OVERRIDE'] = 'transport/link/tx/lease=500'
+    stopped = joined.start(COLLECT, 1, 0.0)
+    node = Node('source')
+    publisher = node.create_publisher(Impact, 'impacts', KEEP_ALL)
+    assert eventually(lambda: publisher.get_subscription_count() == 1)
+    stopped.interrupt(signal.SIGSTOP)
+    assert eventually(lambda: publisher.get_subscription_count() == 0)
+
+
+def test_the_lease_is_the_documented_one():
+    lease = int(session_config().get_json('transport/link/tx/lease')) // 1000
+    page = (ROOT / 'docs' / 'ros2.md').read_text()
+    assert f'| Zenoh (no ROS) | at the publisher, which waits | {lease} s;' in page
+    assert int(router_config().get_json('transport/link/tx/lease')) // 1000 == lease
 
 
 def test_a_subscriber_that_is_killed_does_not_hold_up_its_publisher(joined):

@@ -22,9 +22,9 @@ import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import RunError
 from mechanism_sim.export.urdf import to_urdf
-from mechanism_sim.messages import Impact, JointState, service_class
+from mechanism_sim.messages import Impact, JointState, Log, service_class
 from mechanism_sim.messages.part_states import KINDS
-from mechanism_sim.nodes import middleware, pace, simulation_node
+from mechanism_sim.nodes import middleware, pace, partners
 from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes.process import report_end
 from mechanism_sim.nodes.qos import RESULTS
@@ -34,6 +34,7 @@ from mechanism_sim.recording import read_bag
 
 SCENE = 'four_bar_clearance'
 PLAYING, QUITTING = 1, 3
+FATAL = 50  # of rcl_interfaces/Log
 
 pytestmark = pytest.mark.usefixtures('network')
 
@@ -85,8 +86,8 @@ def nodes_of(
     try:
         for name in chosen:
             given = [p for p in plan.parameters(name) if p.name != 'partners']
-            partners = Parameter('partners', value=','.join(n for n in chosen if n != name))
-            made[name] = NODES[name]([*given, partners, *more.get(name, [])])
+            others = Parameter('partners', value=','.join(n for n in chosen if n != name))
+            made[name] = NODES[name]([*given, others, *more.get(name, [])])
         yield made
     finally:
         for node in made.values():
@@ -114,13 +115,65 @@ def test_a_subscriber_that_is_slower_than_a_whole_run_loses_nothing():
 
 
 def test_a_partner_that_leaves_is_named(monkeypatch):
-    monkeypatch.setattr(simulation_node, 'GONE_AFTER', 0.0)
+    monkeypatch.setattr(partners, 'GONE_AFTER', 0.0)
     with nodes_of(SCENE, 1e5, 'crank_drive', 'linkage', realtime_factor=1.0) as nodes:
-        spin([*nodes.values()], lambda: bool(nodes['linkage'].progress_of))
+        spin([*nodes.values()], lambda: bool(nodes['linkage'].partners.reports))
         nodes.pop('crank_drive').destroy_node()
         said = "linkage: 'crank_drive' left before the run was finished"
         with pytest.raises(RunError, match=said):
             spin([nodes['linkage']], lambda: False)
+
+
+def test_parameters_that_list_texts_are_arrays_or_one_text(tmp_path):
+    values = ['drive.speed=300 rpm', 'start=centred']
+    more = {'scene': SCENE, 'duration': 0.02, 'overrides': values}
+    names = ['crank_drive', 'linkage', 'recorder']
+    made = {
+        name: NODES[name](
+            [
+                *(Parameter(key, value=value) for key, value in more.items()),
+                Parameter('partners', value=[n for n in names if n != name]),
+                *([Parameter('file', value=str(tmp_path / 'other.mcap'))] * (name == 'recorder')),
+            ]
+        )
+        for name in names
+    }
+    try:
+        assert made['linkage'].partners.names == ['crank_drive', 'recorder']
+        for wrong in (3.0, [1, 2], True):
+            (result,) = made['crank_drive'].set_parameters([Parameter('overrides', value=wrong)])
+            assert result.reason == 'overrides must be an array of texts, or one text'
+        unknown = Parameter('overrides', value=['drive.sped=3'])
+        (result,) = made['crank_drive'].set_parameters([unknown])
+        assert 'sped' in result.reason
+        finish(made)
+    finally:
+        for node in made.values():
+            node.destroy_node()
+    found = analyze(tmp_path / 'other.mcap').digest
+    assert found == digest_of(SCENE, tuple(values), 0.02)
+
+
+def test_an_error_that_ends_a_node_is_in_rosout(network):
+    listener, heard = Node('listener'), []
+    listener.create_subscription(Log, '/rosout', heard.append, 10)
+    ended = network.start("""
+        from mechanism_sim.nodes.middleware import Parameter
+        from mechanism_sim.nodes.process import run_nodes
+        from mechanism_sim.nodes.run import NODES
+        given = {'partners': 'crank_drive', 'partner_timeout': 1.0}
+        parameters = [Parameter(name, value=value) for name, value in given.items()]
+        print('code', run_nodes(lambda: [NODES['linkage'](parameters)]))
+    """)
+    try:
+        spin_until(listener, lambda: any(log.level == FATAL for log in heard))
+        assert ended.expect('code') == '1'
+    finally:
+        listener.destroy_node()
+    (said,) = (log for log in heard if log.level == FATAL)
+    assert said.name == 'linkage'
+    assert said.msg.startswith("linkage: waited 1 s for 'crank_drive', which never came")
+    assert sum('which never came' in line for line in ended.lines) == 1
 
 
 def test_a_process_that_was_killed_is_named(capsys):
@@ -223,6 +276,21 @@ def test_the_nominal_mechanism_runs_as_nodes_too(tmp_path):
     with nodes_of('four_bar_nominal', 0.05, record=bag) as nodes:
         finish(nodes)
     assert analyze(bag).digest == digest_of('four_bar_nominal', duration=0.05)
+
+
+@pytest.mark.parametrize('end', [np.nextafter(0.25, 0.0), 0.25, np.nextafter(0.25, 1.0)])
+def test_nodes_whose_run_ends_at_a_boundary_of_pieces_move_as_solve_does(end, tmp_path):
+    bag = tmp_path / 'run.mcap'
+    with nodes_of('geneva', float(end), 'crank_drive', 'geneva', record=bag) as nodes:
+        finish(nodes)
+    assert analyze(bag).digest == digest_of('geneva', duration=float(end))
+
+
+def test_who_follows_ends_though_the_end_of_the_last_piece_rounds_otherwise():
+    end = 0.043750000000000004
+    assert ms.simulate(ms.load_scene('gear_box'), duration=end).duration < end
+    with nodes_of('gear_box', end, 'crank_drive', 'linkage', 'gear_train') as nodes:
+        finish(nodes)
 
 
 def test_a_node_of_parts_integrates_and_follows_alike(tmp_path):
@@ -369,15 +437,15 @@ def test_closed_forms_are_published_alike_however_short_the_law_is_known(
 
 
 @pytest.mark.parametrize(
-    ('partners', 'said'),
+    ('names', 'said'),
     [
         ('crank_drive', 'waiting for crank_drive'),
         ('', 'waiting for somebody who publishes /drive'),
     ],
 )
-def test_a_node_that_waits_says_for_whom(monkeypatch, capsys, partners, said):
-    monkeypatch.setattr(simulation_node, 'SAY_AFTER', -1e9)
-    linkage = NODES['linkage']([Parameter('partners', value=partners)])
+def test_a_node_that_waits_says_for_whom(monkeypatch, capsys, names, said):
+    monkeypatch.setattr(partners, 'SAY_AFTER', -1e9)
+    linkage = NODES['linkage']([Parameter('partners', value=names)])
     lines: list[str] = []
 
     def told() -> bool:

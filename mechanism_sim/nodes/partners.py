@@ -1,0 +1,198 @@
+"""The other nodes of a run: their presence in the graph, and their reports."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from mechanism_sim.errors import RunError
+from mechanism_sim.nodes.described_node import DescribedNode
+
+SETTLE = 0.3  # [s] until a node that has joined can be sure to see who was there before
+SAY_AFTER, SAY_AGAIN = 2.0, 30.0
+"""[s] after which a node says for whom it waits, and after which it says so again."""
+
+FAREWELL = 1.0  # [s] a node stays that has found a partner of another version
+GONE_AFTER = 3.0  # [s] a partner may be out of the graph before it counts as lost
+LONG = 0.0, 1e12  # [s]
+
+
+class Partners:
+    """The nodes that a run waits for, and those that must hear this one's results.
+
+    Parameters of the node: ``partners``, ``listeners``, ``partner_timeout``.
+
+    Attributes
+    ----------
+    names : of the partners
+    run : number of the run of this node
+    reports : the last report of each partner, of this run or the next
+    """
+
+    def __init__(self, node: DescribedNode) -> None:
+        for key, about in (
+            ('partners', 'Names of the other nodes of the run; in one text, separated by commas'),
+            ('listeners', 'Nodes that must receive all results, or NODE:TOPIC; likewise'),
+        ):
+            node.declare_list(key, about, read_only=True)
+        node.declare('partner_timeout', 20.0, 'How long to wait for partners [s]', LONG, True)
+        self._node, self._listeners = node, node.names('listeners')
+        self.names = [p for p in node.names('partners') if p != node.get_name()]
+        self.run = 0
+        self.reports: dict[str, Any] = {}
+        self._seen: set[str] = set()
+        self._different = ''
+        self._missing_since: dict[str, float] = {}
+
+    # --- their reports --------------------------------------------------------------------------
+
+    def begin_run(self, number: int) -> None:
+        """Forget the reports of the run before; a partner may be in the new one already."""
+        self.run = number
+        self.reports = {n: p for n, p in self.reports.items() if p.run >= number}
+
+    def goes_on(self, number: int) -> bool:
+        """True if a run is the present one, or the next."""
+        return self.run <= number <= self.run + 1
+
+    def see(self, message: Any) -> None:
+        """Note that a node has reported, whoever it is and whatever of."""
+        self._seen.add(message.node)
+
+    def take(self, message: Any) -> bool:
+        """Keep the report of a partner; false if it is none, or still of the run before."""
+        if message.node not in self.names or not self.goes_on(message.run):
+            return False
+        self.reports[message.node] = message
+        return True
+
+    @property
+    def _present_reports(self) -> list[Any]:
+        """The last report of every partner in this run, None of one that has made none."""
+        known = [self.reports.get(partner) for partner in self.names]
+        return [r if r and r.run == self.run else None for r in known]
+
+    @property
+    def time(self) -> float:
+        """Time [s] up to which every partner has come; infinite without partners."""
+        return min((r.time if r else 0.0 for r in self._present_reports), default=float('inf'))
+
+    @property
+    def began(self) -> bool:
+        """True if every partner is in the same run as this node."""
+        return all(self._present_reports)
+
+    @property
+    def finished(self) -> bool:
+        """True if every partner has published its last."""
+        return all(r and r.finished for r in self._present_reports)
+
+    @property
+    def another_follows(self) -> bool:
+        """True if another run follows the one that partners have finished."""
+        return any(report.again for report in self.reports.values())
+
+    # --- their presence -------------------------------------------------------------------------
+
+    def expect(self) -> None:
+        """Wait for them from now on."""
+        now = time.monotonic()
+        self._deadline, self._settled = now + self._node.value('partner_timeout'), now + SETTLE
+
+    def gathered(self) -> bool:
+        """True when all are there; RunError if one never comes, or is of another version."""
+        name, now, present = self._node.get_name(), time.monotonic(), self._present()
+        if present.count(name) > 1:
+            raise RunError(
+                f"another '{name}' is running in this domain: end it, or give this run "
+                'a domain of its own (ROS_DOMAIN_ID=1)'
+            )
+        # One that was there may have done its part and left before this node is ready, or before
+        # the graph had it.
+        self._seen.update(present)
+        missing, unheard = [p for p in self.names if p not in self._seen], self._unheard()
+        if not missing and not unheard:
+            if now <= self._settled:
+                return False
+            if self._different:
+                raise RunError(self._different)
+            self._different = self._difference()
+            # The partner has to find this node before it leaves, and to end by itself.
+            self._settled = now + FAREWELL if self._different else self._settled
+            return not self._different
+        self._say_waiting(', '.join(missing) or ' on '.join(unheard or ()))
+        if now <= self._deadline:
+            return False
+        said = f'{name}: waited {self._node.value("partner_timeout"):g} s for'
+        if missing:
+            raise RunError(
+                f"{said} '{missing[0]}', which never came; start it "
+                f"('mechanism-sim node {missing[0]} --scene {self._node.value('scene')}') "
+                'or take it off the partners'
+            )
+        listener, topic = unheard or ('', '')
+        raise RunError(
+            f"{said} '{listener}' to subscribe to {topic}; start it, or take it off the listeners"
+        )
+
+    def check_presence(self) -> None:
+        """Raise RunError if one has left before it had finished."""
+        now, present = time.monotonic(), self._present()
+        for partner in self.names:
+            known = self.reports.get(partner)
+            if partner in present or (known and known.finished) or self._node.done:
+                self._missing_since.pop(partner, None)
+            elif now - self._missing_since.setdefault(partner, now) > GONE_AFTER:
+                raise RunError(
+                    f"{self._node.get_name()}: '{partner}' left before the run was finished; what "
+                    'came until then is kept'
+                )
+
+    def name_silent_topics(self) -> None:
+        """Say on which topics nobody publishes."""
+        node = self._node
+        if silent := [t for t in node.heard if not node.get_publishers_info_by_topic(t)]:
+            self._say_waiting(f'somebody who publishes {", ".join(silent)}')
+
+    def _say_waiting(self, for_whom: str) -> None:
+        if time.monotonic() > self._settled + SAY_AFTER:
+            log = self._node.get_logger()
+            log.info(f'waiting for {for_whom}', throttle_duration_sec=SAY_AGAIN)
+
+    def _present(self) -> list[str]:
+        """Names of the nodes in the graph that are whole, this one among them."""
+        # The last subscription of a node and its last publisher: who sees both sees all before.
+        node = self._node
+        hearing = {s.node_name for s in node.get_subscriptions_info_by_topic('progress')}
+        speaking = [p.node_name for p in node.get_publishers_info_by_topic('progress')]
+        return [name for name in speaking if name in hearing]
+
+    def _difference(self) -> str:
+        """Describe a partner with other message types, which would receive nothing."""
+        node = self._node
+        for topic in sorted(node.spoken):
+            types: dict[str, set[tuple[str, str]]] = {}
+            for seen in (node.get_publishers_info_by_topic, node.get_subscriptions_info_by_topic):
+                for info in seen(topic):
+                    if info.node_namespace == node.get_namespace():
+                        known = info.topic_type, str(getattr(info, 'topic_type_hash', ''))
+                        types.setdefault(info.node_name, set()).add(known)
+            ours = types.get(node.get_name(), set())
+            for partner in self.names:
+                if ours and partner in types and not types[partner] & ours:
+                    return (
+                        f"{node.get_name()}: '{partner}' is of another version: it has another "
+                        f'type of messages on {topic}; start all nodes of a run from one version'
+                    )
+        return ''
+
+    def _unheard(self) -> tuple[str, str] | None:
+        """A listener and a topic of results of this node that it has not subscribed to yet."""
+        node = self._node
+        for topic in node.results if self._listeners else ():
+            hearing = {s.node_name for s in node.get_subscriptions_info_by_topic(topic)}
+            for listener in self._listeners:
+                name, _, only = listener.partition(':')
+                if name not in hearing and (not only or node.resolve_topic_name(only) == topic):
+                    return name, topic
+        return None
