@@ -345,8 +345,7 @@ class EventLoop:
             tuple(self._laws.laws),
             tuple(self._laws.coming),
             self._last_event,
-            self._simultaneous,
-            self.events,
+            (self._simultaneous, self.events),
             stride,
             self._contacts.switching.rubbing,
         )
@@ -370,8 +369,8 @@ class EventLoop:
         self._gaps.impacts.count, self._gaps.mode_changes = 0, []
         self._pending = None
         laws.next_base = s.next_base
-        self._last_event, self._simultaneous = s.last_event, s.simultaneous
-        self.events = s.events
+        self._last_event = s.last_event
+        self._simultaneous, self.events = s.events
         self._leave_singular(_SINGULAR.beside)
         self._go_on()
         laws.directions[:] = array('d', s.directions)

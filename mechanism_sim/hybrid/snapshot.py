@@ -52,8 +52,7 @@ class Snapshot:
     laws: tuple[Law, ...]
     coming: tuple[Law, ...]
     last_event: float  #: [s]
-    simultaneous: int  #: events at that time
-    events: int
+    events: tuple[int, int]  #: at that time, and in all
     stride: float = 0.0  #: [s] of regular steps
     rubbing: tuple[float, ...] = ()  #: signs and directions of forces that rub
 
@@ -75,6 +74,7 @@ class Snapshot:
             'laws': [_law_to_json(law) for law in self.laws],
             'coming': [_law_to_json(law) for law in self.coming],
         }
+        data['simultaneous'], data['events'] = self.events
         for key in _TIMES:
             data[key] = float(data[key]).hex()
         for key in ('state', 'directions', 'approach'):
@@ -93,6 +93,7 @@ class Snapshot:
             for key in _TIMES:
                 data[key] = float.fromhex(data[key])
             data['base'] = Fraction(data['base'])
+            data['events'] = data.pop('simultaneous'), data['events']
             for key in ('state', 'directions', 'approach'):
                 data[key] = tuple(float.fromhex(x) for x in data[key])
             data['modes'] = tuple(data['modes'])

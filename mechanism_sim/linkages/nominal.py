@@ -392,7 +392,7 @@ class NominalRun:
         return Snapshot(
             '', self._time, 0.0, turns, (*self._last.tolist(), *slope), (), self._short, (),
             (), (), (), self._share, math.inf, 0.0, tuple(self._laws), tuple(self._coming),
-            -math.inf, 0, 0,
+            -math.inf, (0, 0),
         )  # fmt: skip
 
     def restore(self, snapshot: Snapshot) -> None:
