@@ -112,7 +112,7 @@ BOUNDED = quick_and_deep((*IDEAL, 'four_bar_clearance', 'valve_train', 'gear_rat
 def test_a_run_that_ends_at_a_boundary_of_pieces_is_that_of_solve(name):
     """Nodes end a run as soon as its end is known; `simulate` comes to its end, and looks."""
     machine = ms.load_scene(name)
-    whole = ms.simulate(machine, duration=2.2 * min(machine.period, 1.0)).motion.curve.start
+    whole = ms.simulate(machine, duration=2.2 * min(machine.drive.period, 1.0)).motion.curve.start
     for k in np.linspace(1, len(whole) - 1, 9).astype(int):
         for end in (np.nextafter(whole[k], 0.0), whole[k], np.nextafter(whole[k], np.inf)):
             solution = ms.simulate(machine, duration=float(end))

@@ -292,7 +292,7 @@ def test_a_four_bar_that_is_written_out_is_the_template_bit_by_bit():
     found = written_out((0.0, 0.0, 0.0, 0.0), {'coupler': 0.8, 'rocker': 2.5})
     assert ms.simulate(found).digest() == ms.simulate(short).digest()
     crossed = written_out((0.0, 0.0, 0.0, 0.0), {'coupler': -0.8, 'rocker': -2.5})
-    assert (found.linkage.branch, crossed.linkage.branch) == ('open', 'crossed')
+    assert (found.nominal.linkage.branch, crossed.nominal.linkage.branch) == ('open', 'crossed')
 
 
 @pytest.mark.sample(1)
