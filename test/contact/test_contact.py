@@ -115,3 +115,17 @@ def test_an_absolute_tolerance_and_a_violated_gap_end_chatter_too():
     assert not ChatterRule(1e-12, 0.0, 0.4).ends(v, -50.0, 0.5)
     assert ChatterRule(1e-12, 1e-8, 0.4).ends(v, -50.0, 0.5)
     assert ChatterRule(1e-12, 0.0, 0.4).ends(v, -50.0, 0.5, depth=1e-9)
+
+
+@given(st.floats(1e-9, 1e-3), st.floats(0.1, 100.0), st.floats(0.05, 1.95), st.floats(2.05, 4.0))
+def test_a_bounce_counts_if_it_rises_farther_than_the_gap_was_violated(depth, a, low, high):
+    """It begins that deep: what tops less than as far above zero is the last one."""
+    rule = ChatterRule(1e-12, 0.0, 1e-9)
+
+    def top(v):
+        return -depth + v * (v / a) - 0.5 * a * (v / a) ** 2
+
+    for rise, last in ((low, True), (high, False)):
+        v = np.sqrt(2.0 * a * rise * depth)
+        assert (top(v) < depth) == last  # of the flight itself
+        assert rule.ends(v, -a, 0.5, depth) == last

@@ -169,6 +169,20 @@ def test_the_last_bounce_takes_all_of_the_approach_and_says_how_long_others_woul
             assert done.horizon == pytest.approx(100.0 * 2.0 * after / 9.81)
 
 
+def test_a_bounce_that_would_not_clear_the_violated_gap_is_the_last():
+    """What rebounds at -depth and falls at g is highest at ``v^2/(2 g) - depth``."""
+    depth, g = 1e-6, 9.81
+    for top, last in ((-0.5 * depth, True), (2.0 * depth, False)):
+        masses = Masses(np.random.default_rng(3), 1, 3)
+        masses.q = -depth * masses.J[0] / (masses.J[0] @ masses.J[0])
+        masses.a *= -g / masses.problem.acceleration[0]
+        masses.v *= -math.sqrt(2.0 * g * (top + depth)) / 0.5 / masses.problem.rate[0]
+        log, (on, rests) = np.zeros((1, 12)), np.zeros((2, 1), dtype=bool)
+        now = Instant(0.0, np.zeros(2), masses.v)
+        instant.impact_of_all(masses.problem, LIMITS, 0, now, log, 0, on, rests)
+        assert log[0, instant.ENDS] == last
+
+
 def block(slope, mu, slip=0.0):
     """A block of 2 kg on a slope, in contact: x along it, y away from it."""
     masses = Masses(np.random.default_rng(0), 1, 2, friction=mu)
