@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 
-from mechanism_sim.contact.problem import problem_of
+from mechanism_sim.contact.problem import ContactArrays, problem_of
 from mechanism_sim.hybrid.observer import Instants, Observer
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.joints.revolute.bearing import BearingClearance
@@ -326,7 +326,7 @@ def test_gap_and_mode_free_terms_of_the_engine_at_a_contact(skew):
         index, pars = system.parameters.laws[0], system.parameters.values.copy()
         pars[index] = [q[0], v[0], 45.0]
         out = system.functions.contact_function(np.array([*q[1:], *v[1:], *pars, 0.0]))
-        terms = problem_of(out, system.contact_layout, np.zeros((2, 1)), *[None] * 2)
+        terms = problem_of(ContactArrays(out, system.contact_layout, np.zeros((2, 1)), None, None))
         newton = Newton(m, q, v, given={'crank': 90.0})
         Q = newton.point('coupler', (0.309, 0.0)) - newton.point('rocker', (0.312, 0.0))
         rate = newton.velocity('coupler', (0.309, 0.0)) - newton.velocity('rocker', (0.312, 0.0))
@@ -362,7 +362,7 @@ def test_drive_impulse_at_an_impact_is_the_change_of_angular_momentum(skew):
         pars = system.parameters.values.copy()
         pars[system.parameters.laws[0]] = [q[0], v[0], 0.0]
         out = system.functions.contact_function(np.array([*q[1:], *v[1:], *pars, 0.0]))
-        terms = problem_of(out, system.contact_layout, np.zeros((2, 1)), *[None] * 2)
+        terms = problem_of(ContactArrays(out, system.contact_layout, np.zeros((2, 1)), None, None))
         p = 0.03
         dv3 = terms.response[0][0] * p
         newton = Newton(m, q, v, given={'crank': 0.0})
