@@ -32,7 +32,7 @@ NODE_CLASSES = {
     'sensors': 'mechanism_sim.nodes.sensors:Sensors',
     'display': 'mechanism_sim.nodes.display:Display',
     'recorder': 'mechanism_sim.nodes.recorder:Recorder',
-    'view': 'mechanism_sim.pages.view:View',
+    'view': 'mechanism_sim.pages.view:ViewNode',
 }
 TABLES = 'a .npz, .csv, .parquet, .xlsx or .mat file'
 """Endings of tables."""
