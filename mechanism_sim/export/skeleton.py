@@ -149,7 +149,7 @@ class Skeleton:
         most = max((len(x.beam.names) for x in self.bendings.values()), default=0)
         found = np.zeros((q.shape[1], len(self.links), 3 + most))
         for i, link in enumerate(self.links):
-            own = at.amplitudes(link)
+            own = at.amplitudes(link) if link in self.bendings else []  # a rotor bends unseen
             found[:, i, :2] = at.locate_all(link, q).T
             found[:, i, 2] = at.angle_all(link, q)
             found[:, i, 3 : 3 + len(own)] = q[own].T
