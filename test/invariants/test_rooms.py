@@ -26,7 +26,7 @@ def test_numerics_knows_no_mechanics_and_physics_no_middleware():
     )  # fmt: skip
     assert set(out.stdout.split()) <= {
         'arrays', 'errors', 'numerics', 'units', 'planar', 'contact', 'hybrid', 'linkages',
-        'output', 'memory', 'packages', 'terminal',
+        'output', 'memory', 'packages', 'terminal', 'tolerances',
         'strict_json', 'text_table',
     }  # fmt: skip
 
