@@ -383,7 +383,7 @@ def rubbing(name, joint, **friction):
     ],
 )
 def test_followers_rub_where_they_touch(name, pin):
-    """By the speed of sliding that the shape of the cam has, from `cams.touch`."""
+    """By the speed of sliding that the shape of the cam has, from `joints.cam.touch`."""
     keys = ms.load_scene(name).scene.joints
     joint = next(n for n, j in keys.items() if j.kind == 'cam')
     mu = 0.1 * (pin / keys[joint].roller if pin else 1.0)
