@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.export.urdf import drivers_urdf, to_urdf
+from mechanism_sim.linkages.drive_range import drive_range
 from mechanism_sim.linkages.tracking import Tracker
 from mechanism_sim.messages import DiagnosticStatus, JointState, String, TFMessage, float64_array
 from mechanism_sim.nodes import publications
@@ -16,6 +18,7 @@ from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
 from mechanism_sim.nodes.middleware import Parameter, publish_all
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.scene_values import Content
+from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene.ideal import without_clearance
 from ros_interfaces.stamps import NANOSECONDS
 
@@ -55,7 +58,11 @@ class LoopRelay(DescribedNode):
         kinematics = plan.kinematics(self._driven)
         self._tracker = Tracker(kinematics, at.q, at.slope)
         self._names = list(kinematics.coordinates)
-        self._limits: dict[str, tuple[float, float]] = {}
+        self._limits = dict[str, tuple[float, float]]()
+        if len(self._driven) == 1:  # of several each has its own wherever the others are
+            reach = TWO_PI * float(kinematics.scale[kinematics.held[0]])
+            found = drive_range(kinematics, at.q, reach)
+            self._limits = {self._driven[0]: (found.low, found.high)} if found.limited else {}
         self._states = self.create_publisher(JointState, 'joint_states', RESULTS)
         frames = publications.transforms(plan.ideal, self._frame) if moves else None
         self._frames = frames
@@ -78,11 +85,8 @@ class LoopRelay(DescribedNode):
             self.ignore(DRIVERS, f'it has no position of {", ".join(missing)}')
             return
         told = [places[name] for name in self._driven]
-        if not np.isfinite(told).all():
-            self.ignore(DRIVERS, 'a position is not finite')
-            return
         try:
-            q = self._tracker.to(told)
+            q = self._followed(told)
         except RunError as error:
             self._refused = str(error)
             self.ignore(DRIVERS, self._refused)
@@ -101,6 +105,18 @@ class LoopRelay(DescribedNode):
             at = np.array([stamp.sec * NANOSECONDS + stamp.nanosec])
             publish_all(self._tf, self._frames(at, q[None]))
         self._answered, self._refused = self._answered + 1, ''
+
+    def _followed(self, told: list[float]) -> Array:
+        """Configuration (n,) at positions of the driving joints; RunError if there is none."""
+        if not np.isfinite(told).all():
+            raise RunError('a position is not finite')
+        for name, x in zip(self._driven, told, strict=True):
+            low, high = self._limits.get(name, (-np.inf, np.inf))
+            if not low <= x <= high:
+                raise RunError(
+                    f'{name} = {x:.9g} is beyond its limits, {low:.9g} to {high:.9g} [rad, m]'
+                )
+        return self._tracker.to(told)
 
     def diagnose(self) -> Diagnosis:
         """How many states were answered, and why the last one was not."""
