@@ -1,9 +1,9 @@
 """Limits of the drive of a linkage that cannot turn round: the two ends of its motion.
 
 All coordinates, that of the drive among them, are followed along the curve on which the loops
-are closed, by its arc length (Keller's pseudo-arclength continuation). At a limit the curve turns
-back: the drive stands still while the other coordinates go on. The curve itself is smooth there, so
-that a limit is found to rounding, and so is the position of every link at it.
+are closed, by its arc length (Keller's pseudo-arclength continuation). At a limit the curve
+turns back: the drive stands still while the other coordinates go on. The curve itself is smooth
+there, so that a limit is found to rounding, and so is the position of every link at it.
 """
 
 from __future__ import annotations
