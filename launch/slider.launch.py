@@ -1,9 +1,9 @@
 """
-Move any machine in RViz by one slider: ``ros2 launch mechanism_sim slider.launch.py scene:=geneva``.
+Move a machine in RViz by a slider: ``ros2 launch mechanism_sim slider.launch.py scene:=geneva``.
 
-A panel (``joint_state_publisher_gui``) shows the driving joint with its limits; `loop_relay` closes
-the loops and publishes the states of all joints and their frames. A controller or an encoder that
-publishes ``driver_states`` takes the panel's place with ``gui:=false``.
+A panel (``joint_state_publisher_gui``) shows the driving joint with its limits; `loop_relay`
+closes the loops and publishes the states of all joints and their frames. A controller or an encoder
+that publishes ``driver_states`` takes the panel's place with ``gui:=false``.
 """
 
 from pathlib import Path
@@ -36,7 +36,9 @@ def generate_launch_description():
     )  # fmt: skip
     panel = Node(
         package='joint_state_publisher_gui', executable='joint_state_publisher_gui',
-        remappings=[('robot_description', 'driver_description'), ('joint_states', 'driver_states')],
+        remappings=[
+            ('robot_description', 'driver_description'), ('joint_states', 'driver_states'),
+        ],
         condition=IfCondition(LaunchConfiguration('gui')),
     )  # fmt: skip
     rviz = Node(

@@ -115,7 +115,7 @@ def test_a_driver_beyond_its_range_leaves_the_states_where_they_are():
     found = tracker(made(ROCKER))
     linkage = FourBar(0.09, 0.06, 0.04, 0.07)
     before = found.to([0.5])
-    with pytest.raises(RunError, match='cannot follow its drive|singular position'):
+    with pytest.raises(RunError, match=r'cannot follow its drive|singular position'):
         found.to([3.0])
     np.testing.assert_array_equal(found.q, before)
     after = found.to([0.9])
