@@ -2,8 +2,8 @@
 Move a machine in RViz by a slider: ``ros2 launch mechanism_sim slider.launch.py scene:=geneva``.
 
 A panel (``joint_state_publisher_gui``) shows the driving joint with its limits; `loop_relay`
-closes the loops and publishes the states of all joints and their frames. A controller or an encoder
-that publishes ``driver_states`` takes the panel's place with ``gui:=false``.
+closes the loops and publishes the states of all joints and their frames. With ``gui:=false``
+``driver_states`` come from a controller or an encoder.
 """
 
 from pathlib import Path
