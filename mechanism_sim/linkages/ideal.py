@@ -22,7 +22,6 @@ _BRANCHES = TOLERANCES.branches
 
 
 _EPS = float(np.finfo(float).eps)
-_MEET = 1.0
 
 
 class FourBarMotion:
@@ -62,6 +61,11 @@ class FourBarMotion:
         q, rates, accelerations = found
         turns = np.round((near - q) / TWO_PI)
         turns[self.driven] = 0.0
+        if along is not None:
+            _, th3, th4 = self._angles(q)
+            limit = np.abs(np.sin(th3 - th4)) < _BRANCHES.limit
+            rates = np.where(limit, along[0], rates)
+            accelerations = np.where(limit, along[1], accelerations)
         return q + TWO_PI * turns, rates, accelerations, None
 
     def _angles(self, q: Array) -> Array:
@@ -168,7 +172,7 @@ class LinkageMotion:
         near = self.kinematics.nearly_singular(q, _BRANCHES.near)
         if near.any():
             every = self.kinematics.released()
-            near[near] = every.independence(q[:, near]) < _MEET * _BRANCHES.near
+            near[near] = every.independence(q[:, near]) < _BRANCHES.near
         return near
 
     def _stays(self, q: Array) -> bool:
@@ -285,6 +289,11 @@ class LinkageMotion:
             accelerations[:, rest] = kinematics.accelerations(
                 q[:, rest], rates[:, rest], a[:, rest], held
             )
+        if (
+            along is not None
+            and (limit := ~near_singular & kinematics.nearly_singular(near, _BRANCHES.limit)).any()
+        ):
+            rates[:, limit], accelerations[:, limit] = (x[:, limit] for x in along)
         return q, rates, accelerations, passage
 
     def rounding(self, q: Array) -> float:
