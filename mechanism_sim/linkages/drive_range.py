@@ -65,48 +65,87 @@ def drive_range(kinematics: Kinematics, q: Array, reach: float) -> DriveRange:
     return DriveRange(low, high, at_low, at_high)
 
 
+def placed_at(kinematics: Kinematics, q: Array, value: float) -> Array | None:
+    """Coordinates (n,) with the drive at a value, on the branch on which q (n,) is.
+
+    None where a limit is in between.
+    """
+    drive = kinematics.held[0]
+    reach = value - float(q[drive])
+    place, slope, step = _walked(kinematics, q, reach)
+    if not step:
+        return None if reach else q
+    if _rate(kinematics, place, slope, step)[drive] * reach <= 0.0:
+        step = _turning_way(kinematics, place, slope, step)
+
+    def beyond(way: float) -> float:
+        return float(_ahead(kinematics, place, slope, way)[drive]) - value
+
+    if beyond(step) * reach < 0.0:
+        return None
+    return _ahead(
+        kinematics, place, slope, float(scipy.optimize.brentq(beyond, 0.0, step, xtol=1e-15))
+    )
+
+
 def _limit(kinematics: Kinematics, q: Array, reach: float) -> tuple[float, Array]:
     """The limit one way, infinite if none is within reach; and the coordinates (n,) there."""
+    drive = kinematics.held[0]
+    place, slope, step = _walked(kinematics, q, reach)
+    if step and _rate(kinematics, place, slope, step)[drive] * reach > 0.0:
+        return math.copysign(math.inf, reach), place
+    way = _turning_way(kinematics, place, slope, step) if step else 0.0
+    found = _ahead(kinematics, place, slope, way)
+    return float(found[drive]), found
+
+
+def _walked(kinematics: Kinematics, q: Array, reach: float) -> tuple[Array, Array, float]:
+    """Place (n,) before the drive has gone so far or turns back, direction, and step beyond that.
+
+    The step is zero where the curve goes no farther.
+    """
     drive, way, step = kinematics.held[0], math.copysign(1.0, reach), _STEP
-    slope = _tangent(kinematics, q)
+    slope, place, start = _tangent(kinematics, q), q, float(q[drive])
     if abs(slope[drive]) < _STILL:
-        return float(q[drive]), q
+        return q, slope, 0.0
     slope *= way * math.copysign(1.0, slope[drive])
-    place, start = q, float(q[drive])
     for _ in range(_MOST):
         ahead = _corrected(kinematics, place, slope, step)
         turned = None if ahead is None else _tangent(kinematics, ahead)
         if turned is not None:
             turned *= math.copysign(1.0, float(turned @ slope))
-        smooth = turned is not None and float(turned @ slope) > math.cos(_TURNS)
-        if not smooth and (step > _SHORTEST or ahead is None or turned is None):
-            if step <= _SHORTEST:
-                return float(place[drive]), place  # no loop can be closed farther on
-            step *= 0.5
-            continue
-        assert ahead is not None and turned is not None  # noqa: S101, PT018 - as just seen
-        if way * turned[drive] <= 0.0:
-            found = _turning_point(kinematics, place, slope, step)
-            return float(found[drive]), found
+        if ahead is None or turned is None or float(turned @ slope) < math.cos(_TURNS):
+            if step > _SHORTEST:
+                step *= 0.5
+                continue
+            if ahead is None or turned is None:
+                return place, slope, 0.0  # no loop can be closed farther on
+        if way * turned[drive] <= 0.0 or way * (ahead[drive] - start) > abs(reach):
+            break
         place, slope, step = ahead, turned, min(_STEP, 1.5 * step)
-        if way * (place[drive] - start) > abs(reach):
-            return way * math.inf, place
-    return way * math.inf, place
+    return place, slope, step
 
 
-def _turning_point(kinematics: Kinematics, q: Array, slope: Array, step: float) -> Array:
-    """Coordinates (n,) where the drive turns back, not farther along the arc than a step."""
+def _turning_way(kinematics: Kinematics, q: Array, slope: Array, step: float) -> float:
+    """How far along the arc the drive turns back, which is not farther than a step."""
     drive = kinematics.held[0]
 
-    def at(way: float) -> Array:
-        found = _corrected(kinematics, q, slope, way) if way else q
-        return q + way * slope * kinematics.scale if found is None else found
-
     def rate(way: float) -> float:
-        here = _tangent(kinematics, at(way))
-        return float(here[drive] * math.copysign(1.0, float(here @ slope)))
+        return float(_rate(kinematics, q, slope, way)[drive])
 
-    return at(float(scipy.optimize.brentq(rate, 0.0, step, xtol=1e-15)))
+    return float(scipy.optimize.brentq(rate, 0.0, step, xtol=1e-15))
+
+
+def _ahead(kinematics: Kinematics, q: Array, slope: Array, way: float) -> Array:
+    """Coordinates (n,) some way along the arc that is known to go on there."""
+    found = _corrected(kinematics, q, slope, way) if way else q
+    return q + way * slope * kinematics.scale if found is None else found
+
+
+def _rate(kinematics: Kinematics, q: Array, slope: Array, way: float) -> Array:
+    """Direction (n,) of the curve there."""
+    here = _tangent(kinematics, _ahead(kinematics, q, slope, way))
+    return here * math.copysign(1.0, float(here @ slope))
 
 
 def _jacobian(kinematics: Kinematics, q: Array) -> tuple[Array, Array]:

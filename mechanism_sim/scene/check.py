@@ -13,7 +13,7 @@ from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.elastic_links import elastic_notes
-from mechanism_sim.scene.gate import admit
+from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
@@ -71,10 +71,13 @@ class Report:
     left_out: list[str]
     notes: list[str]
     questions: list[str] = field(default_factory=list)  #: values about a thousand times off
+    range: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Limits [rad, m] of a drive at constant speed that comes to one on either side"""
 
     def to_json(self) -> dict[str, object]:
         """As a plain dictionary."""
-        return asdict(self)
+        found = asdict(self)
+        return found if self.range else {k: x for k, x in found.items() if k != 'range'}
 
 
 def check(machine: Machine) -> Report:
@@ -108,7 +111,16 @@ def check(machine: Machine) -> Report:
         _left_out(machine, len(gaps)),
         notes,
         doubts(machine),
+        _range(machine),
     )
+
+
+def _range(machine: Machine) -> dict[str, tuple[float, float]]:
+    """Limits of the drive, all turns counted, if it has no full turn."""
+    if (found := between_limits(machine)) is None:
+        return {}
+    turned = TURN * machine.plan.turned.get(machine.plan.main, 0)
+    return {machine.plan.main: (found.low + turned, found.high + turned)}
 
 
 def _gap(joint: Joint, c: Play, machine: Machine) -> str:
@@ -215,6 +227,12 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
         if c.friction and c.restitution and c.hypothesis == 'newton'
     ]
     start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
+    if between_limits(machine):
+        stays = (
+            f"{limits_text(machine)}: 'cycle' goes from one limit to the other; a run that is to "
+            "stay between them needs a 'duration'"
+        )
+        notes.append(Limit(stays))
     notes += motion_notes(mechanism, start, plan.laws)
     for joint in plan.joints:
         keys = machine.scene.joints[joint.name]

@@ -66,13 +66,13 @@ class Machine(Rich):
     name : of the scene
     scene : its content, in SI units
     questions : about what its file says and its content in SI units does not, as units
-    ways : of the drives, those that were tried and found free, see `mechanism_sim.scene.gate`
+    ways : of drives that were tried, with why one cannot be gone: see `mechanism_sim.scene.gate`
     """
 
     name: str
     scene: Scene
     questions: tuple[str, ...] = field(default=(), compare=False)
-    ways: set[object] = field(default_factory=set, init=False, compare=False)
+    ways: dict[object, str] = field(default_factory=dict, init=False, compare=False)
 
     def __repr__(self) -> str:
         return f'<{type(self).__name__} {self.name}: {self.scene.title}>'

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from builders import made
 
-from mechanism_sim.linkages.drive_range import drive_range
+from mechanism_sim.linkages.drive_range import drive_range, placed_at
 from mechanism_sim.linkages.grashof import crank_limits
 
 TURN = 2.0 * math.pi
@@ -61,6 +61,21 @@ def test_limits_of_four_bars_are_those_of_their_triangles(seed):
     for place in (found.at_low, found.at_high):  # coupler and rocker in line
         q = dict(zip(machine.plan.ideal.coordinates, place, strict=True))
         assert math.sin(q['coupler'] - q['rocker']) == pytest.approx(0.0, abs=1e-7)
+
+
+def test_positions_between_limits_stay_on_their_branch():
+    """Up to the limits themselves, where the branches meet; none beyond."""
+    found, machine = four_bar(1.0, 0.9, 0.6, 0.75, 0.8)
+    kinematics = machine.plan.kinematics(machine.plan.prescribed)
+    loop, q = machine.assembly.loop, machine.assembly.q
+    for share in (1e-9, 0.01, 0.5, 0.99, 1.0 - 1e-9):
+        angle = found.low + share * (found.high - found.low)
+        place = placed_at(kinematics, q, angle)
+        links = [machine.plan.ideal.coordinates.index(x) for x in loop.links[1:]]
+        expected = np.exp(1j * np.array(loop.positions(angle)))
+        assert np.exp(1j * place[links]) == pytest.approx(expected, abs=1e-9)
+    assert placed_at(kinematics, q, found.high + 1e-9) is None
+    assert placed_at(kinematics, q, found.low - 1e-9) is None
 
 
 def test_a_crank_that_turns_fully_has_no_limits():
