@@ -14,6 +14,7 @@ from mechanism_sim.csv_tables import read_csv
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import Part, si_of
 from mechanism_sim.numerics.curves import Curve, through
+from mechanism_sim.scene.motion_keys import PositionPart
 from mechanism_sim.units import QuantityValue
 
 _ALONG = 'rad', 'm', 's', 'rad/s', 'm/s', ''
@@ -75,7 +76,7 @@ def with_files(file: str, folder: Path, content: Any, key: str = '') -> Any:
     return {k: with_files(file, folder, x, f'{key}.{k}') for k, x in content.items()}
 
 
-_KEYS = {'file', 'columns', *TablePart.model_fields}
+_KEYS = {'file', 'columns', *TablePart.model_fields, *PositionPart.model_fields}
 
 
 def _points_of(where: str, folder: Path, name: str, columns: Any) -> list[list[str]]:
