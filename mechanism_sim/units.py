@@ -36,7 +36,9 @@ EXAMPLES = {
     'rad': '30 deg',
     'rad/s': '350 rpm',
     'rad/s^2': '20 rad/s^2',
+    'rad/s^3': '500 rad/s^3',
     'm/s^2': '9.81 m/s^2',
+    'm/s^3': '20 m/s^3',
     'm/s': '1 mm/s',
     'Pa s': '0.03 Pa s',
     'Pa': '210 GPa',
@@ -90,7 +92,7 @@ _PER_MINUTE = re.compile(
 
 Taken by its dimension alone, ``1/min`` would be 1/60 rad/s.
 """
-_ROTATION = 'rad/s', 'rad/s^2'
+_ROTATION = 'rad/s', 'rad/s^2', 'rad/s^3'
 """Wanted units whose angle has to be written: ``1/s`` may be a radian or a revolution a second."""
 
 _FACTOR = re.compile(r'(\s+|\s*[*/]\s*|^)([A-Za-z]+)(?:(?:\^|\*\*)(-?\d))?')

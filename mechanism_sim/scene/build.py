@@ -133,8 +133,7 @@ def _check_unknowns(machine: Machine) -> None:
     if duration == math.inf:
         return
     run = machine.nominal.run([plan.laws[c][0] for c in plan.prescribed])
-    for later in (law for c in plan.prescribed for law in plan.laws[c][1:]):
-        run.change_law(later)
+    plan.announce(run, {c: plan.laws[c] for c in plan.prescribed})
     motion = run.motion(duration)
     physics = machine.physics
     assert isinstance(physics, NominalPhysics)  # noqa: S101 - its level says so

@@ -86,6 +86,7 @@ class EquationsOfMotion:
         drive = plan.scene.drive
         laws = [law for laws in plan.laws.values() for law in laws]
         degree = max(law.degree if isinstance(law, DriveLaw) else 1 for law in laws)
+        degree = max(degree, *(x.degree for x in plan.sources.values()), 1)
         if drive and drive.commands:
             degree = max(degree, 2)  # commanded speeds are joined by ramps
         return System(

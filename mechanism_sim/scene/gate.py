@@ -19,6 +19,7 @@ from mechanism_sim.linkages.grashof import crank_limits
 from mechanism_sim.linkages.loops import FourBarLoop
 from mechanism_sim.linkages.nominal import NominalRun
 from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.endless_laws import ends
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.assembly import closed_near
 from mechanism_sim.scene.machine import Machine
@@ -136,13 +137,15 @@ def check_way(machine: Machine, duration: float) -> None:
             _try_loops(machine, duration)
         return
     plan = machine.plan
-    moving = {c: w for c in plan.prescribed if (w := way_of(plan.laws[c], duration))[0] < w[1]}
+    moving = {
+        c: w
+        for c in plan.prescribed
+        if (w := way_of(plan.laws_until(c, duration), duration))[0] < w[1]
+    }
     if len(moving) > 1 or (moving and len(plan.prescribed) > 1):
         if duration not in tried:
-            laws = list(plan.laws.values())
-            run = machine.nominal.run([each[0] for each in laws])
-            for later in (law for each in laws for law in each[1:]):
-                run.change_law(later)
+            run = machine.nominal.run([each[0] for each in plan.laws.values()])
+            plan.announce(run, plan.laws)
             _advance(run, min(duration, _MOST * machine.drive.period))
             tried[duration] = ''
         return
@@ -169,9 +172,8 @@ def check_way(machine: Machine, duration: float) -> None:
 def way_of(laws: Sequence[Law], duration: float) -> Way:
     """Where prescribed laws lead from the start of a run to its end."""
     seen = []
-    for law, later in zip(laws, [*laws[1:], None], strict=True):
-        begin, end = law.valid_from, min(duration, later.valid_from if later else math.inf)
-        if isinstance(law, DriveLaw) and begin <= end:
+    for law, begin, end in ends(laws, duration):
+        if begin <= end:
             rate = np.trim_zeros(polynomial.polyder(law.coefficients), 'b')
             turning = polynomial.polyroots(rate) if len(rate) > 1 else np.zeros(0)
             real = law.reference_time + turning[np.abs(turning.imag) < 1e-9].real
@@ -210,8 +212,9 @@ def _check_four_bar(machine: Machine, loop: FourBarLoop, way: Way) -> None:
 
 def _try_loops(machine: Machine, duration: float) -> None:
     """Refuse drives along which loops without clearance cannot close, wherever other links go."""
-    mechanism, laws = machine.mechanism, machine.plan.laws
-    prescribed = machine.plan.prescribed
+    mechanism, plan = machine.mechanism, machine.plan
+    prescribed = plan.prescribed
+    laws = {c: plan.laws_until(c, duration) for c in prescribed}
     loops = machine.plan.loops(prescribed)
     if not loops.rows:
         return

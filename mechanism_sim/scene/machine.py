@@ -205,9 +205,7 @@ class Machine(Rich):
             )
         else:
             run = self.nominal.run(first, loads=True)
-        following = (x for c in system_order for x in laws[c][1:])
-        for later in sorted(following, key=lambda x: x.valid_from):
-            run.change_law(later)
+        self.plan.announce(run, {c: laws[c] for c in system_order})
         return run
 
     def snapshot(self, run: Run) -> Snapshot:

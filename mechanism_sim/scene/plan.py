@@ -16,12 +16,15 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.clock import take_off_turns
+from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.keys.names import Names, kind_of
 from mechanism_sim.linkages.forces import DriveEffort, UnknownForce
+from mechanism_sim.linkages.nominal import NominalRun
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
+from mechanism_sim.planar.endless_laws import LawSource, laws_until
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import (
     HigherPair,
@@ -46,6 +49,9 @@ from mechanism_sim.scene.reading import (
 from mechanism_sim.scene.schema import DrivePart, Scene
 from mechanism_sim.scene.tilted_links import check_tilts, without_mass
 
+_AHEAD = 4096
+"""Pieces of a motion without end that are looked at beforehand."""
+
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
 
@@ -59,6 +65,7 @@ class ScenePlan(Names):
     closing : which of them are cut to make a tree if none is loose
     clearances : of the loose ones
     laws : of the driven coordinates, in the order in which they take over
+    sources : what goes on behind the last of these, for motions without end
     begins : of the coordinates moved by a torque or a force, and of the elastic ones, value and
         rate at the start
     given : values and rates of coordinates that the scene sets outright
@@ -130,14 +137,17 @@ class ScenePlan(Names):
         given = read_values(self, 'initial.position', initial, tree, _PLACES)
         self.guess = read_values(self, 'guess', self.scene.guess, tree, _PLACES)
         self.laws: dict[str, tuple[Law, ...]] = {}
+        self.sources: dict[str, LawSource] = {}
         self.begins: dict[str, tuple[float, float]] = {}
         positions, self._turns = dict(given), dict[str, int]()
         for c in given.keys() - straight:  # angles that many turns make lose no digits here
             self._turns[c], positions[c] = take_off_turns(given[c])
         for c, drive in drives.items():
-            self.laws[c], self.begins[c], self._turns[c] = read_laws(
+            self.laws[c], source, self.begins[c], self._turns[c] = read_laws(
                 self, c, drive, c in straight, given.get(c), self.guess.get(c, 0.0)
             )
+            if source:
+                self.sources[c] = source
         if not self.laws:
             free = tree.coordinates[0]
             self.laws = {free: (TorqueLaw(free),)}
@@ -145,7 +155,10 @@ class ScenePlan(Names):
         silent = (
             c
             for c, drive in drives.items()
-            if drive.start_angle is None and drive.start_position is None and c not in said
+            if drive.start_angle is None
+            and drive.start_position is None
+            and drive.position is None
+            and c not in said
         )
         paceless = (c for c, drive in drives.items() if drive.speed is None)
         self.assumed = frozenset(silent), frozenset(paceless)
@@ -270,6 +283,20 @@ class ScenePlan(Names):
     def turned(self) -> dict[str, int]:
         """Whole turns of angles at the start that `held` and `given` leave out."""
         return self._turns | {c: turns for c, (turns, _) in self._local.items()}
+
+    def laws_until(self, c: str, end: float) -> tuple[Law, ...]:
+        """The laws of a coordinate up to a time [s], or as many as are looked at beforehand."""
+        return laws_until(self.laws[c], self.sources.get(c), end, _AHEAD)
+
+    def announce(self, run: EventLoop | NominalRun, laws: Mapping[str, Sequence[Law]]) -> None:
+        """Let a run know what comes behind the first of its laws.
+
+        Nothing of its own follows others than those of the scene.
+        """
+        later = (law for each in laws.values() for law in each[1:])
+        for law in sorted(later, key=lambda x: x.valid_from):
+            run.change_law(law)
+        run.go_on_by({c: x for c, x in self.sources.items() if laws[c] is self.laws[c]})
 
     def law_at(self, c: str, t: float = 0.0) -> tuple[float, float, float]:
         """Value, rate and acceleration, a time [s] from the start, by a coordinate's first law."""

@@ -29,7 +29,7 @@ from mechanism_sim.units import QuantityValue, alike, to_si, to_si_of
 Place = Annotated[QuantityValue, si_of('rad', 'm')]
 
 
-def _or_formula(*units: str) -> UnitValue:
+def or_formula(*units: str) -> UnitValue:
     """A quantity, or a formula such as ``-5*vx + 3*sin(20*t)``.
 
     Of one of several units it is a `QuantityValue`.
@@ -53,9 +53,9 @@ def _or_formula(*units: str) -> UnitValue:
     return UnitValue(read, units, 'a formula')
 
 
-ForceOrFormula = Annotated[float | str, _or_formula('N')]
-TorqueOrFormula = Annotated[float | str, _or_formula('N m')]
-EffortOrFormula = Annotated[QuantityValue | str, _or_formula('N m', 'N')]
+ForceOrFormula = Annotated[float | str, or_formula('N')]
+TorqueOrFormula = Annotated[float | str, or_formula('N m')]
+EffortOrFormula = Annotated[QuantityValue | str, or_formula('N m', 'N')]
 
 
 class DuringPart(Part):
