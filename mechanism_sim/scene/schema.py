@@ -39,8 +39,8 @@ from mechanism_sim.keys.quantities import (
     si_of,
 )
 from mechanism_sim.planar.motor import InductionMotor
+from mechanism_sim.scene.formula_keys import EffortOrFormula
 from mechanism_sim.scene.loads import LOADS
-from mechanism_sim.scene.loads.applied import EffortOrFormula
 from mechanism_sim.scene.sensor_keys import SensorKeys, seated, sensor_keys_of
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
