@@ -129,13 +129,13 @@ class DriveLaws:
 
     def count_from(self, time: Fraction, turns: Mapping[str, int]) -> None:
         """Set the base [s], with whole turns of the free coordinates, and the laws from there."""
-        present, parameters, outside = self._present, self._system.parameters, self._system.outside
+        present, parameters = self._present, self._system.parameters
         present.base = base = base_at(time, self.laws, turns)
         for index, law in zip(parameters.laws, base.laws, strict=True):
             present.set(index, (*law, *[0.0] * len(index))[: len(index)])
         for index, torque in zip(parameters.torques, base.torques, strict=True):
             present.set(index, torque)
-        for name, i in zip(outside, parameters.outside, strict=True):
+        for name, i in parameters.outside.items():
             present.pars[i] = base.high if name == 'time' else base.turns[name.rpartition('.')[0]]
         rates = present.v[list(self._system.angular)]
         self.next_base = base.next_after(float(np.abs(rates).max(initial=0.0)))

@@ -78,16 +78,16 @@ class EventLoop:
         known = [fastest] if fastest else driven or turning
         fastest = max((1.0, *map(abs, known)))
         self._ta = system.integrator(rtol, _STEPS.rate * fastest, compact)
-        f = len(system.free)
-        self._state, self._pars = self._ta.state[: 2 * f], floats(self._ta.pars)
-        self._state[:] = [*state.q, *state.v]
+        width = system.width
+        self._state, self._pars = self._ta.state[:width], floats(self._ta.pars)
+        self._state[:] = [*state.q, *state.v, *state.states]
         turns = dict(zip(system.free, state.turns, strict=True))
         self._output = DenseOutput(system, self._ta.order)
         rule = ChatterRule(rtol, atol, system.mechanism.size, system.mechanism.reach)
         self._present = PresentState(system, self._ta, base_at(state.time, laws, turns))
         self._gaps = ContactState(self._present, rule, rtol, fastest * system.mechanism.size)
         self._contacts = Contacts(self._gaps)
-        near = 2 * f + 1 + len(system.guards)  # after the state, the constant, what guards watch
+        near = width + 1 + len(system.guards)  # after the state, the constant, what guards watch
         self._singular = SingularPositions(system, self._ta, self._contacts, near)
         directions = floats(self._ta.state)[near + bool(system.relations) :]
         self._laws = DriveLaws(self._present, laws, directions)
@@ -300,14 +300,15 @@ class EventLoop:
             self._present.base.time + Fraction(self._ta.time),
             tuple(self._present.base.turns[c] for c in self._system.free),
             tuple(self._state[:f].tolist()),
-            tuple(self._state[f:].tolist()),
+            tuple(self._state[f : 2 * f].tolist()),
             tuple(self._gaps.closed(i) for i in range(len(self._system.gaps))),
+            tuple(self._state[2 * f :].tolist()),
         )
 
     def restart(self, state: State) -> None:
         """Begin anew from another state, under the present laws, without compiling anything."""
         self._output.restart()
-        self._state[:] = [*state.q, *state.v]
+        self._state[:] = [*state.q, *state.v, *state.states]
         self._ta.time = 0.0
         self._pars[self._system.parameters.stabilisation] = 0.0
         self._pending = None

@@ -144,6 +144,8 @@ class SetValuedForces:
         for c in self._dynamics.equations.coordinates:
             rate.append(hy.diff(function, frames.q[c]) * frames.v[c])
             rate.append(hy.diff(function, frames.v[c]) * dense(accelerations.get(c)))
+        for number, own in enumerate(self._dynamics.state_rates):
+            rate.append(hy.diff(function, frames.state(number)) * own)
         if 'time' in frames.outside:
             rate.append(hy.diff(function, frames.outside['time']))
         return hy.sum(rate)

@@ -45,6 +45,21 @@ class Curve:
         powers = (x - origin[row])[:, None] ** np.arange(self.rows.shape[1])
         return np.asarray((self.rows[row] * powers).sum(axis=1))
 
+    def integral(self) -> Curve:
+        """The integral from 0 on, of a curve that does not repeat."""
+        count = self.rows.shape[1]
+        rows = np.pad(self.rows / np.arange(1.0, count + 1.0), ((0, 0), (1, 0)))
+        inner = self.breaks[1:-1]  # where one polynomial follows on another
+        origin = np.append(0.5 * (inner[1:] + inner[:-1]), inner[-1])
+        powers = np.arange(count + 1)
+        for k, (at, place) in enumerate(zip(inner, origin, strict=True)):
+            before = inner[0] if k == 0 else origin[k - 1]
+            ended = (rows[k] * (at - before) ** powers).sum()
+            rows[k + 1, 0] = ended - (rows[k + 1] * (at - place) ** powers).sum()
+        found = Curve(self.breaks, rows)
+        rows[:, 0] -= found(np.zeros(1))
+        return found
+
 
 def through(
     points: Sequence[tuple[float, float]],

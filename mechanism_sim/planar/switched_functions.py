@@ -200,7 +200,9 @@ class Edges:
             if str(x) in named
         ]
         timed = str(frames.outside.get('time')) in named
-        turns = {n: x for n, x in frames.outside.items() if n != 'time' and str(x) in named}
+        turns = {
+            n: x for n, x in frames.outside.items() if n.endswith('.turns') and str(x) in named
+        }
         moves = [x for *_, x in moving] + ([frames.outside['time']] if timed else [])
         ranges = FunctionRanges(guards, moves, [*turns.values(), *self._switches.symbols])
         return GuardRanges([(d, i) for d, i, _ in moving], timed, tuple(turns), ranges)
@@ -255,6 +257,6 @@ def _with_all_turns(
     turns = {
         x: hy.expression(0.0)
         for name, x in frames.outside.items()
-        if name != 'time' and str(x) not in known
+        if name.endswith('.turns') and str(x) not in known
     }
     return list(hy.subs(list(expressions), turns)) if turns else list(expressions)

@@ -149,6 +149,9 @@ def _final(run: Stream) -> dict[str, Any]:
         'velocity': by_name(o.velocity),
         'acceleration': by_name(o.acceleration),
     }
+    if states := run.machine.plan.states:
+        values = run.final.states()[:, 0].tolist()
+        final['states'] = {x.label: z for x, z in zip(states, values, strict=True)}
     others: dict[str, dict[str, float]] = {}
     for quantity in catalogue(run.machine).values():
         if quantity.shown is Shown.RUN and quantity.kind in _COMPLIANCE:
@@ -324,6 +327,10 @@ def _end(run: Stream) -> Iterator[Section]:
         unit = 'm' if c in physics.displacements else 'rad'
         rows.append((c, *(f'{data[kind][c]:.10g} {unit}{per}' for kind, per in kinds)))
     yield Section(f'at the end, t = {run.duration:.9g} s', table=rows)
+    if states := data.get('states'):
+        units = {x.label: x.unit for x in run.machine.plan.states}
+        sizes = [(name, f'{z:.10g} {units[name]}') for name, z in states.items()]
+        yield Section(table=[('state', 'value'), *sizes])
     if reactions := data.get('reactions'):
         moments = data['reaction_moments']
         carried = [('joint', 'force x', 'force y', *(['moment'] if moments else []))]

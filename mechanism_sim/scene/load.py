@@ -16,8 +16,9 @@ from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml
 from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.motion_keys import SpeedPart
 from mechanism_sim.scene.remarks import length_questions
-from mechanism_sim.scene.schema import DrivePart, InitialPart, ProfilePart
+from mechanism_sim.scene.schema import DrivePart, InitialPart
 from mechanism_sim.units import QuantityValue
 
 RAMP = 0.01  # of the way between limits, on which a drive comes to its speed
@@ -133,7 +134,7 @@ def over_range(machine: Machine) -> Machine | None:
     unit = 'm/s' if main in plan.ideal.displacements else 'rad/s'
     end = steady + ramp - begun
     points = [(0.0, slow), (ramp - begun, speed), (steady, speed), (end, slow)]
-    profile = ProfilePart(points=[(t, QuantityValue(x, unit)) for t, x in points])
+    profile = SpeedPart(points=[(t, QuantityValue(x, unit)) for t, x in points])
     turned = TURN * plan.turned.get(main, 0)
     return _moved(machine, place, turned, None, profile, end)
 
@@ -143,7 +144,7 @@ def _moved(
     q: Array,
     turned: float,
     speed: float | None,
-    profile: ProfilePart | None,
+    profile: SpeedPart | None,
     duration: float,
 ) -> Machine:
     """Copy of a machine that starts at coordinates (n,), with another motion of its drive."""
@@ -153,10 +154,10 @@ def _moved(
     units = {c: 'm' if c in straight else 'rad' for c in known}
     where = 'start_position' if main in straight else 'start_angle'
     pace = None if speed is None else QuantityValue(speed, f'{units[main]}/s')
-    own = DrivePart.model_copy(
-        scene.drive or scene.drives[main],
-        update={where: known[main] + turned, 'speed': pace, 'profile': profile},
-    )
+    update = dict.fromkeys(('position', 'moves', 'acceleration')) | {
+        where: known[main] + turned, 'speed': pace, 'profile': profile,
+    }  # fmt: skip
+    own = DrivePart.model_copy(scene.drive or scene.drives[main], update=update)
     changed = {
         'drive' if scene.drive else 'drives': own if scene.drive else {main: own},
         'guess': {c: QuantityValue(x, units[c]) for c, x in known.items() if c != main},

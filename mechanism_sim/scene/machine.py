@@ -134,7 +134,7 @@ class Machine(Rich):
             if rigid or self.plan.clearances.keys() - slipping:
                 return Level.NONSMOOTH if rigid else Level.COMPLIANT
             return Level.SMOOTH
-        if self.torque_driven:
+        if self.torque_driven or self.plan.states:
             return Level.SMOOTH
         wanted = self.scene.outputs.forces and self.plan.weighed and not self.without_forces
         return Level.INVERSE_DYNAMICS if wanted else Level.KINEMATIC

@@ -20,7 +20,7 @@ from mechanism_sim.numerics.expressions import FUNCTIONS, ExpressionNode, unit_h
 from mechanism_sim.numerics.time_series import TimeSeries
 from mechanism_sim.planar.drive import curve_laws
 from mechanism_sim.planar.endless_laws import FormulaLaws
-from mechanism_sim.scene.loads.applied import or_formula
+from mechanism_sim.scene.formula_keys import or_formula
 from mechanism_sim.units import QuantityValue, alike
 
 Place = Annotated[QuantityValue, si_of('rad', 'm')]

@@ -21,10 +21,12 @@ from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.keys.names import Names, kind_of
 from mechanism_sim.linkages.forces import DriveEffort, UnknownForce
+from mechanism_sim.linkages.formulas import FormulaState
 from mechanism_sim.linkages.nominal import NominalRun
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
 from mechanism_sim.planar.endless_laws import LawSource, laws_until
+from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import (
     HigherPair,
@@ -73,6 +75,7 @@ class ScenePlan(Names):
     assumed : of `begins`, the coordinates of whose values and of whose rates nobody said anything
     guess : rough values of coordinates
     frictions : of ideal joints, of a tree of the mechanism
+    states : of first order
     efforts : what prescribed drives supply, where it is given
     motors : of the driven coordinates that have one whose torque is no straight line over speed
     weighed : whether every link has the mass properties that forces need
@@ -113,6 +116,7 @@ class ScenePlan(Names):
             if (play := keys.kind_keys.play(keys, joint)) is not None
         }
         self._loads = read_loads(self, tree)
+        self.states = [x for x in self._loads(tree) if isinstance(x, FormulaState)]
         self.efforts: dict[str, Callable[[Mechanism], DriveEffort]] = {
             c: read_effort(self, f'{drive_key(self, c)}.effort', c, drive.effort, tree)
             for c, drive in drives.items()
@@ -309,7 +313,9 @@ class ScenePlan(Names):
 
     def outside_at_start(self, names: Sequence[str], t: float = 0.0) -> Array:
         """Values (k, 1) of what `Frames.outside` names, at the turns of the start."""
-        found = [t if n == 'time' else self.turned.get(n.removesuffix('.turns'), 0) for n in names]
+        known = {'time': t, **{f'{c}.turns': n for c, n in self.turned.items()}}
+        known |= {f'{STATE}{k}': x.start for k, x in enumerate(self.states)}
+        found = [known.get(name, 0.0) for name in names]
         return np.reshape(np.array(found, float), (-1, 1))
 
     @cached_property

@@ -37,8 +37,8 @@ from mechanism_sim.keys.quantities import (
     si,
 )
 from mechanism_sim.planar.motor import InductionMotor
+from mechanism_sim.scene.formula_keys import EffortOrFormula
 from mechanism_sim.scene.loads import LOADS
-from mechanism_sim.scene.loads.applied import EffortOrFormula
 from mechanism_sim.scene.motion_keys import (
     AnyAcceleration,
     MovesPart,

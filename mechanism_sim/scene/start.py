@@ -92,6 +92,7 @@ class Start:
             tuple(q[c] for c in system.free),
             tuple(v[c] for c in system.free),
             tuple(closed),
+            tuple(x.start / x.scale for x in system.states),
         )
 
     def _starts_closed(self, gap: Gap, value: Array) -> bool:
