@@ -246,7 +246,9 @@ class DynamicPhysics:
         else:
             q = curve.local(segments, dt).T
         values = self.observer.gaps.values(
-            q, rows(self.system.edges, self.coordinates, curve, segments, dt)
+            q,
+            outside(self.system.outside, self.coordinates, curve, segments, dt),
+            rows(self.system.edges, self.coordinates, curve, segments, dt),
         )
         gaps = self.observer.gaps.distances(values)
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)

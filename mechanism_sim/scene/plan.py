@@ -58,6 +58,7 @@ class ScenePlan(Names):
     joints : between them
     closing : which of them are cut to make a tree if none is loose
     clearances : of the loose ones
+    touching : contacts of those that have some beside their constraint or clearance, as stops
     laws : of the driven coordinates, in the order in which they take over
     begins : of the coordinates moved by a torque or a force, and of the elastic ones, value and
         rate at the start
@@ -104,6 +105,11 @@ class ScenePlan(Names):
             for joint in sorted(self.joints, key=lambda x: scene.joints[x.name].kind_keys.last)
             for keys in [scene.joints[joint.name]]
             if (play := keys.kind_keys.play(keys, joint)) is not None
+        }
+        self.touching: dict[str, Play] = {
+            name: play
+            for name, keys in scene.joints.items()
+            if (play := keys.kind_keys.touches(keys, name)) is not None
         }
         self._loads = read_loads(self, tree)
         self.efforts: dict[str, Callable[[Mechanism], DriveEffort]] = {
@@ -280,9 +286,12 @@ class ScenePlan(Names):
             2.0 * half + 6.0 * third * t,
         )
 
-    def outside_at_start(self, names: Sequence[str], t: float = 0.0) -> Array:
-        """Values (k, 1) of what `Frames.outside` names, at the turns of the start."""
-        found = [t if n == 'time' else self.turned.get(n.removesuffix('.turns'), 0) for n in names]
+    def outside_at_start(
+        self, names: Sequence[str], t: float = 0.0, turns: Mapping[str, int] | None = None
+    ) -> Array:
+        """Values (k, 1) of what `Frames.outside` names, at the turns of the start, or others."""
+        known = self.turned | dict(turns or {})
+        found = [t if n == 'time' else known.get(n.removesuffix('.turns'), 0) for n in names]
         return np.reshape(np.array(found, float), (-1, 1))
 
     @cached_property
