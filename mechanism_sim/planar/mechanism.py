@@ -82,13 +82,15 @@ class Prismatic(Connection):
 
 @dataclass(frozen=True)
 class HigherPair(Connection, ABC):
-    """A joint that takes one degree of freedom: links touch at a point or along a line.
+    """A joint that most often takes one degree of freedom: links touch at a point or on a line.
 
     No tree has it. Every kind is a subclass in the room of its own domain.
     """
 
     #: where it can open: on which sides of its closure there are walls
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
+    #: how many components its closure has
+    equations: ClassVar[int] = 1
     #: in words, what may move between them
     parts: ClassVar[str] = 'pin between the walls of a slot'
 

@@ -206,6 +206,15 @@ class Gap(Protocol):
 
 
 @runtime_checkable
+class Bound(Gap, Protocol):
+    """A gap of a joint beside its constraint or clearance: a stop, or links that touch."""
+
+    @property
+    def overlap(self) -> str:
+        """In words, what is where it cannot be if the gap is negative."""
+
+
+@runtime_checkable
 class EndGap(Gap, Protocol):
     """A gap at an end of a joint: its force has a moment out of the plane, or is along it."""
 

@@ -92,9 +92,10 @@ def check(machine: Machine) -> Report:
     coordinates |= {c: _drive(machine, c) for c in plan.laws}
     relations = []
     for name in mechanism.cut:
-        if name not in machine.plan.clearances:
-            single = isinstance(mechanism.joint(name), HigherPair)
-            relations.append(f'{name}: closes a loop, {"1 equation" if single else "2 equations"}')
+        joint = mechanism.joint(name)
+        count = joint.equations if isinstance(joint, HigherPair) else 2
+        if count and name not in machine.plan.clearances:
+            relations.append(f'{name}: closes a loop, {count} equation{"s" * (count > 1)}')
     loose = {n: c for n, c in machine.plan.clearances.items() if n not in plan.elastic}
     gaps = [f'{name}: {_gap(mechanism.joint(name), c, machine)}' for name, c in loose.items()]
     notes = _notes(machine, loose)
@@ -174,7 +175,9 @@ def _starts(machine: Machine) -> dict[str, GapStart]:
     place = dict(zip(system.free, zip(state.q, state.v, strict=True), strict=True))
     place |= {c: machine.plan.held[c] for c in system.prescribed}
     q, v = np.array([place[c] for c in system.coordinates]).T[:, :, None]
-    opened = seen.gaps.distances(seen.gaps.values(q))[:, 0].tolist()
+    turns = dict(zip(system.free, state.turns, strict=True))
+    outside = machine.plan.outside_at_start(system.outside, turns=turns)
+    opened = seen.gaps.distances(seen.gaps.values(q, outside))[:, 0].tolist()
     closed = (-seen.gaps.rates(q, v)[:, 0]).tolist() if system.gaps else []
     size = machine.mechanism.size
     pace = max(1.0, float(np.abs(v).max(initial=0.0)))

@@ -24,6 +24,7 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.assembly import closed_near
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import between
+from mechanism_sim.scene.stops import check_stops
 
 TURN = 2.0 * math.pi
 _PACE = 2.0 * TURN
@@ -131,6 +132,7 @@ def check_way(machine: Machine, duration: float) -> None:
     """
     machine = machine.rigid
     tried = machine.ways
+    check_stops(machine, duration)
     if machine.torque_driven:
         if machine.plan.prescribed and duration not in tried:
             tried[duration] = ''

@@ -66,6 +66,7 @@ class ScenePlan(Names):
     joints : between them
     closing : which of them are cut to make a tree if none is loose
     clearances : of the loose ones
+    touching : contacts of those that have some beside their constraint or clearance, as stops
     laws : of the driven coordinates, in the order in which they take over
     sources : what goes on behind the last of these, for motions without end
     begins : of the coordinates moved by a torque or a force, and of the elastic ones, value and
@@ -114,6 +115,11 @@ class ScenePlan(Names):
             for joint in sorted(self.joints, key=lambda x: scene.joints[x.name].kind_keys.last)
             for keys in [scene.joints[joint.name]]
             if (play := keys.kind_keys.play(keys, joint)) is not None
+        }
+        self.touching: dict[str, Play] = {
+            name: play
+            for name, keys in scene.joints.items()
+            if (play := keys.kind_keys.touches(keys, name)) is not None
         }
         self._loads = read_loads(self, tree)
         self.states = [x for x in self._loads(tree) if isinstance(x, FormulaState)]
@@ -311,9 +317,12 @@ class ScenePlan(Names):
             2.0 * half + 6.0 * third * t,
         )
 
-    def outside_at_start(self, names: Sequence[str], t: float = 0.0) -> Array:
-        """Values (k, 1) of what `Frames.outside` names, at the turns of the start."""
-        known = {'time': t, **{f'{c}.turns': n for c, n in self.turned.items()}}
+    def outside_at_start(
+        self, names: Sequence[str], t: float = 0.0, turns: Mapping[str, int] | None = None
+    ) -> Array:
+        """Values (k, 1) of what `Frames.outside` names, at the turns of the start, or others."""
+        turned = self.turned | dict(turns or {})
+        known = {'time': t, **{f'{c}.turns': n for c, n in turned.items()}}
         known |= {f'{STATE}{k}': x.start for k, x in enumerate(self.states)}
         found = [known.get(name, 0.0) for name in names]
         return np.reshape(np.array(found, float), (-1, 1))

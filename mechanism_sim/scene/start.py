@@ -35,7 +35,7 @@ from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import rotate
-from mechanism_sim.planar.protocols import Gap
+from mechanism_sim.planar.protocols import Bound, Gap
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
 from mechanism_sim.scene.equations import EquationsOfMotion
 from mechanism_sim.scene.nominal import Nominal
@@ -49,6 +49,7 @@ _SEATED = 1e-16
 _STEPS = 30
 _SHIFT = 1e-6  # of the lengths of links: of coordinates, and of their way in a turn
 _MOMENT = 1e-4  # of a turn of the drive, or [s]: before and after the start
+_ROUNDING = 1e-12  # of the size of the machine
 _SETTLED = 1e-11  # of the size of the machine
 
 
@@ -81,9 +82,14 @@ class Start:
             whole, q[c] = take_off_turns(q[c])
             turns[c] = whole + plan.turned.get(c, 0)
         seated = plan.scene.start == 'seated' and not plan.placed_outright
-        values = observer.gaps.values(np.array([[q[c]] for c in system.coordinates]))
+        outside = plan.outside_at_start(system.outside, turns=turns)
+        values = observer.gaps.values(np.array([[q[c]] for c in system.coordinates]), outside)
         closed = []
         for gap, value in zip(system.gaps, values, strict=True):
+            if isinstance(gap, Bound):  # what touches is resolved as the run begins
+                check_apart(gap, float(gap.distance(value)[0]), self._loose.size)
+                closed.append(False)
+                continue
             self._check_inside(gap, value, seated)
             closed.append(seated and self._starts_closed(gap, value))
         return State(
@@ -108,7 +114,7 @@ class Start:
         radial = self.plan.clearances[gap.joint].radial
         clearance = gap.play if isinstance(gap, AxialStop) else radial
         distance = float(gap.distance(value)[0])
-        rounding = 1e-12 * self._loose.size
+        rounding = _ROUNDING * self._loose.size
         if distance >= -max(1e-6 * clearance, rounding) or (seated and gap.law):
             return
         into, place = f'{-distance:.6g} m into', 'initial.position puts'
@@ -398,3 +404,12 @@ class Start:
         guess[kinematics.held] = [known[c][0] for c in order]
         places, _ = kinematics.positions(guess)
         return places, kinematics.rates(places, np.array([known[c][1] for c in order]))
+
+
+def check_apart(gap: Bound, distance: float, size: float) -> None:
+    """Refuse a start at which a distance [m] in a machine of a size [m] is negative."""
+    if distance < -_ROUNDING * size:
+        raise InputError(
+            f"the start puts {gap.overlap}, by {-distance:.6g} m: give another 'initial', "
+            f"'guess' or start of the drive, or change 'joints.{gap.joint}'"
+        )
