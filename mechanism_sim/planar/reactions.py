@@ -34,12 +34,15 @@ def tree_reactions(
     """
     mechanism = equations.mechanism
     found = dict(cut)
+    loads = [*loads, *(load for w in cut.values() for load in w.others or ())]
     for link, carrier in reversed(mechanism.tree_joints.items()):
         needed = _inertia_force(equations, a, link)
         hanging: list[tuple[str, Vector2, str, Wrench]] = []
         for joint in mechanism.joints:
             if joint.name in found and link in (joint.first, joint.second):
                 w, sign = found[joint.name], neg if joint.first == link else _same
+                if w.others is not None and joint.first == link:
+                    continue
                 wrench = Wrench(sign(w.x), sign(w.y), sign(w.moment))
                 hanging.append((joint.second, joint.on_second, f'{joint.name}.second', wrench))
         hanging += [
@@ -59,7 +62,7 @@ def tree_reactions(
     return {
         joint.name: _across(equations, joint, found[joint.name])
         if isinstance(joint, Prismatic) and joint.name not in cut
-        else found[joint.name]
+        else found.get(joint.name, Wrench(None, None))
         for joint in mechanism.joints
     }
 

@@ -73,7 +73,7 @@ class EquationsOfMotion:
         if not self.plan.clearances:
             return self.observer
         ideal = self.plan.ideal
-        return Observer(self._compiled(ideal, closures(ideal, ideal.cut), [], []))
+        return Observer(self._compiled(ideal, closures(ideal, ideal.closing), [], []))
 
     def _compiled(
         self,
