@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
-
-from pydantic import Field
+from typing import Any, Literal
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.joints.bevel.keys import Teeth
 from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.joints.freewheel.constraint import Freewheel, Overrun
 from mechanism_sim.joints.joint_keys import KINDS, Contacts, Reference
@@ -65,8 +64,9 @@ class RatchetKeys(OneWayKeys):
 
     ratchet: Reference | None = None
     """Two links on one axis, as of a freewheel, that hold each other by teeth and a pawl."""
-    teeth: Annotated[int, Field(ge=3, le=10_000)] | None = None
-    """Of a ratchet on a turn, required; at `phase` the pawl is on one of them."""
+    teeth: Teeth | None = None
+    """Of a bevel pair; of a worm pair threads of the worm and teeth of the wheel; of a ratchet one
+    number, those on a turn. Required."""
     restitution: Coefficient | None = None
     """Of a ratchet or rope: of the impact at which it holds; 0 without."""
 
@@ -74,4 +74,9 @@ class RatchetKeys(OneWayKeys):
         """With teeth."""
         if self.teeth is None:
             raise InputError(f'joints.{name}.teeth is missing: how many on a turn, such as 24')
-        return super().read(names, name)
+        if not isinstance(self.teeth, int) or self.teeth < 3:
+            raise InputError(
+                f'joints.{name}.teeth = {self.teeth} must be one number of at least 3: those of '
+                'the wheel on a turn, such as 24'
+            )
+        return OneWayKeys.read(self, names, name)

@@ -85,7 +85,8 @@ class MeshKeys(JointKeys):
     mesh: Reference | None = None
     """Two gears, by their names; a rack is named second."""
     backlash: BacklashPart | None = None
-    """Free way of the teeth; without it they never part."""
+    """Free way of teeth, or between the stops of a transmission, as of dogs on coaxial shafts;
+    without it they never part."""
     elasticity: ElasticityPart | None = None
     """Teeth that give way."""
     error: ErrorPart | None = None

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from types import MappingProxyType
 from typing import ClassVar
@@ -50,7 +50,8 @@ class Transmission(HigherPair):
     ratio: Fraction = Fraction(1)
     phase: float = 0.0  #: [rad]; of links that slide [m]
     carrier: str = GROUND
-    guides: tuple[Prismatic, ...] = ()  #: of first and second, if these slide
+    guides: tuple[Prismatic, ...] = field(default=(), kw_only=True)
+    """Of first and second, if these slide."""
 
     def closure(self, mechanism: Mechanism) -> TransmissionClosure:
         """Without play."""

@@ -58,7 +58,8 @@ class TransmissionKeys(CarrierKeys):
     ratio: Ratio | None = None
     """Of a transmission, required: speed of the second over the first, as -3/7."""
     backlash: BacklashPart | None = None
-    """Play between stops: of teeth, or of coaxial shafts with dogs; without it they never part."""
+    """Free way of teeth, or between the stops of a transmission, as of dogs on coaxial shafts;
+    without it they never part."""
 
     firm = "the play of teeth is their 'backlash'"
 
@@ -72,10 +73,10 @@ class TransmissionKeys(CarrierKeys):
         guides = guides_of(names, where, (a, b), carrier)
         if guides and self.phase:
             raise InputError(f'{where}.phase has no meaning between links that slide')
-        given = name, a, b, on_a, on_b, Fraction(self.ratio), self.phase, carrier, guides
+        given = name, a, b, on_a, on_b, Fraction(self.ratio), self.phase, carrier
         if self.backlash is None:
-            return Transmission(*given)
-        return LooseTransmission(*given, play=self._half(where, self.backlash, bool(guides)))
+            return Transmission(*given, guides=guides)
+        return LooseTransmission(*given, guides=guides, play=self._half(where, self.backlash, bool(guides)))
 
     def _half(self, where: str, backlash: BacklashPart, slides: bool) -> float:
         """Play to either side [rad, m]."""
