@@ -18,9 +18,9 @@ from mechanism_sim.planar.mechanism import Mechanism
 class OneWayKeys(CarrierKeys):
     """Joints that drive one way and are overrun the other way."""
 
-    drives: Literal['counterclockwise', 'clockwise'] = 'counterclockwise'
-    """Of a freewheel or ratchet: how the first turns where it takes the second along. Of links
-    that slide, counterclockwise is along their guides."""
+    drives: Literal['counterclockwise', 'clockwise'] | None = None
+    """Of a freewheel or ratchet: how the first turns where it takes the second along,
+    counterclockwise without it. Of links that slide that is along their guides."""
 
     firm = 'it has no play: a ratchet has that of its teeth'
 
@@ -34,7 +34,7 @@ class OneWayKeys(CarrierKeys):
             raise InputError(f'{where}.teeth are on a turn, but {a} and {b} slide')
         if self.phase and not teeth:
             raise InputError(f'{where}.phase has no meaning: a freewheel holds at any angle')
-        sense = 1.0 if self.drives == 'counterclockwise' else -1.0
+        sense = -1.0 if self.drives == 'clockwise' else 1.0
         return Freewheel(
             name, a, b, on_a, on_b, phase=self.phase, carrier=carrier, guides=guides, sense=sense,
             teeth=teeth or 0,
