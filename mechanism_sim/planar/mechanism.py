@@ -97,7 +97,7 @@ class HigherPair(Connection, ABC):
     #: never holds both ways, as ropes do: the mechanism without clearance has no such row
     one_way: ClassVar[bool] = False
     #: in words, what bounds it
-    beyond: ClassVar[str] = 'its wall'
+    beyond: ClassVar[str] = 'into its wall'
     #: in words, what may move between them
     parts: ClassVar[str] = 'pin between the walls of a slot'
 

@@ -115,8 +115,8 @@ class Start:
         into, place = f'{-distance:.6g} m into', 'initial.position puts'
         joint = self._loose.joint(gap.joint)
         if not isinstance(joint, Revolute):
-            beyond = joint.beyond if isinstance(joint, HigherPair) else 'its wall'
-            raise InputError(f'{place} {gap.joint} {into} {beyond}')
+            beyond = joint.beyond if isinstance(joint, HigherPair) else 'into its wall'
+            raise InputError(f'{place} {gap.joint} {-distance:.6g} m {beyond}')
         if isinstance(gap, AxialStop):
             raise InputError(
                 f'at the start the links of {gap.joint} are {into} each other at {gap.name}: give '

@@ -31,7 +31,7 @@ class Freewheel(Transmission):
     one_way: ClassVar[bool] = True
     sides: ClassVar[tuple[Side, ...]] = ('right',)
     parts: ClassVar[str] = 'clutch that holds one way'
-    beyond: ClassVar[str] = 'its tooth'
+    beyond: ClassVar[str] = 'into its tooth'
 
     sense: float = 1.0  #: in which the first drives the second: 1 counterclockwise, -1 clockwise
     teeth: int = 0  #: of a ratchet on a turn; 0 of a freewheel
