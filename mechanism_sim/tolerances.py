@@ -215,6 +215,8 @@ class SwitchTolerances(NamedTuple):
     margin: float = 1e-12
     #: of its length: a table that is not periodic allows for rounding at its ends
     table_end: float = 1e-9
+    #: [rad] before a tooth where a pawl counts as on it
+    tooth: float = 1e-12
     #: size of a function of rates that is as good as zero: what steps there may hold a motion
     rest: float = 1e-10
     #: [1/s] rate of such a function: a force that changes it by less steps nowhere

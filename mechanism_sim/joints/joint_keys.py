@@ -62,9 +62,9 @@ class JointKeys(Part):
 
     @property
     def points(self) -> list[str]:
-        """Its two references, of points or of gears."""
+        """Its two references, of points or of gears; of a rope through more its ends."""
         points: list[str] = getattr(self, self.kind)
-        return points
+        return [points[0], points[-1]]
 
     def read(self, names: Names, name: str) -> Joint:
         """The joint of that name of a mechanism."""

@@ -72,7 +72,7 @@ class JointImpulses:
         rows = [x for jet in jets for x in jet.row(eq.coordinates)]
         self._equations = SwitchedFunction(frames, [generalized_forces(eq, a), rows], at)
         self._wrenches = SwitchedFunction(
-            frames, [[x for w in wrenches for x in w]], [*at, *sizes]
+            frames, [[x for w in wrenches for x in w[:3]]], [*at, *sizes]
         )
 
     def __call__(self, q: Array, step: Array, outside: Array) -> Array:

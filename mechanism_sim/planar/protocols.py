@@ -181,7 +181,9 @@ class Gap(Protocol):
     def value(self, frames: Frames) -> Jet:
         """The distance [m] for small distances; smooth wherever the motion can go.
 
-        Its Jacobian times the normal force is the generalised force of the contact.
+        Its Jacobian times the normal force is the generalised force of the contact. A contact that
+        bounds a rate only, as a freewheel does, has no value: it closes when its rate falls to
+        zero.
         """
 
     def slip(self, frames: Frames) -> Jet:

@@ -33,13 +33,18 @@ def tree_reactions(
     loads : on the links
     """
     mechanism = equations.mechanism
-    found = {name: cut.get(name, Wrench(None, None)) for name in mechanism.cut}
+    tree = {joint.name for joint in mechanism.tree_joints.values()}
+    beside = [joint.name for joint in mechanism.joints if joint.name not in tree]
+    found = {name: cut.get(name, Wrench(None, None)) for name in beside}
+    loads = [*loads, *(load for w in cut.values() for load in w.others or ())]
     for link, carrier in reversed(mechanism.tree_joints.items()):
         needed = _inertia_force(equations, a, link)
         hanging: list[tuple[str, Vector2, str, Wrench]] = []
         for joint in mechanism.joints:
             if joint.name in found and link in (joint.first, joint.second):
                 w, sign = found[joint.name], neg if joint.first == link else _same
+                if w.others is not None and joint.first == link:
+                    continue
                 wrench = Wrench(sign(w.x), sign(w.y), sign(w.moment))
                 hanging.append((joint.second, joint.on_second, f'{joint.name}.second', wrench))
         hanging += [

@@ -16,6 +16,7 @@ from mechanism_sim.linkages.nominal import NominalPhysics
 from mechanism_sim.planar.configuration import Constraints, converted, poses
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
+from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.level import Level
@@ -207,7 +208,7 @@ def _check_joints(machine: Machine) -> None:
         given = machine.scene.joints[joint]
         keys = (k for k in ('lift_off', 'groove', 'backlash') if getattr(given, k))
         where = f'joints.{joint}.{next(keys, "clearance")}'
-        if clearance.radial >= shortest:
+        if clearance.radial >= shortest and not _is_angular(machine, joint):
             raise InputError(
                 f'{where}.radial = {clearance.radial:g} m is larger than the shortest link '
                 f'({shortest:g} m)'
@@ -249,6 +250,11 @@ def _check_play(where: str, law: str, play: Play, soft: bool) -> None:
             f'{where}.friction = {play.friction:g} is more than 10: for contacts that never slip '
             "write 'friction: rough'"
         )
+
+
+def _is_angular(machine: Machine, name: str) -> bool:
+    joint = machine.mechanism.joint(name)
+    return isinstance(joint, HigherPair) and joint.angular_play
 
 
 _OF_FILMS = (

@@ -129,8 +129,10 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
     friction = f', friction {c.friction:g}' if c.friction else ''
     contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
     if isinstance(joint, HigherPair):
-        room = f'play {c.radial:g} m to either side' if len(joint.sides) > 1 else 'may lift off'
-        return f'{joint.parts}, {room}, {contact}'
+        unit = 'rad' if joint.angular_play else 'm'
+        room = f'play {c.radial:g} {unit} to either side' if len(joint.sides) > 1 else 'may lift off'
+        room = '' if joint.one_way else f'{room}, '
+        return f'{joint.parts}, {room}{contact}'
     block = isinstance(joint, Prismatic)
     kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
     if c.film:

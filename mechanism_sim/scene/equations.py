@@ -82,7 +82,7 @@ class EquationsOfMotion:
         if not self.plan.clearances and not self.plan.touching:
             return self.observer
         ideal = self.plan.ideal
-        return Observer(self._compiled(ideal, closures(ideal, ideal.cut), [], []))
+        return Observer(self._compiled(ideal, closures(ideal, ideal.closing), [], []))
 
     def _compiled(
         self,

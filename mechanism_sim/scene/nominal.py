@@ -94,7 +94,7 @@ class Nominal:
         plan, ideal = self.plan, self.plan.ideal
         return InverseDynamics(
             ideal,
-            closures(ideal, ideal.cut),
+            closures(ideal, ideal.closing),
             plan.prescribed,
             plan.elements(ideal),
             plan.frictions(ideal),

@@ -329,7 +329,7 @@ class ScenePlan(Names):
 
     @cached_property
     def _ideal_loops(self) -> Kinematics:
-        return Kinematics(self.ideal, closures(self.ideal, self.ideal.cut), ())
+        return Kinematics(self.ideal, closures(self.ideal, self.ideal.closing), ())
 
     def kinematics(self, held: Sequence[str]) -> Kinematics:
         """The closures of the mechanism without clearance, with some coordinates given."""

@@ -36,7 +36,7 @@ def read_joints(names: Names) -> tuple[Joint, ...]:
         joints.append(joint.kind_keys.read(joint, names, name))
     reached, grown = {GROUND}, True
     while grown:
-        ends = [{j.first, j.second} for j in joints if {j.first, j.second} & reached]
+        ends = [{*j.links} for j in joints if {*j.links} & reached]
         grown = not set().union(*ends) <= reached
         reached |= set().union(*ends)
     if apart := [link for link in names.links if link not in reached]:

@@ -33,7 +33,7 @@ from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import Mechanism, Revolute
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Revolute
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.protocols import Bound, Gap
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
@@ -103,7 +103,9 @@ class Start:
 
     def _starts_closed(self, gap: Gap, value: Array) -> bool:
         """Pins are on their bushings but in oil, and what can only lift off is in contact."""
-        play = self.plan.clearances[gap.joint]
+        play, joint = self.plan.clearances[gap.joint], self._loose.joint(gap.joint)
+        if isinstance(joint, HigherPair) and joint.one_way:
+            return False  # that depends on what pulls
         if not isinstance(gap, BearingClearance) or play.film:
             return play.radial == 0.0
         near = max(1e-9 * play.radial, 1e-14 * self._loose.size)
@@ -118,8 +120,10 @@ class Start:
         if distance >= -max(1e-6 * clearance, rounding) or (seated and gap.law):
             return
         into, place = f'{-distance:.6g} m into', 'initial.position puts'
-        if not isinstance(self._loose.joint(gap.joint), Revolute):
-            raise InputError(f'{place} {gap.joint} {into} its wall')
+        joint = self._loose.joint(gap.joint)
+        if not isinstance(joint, Revolute):
+            beyond = joint.beyond if isinstance(joint, HigherPair) else 'into its wall'
+            raise InputError(f'{place} {gap.joint} {-distance:.6g} m {beyond}')
         if isinstance(gap, AxialStop):
             raise InputError(
                 f'at the start the links of {gap.joint} are {into} each other at {gap.name}: give '
@@ -174,7 +178,7 @@ class Start:
         names = loose.coordinates
         guess = np.array([given.get(c, x) for c, x in zip(names, near, strict=True)])
         fixed = [c for c in names if c in held or c in given]
-        every = Kinematics(loose, closures(loose, loose.cut), fixed)
+        every = Kinematics(loose, closures(loose, loose.closing), fixed)
         targets = np.zeros(len(every.rows))
 
         def aim(seats: dict[str, Array]) -> None:
@@ -253,7 +257,9 @@ class Start:
         pressed = {
             name: isinstance(mechanism.joint(name), Revolute)
             for name, c in plan.clearances.items()
-            if not c.film and (isinstance(mechanism.joint(name), Revolute) or not c.radial)
+            if not c.film
+            and name in mechanism.closing
+            and (isinstance(mechanism.joint(name), Revolute) or not c.radial)
         }
         if not pressed:
             return found  # pins start in the middle of their slots
