@@ -96,7 +96,7 @@ class FourBarJoints(Part):
 class FourBarKeys(AnyScene):
     """Keys of a four-bar, but for its loads."""
 
-    mechanism: Literal['four_bar']
+    mechanism: Literal['four_bar'] = 'four_bar'
     """A template: links and joints have these names."""
     branch: Literal['open', 'crossed'] = 'open'
     """Where the coupler-rocker joint lies, seen from crank pin to rocker pivot; open: left."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeAlias
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
@@ -13,39 +14,63 @@ from mechanism_sim.keys.names import SceneError
 from mechanism_sim.linkages.drive_range import placed_at
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml
+from mechanism_sim.scene.files import check_scene, content_of, overridden
 from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_keys import SpeedPart
 from mechanism_sim.scene.remarks import length_questions
-from mechanism_sim.scene.schema import DrivePart, InitialPart
-from mechanism_sim.units import QuantityValue
+from mechanism_sim.scene.schema import AnyScene, DrivePart, InitialPart
+from mechanism_sim.units import QuantityValue, argument
+
+Source: TypeAlias = str | Path | Mapping[str, Any] | AnyScene | Machine
+"""All from which `load_scene` makes a machine."""
 
 RAMP = 0.01  # of the way between limits, on which a drive comes to its speed
 _BESIDE = 1e-12  # of the way: so near to a limit, links stand where they do at it, to 1e-6
 _MOMENT = 1e-6  # [s] of which no more than the start is looked at
 
 
-def load_scene(name: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Machine:
-    """A scene of the package by name, or your own by path, ready to run.
+def load_scene(
+    source: Source, overrides: Mapping[str, Any] | Iterable[str] = (), name: str = 'scene'
+) -> Machine:
+    """A scene ready to run: one of the package by name, or your own, in whatever form it is.
+
+    Numbers are in SI units, text has units as in files (``'64 mm'``); numbers and arrays of NumPy
+    and quantities of pint are taken as well.
+
+    >>> import mechanism_sim as ms
+    >>> ms.load_scene('pendulum', {'gravity': [0, '-1.62 m/s^2']})
+    <Machine pendulum: Pendulum>
+    >>> wheel = {'title': 'A wheel', 'mechanism': 'linkage', 'links': {'wheel': {}}}
+    >>> wheel |= {'joints': {'axle': {'revolute': ['ground', 'wheel']}}}
+    >>> ms.load_scene(wheel | {'drive': {'coordinate': 'wheel', 'speed': '180 rpm'}}, name='wheel')
+    <Machine wheel: A wheel>
 
     Parameters
     ----------
-    name : such as ``'four_bar_clearance'`` or ``'my/machine.yaml'``
+    source : a name such as ``'four_bar_clearance'``, a path such as ``'my/machine.yaml'``, YAML as
+        text, a dictionary, a `Scene`, or a machine, which stays as it is without overrides
     overrides : values by dotted path, such as ``{'drive.speed': '300 rpm'}``
+    name : of a machine whose source has none
     """
-    path = find_scene(name)
-    content = overridden(path.name, read_yaml(path, 'scene'), overrides)
-    return build(path.stem, check_scene(path.name, content), tuple(length_questions(content)))
+    if isinstance(source, Machine):
+        if not overrides:
+            return source
+        source, name = source.scene, source.name
+    given = content_of(source, name)
+    content = overridden(given.file, given.data, overrides)
+    scene = check_scene(given.file, content)
+    return build(given.name, scene, tuple(length_questions(content)))
 
 
-def span(machine: Machine, revolutions: float | None, duration: float | None) -> float:
-    """The duration [s] asked for, as revolutions of the crank or in seconds.
+def span(machine: Machine, revolutions: float | None, duration: float | str | None) -> float:
+    """The duration [s] asked for, as revolutions of the crank or as a time, ``'10 s'``.
 
     If none is asked for, that of the scene, or else one revolution.
     """
     if revolutions is not None and duration is not None:
         raise InputError('give either revolutions or a duration, not both')
+    duration = argument('duration', duration, 's')
     asked = revolutions if revolutions is not None else duration
     if asked is not None and not (asked > 0.0 and math.isfinite(asked)):
         raise InputError(f'the length of a run must be positive and finite, not {asked:g}')

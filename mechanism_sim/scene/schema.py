@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from mechanism_sim.errors import nearest, quoted
@@ -56,11 +56,12 @@ from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import SensorSource
 from mechanism_sim.sensing.imu import InertialUnit
 from mechanism_sim.sensing.presets import PRESETS
+from mechanism_sim.units import plain
 from mechanism_sim.vibration.frame import Frame
 
 PerSpeed = Annotated[float, si('N s/m')]
 PerPosition = Annotated[float, si('N/m')]
-Vector = tuple[Position, Position]
+Vector = Annotated[tuple[Position, Position], BeforeValidator(plain)]
 
 
 class AffineTorque(Part):
@@ -444,7 +445,7 @@ class AnyScene(Part):
 class Linkage(AnyScene):
     """Keys of a scene that names its links and joints, but for its loads."""
 
-    mechanism: Literal['linkage']
+    mechanism: Literal['linkage'] = 'linkage'
     """Written out: links and joints have the names given here."""
     links: dict[str, LinkPart]
     """Lengths, points and masses by name; ground is the frame."""
