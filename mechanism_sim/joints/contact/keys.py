@@ -27,8 +27,9 @@ class ContactKeys(JointKeys):
     points there is a bar, with the second radius as half of its thickness."""
     restitution: Coefficient = 0.0
     """Of a contact, its coefficient of restitution: 0 does not bounce, 1 loses nothing."""
-    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """Of a contact, quantities that the coefficient relates: speeds, impulses or works."""
+    hypothesis: Literal['newton', 'poisson', 'stronge'] | None = None
+    """Of a contact, quantities that the coefficient relates: speeds (without it), impulses or
+    works."""
     compliance: Contact | None = None
     """Of a contact, a law of force instead of rigid surfaces."""
 
@@ -57,7 +58,7 @@ class ContactKeys(JointKeys):
         if self.compliance and self.compliance.law == 'film':
             raise InputError(f'joints.{name}.compliance.law = film is for pins in bushings')
         return Play(
-            radial=0.0, restitution=self.restitution, hypothesis=self.hypothesis,
+            radial=0.0, restitution=self.restitution, hypothesis=self.hypothesis or 'newton',
             friction=self.friction.coefficient if self.friction else 0.0, contact=self.compliance,
         )  # fmt: skip
 
