@@ -16,12 +16,18 @@ from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.keys.quantities import Duration, Part, Time, UnitValue, si_of
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.curves import Interpolation, spline
-from mechanism_sim.numerics.expressions import FUNCTIONS, ExpressionNode, unit_hint, unit_of
+from mechanism_sim.numerics.expressions import (
+    FUNCTIONS,
+    ExpressionNode,
+    parse,
+    unit_hint,
+    unit_of,
+)
 from mechanism_sim.numerics.time_series import TimeSeries
 from mechanism_sim.planar.drive import curve_laws
 from mechanism_sim.planar.endless_laws import FormulaLaws
 from mechanism_sim.scene.formula_keys import or_formula
-from mechanism_sim.units import QuantityValue, alike
+from mechanism_sim.units import QuantityValue, alike, to_si_of
 
 Place = Annotated[QuantityValue, si_of('rad', 'm')]
 Pace = Annotated[QuantityValue, si_of('rad/s', 'm/s')]
@@ -89,14 +95,8 @@ class CoursePart(Part):
             return self
         if not all(math.isfinite(t) and math.isfinite(x.value) for t, x in points):
             raise ValueError('has points that are not finite')
-        if len(units := {x.unit for _, x in points}) > 1:
-            names = ' and '.join(sorted(unit or 'no unit' for unit in units))
-            raise ValueError(f'has points in {names}: give all in the same kind of unit')
-        for (before, _), (after, _) in pairwise(points):
-            if after <= before:
-                raise ValueError(
-                    f'has points whose times must rise, but {after:g} s follows {before:g} s'
-                )
+        if len(units := {x.unit for _, x in points if x.unit}) > 1:  # bare numbers fit any
+            raise ValueError(f'has points in {" and in ".join(sorted(units))}: give all in one')
         if self.periodic and self.ends == 'rest':
             raise ValueError("is periodic and has 'ends: rest': keep one")
         self._check_points(points)
@@ -105,8 +105,23 @@ class CoursePart(Part):
     def _check_points(self, points: Sequence[tuple[float, QuantityValue]]) -> None:
         """Refuse points through which no course leads."""
 
+    def check_rising(self) -> None:
+        """Raise a ValueError if the times do not rise."""
+        for (before, _), (after, _) in pairwise(self.given):
+            if after <= before:
+                raise ValueError(
+                    f'has points whose times must rise, but {after:g} s follows {before:g} s'
+                )
+
     def spline(self) -> tuple[Array, Array]:
-        """Breaks and rows of `numerics.curves.spline` through the points."""
+        """Breaks and rows of `numerics.curves.spline` through the points.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        self.check_rising()
         x, y = zip(*((t, value.value) for t, value in self.given), strict=True)
         how = self.interpolation or 'cubic'
         return spline(np.array(x), np.array(y), how, self.periodic, self.ends == 'rest')
@@ -115,7 +130,7 @@ class CoursePart(Part):
     def unit(self) -> str:
         """In which it is given; empty if nothing says."""
         if self.given:
-            return self.given[0][1].unit
+            return next((x.unit for _, x in self.given if x.unit), '')
         wanted = [
             u
             for u in self.units()
@@ -227,8 +242,6 @@ class SpeedPart(CoursePart):
                 f'is periodic, but begins at {first:g} and ends at {last:g} {self.unit}: end with '
                 'the speed with which it begins'
             )
-        if self.interpolation and self.interpolation != 'linear':
-            self.spline()
 
 
 def _read_speed(value: Any) -> Any:
@@ -236,7 +249,11 @@ def _read_speed(value: Any) -> Any:
     if isinstance(value, dict | SpeedPart):
         return value
     found = _QUANTITY.read(value)
-    return {'formula': found} if isinstance(found, str) else found
+    if not isinstance(found, str):
+        return found
+    if (names := parse(found, None).names) and 't' not in names:
+        to_si_of(value, _QUANTITY.units)  # which says what a quantity is
+    return {'formula': found}
 
 
 _QUANTITY = or_formula('rad/s', 'm/s')
