@@ -113,6 +113,7 @@ def through(
 
 Interpolation = Literal['linear', 'cubic', 'quintic']
 
+_DEGREE = {'linear': 1, 'cubic': 3, 'quintic': 5}
 _LEAST = {'linear': 2, 'cubic': 2, 'quintic': 6}
 """Points that a spline without conditions at its ends needs."""
 

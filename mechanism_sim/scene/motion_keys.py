@@ -122,9 +122,9 @@ class CoursePart(Part):
             If there is none.
         """
         self.check_rising()
-        x, y = zip(*((t, value.value) for t, value in self.given), strict=True)
+        x, y = np.array([(t, value.value) for t, value in self.given]).T
         how = self.interpolation or 'cubic'
-        return spline(np.array(x), np.array(y), how, self.periodic, self.ends == 'rest')
+        return spline(x, y, how, self.periodic, self.ends == 'rest')
 
     @property
     def unit(self) -> str:
@@ -138,6 +138,16 @@ class CoursePart(Part):
         ]
         written = any(n.unit for n in self.tree().walk())
         return wanted[0] if len(wanted) == 1 and written else ''
+
+    @property
+    def words(self) -> str:
+        """What it is, in words."""
+        what = 'positions' if self.units()[0] == 'rad' else 'speeds'
+        if self.formula is not None:
+            return f'{what[:-1]} {self.formula}'
+        how = self.interpolation or ('cubic' if what == 'positions' else '')
+        again = ', periodic' if self.periodic else ''
+        return f'{len(self.given)} {what}{f", {how}" if how else " with ramps"}{again}'
 
     def tree(self) -> ExpressionNode:
         """The formula, checked."""
