@@ -56,24 +56,25 @@ class TablePart(Part):
         return through(points, self.ramp, self.cyclic)
 
 
-def with_files(file: str, folder: Path, content: Any, key: str = '') -> Any:
+def with_files(file: str, folder: Path, content: Any, key: str = '', instead: bool = False) -> Any:
     """The keys and values of a scene with the points of the files that it names.
 
     Parameters
     ----------
     key : path of the content in the scene
+    instead : whether points that are there already give way
     """
     if isinstance(content, list):
-        return [with_files(file, folder, x, f'{key}.{i}') for i, x in enumerate(content)]
+        return [with_files(file, folder, x, f'{key}.{i}', instead) for i, x in enumerate(content)]
     if not isinstance(content, dict):
         return content
     if isinstance(name := content.get('file'), str) and content.keys() <= _KEYS:
         where = f'{file}: {key[1:]}' if key else file
-        if 'points' in content:
+        if 'points' in content and not instead:
             raise InputError(f"{where}: 'file: {name}' and 'points' exclude each other: keep one")
-        rest = {k: x for k, x in content.items() if k not in ('file', 'columns')}
+        rest = {k: x for k, x in content.items() if k not in ('file', 'columns', 'points')}
         return rest | {'points': _points_of(where, folder, name, content.get('columns'))}
-    return {k: with_files(file, folder, x, f'{key}.{k}') for k, x in content.items()}
+    return {k: with_files(file, folder, x, f'{key}.{k}', instead) for k, x in content.items()}
 
 
 _KEYS = {'file', 'columns', *TablePart.model_fields, *PositionPart.model_fields}
