@@ -13,7 +13,8 @@ from mechanism_sim.catalogue import TABLE_FOLDERS
 from mechanism_sim.csv_tables import read_csv
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import Part, si_of
-from mechanism_sim.numerics.curves import Curve, through
+from mechanism_sim.numerics.curves import Curve, Interpolation, through
+from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene.motion_keys import PositionPart
 from mechanism_sim.units import QuantityValue
 
@@ -33,9 +34,15 @@ class TablePart(Part):
     of its columns, else the first two: its first line gives their names, with units in brackets.
     """
     ramp: Literal['linear', 'smooth'] = 'linear'
-    """Between two points; smooth has no corners."""
+    """Between two points; smooth has no corners, and no extremes but at points."""
+    interpolation: Interpolation | None = None
+    """Instead of a ramp: through all points, cubic with two continuous derivatives or quintic with
+    four.
+    """
     cyclic: bool = False
     """The points are those of a turn, which repeats."""
+    periodic: bool = False
+    """The points are those of a period of any length, which repeats."""
 
     @model_validator(mode='after')
     def _is_curve(self) -> TablePart:
@@ -53,7 +60,11 @@ class TablePart(Part):
     def curve(self) -> Curve:
         """The curve in SI units."""
         points = [(x.value, y.value) for x, y in self.points]
-        return through(points, self.ramp, self.cyclic)
+        if self.interpolation and self.ramp != 'linear':
+            raise ValueError("has 'ramp' and 'interpolation': keep one")
+        period = points[-1][0] - points[0][0] if self.periodic else TWO_PI
+        repeats = self.cyclic or (self.periodic and period > 0.0)
+        return through(points, self.interpolation or self.ramp, repeats, period)
 
 
 def with_files(file: str, folder: Path, content: Any, key: str = '', instead: bool = False) -> Any:

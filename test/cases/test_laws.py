@@ -106,3 +106,25 @@ def test_ten_thousand_times_as_long_it_has_the_same_digits():
             found = mp.mpf(turns) * mp.mpf(TWO_PI.numerator) / TWO_PI.denominator + angle
             assert abs(found - exact) <= 1e-14
             assert abs(speed - mp.pi * (2 + mp.cos(mp.pi * t))) <= 1e-13
+
+
+def test_a_periodic_table_of_the_time_repeats_in_formulas_of_loads():
+    """A wheel under the torque of a table of one period of 0.8 s; its speed in closed form."""
+    t = np.linspace(0.0, 0.8, 65)
+    points = [[f'{x!r} s', f'{2.0 + math.sin(2.0 * math.pi * x / 0.8)!r} N m'] for x in t.tolist()]
+    points[-1][1] = points[0][1]
+    scene = {
+        **ARM,
+        'drive': {'coordinate': 'arm', 'torque': {}},
+        'tables': {'push': {'points': points, 'interpolation': 'quintic', 'periodic': True}},
+        'loads': {'push': {'at': 'arm', 'torque': 'push(t)'}},
+    }
+    solution = ms.simulate(made(scene), duration=20.3)
+    rate = 2.0 * math.pi / 0.8
+    inertia = 0.5
+    t = np.linspace(0.0, 20.3, 999)
+    exact = (2.0 * t + (1.0 - np.cos(rate * t)) / rate) / inertia
+    assert np.abs(solution.sample(t)['velocity.arm'] - exact).max() <= 1e-7  # of the spline
+    table = made(scene).scene.tables['push'].curve
+    values = table(np.array([0.3, 0.3 + 0.8 * 7, -0.5]))
+    assert values == pytest.approx([values[0]] * 3, abs=1e-12)
