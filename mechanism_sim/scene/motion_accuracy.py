@@ -16,6 +16,8 @@ from mechanism_sim.scene.motion_keys import CoursePart, SpeedPart
 
 _AHEAD = 10.0
 """[s] that are looked at of a motion without end."""
+_CURVE = 8
+"""Points between which a speed goes on, of a curve rather than of ramps one after the other."""
 _IN_PIECE = 33
 """Places in a piece at which accelerations are compared."""
 
@@ -37,6 +39,14 @@ def acceleration_notes(machine: Machine) -> Iterator[str]:
 def undetermined_accelerations(machine: Machine) -> Iterator[str]:
     """A question for each drive whose acceleration its points do not determine."""
     for c, key, course in _courses(machine):
+        if isinstance(course, SpeedPart) and course.ramp == 'smooth':
+            rises = np.diff([x.value for _, x in course.given])
+            if (stops := int((rises[1:] * rises[:-1] > 0.0).sum())) >= _CURVE:
+                yield (
+                    f'{key}.ramp: smooth takes the acceleration to zero at {stops} points between '
+                    "which the speed goes on: through points of a curve take 'interpolation: "
+                    "cubic'"
+                )
         found = _sampled(course)
         if found is None or found.determined or math.isinf(found.off):
             continue

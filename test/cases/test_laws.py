@@ -9,7 +9,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 from builders import made
-from running import run, run_json
+from running import run_json
+from scipy.integrate import solve_ivp
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.open_run import open_run
@@ -128,3 +129,206 @@ def test_a_periodic_table_of_the_time_repeats_in_formulas_of_loads():
     table = made(scene).scene.tables['push'].curve
     values = table(np.array([0.3, 0.3 + 0.8 * 7, -0.5]))
     assert values == pytest.approx([values[0]] * 3, abs=1e-12)
+
+
+# --- a free link on a driven one -----------------------------------------------------------------
+
+PENDULUM = {
+    'title': 'A pendulum on an arm that a servo swings',
+    'mechanism': 'linkage',
+    'gravity': [0.0, -9.81],
+    'links': {
+        'ground': {},
+        'arm': {'length': '0.5 m', 'mass': '1 kg', 'inertia': '0.1 kg m^2', 'cog': '0.2 m'},
+        'rod': {'length': '0.8 m', 'mass': '0.7 kg', 'inertia': '0.05 kg m^2', 'cog': '0.4 m'},
+    },
+    'joints': {
+        'pivot': {'revolute': ['ground', 'arm']},
+        'pin': {'revolute': ['arm.end', 'rod']},
+    },
+    'guess': {'rod': '-80 deg'},
+}
+SWING = '-60 deg + 20 deg*sin(2*t) + 5 deg*exp(-t)*cos(7*t)'
+
+
+def swing(t):
+    """Angle, rate and acceleration of `SWING`."""
+    d, e = math.radians(20.0), math.radians(5.0)
+    z = complex(-1.0, 7.0)
+    decaying = [e * (z**k * np.exp(z * t)).real for k in range(3)]
+    steady = [d * np.sin(2 * t), 2 * d * np.cos(2 * t), -4 * d * np.sin(2 * t)]
+    base = math.radians(-60.0), 0.0, 0.0
+    return [b + s + x for b, s, x in zip(base, steady, decaying, strict=True)]
+
+
+def rod_by_hand(times, law):
+    """Angle of the rod: (J + m c^2) b'' = -m c (arm's acceleration across it + g cos b)."""
+    m, c, inertia, length = 0.7, 0.4, 0.05, 0.5
+
+    def rate(t, y):
+        x, v, a = law(t)
+        ax = length * (-a * math.sin(x) - v * v * math.cos(x))
+        ay = length * (a * math.cos(x) - v * v * math.sin(x))
+        b, w = y
+        across = -ax * math.sin(b) + (ay + 9.81) * math.cos(b)
+        return [w, -m * c * across / (inertia + m * c * c)]
+
+    found = solve_ivp(
+        rate, (0.0, times[-1]), [math.radians(-80.0), 0.0], 'DOP853', times, rtol=1e-13, atol=1e-13
+    )
+    return found.y[0]
+
+
+def test_a_free_link_follows_a_driven_one_by_formula():
+    machine = made({**PENDULUM, 'drive': {'coordinate': 'arm', 'position': SWING}})
+    t = np.linspace(0.0, 6.0, 200)
+    found = ms.simulate(machine, duration=6.0).sample(t)
+    assert np.abs(found['position.arm'] - swing(t)[0]).max() <= 1e-13
+    assert np.abs(found['position.rod'] - rod_by_hand(t, swing)).max() <= 1e-9
+
+
+def test_a_further_drive_moves_by_formula_and_conditions():
+    """A dwell between two cycloids: `drives.NAME`, with corners of the third derivative."""
+    rise = '60 deg*(t/2 - sin(pi*t)/(2*pi)) if t < 2 else 60 deg'
+    scene = {**PENDULUM, 'drive': {'coordinate': 'rod', 'torque': {}}}
+    machine = made({**scene, 'drives': {'arm': {'position': rise}}})
+
+    def law(t):
+        if t >= 2.0:
+            return math.radians(60.0), 0.0, 0.0
+        size = math.radians(60.0)
+        return (
+            size * (t / 2 - math.sin(math.pi * t) / (2 * math.pi)),
+            size * (0.5 - math.cos(math.pi * t) / 2),
+            size * math.pi * math.sin(math.pi * t) / 2,
+        )
+
+    t = np.linspace(0.0, 2.0, 100)
+    found = ms.simulate(machine, duration=3.0).sample(t)
+    assert np.abs(found['position.rod'] - rod_by_hand(t, law)).max() <= 1e-9
+
+
+def table(count, last, decimals=17, law=lambda t: 90.0 + 60.0 * math.sin(math.pi * t)):
+    times = [last * k / (count - 1) for k in range(count)]
+    return [[f'{t!r} s', f'{law(t):.{decimals}g} deg'] for t in times]
+
+
+@pytest.mark.parametrize(('how', 'error'), [('cubic', 3e-3), ('quintic', 2e-6)])
+def test_a_periodic_table_is_the_motion_for_ever(how, error):
+    """Splines of a sine, 40 points a period: their errors, and no others after a day."""
+    points = table(41, 2.0)
+    points[-1][1] = points[0][1]
+    position = {'points': points, 'interpolation': how, 'periodic': True}
+    machine = made({**ARM, 'drive': {'coordinate': 'arm', 'position': position}})
+    found = ms.simulate(machine, duration=9.0)
+    t = np.linspace(0.0, 9.0, 1001)
+    a = found.sample(t)['acceleration.arm']
+    exact = -(math.pi**2) * math.radians(60.0) * np.sin(math.pi * t)
+    assert np.abs(a - exact).max() <= error * 10.3354
+    source, places = machine.plan.sources['arm'], []
+    for cycle in (0, 43_200):
+        law = source._law(cycle, 7, source._starts[7] + cycle * source._period)
+        places.append(law.about(source._starts[7] + cycle * source._period))
+    assert places[0] == places[1]
+
+
+def test_a_periodic_table_may_turn_on():
+    """A crank that turns once a second, with a swing beside it: whole turns are counted."""
+    points = table(65, 1.0, law=lambda t: 360.0 * t + 10.0 * math.sin(2.0 * math.pi * t))
+    position = {'points': points, 'interpolation': 'quintic', 'periodic': True}
+    found = arm(position=position, duration=7.25).sample(np.array([7.25]))
+    exact = 2.0 * math.pi * 7.25 + math.radians(10.0)
+    assert found['position.arm'][0] == pytest.approx(exact, abs=1e-9)
+
+
+def test_speeds_by_a_spline_have_the_accelerations_of_what_they_sample():
+    """161 points of a sine: by `ramp: smooth` the largest acceleration is 1.5 times as large."""
+    points = [[f'{t!r} s', f'{3.2898681337 * math.cos(math.pi * t)!r} rad/s']
+              for t in np.linspace(0.0, 4.0, 161).tolist()]  # fmt: skip
+    t = np.linspace(0.0, 4.0, 4001)
+    largest = {}
+    for key, value in (('interpolation', 'cubic'), ('interpolation', 'quintic'),
+                       ('ramp', 'smooth')):  # fmt: skip
+        speed = {'points': points, key: value}
+        found = arm(speed=speed, start_angle='90 deg').sample(t)
+        largest[value] = np.abs(found['acceleration.arm']).max()
+    assert largest['cubic'] == pytest.approx(10.33542556, rel=1e-4)
+    assert largest['quintic'] == pytest.approx(10.33542556, rel=1e-6)
+    assert largest['smooth'] == pytest.approx(1.5 * 10.33542556, rel=5e-3)
+
+
+# --- moves ---------------------------------------------------------------------------------------
+
+MOVES = {'speed': '2 rad/s', 'acceleration': '8 rad/s^2', 'jerk': '80 rad/s^3'}
+
+
+def test_moves_keep_their_limits_and_take_the_time_of_the_closed_form():
+    """Biagiotti and Melchiorri, section 3.4: T = D/v + v/a + a/j where all limits are reached."""
+    steps = [{'to': '90 deg'}, {'dwell': '0.5 s'}, {'by': '-30 deg', 'jerk': '200 rad/s^3'},
+             {'to': '90.5 deg', 'speed': '0.3 rad/s'}]  # fmt: skip
+    machine = made({**ARM, 'drive': {'coordinate': 'arm', 'moves': {**MOVES, 'steps': steps}}})
+    full = math.radians(90.0) / 2.0 + 2.0 / 8.0 + 8.0 / 80.0
+    ends = [law.valid_from for law in machine.drive.laws if law.degree == 1]
+    assert ends[0] == pytest.approx(full, abs=1e-12)
+    way = math.radians(30.0)  # speed is not reached: T = a/j + sqrt((a/j)^2 + 4 D/a)
+    quick = 8.0 / 200.0 + math.sqrt((8.0 / 200.0) ** 2 + 4.0 * way / 8.0)
+    assert ends[1] == pytest.approx(full + 0.5 + quick, abs=1e-12)
+    slow = math.radians(30.5) / 0.3 + 2.0 * math.sqrt(0.3 / 80.0)  # nor is the acceleration
+    assert ends[2] == pytest.approx(full + 0.5 + quick + slow, abs=1e-12)
+    end = ends[-1] + 0.5
+    t = np.linspace(0.0, end, 20_001)
+    found = ms.simulate(machine, duration=end).sample(t)
+    x, v, a = (found[f'{name}.arm'] for name in ('position', 'velocity', 'acceleration'))
+    assert np.abs(v).max() == pytest.approx(2.0, abs=1e-9)
+    assert np.abs(a).max() == pytest.approx(8.0, abs=1e-9)
+    assert np.abs(np.diff(a) / np.diff(t)).max() <= 200.0 + 1e-6
+    assert x[np.searchsorted(t, full + 0.25)] == pytest.approx(math.radians(90.0), abs=1e-14)
+    assert (x[-1], v[-1], a[-1]) == pytest.approx((math.radians(90.5), 0.0, 0.0), abs=1e-14)
+
+
+def test_moves_repeat_and_turn_on():
+    moves = {**MOVES, 'steps': [{'by': '120 deg'}, {'dwell': '0.25 s'}] * 3, 'repeat': True}
+    machine = made({**ARM, 'drive': {'coordinate': 'arm', 'moves': moves}})
+    one = math.radians(120.0) / 2.0 + 2.0 / 8.0 + 8.0 / 80.0 + 0.25
+    found = ms.simulate(machine, duration=7.0 * one).sample(np.array([7.0 * one - 0.1]))
+    assert found['position.arm'][0] == pytest.approx(7.0 * math.radians(120.0), abs=1e-12)
+
+
+def test_an_acceleration_is_a_key():
+    found = arm(speed='1 rad/s', acceleration='3 rad/s^2', start_angle='10 deg', duration=2.0)
+    last = found.sample(np.array([2.0]))
+    exact = math.radians(10.0) + 2.0 + 6.0
+    assert last['position.arm'][0] == pytest.approx(exact, abs=1e-13)
+    assert last['velocity.arm'][0] == pytest.approx(7.0, abs=1e-13)
+
+
+# --- files, nodes, bags --------------------------------------------------------------------------
+
+LOOSE = {'joints.coupler_rocker.clearance': {'radial': '0.2 mm', 'restitution': 0.3}}
+
+
+@pytest.mark.network
+@pytest.mark.parametrize(
+    'drive',
+    [
+        'position: "90 deg + 10 deg*sin(pi*t)"',
+        pytest.param('position: {file: way.csv, interpolation: quintic}', marks=pytest.mark.slow),
+    ],
+)
+def test_nodes_follow_as_the_solution_does_and_the_bag_is_readable_alone(drive, tmp_path):
+    (tmp_path / 'scene').mkdir()
+    file = tmp_path / 'scene' / 'servo.yaml'
+    kept = [line for line in Path(SERVO).read_text().splitlines() if not line.startswith('drive')]
+    file.write_text('\n'.join([*kept, f'drive: {{{drive}}}']))
+    rows = [f'{0.05 * k!r},{90.0 + 10.0 * math.sin(0.05 * math.pi * k)!r}' for k in range(61)]
+    (file.parent / 'way.csv').write_text('\n'.join(['t [s],crank [deg]', *rows]))
+    clearance = 'joints.coupler_rocker.clearance={radial: 0.2 mm, restitution: 0.3}'
+    args = ['--duration', '2.5', '--set', clearance]
+    alone = run_json('solve', str(file), *args)
+    bag = tmp_path / 'run.mcap'
+    assert run_json('run', str(file), *args, '--record', str(bag))['code'] == 0
+    for each in (*file.parent.iterdir(),):
+        each.unlink()
+    assert analyze(bag).digest == alone['digest']
+    motion = open_run(bag)
+    assert motion.machine.scene.drive.position is not None
