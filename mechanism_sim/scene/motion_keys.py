@@ -171,11 +171,11 @@ def _unit_of_formula(root: ExpressionNode, text: str, units: tuple[str, str]) ->
         try:
             found = unit_of(root, {'t': time}, text)
         except InputError as error:
-            said = said or error
+            said = error
             continue
         if found is None or any(alike(found, unit) for unit in units):
             return found
-        said = said or InputError(
+        said = InputError(
             f'{quoted(text)} is in {found or "no unit"}, not in {" or ".join(units)}'
         )
     if all(alike(n.unit or '', '') for n in root.walk()):  # degrees are plain numbers
@@ -296,7 +296,8 @@ class MovePart(Part):
     def _one_step(self) -> MovePart:
         kinds = [k for k in ('to', 'by', 'dwell') if getattr(self, k) is not None]
         if len(kinds) != 1:
-            raise ValueError(f"has {' and '.join(kinds) or 'none'} of 'to', 'by', 'dwell': one")
+            found = ' and '.join(kinds) or 'none'
+            raise ValueError(f"has {found}: it needs one of 'to', 'by' and 'dwell'")
         return self
 
 
