@@ -149,9 +149,8 @@ class Turn:
         if machine.without_forces or plan.ideal.deformations:
             return None
         q, t = self.q[:, :count], self._times[:count]
-        rate, second = (
-            np.array([_values(plan.laws[c], t, order) for c in prescribed]) for order in (1, 2)
-        )
+        known = [plan.laws_until(c, t[-1]) for c in prescribed]
+        rate, second = (np.array([_values(laws, t, order) for laws in known]) for order in (1, 2))
         v = self._kinematics.rates(q, rate)
         a = self._kinematics.accelerations(q, v, second)
         dynamics = machine.nominal.inverse_dynamics
@@ -193,7 +192,7 @@ class Turn:
         if straight or not np.isfinite(duration):
             duration = machine.scene.duration or (duration if np.isfinite(duration) else 0.0)
         t = self._times = np.linspace(0.0, duration, INSTANTS)
-        return {c: _values(plan.laws[c], t) for c in moved}
+        return {c: _values(plan.laws_until(c, duration), t) for c in moved}
 
     def _closed(self, guess: Array) -> Array:
         for c, way in self._held.items():
