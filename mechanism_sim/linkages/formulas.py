@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import heyoka as hy
 
@@ -17,12 +18,20 @@ from mechanism_sim.planar.loads import Load
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 
 
+class Measured(Protocol):
+    """Something between two links with a length or an angle."""
+
+    def measured(self, frames: Frames) -> tuple[Term, Term]:
+        """Length [m] or angle [rad], and its rate."""
+
+
 @dataclass(frozen=True)
 class FormulaScope:
     """Meanings of the names in formulas of one machine.
 
-    They know the time ``t``, states of first order by their names, and of every link its angle,
-    all turns counted, or its displacement, and its rate (``LINK``, ``LINK_rate``).
+    They know the time ``t``, states of first order by their names, of every link its angle, all
+    turns counted, or its displacement, and its rate (``LINK``, ``LINK_rate``), of every spring its
+    length or angle, and its rate (``SPRING.length``, ``SPRING.angle``, ``SPRING.rate``).
     """
 
     mechanism: Mechanism
@@ -32,6 +41,8 @@ class FormulaScope:
     """Functions that formulas may call."""
     states: Sequence[str] = ()
     """Names of the states of first order, in the order of their numbers."""
+    springs: Mapping[str, Callable[[Mechanism], Measured]] = field(default_factory=dict)
+    """Whose lengths and rates they know, by name."""
 
     def term(
         self, frames: Frames, key: str, text: str, own: Mapping[str, Term] | None = None
@@ -46,8 +57,12 @@ class FormulaScope:
         known, angles = {**(own or {})}, {}
         names = formula.read(text, self.tables).names
         for name in [n for n in names if n not in known and n != 't']:
+            spring, _, what = name.partition('.')
             if name in self.states:
                 known[name] = frames.state(self.states.index(name))
+            elif what:
+                length, rate = self.springs[spring](self.mechanism).measured(frames)
+                known[name] = rate if what == 'rate' else length
             elif all(name != body.name for body in self.mechanism.bodies):
                 known[name] = self.motion(frames, name.removesuffix('_rate')).rate
             elif name in self.guided:

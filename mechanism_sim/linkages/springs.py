@@ -169,8 +169,8 @@ class Elongation(SceneElement):
             frames.formulas.add(self.name)
         return self.law.pull(frames, self.key, *self._measure(frames))
 
-    def measured(self, frames: Frames) -> Term:
-        """Length [m], or angle [rad] of the second link against the first."""
+    def measured(self, frames: Frames) -> tuple[Term, Term]:
+        """Length [m], or angle [rad] of the second link against the first, and its rate."""
         raise NotImplementedError
 
     def power_lost(self, frames: Frames) -> Term:
@@ -228,9 +228,9 @@ class Spring(Elongation):
         longer = add(length, neg(frames.parameters(f'{self.key}.free_length', self.free_length)))
         return longer, rate, {'length': length, 'rate': rate}
 
-    def measured(self, frames: Frames) -> Term:
-        """The length, or the displacement of a guide [m]."""
-        return self._line(frames)[1]
+    def measured(self, frames: Frames) -> tuple[Term, Term]:
+        """The length, or the displacement of a guide [m], and its rate."""
+        return self._line(frames)[1:]
 
     def _ends(self, force: tuple[Term, Term]) -> list[Load]:
         return [
@@ -314,9 +314,10 @@ class TorsionSpring(Elongation):
             return less
         return add(less, frames.parameters.reserve(f'{self.key}.free_angle.own', self.free_angle))
 
-    def measured(self, frames: Frames) -> Term:
-        """The angle of the second link less that of the first [rad]."""
-        return self._whole(frames, self._measure(frames)[0])
+    def measured(self, frames: Frames) -> tuple[Term, Term]:
+        """The angle of the second link less that of the first [rad], and its rate."""
+        less, rate, _ = self._measure(frames)
+        return self._whole(frames, less), rate
 
     def _bent(self, frames: Frames, which: str) -> Jet:
         return self.mechanism.bent(frames, getattr(self, which), (0.0, 0.0), f'{self.key}.{which}')
