@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import heyoka as hy
@@ -115,6 +115,27 @@ class FormulaScope:
         x, y = frames.position(m.separation(joint.name), joint.name)
         ux, uy = frames.position(m.direction(joint.first, joint.axis), f'{joint.name}.way')
         return -(x * ux + y * uy)
+
+
+@dataclass(frozen=True)
+class FormulaTorque:
+    """The torque of a drive by a formula, as the characteristic of a motor."""
+
+    formula: str
+    scope: FormulaScope = field(compare=False)
+
+    name = 'a torque by a formula'
+    starting = 1.0
+    """[N m] of which only the sign counts, for a drawing."""
+
+    def on(self, mechanism: Mechanism) -> FormulaTorque:
+        """Itself in another tree of the mechanism."""
+        return replace(self, scope=replace(self.scope, mechanism=mechanism))
+
+    def torque(self, frames: Frames, key: str, _: hy.expression) -> hy.expression:
+        """Torque [N m], or force [N]; `key` begins the names of its parameters."""
+        frames.formulas.add(key.replace(':', '.', 1))
+        return self.scope.term(frames, key, self.formula)
 
 
 @dataclass(frozen=True)
