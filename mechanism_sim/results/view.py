@@ -86,6 +86,8 @@ class View:
     def states(self, derivative: int = 0) -> Array:
         """The states of first order (k, N), or their rates."""
         curve = self._motion.state_curve
+        if not curve.turns.shape[1]:
+            return np.zeros((0, len(self.t)))
         return np.asarray(curve.local(self._segments, self._dt, derivative).T)
 
     def outside(self, names: Sequence[str]) -> Array:
