@@ -56,6 +56,8 @@ EXAMPLES = {
     'N m': '0.1 N m',
     'N m/rad': '0.1 N m/rad',
     'N m s/rad': '0.01 N m s/rad',
+    'N m/rad/s': '50 N m/rad/s',
+    'N/m/s': '200 N/m/s',
     'm^3': '2 dm^3',
     'A': '2 A',
     'V': '24 V',

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import heyoka as hy
 
@@ -17,12 +18,20 @@ from mechanism_sim.planar.loads import Load
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 
 
+class Measured(Protocol):
+    """Something between two links with a length or an angle."""
+
+    def measured(self, frames: Frames) -> tuple[Term, Term]:
+        """Length [m] or angle [rad], and its rate."""
+
+
 @dataclass(frozen=True)
 class FormulaScope:
     """Meanings of the names in formulas of one machine.
 
-    They know the time ``t``, states of first order by their names, and of every link its angle,
-    all turns counted, or its displacement, and its rate (``LINK``, ``LINK_rate``).
+    They know the time ``t``, states of first order by their names, of every link its angle, all
+    turns counted, or its displacement, and its rate (``LINK``, ``LINK_rate``), of every spring its
+    length or angle, and its rate (``SPRING.length``, ``SPRING.angle``, ``SPRING.rate``).
     """
 
     mechanism: Mechanism
@@ -32,6 +41,8 @@ class FormulaScope:
     """Functions that formulas may call."""
     states: Sequence[str] = ()
     """Names of the states of first order, in the order of their numbers."""
+    springs: Mapping[str, Callable[[Mechanism], Measured]] = field(default_factory=dict)
+    """Whose lengths and rates they know, by name."""
 
     def term(
         self, frames: Frames, key: str, text: str, own: Mapping[str, Term] | None = None
@@ -46,8 +57,12 @@ class FormulaScope:
         known, angles = {**(own or {})}, {}
         names = formula.read(text, self.tables).names
         for name in [n for n in names if n not in known and n != 't']:
+            spring, _, what = name.partition('.')
             if name in self.states:
                 known[name] = frames.state(self.states.index(name))
+            elif what:
+                length, rate = self.springs[spring](self.mechanism).measured(frames)
+                known[name] = rate if what == 'rate' else length
             elif all(name != body.name for body in self.mechanism.bodies):
                 known[name] = self.motion(frames, name.removesuffix('_rate')).rate
             elif name in self.guided:
@@ -104,6 +119,27 @@ class FormulaScope:
         x, y = frames.position(m.separation(joint.name), joint.name)
         ux, uy = frames.position(m.direction(joint.first, joint.axis), f'{joint.name}.way')
         return -(x * ux + y * uy)
+
+
+@dataclass(frozen=True)
+class FormulaTorque:
+    """The torque of a drive by a formula, as the characteristic of a motor."""
+
+    formula: str
+    scope: FormulaScope = field(compare=False)
+
+    name = 'a torque by a formula'
+    starting = 1.0
+    """[N m] of which only the sign counts, for a drawing."""
+
+    def on(self, mechanism: Mechanism) -> FormulaTorque:
+        """Itself in another tree of the mechanism."""
+        return replace(self, scope=replace(self.scope, mechanism=mechanism))
+
+    def torque(self, frames: Frames, key: str, _: hy.expression) -> hy.expression:
+        """Torque [N m], or force [N]; `key` begins the names of its parameters."""
+        frames.formulas.add(key.replace(':', '.', 1))
+        return self.scope.term(frames, key, self.formula)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.elements import SceneElement
 from mechanism_sim.linkages.formulas import FormulaScope
 from mechanism_sim.numerics.curves import Curve
-from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, polynomial
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load
@@ -32,7 +32,7 @@ class GasColumn:
 
     def pull(self, frames: Frames, key: str, x: Term) -> Term:
         """The force, negative as it pushes [N]."""
-        return neg(self._force(frames, key) * hy.pow(self._share(frames, key, x), self.exponent))
+        return neg(self._force(frames, key) * self._share(frames, key, x) ** self.exponent)
 
     def energy(self, frames: Frames, key: str, x: Term) -> Term:
         """The integral of the pull from the free length on [J]."""
@@ -40,7 +40,7 @@ class GasColumn:
         share = self._share(frames, key, x)
         if self.exponent == 1.0:
             return size * hy.log(share)
-        return size * (hy.pow(share, self.exponent - 1.0) - 1.0) / (self.exponent - 1.0)
+        return size * (share ** (self.exponent - 1.0) - 1.0) / (self.exponent - 1.0)
 
     def _force(self, frames: Frames, key: str) -> hy.expression:
         return frames.parameters.reserve(f'{key}.gas.force', self.force)
@@ -113,7 +113,7 @@ class SpringLaw:
         """The energy stored from the free length on [J]."""
         k = self.stiffness
         if isinstance(k, Curve):
-            stored = self._lookup(frames, f'{key}.table.energy', k.integral(), x)
+            stored = self._tabulated(frames, key, k, x)[1]
         else:
             k = frames.parameters(f'{key}.stiffness', k)
             stored = mul(hy.expression(0.5), mul(k, mul(x, x)))
@@ -129,7 +129,7 @@ class SpringLaw:
     def _stored(self, frames: Frames, key: str, x: Term) -> Term:
         k = self.stiffness
         if isinstance(k, Curve):
-            elastic = self._lookup(frames, f'{key}.table.stiffness', k, x)
+            elastic = self._tabulated(frames, key, k, x)[0]
         else:
             elastic = mul(frames.parameters(f'{key}.stiffness', k), x)
         preload = frames.parameters(f'{key}.preload', self.preload)
@@ -138,15 +138,20 @@ class SpringLaw:
     def _taken(self, frames: Frames, key: str, rate: Term, own: Mapping[str, Term]) -> Term:
         c, given = self.damping, None
         if isinstance(c, Curve):
-            damped = self._lookup(frames, f'{key}.table.damping', c, rate)
+            table = f'{key}.table.damping'
+            damped = frames.lookup(table, dense(rate), c.breaks, c.rows, c.cyclic)
         else:
             damped = mul(frames.parameters(f'{key}.damping', c), rate)
         if self.scope and self.formula:
             given = self.scope.term(frames, f'{key}.formula', self.formula, own)
         return add(damped, given)
 
-    def _lookup(self, frames: Frames, key: str, curve: Curve, place: Term) -> Term:
-        return frames.lookup(key, dense(place), curve.breaks, curve.rows, curve.cyclic)
+    def _tabulated(self, frames: Frames, key: str, curve: Curve, x: Term) -> list[Term]:
+        """Force of a table, and its integral: both in one, whose rows the engine knows."""
+        n, rows = curve.rows.shape[1], np.hstack([curve.rows, curve.integral().rows])
+        place = Jet(dense(x), {}, None, None)
+        numbers, local = frames.table(f'{key}.table.force', place, curve.breaks, rows, False)
+        return [polynomial(part, dense(local.value), 1)[0] for part in (numbers[:n], numbers[n:])]
 
     def _beyond(self, frames: Frames, key: str, x: Term) -> hy.expression:
         return frames.switch(f'{key}.flag.beyond', self.side * dense(x))
@@ -169,8 +174,8 @@ class Elongation(SceneElement):
             frames.formulas.add(self.name)
         return self.law.pull(frames, self.key, *self._measure(frames))
 
-    def measured(self, frames: Frames) -> Term:
-        """Length [m], or angle [rad] of the second link against the first."""
+    def measured(self, frames: Frames) -> tuple[Term, Term]:
+        """Length [m], or angle [rad] of the second link against the first, and its rate."""
         raise NotImplementedError
 
     def power_lost(self, frames: Frames) -> Term:
@@ -228,9 +233,9 @@ class Spring(Elongation):
         longer = add(length, neg(frames.parameters(f'{self.key}.free_length', self.free_length)))
         return longer, rate, {'length': length, 'rate': rate}
 
-    def measured(self, frames: Frames) -> Term:
-        """The length, or the displacement of a guide [m]."""
-        return self._line(frames)[1]
+    def measured(self, frames: Frames) -> tuple[Term, Term]:
+        """The length, or the displacement of a guide [m], and its rate."""
+        return self._line(frames)[1:]
 
     def _ends(self, force: tuple[Term, Term]) -> list[Load]:
         return [
@@ -314,9 +319,10 @@ class TorsionSpring(Elongation):
             return less
         return add(less, frames.parameters.reserve(f'{self.key}.free_angle.own', self.free_angle))
 
-    def measured(self, frames: Frames) -> Term:
-        """The angle of the second link less that of the first [rad]."""
-        return self._whole(frames, self._measure(frames)[0])
+    def measured(self, frames: Frames) -> tuple[Term, Term]:
+        """The angle of the second link less that of the first [rad], and its rate."""
+        less, rate, _ = self._measure(frames)
+        return self._whole(frames, less), rate
 
     def _bent(self, frames: Frames, which: str) -> Jet:
         return self.mechanism.bent(frames, getattr(self, which), (0.0, 0.0), f'{self.key}.{which}')

@@ -34,7 +34,8 @@ class SteepLoads:
 
     Attributes
     ----------
-    moving : derivative (0 or 1) and index of each coordinate that the loads depend on
+    moving : derivative (0 or 1) and index of each coordinate that the loads depend on, then of
+        states of first order, which are counted after these
     timed : whether they depend on the time, too
     outside : names of turns that they ask for
     symbols : (w,) indices of those of all switches that they depend on
@@ -69,10 +70,10 @@ class SteepLoads:
         moving = [
             (d, i, x) for d, of in both for i, x in enumerate(of.values()) if str(x) in named
         ]
-        self.moving = [(d, i) for d, i, _ in moving]
         states = [(n, x) for n, x in frames.outside.items() if n.startswith(STATE)]
         for n, x in (pair for pair in states if str(pair[1]) in named):
             moving.append((0, len(frames.q) + int(n.removeprefix(STATE)), x))
+        self.moving = [(d, i) for d, i, _ in moving]
         self.timed = str(frames.outside.get('time')) in named
         others = {'time', *(n for n, _ in states)}
         turns = {n: x for n, x in frames.outside.items() if n not in others and str(x) in named}

@@ -9,10 +9,13 @@ from typing import NamedTuple
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.clock import take_off_turns
 from mechanism_sim.keys.names import Names, kind_of
+from mechanism_sim.linkages.formulas import FormulaTorque
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
 from mechanism_sim.planar.endless_laws import LawSource
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import InductionMotor, Motor, PointsOfTorque
 from mechanism_sim.scene.drive_motion import course_laws, moves
+from mechanism_sim.scene.formula_keys import check_formula, scope_of
 from mechanism_sim.scene.motion_keys import SpeedPart
 from mechanism_sim.scene.schema import Commands, DrivePart, MotorPart
 
@@ -160,10 +163,10 @@ def _power(where: str, c: str, drive: DrivePart) -> TorqueLaw:
     if drive.motor:
         return _motor_law(where, c, drive.motor)
     if f := drive.force:
-        return TorqueLaw(c, (f.constant, f.per_position, f.per_speed))
+        return TorqueLaw(c, (f.constant + _number(f.formula), f.per_position, f.per_speed))
     t = drive.torque
     assert t is not None  # noqa: S101 - one of the three is there
-    return TorqueLaw(c, (t.constant, t.per_angle, t.per_speed))
+    return TorqueLaw(c, (t.constant + _number(t.formula), t.per_angle, t.per_speed))
 
 
 def _steady(names: Names, where: str, drive: DrivePart, first: DriveLaw) -> DriveLaw:
@@ -185,15 +188,24 @@ def _steady(names: Names, where: str, drive: DrivePart, first: DriveLaw) -> Driv
     return replace(first, coefficients=(*first.coefficients, speed, *([half] if half else [])))
 
 
+def _number(formula: float | str | None) -> float:
+    """What a formula adds if it is a number alone."""
+    return formula if isinstance(formula, float) else 0.0
+
+
 def _check_commands(where: str, commands: Commands | None, reason: str) -> None:
     """Refuse commands of speed for a drive that can take none, for a `reason` (empty: it can)."""
     if commands and reason:
         raise InputError(f'{where}.commands: {reason}')
 
 
-def read_motor(coordinate: str, drive: DrivePart) -> Motor | None:
+def read_motor(names: Names, coordinate: str, drive: DrivePart, tree: Mechanism) -> Motor | None:
     """The motor of a drive whose torque is no straight line over its speed, if it has one."""
-    motor = drive.motor
+    motor, affine = drive.motor, drive.torque or drive.force
+    if affine and isinstance(text := affine.formula, str):
+        key, unit = ('torque', 'N m') if drive.torque else ('force', 'N')
+        check_formula(names, f'{drive_key(names, coordinate)}.{key}', text, unit, tree, {})
+        return Motor(coordinate, FormulaTorque(text, scope_of(names, tree)(tree)))
     if motor is None or not (motor.curve or motor.induction):
         return None
     if motor.curve:

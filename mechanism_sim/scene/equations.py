@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -106,7 +106,9 @@ class EquationsOfMotion:
             closing,
             plan.powered,
             AppliedForces(
-                [*films, *plan.elements(mechanism)], plan.motors, plan.frictions(mechanism)
+                [*films, *plan.elements(mechanism)],
+                [replace(m, characteristic=m.characteristic.on(mechanism)) for m in plan.motors],
+                plan.frictions(mechanism),
             ),
             self._lent(mechanism) if closing else 0.0,
         )

@@ -57,7 +57,7 @@ def state_units(names: Names) -> dict[str, str]:
     return {
         state: unit
         for section in ('states', 'servos')
-        for name, part in getattr(names.scene, section, {}).items()
+        for name, part in getattr(names.scene, section).items()
         for state, unit in part.states(name).items()
     }
 
@@ -78,7 +78,9 @@ def scope_of(names: Names, tree: Mechanism) -> Callable[[Mechanism], FormulaScop
     guided = {c: tree.tree_joints[c].name for c in tree.sliding}
     tables = {n: table.curve for n, table in names.scene.tables.items()}
     states = [*state_units(names)]
-    return lambda mechanism: FormulaScope(mechanism, guided, tables, states)
+    parts = names.scene.springs | names.scene.servos
+    springs = {n: part.placed(names, n, tree) for n, part in parts.items()}
+    return lambda mechanism: FormulaScope(mechanism, guided, tables, states, springs)
 
 
 def check_formula(
@@ -101,18 +103,21 @@ def check_formula(
     states = state_units(places)
     units: dict[str, str | None] = {x: of or None for x, of in states.items()}
     units |= {'t': 's', **own}
+    for spring, part in (places.scene.springs | places.scene.servos).items():
+        units |= {f'{spring}.{x}': of for x, of in part.measures(places, spring, tree).items()}
     for link in places.links:
         units[link] = of = 'm' if link in tree.sliding else 'rad'
         units[f'{link}_rate'] = f'{of}/s'
     tables = places.scene.tables
     try:
         root = formula.read(text, tables)
+        springs = [x for x in units if '.' in x and x not in states]
         for other in root.names:
             if other not in units:
                 raise InputError(
                     f"the formula {quoted(text)} names '{other}'"
                     f'{unit_hint(other) or nearest(other, units)}; it may name '
-                    f'{", ".join(["t", *own, *states, "a link"])}, or LINK_rate'
+                    f'{", ".join(["t", *own, *states, *springs, "a link"])}, or LINK_rate'
                 )
             if other.endswith('_rate') and {other, other.removesuffix('_rate')} <= {*places.links}:
                 raise InputError(

@@ -133,7 +133,9 @@ class ScenePlan(Names):
         self.given = positions, rates
         self.frictions = read_frictions(self, self.clearances)
         self.motors = tuple(
-            motor for c, drive in drives.items() if (motor := read_motor(c, drive)) is not None
+            motor
+            for c, drive in drives.items()
+            if (motor := read_motor(self, c, drive, tree)) is not None
         )
         weighing = {mass.at.partition('.')[0] for mass in scene.masses.values()} | elastic.keys()
         self.weighed = all(scene.links[x].mass is not None or x in weighing for x in self.links)

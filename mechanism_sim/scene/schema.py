@@ -37,7 +37,7 @@ from mechanism_sim.keys.quantities import (
     si,
 )
 from mechanism_sim.planar.motor import InductionMotor
-from mechanism_sim.scene.formula_keys import EffortOrFormula
+from mechanism_sim.scene.formula_keys import EffortOrFormula, ForceOrFormula, TorqueOrFormula
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.motion_keys import (
     AnyAcceleration,
@@ -65,7 +65,10 @@ Vector = Annotated[tuple[Position, Position], BeforeValidator(plain)]
 
 
 class AffineTorque(Part):
-    """``constant + per_angle * angle + per_speed * speed``; all zero is a free crank."""
+    """``constant + per_angle * angle + per_speed * speed``; all zero is a free crank.
+
+    A text or a number alone is a formula, or the constant.
+    """
 
     constant: Torque = 0.0
     """Whatever angle and speed are."""
@@ -73,6 +76,13 @@ class AffineTorque(Part):
     """Times the angle of the link."""
     per_speed: TorquePerSpeed = 0.0
     """Times its speed; negative brakes."""
+    formula: TorqueOrFormula | None = None
+    """More torque by a formula, as "0.2*current": of t, links, LINK_rate, states, springs."""
+
+    @model_validator(mode='before')
+    @classmethod
+    def _alone(cls, data: Any) -> Any:
+        return {'formula': data} if isinstance(data, str | int | float) else data
 
 
 class InductionPart(Part):
@@ -348,7 +358,10 @@ def _merged(preset: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
 
 
 class AffineForce(Part):
-    """``constant + per_position * displacement + per_speed * speed``."""
+    """``constant + per_position * displacement + per_speed * speed``.
+
+    A text or a number alone is a formula, or the constant.
+    """
 
     constant: Annotated[float, si('N')] = 0.0
     """Wherever and however fast it is."""
@@ -356,6 +369,13 @@ class AffineForce(Part):
     """Times the displacement of the link."""
     per_speed: PerSpeed = 0.0
     """Times its speed; negative brakes."""
+    formula: ForceOrFormula | None = None
+    """More force by a formula, as "area*p": of t, links, LINK_rate, states, springs."""
+
+    @model_validator(mode='before')
+    @classmethod
+    def _alone(cls, data: Any) -> Any:
+        return {'formula': data} if isinstance(data, str | int | float) else data
 
 
 class DrivePart(Part):

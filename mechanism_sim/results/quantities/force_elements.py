@@ -8,6 +8,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.springs import Elongation, TorsionSpring
+from mechanism_sim.numerics.symbolic import Term, neg
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.results.quantity import Quantity, Shown
@@ -48,6 +49,12 @@ def of_force_elements(machine: Machine) -> Iterator[Quantity]:
             )  # fmt: skip
 
 
+def _effort(element: Elongation, frames: Frames) -> Term:
+    """Pull of a spring, push of a servo."""
+    pull = element.pull(frames)
+    return neg(pull) if element.name.startswith('servos.') else pull
+
+
 class _ForceElements:
     """Forces and lengths of springs, compiled when they are first asked for."""
 
@@ -63,7 +70,9 @@ class _ForceElements:
     def _rows(self, view: View) -> Array:
         if self._function is None:
             frames = Frames(self._machine.mechanism.coordinates, Parameters())
-            terms = [x for e in self._elements for x in (e.pull(frames), e.measured(frames))]
+            terms = [
+                x for e in self._elements for x in (_effort(e, frames), e.measured(frames)[0])
+            ]
             self._outside = tuple(frames.outside)
             known = [*frames.q.values(), *frames.v.values(), *frames.outside.values()]
             self._function = SwitchedFunction(frames, [terms], known)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -11,6 +13,7 @@ from mechanism_sim.joints.joint_keys import Reference
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import POSITIVE, Angle, Length, Part, UnitValue, si, si_of
 from mechanism_sim.linkages.springs import (
+    Elongation,
     GasColumn,
     GuidedSpring,
     Spring,
@@ -19,7 +22,6 @@ from mechanism_sim.linkages.springs import (
 )
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.scene.formula_keys import (
     ForceOrFormula,
     TorqueOrFormula,
@@ -45,6 +47,10 @@ Stiffness = Annotated[QuantityValue | str, _or_table('N/m', 'N m/rad')]
 Damping = Annotated[QuantityValue | str, _or_table('N s/m', 'N m s/rad')]
 Preload = Annotated[QuantityValue, si_of('N', 'N m')]
 
+_NONE = SpringLaw()
+Placing = Callable[[Mechanism], Elongation]
+"""From a tree of the mechanism to an element between two of its links."""
+
 _SIDES = {'both': 0, 'above': 1, 'below': -1}
 
 
@@ -61,6 +67,8 @@ class GasPart(Part):
 
 class SpringPart(ElementKeys):
     """Between two points, or, with an angular stiffness, between two links."""
+
+    section: ClassVar[str] = 'springs'
 
     between: Reference | None = None
     """Two points; two links for a torsion spring."""
@@ -95,7 +103,7 @@ class SpringPart(ElementKeys):
 
     def read(self, places: Names, name: str, tree: Mechanism) -> Elements:
         """A straight spring, a torsion spring, or one along a guide."""
-        where = f'springs.{name}'
+        where = f'{self.section}.{name}'
         torsional = self._is_torsional(places, where, tree)
         if torsional and self.free_length is not None:
             raise InputError(f'{where}: a torsion spring has a free_angle')
@@ -105,23 +113,28 @@ class SpringPart(ElementKeys):
             if not isinstance(quantity, str) and quantity.value < 0.0:
                 raise InputError(f'{where}: stiffness and damping cannot be negative')
         law, scope = self._law(places, where, torsional, tree), scope_of(places, tree)
+        placed = self.placed(places, name, tree)
+        return lambda mechanism: [replace(placed(mechanism), law=law(scope(mechanism)))]
+
+    def placed(self, places: Names, name: str, tree: Mechanism) -> Placing:
+        """Maker of its element, as yet without force."""
+        where, free = f'{self.section}.{name}', self.free_length or 0.0
         own = [places.find(f'{where}.between', p) for p in self.between or []]
         if own and own[0][0] == own[1][0]:
             raise InputError(f'{where}.between names one link twice')
+        if self._is_torsional(places, where, tree):
+            a, b = [link for link, _ in own] or [GROUND, str(self.coordinate)]
+            return lambda m: TorsionSpring(where, m, _NONE, a, b, self.free_angle or 0.0)
+        if self.coordinate:
+            joint = tree.tree_joints[self.coordinate]
+            return lambda m: GuidedSpring(where, m, _NONE, *joint.points, free, joint.name)
+        return lambda m: Spring(where, m, _NONE, *own, free)
 
-        def made(mechanism: Mechanism) -> list[ForceElement]:
-            known = law(scope(mechanism))
-            if torsional:
-                links = [link for link, _ in own] or [GROUND, str(self.coordinate)]
-                return [TorsionSpring(where, mechanism, known, *links, self.free_angle or 0.0)]
-            free = self.free_length or 0.0
-            if self.coordinate:
-                joint = tree.tree_joints[self.coordinate]
-                a, b = joint.points
-                return [GuidedSpring(where, mechanism, known, a, b, free, joint.name)]
-            return [Spring(where, mechanism, known, *own, free)]
-
-        return made
+    def measures(self, places: Names, name: str, tree: Mechanism) -> dict[str, str]:
+        """What formulas know of it, with units."""
+        if self._is_torsional(places, f'{self.section}.{name}', tree):
+            return {'angle': 'rad', 'rate': 'rad/s'}
+        return {'length': 'm', 'rate': 'm/s'}
 
     def _is_torsional(self, places: Names, where: str, tree: Mechanism) -> bool:
         """True if its quantities are per angle; refuses what does not say, and mixtures."""

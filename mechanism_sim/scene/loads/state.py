@@ -40,8 +40,8 @@ _LARGE = {'Pa': 1e5}
 
 def _any(value: Any) -> QuantityValue:
     """A quantity of any unit."""
-    if isinstance(value, list | tuple) and len(value) == 2 and isinstance(value[1], str):
-        return QuantityValue(float(value[0]), value[1])  # as JSON has it
+    if isinstance(value, list | tuple):  # as JSON has it, in an SI unit
+        value = ' '.join(map(str, value))
     try:
         return to_si_of(value, _UNITS)
     except ValueError:
