@@ -117,7 +117,9 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
     contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
     if isinstance(joint, HigherPair):
         unit = 'rad' if joint.angular_play else 'm'
-        room = f'play {c.radial:g} {unit} to either side' if len(joint.sides) > 1 else 'may lift off'
+        room = (
+            f'play {c.radial:g} {unit} to either side' if len(joint.sides) > 1 else 'may lift off'
+        )
         room = '' if joint.one_way else f'{room}, '
         return f'{joint.parts}, {room}{contact}'
     block = isinstance(joint, Prismatic)

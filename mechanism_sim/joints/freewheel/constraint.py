@@ -1,7 +1,7 @@
 """Two links that turn, or slide, one of which drives the other one way and is overrun by it.
 
-With the rate w of the second against the first, counted in the sense in which it is driven, and the
-moment M of the first on the second, a freewheel has
+With the rate w of the second against the first, counted in the sense in which it is driven, and
+the moment M of the first on the second, a freewheel has
 
     w >= 0,    M >= 0,    M w = 0
 
@@ -54,4 +54,5 @@ class Overrun(Wall):
         if not joint.teeth:
             return Jet(None, ahead.gradient, ahead.rate, ahead.curvature)
         size = dense(frames.parameters(f'{self.joint}.size', self.closure.mechanism.size))
-        return frames.past_tooth(self.joint, ahead / size, joint.teeth) * size
+        away: Jet = frames.past_tooth(self.joint, ahead / size, joint.teeth) * size
+        return away

@@ -13,6 +13,7 @@ from mechanism_sim.joints.transmission.keys import CarrierKeys, carrier_of, guid
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Coefficient
 from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.view import Side
 
 
 class OneWayKeys(CarrierKeys):
@@ -46,7 +47,7 @@ class OneWayKeys(CarrierKeys):
 
     def contacts(self, play: Play, joint: Any, mechanism: Mechanism) -> Contacts:
         """The one that holds."""
-        side = 'right' if joint.sense > 0.0 else 'left'
+        side: Side = 'right' if joint.sense > 0.0 else 'left'
         return [Overrun(joint.closure(mechanism), side, 0.0, play.restitution)], ()
 
 
