@@ -73,7 +73,7 @@ class EquationsOfMotion:
         if not self.plan.clearances:
             return self.observer
         ideal = self.plan.ideal
-        return Observer(self._compiled(ideal, closures(ideal, ideal.closing), [], []))
+        return Observer(self._compiled(ideal, closures(ideal, ideal.cut), [], []))
 
     def _compiled(
         self,

@@ -28,7 +28,7 @@ from mechanism_sim.planar.view import Side
 class Freewheel(Transmission):
     """A clutch between two links that holds one way."""
 
-    one_way: ClassVar[bool] = True
+    equations: ClassVar[int] = 0
     sides: ClassVar[tuple[Side, ...]] = ('right',)
     parts: ClassVar[str] = 'clutch that holds one way'
     beyond: ClassVar[str] = 'into its tooth'

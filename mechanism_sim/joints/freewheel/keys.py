@@ -42,8 +42,8 @@ class OneWayKeys(CarrierKeys):
         )  # fmt: skip
 
     def play(self, joint: Any) -> Play:
-        """None but that of teeth."""
-        return Play(radial=0.0, restitution=getattr(self, 'restitution', None) or 0.0)
+        """None: it closes without impact."""
+        return Play(radial=0.0, restitution=0.0)
 
     def contacts(self, play: Play, joint: Any, mechanism: Mechanism) -> Contacts:
         """The one that holds."""
@@ -68,7 +68,7 @@ class RatchetKeys(OneWayKeys):
     teeth: Teeth | None = None
     """Of a bevel pair; of a worm pair threads of the worm and teeth of the wheel; of a ratchet one
     number, those on a turn. Required."""
-    restitution: Coefficient | None = None
+    restitution: Coefficient = 0.0
     """Of a ratchet or rope: of the impact at which it holds; 0 without."""
 
     def read(self, names: Names, name: str) -> Freewheel:
@@ -81,3 +81,7 @@ class RatchetKeys(OneWayKeys):
                 'the wheel on a turn, such as 24'
             )
         return OneWayKeys.read(self, names, name)
+
+    def play(self, joint: Any) -> Play:
+        """That of its teeth, at which it rebounds."""
+        return Play(radial=0.0, restitution=self.restitution)

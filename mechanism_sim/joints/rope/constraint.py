@@ -43,7 +43,7 @@ class Pulley(NamedTuple):
 class Rope(HigherPair):
     """A rope of a length; `first` and `second` are links of two of its points."""
 
-    one_way: ClassVar[bool] = True
+    equations: ClassVar[int] = 0
     sides: ClassVar[tuple[Side, ...]] = ('left',)
     parts: ClassVar[str] = 'rope that may hang slack'
     beyond: ClassVar[str] = 'beyond its length'

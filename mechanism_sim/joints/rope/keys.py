@@ -17,9 +17,9 @@ from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Joints
 from mechanism_sim.joints.rope.constraint import Pulley, Rope
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Coefficient, Length, Part
+from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 
 _STRAIGHT = 1e-9
@@ -46,7 +46,7 @@ class RopeKeys(JointKeys):
     """Of a rope; without it that of its way at the start."""
     pulleys: dict[str, PulleyPart] | None = None
     """Of a rope: pulleys at points between its ends, by their names; others have no radius."""
-    restitution: Coefficient | None = None
+    restitution: Coefficient = 0.0
     """Of a ratchet or rope: of the impact at which it holds; 0 without."""
 
     firm = 'it has no play: give its length'
@@ -80,7 +80,7 @@ class RopeKeys(JointKeys):
 
     def play(self, joint: Any) -> Play:
         """None: it hangs slack instead."""
-        return Play(radial=0.0, restitution=self.restitution or 0.0)
+        return Play(radial=0.0, restitution=self.restitution)
 
     @classmethod
     def assembled(
@@ -110,9 +110,7 @@ def _laid(names: Names, rope: Rope, tree: Mechanism, q: Mapping[str, float]) -> 
             pulley = pulley._replace(radius=pulley.radius if left else -pulley.radius)
         pulleys.append(pulley)
     rope = replace(rope, pulleys=(*pulleys, rope.pulleys[-1]))
-    moving = [link for link in rope.links if link != GROUND]
-    known = set(tree.coordinates) if not tree.closing else set()
-    if not rope.length and known.issuperset(moving):
+    if not rope.length and not closures(tree, tree.cut):
         rope = replace(rope, length=_way(rope, tree, q))
     if not rope.length:
         raise InputError(
