@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from builders import made
 from event_solution import Machine, Wall, apart, solve
-from running import run_json
+from running import run, run_json
 from scipy.integrate import solve_ivp
 
 import mechanism_sim as ms
+from mechanism_sim.analysis.open_run import open_run
+from mechanism_sim.analysis.summary import analyze
+from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 
 INPUTS = Path(__file__).parent / 'inputs'
@@ -298,3 +301,96 @@ def test_a_ratchet_of_fine_teeth_is_a_freewheel():
     fine = {'ratchet': ['hub', 'wheel'], 'teeth': 10_000}
     solution = ms.simulate(shafts(fine, loads=MOTOR), duration=3.0)
     assert final(solution, 'hub', 'wheel')[:2] == pytest.approx(pulsating(3.0)[:2], abs=2e-3)
+
+
+# --- as nodes, bags, long, and mistaken ----------------------------------------------------------
+
+PUMP = """
+title: A pump's rope
+mechanism: linkage
+links:
+  ground: {points: {l: [0 m, 0 m], p: [0.1 m, 2 m], r: [0.3 m, 0 m]}}
+  arm: {length: 0.5 m, mass: 1 kg, inertia: 0.1 kg m^2}
+  hub: {mass: 1 kg, inertia: 0.2 kg m^2}
+  b: {mass: 2 kg}
+joints:
+  pivot: {revolute: [ground, arm]}
+  axis: {revolute: [ground, hub]}
+  gb: {prismatic: [ground.r, b], axis: 90 deg}
+  rope: {rope: [arm.end, ground.p, b], restitution: 0.4, pulleys: {ground.p: {radius: 50 mm}}}
+  sprag: {freewheel: [arm, hub]}
+  pawl: {ratchet: [ground, hub], teeth: 30, restitution: 0.2}
+loads: {push: {at: arm, torque: "15*sin(9*t)"}, back: {at: hub, torque: -3 N m}}
+gravity: [0, -9.81 m/s^2]
+duration: 1 s
+"""
+
+
+@pytest.mark.network
+def test_ropes_and_freewheels_run_as_nodes_to_the_bit(tmp_path):
+    scene, bag = tmp_path / 'pump.yaml', tmp_path / 'pump.mcap'
+    scene.write_text(PUMP)
+    done = run('run', str(scene), '--record', str(bag))
+    assert done.returncode == 0, done.stderr
+    alone = ms.simulate(ms.load_scene(str(scene)))
+    assert analyze(bag).digest == alone.digest()
+    assert {c.joint for c in alone.modes if c.t} == {'rope', 'pawl', 'sprag'}
+    again = open_run(bag)
+    t = np.linspace(0.0, 1.0, 41)
+    names = 'gap.rope', 'normal_force.rope', 'reaction.pivot', 'torque'
+    one, two = (x.sample(t, *names) for x in (alone, again))
+    assert all(np.array_equal(one[name], two[name]) for name in one)
+
+
+@pytest.mark.slow
+def test_a_freewheel_goes_on_for_ten_thousand_swings():
+    """When the first have died away each is as the one before."""
+    machine, period = shafts({'freewheel': ['hub', 'wheel']}, loads=MOTOR), 2.0 * math.pi / 3.0
+    late = ms.simulate(machine, duration=10_000 * period)
+    ends = np.array([9998.0, 9999.0]) * period
+    before, after = late.sample(ends, 'velocity.wheel')['velocity.wheel']
+    assert after == pytest.approx(before, rel=1e-10)
+    assert abs(late.energy.residual) < 1e-9 * late.energy.exchanged
+
+
+SLIDERS = {'links': {'ground': {'points': {'p': [0.0, 1.0]}}, 'a': {'mass': 1.0}},
+           'joints': {'ga': {'prismatic': ['ground', 'a'], 'axis': '90 deg'}}}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('joint', 'said'),
+    [
+        ({'rope': ['a']}, 'it must have 2 entries'),
+        ({'rope': ['a', 'ground.q']}, "joints.own.rope: the link ground has no point 'q'"),
+        ({'rope': ['ground', 'ground.p']}, 'has points of ground only: name those of two links'),
+        ({'rope': ['a', 'ground.p', 'ground.p']}, 'goes from ground.p to ground.p, which are one'),
+        ({'rope': ['a', 'ground.p'], 'length': 0.5}, 'own 0.5 m beyond its length'),
+        ({'rope': ['a', 'ground.p'], 'length': '-1 m'}, 'length = .-1 m. is out of bounds'),
+        ({'rope': ['a', 'ground.p'], 'pulleys': {'ground.p': {'radius': 0.1}}},
+         'passes no such point between its ends; there are: none'),
+        ({'rope': ['a', 'ground.p'], 'clearance': {'radial': 1e-3, 'restitution': 0}},
+         'it has no play: give its length'),
+        ({'rope': ['a', 'ground.p'], 'restitution': 2}, 'must be at most 1'),
+        ({'freewheel': ['a', 'ground'], 'drives': 'forwards'}, "allowed: 'counterclockwise' or"),
+        ({'freewheel': ['a', 'ground'], 'teeth': 12}, 'no meaning in a freewheel joint'),
+        ({'ratchet': ['a', 'wheel']}, 'own.teeth is missing: how many on a turn, such as 24'),
+        ({'ratchet': ['hub', 'wheel'], 'teeth': 2}, 'must be one number of at least 3'),
+        ({'ratchet': ['hub', 'wheel'], 'teeth': [20, 40]}, 'must be one number of at least 3'),
+        ({'transmission': ['a', 'wheel'], 'ratio': 2}, 'a slides on ground, but wheel does not'),
+        ({'transmission': ['hub', 'wheel'], 'ratio': 1, 'backlash': {'width': '1 mm'}},
+         'backlash.width has no meaning between links that turn'),
+        ({'transmission': ['hub', 'wheel'], 'ratio': 1, 'backlash': {'restitution': 0}},
+         "backlash.angle is missing: how far the second link can turn from stop to stop"),
+        ({'transmission': ['hub', 'wheel'], 'ratio': 1, 'backlash': {'angle': '3 deg'}},
+         'backlash.restitution is missing'),
+    ],
+)  # fmt: skip
+def test_mistakes_are_told_in_one_sentence(joint, said):
+    links = {**SLIDERS['links'], **{k: TWO[k] for k in ('hub', 'wheel')}}
+
+    def start():
+        joints = {**AXES, **SLIDERS['joints'], 'own': joint}
+        made({'links': links, 'gravity': [0.0, -G], 'joints': joints}).initial_state()
+
+    with pytest.raises(InputError, match=said):
+        start()
