@@ -87,7 +87,7 @@ class EquationsOfMotion:
             return self.observer
         plan, ideal = self.plan, self.plan.ideal
         loops = plan.kinematics(plan.prescribed)
-        closing = self._independent(closures(ideal, ideal.closing), loops)
+        closing = self._independent(closures(ideal, ideal.cut), loops)
         return Observer(self._compiled(ideal, closing, [], []))
 
     def _independent(self, closing: Sequence[Relation], loops: Kinematics) -> Sequence[Relation]:

@@ -157,7 +157,7 @@ class Nominal:
         plan, ideal = self.plan, self.plan.ideal
         return InverseDynamics(
             ideal,
-            closures(ideal, ideal.closing),
+            closures(ideal, ideal.cut),
             plan.prescribed,
             plan.elements(ideal),
             plan.frictions(ideal),

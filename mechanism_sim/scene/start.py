@@ -105,7 +105,7 @@ class Start:
     def _starts_closed(self, gap: Gap, value: Array) -> bool:
         """Pins are on their bushings but in oil, and what can only lift off is in contact."""
         play, joint = self.plan.clearances[gap.joint], self._loose.joint(gap.joint)
-        if isinstance(joint, HigherPair) and joint.one_way:
+        if isinstance(joint, HigherPair) and not joint.equations:
             return False  # that depends on what pulls
         if not isinstance(gap, BearingClearance) or play.film:
             return play.radial == 0.0
@@ -179,7 +179,7 @@ class Start:
         names = loose.coordinates
         guess = np.array([given.get(c, x) for c, x in zip(names, near, strict=True)])
         fixed = [c for c in names if c in held or c in given]
-        every = Kinematics(loose, closures(loose, loose.closing), fixed)
+        every = Kinematics(loose, closures(loose, loose.cut), fixed)
         targets = np.zeros(len(every.rows))
 
         def aim(seats: dict[str, Array]) -> None:
@@ -255,11 +255,12 @@ class Start:
         """
         plan, mechanism = self.plan, self._loose
         found: dict[str, Array] = {}
+        held = {relation.name for relation in closures(mechanism, mechanism.cut)}
         pressed = {
             name: isinstance(mechanism.joint(name), Revolute)
             for name, c in plan.clearances.items()
             if not c.film
-            and name in mechanism.closing
+            and name in held
             and (isinstance(mechanism.joint(name), Revolute) or not c.radial)
         }
         if not pressed:
