@@ -428,6 +428,9 @@ class BranchTolerances(NamedTuple):
     #: that below which a position is singular but for rounding: Newton's method ends at the root
     #: of rounding from a double point
     singular: float = 1e-5
+    #: that below which, at a limit of the drive, rates are those of the polynomials over time:
+    #: from positions they follow with the rounding over its square, accelerations over its cube
+    limit: float = 1e-3
     #: times what rounding may leave open where a branch is given by its polynomial
     open: float = 4.0
     #: [rad, or lengths of the mechanism] to either side, halved so many times at most

@@ -16,6 +16,9 @@ from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.points import GROUND, Point, Vector2, factors
 from mechanism_sim.planar.switches import Switch, SwitchTable, ToothTable
 
+STATE = 'state:'
+"""With which the names of states of first order begin in `Frames.outside`."""
+
 
 @dataclass
 class Parameters:
@@ -64,8 +67,8 @@ class Frames:
         Symbols of each coordinate, angle [rad] or displacement [m], its rate and acceleration.
         They are numbered: the names of a scene are no part of its expressions.
     outside : dict
-        Symbols of what loads ask for beside these: ``time`` [s] since the start of the run, and
-        ``COORDINATE.turns``, the whole turns that its symbol leaves out.
+        Symbols of what loads ask for beside these: ``time`` [s] since the start of the run,
+        ``COORDINATE.turns``, the whole turns that its symbol leaves out, and ``state:NUMBER``.
     switches : dict
         What changes from one part of the cycle to another, by name.
     wide : set
@@ -95,6 +98,10 @@ class Frames:
     def time(self) -> hy.expression:
         """The time since the start of the run [s]."""
         return self.outside.setdefault('time', hy.make_vars('time'))
+
+    def state(self, number: int) -> hy.expression:
+        """A state of first order, by its number, in its own unit."""
+        return self.outside.setdefault(f'{STATE}{number}', hy.make_vars(f'state{number}'))
 
     def turns(self, frame: str) -> Term:
         """The whole turns that the symbol of a frame's angle leaves out."""

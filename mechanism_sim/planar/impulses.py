@@ -58,11 +58,12 @@ class JointImpulses:
         rubs = {gap.name: T for (gap, _), T in zip(slips, rubbing, strict=True)}
         for gap, N in zip(gaps, sizes, strict=False):
             pressed = gap.wrench(frames, N, rubs.get(gap.name))
-            cut[gap.joint] = together(cut[gap.joint], pressed)
+            cut[gap.joint] = together(cut.get(gap.joint, Wrench(None, None)), pressed)
         closing = sizes[len(gaps) :]
         for relation in relations:
             count = len(relation.values(frames))
-            cut[relation.name] = relation.wrench(frames, closing[:count])
+            held = relation.wrench(frames, closing[:count])
+            cut[relation.name] = together(cut[relation.name], held)
             closing = closing[count:]
         wrenches = tree_reactions(eq, a, cut).values()
         self._driven = np.array([[c == d for d in prescribed] for c in eq.coordinates], float)
