@@ -99,7 +99,7 @@ GEARS = [
     ('differential', {'joints.final.transmission': ['left', 'left']}, 'ties the link left to it'),
     ('rack_and_pinion', {'gears.rack.module': '3 mm'}, 'modules are 2 mm and 3 mm'),
     ('rack_and_pinion', {'joints.mesh': {'transmission': ['pinion', 'rack'], 'ratio': 2}},
-     '1 too many'),
+     'rack slides on ground, but pinion does not'),
 ]  # fmt: skip
 
 
