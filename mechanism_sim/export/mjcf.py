@@ -260,7 +260,7 @@ class _MjcfWriter:
             driven.set('armature', text(flywheel))
             actuator.tag = 'velocity'
             actuator.set('kv', text(GAIN * flywheel / self._step))
-            self._controls.append(law.coefficients[1] if law.degree else 0.0)
+            self._controls.append(machine.plan.held[coordinate][1])
             return
         constant, per_angle, per_speed = law.coefficients
         actuator.set('biastype', 'affine')

@@ -228,7 +228,7 @@ def _drive(machine: Machine, coordinate: str) -> str:
     if given and given.moves:
         again = ', again and again' if given.moves.repeat else ''
         return f'prescribed, {len(given.moves.steps)} moves and dwells{again}{with_effort}'
-    speed = law.coefficients[1] if law.degree else 0.0
+    speed = machine.plan.held[coordinate][1]
     changing = ''
     if law.degree > 1:
         changing = f' at the start and {2.0 * law.coefficients[2]:g} {pace[:-2]}/s^2'
