@@ -17,7 +17,7 @@ from mechanism_sim.scene.load import RAMP
 from mechanism_sim.units import for_people
 
 _SHORT = 0.05  # of the cycle
-_SWING = ('size', 'turns', 'period', 'rising', 'falling', 'standing', 'time_ratio')
+_SWING = ('size', 'turns', 'period', 'rising', 'falling', 'standing', 'time_ratio', 'ripple')
 
 _NOTHING = 1e-8  # of the other end of a range, which is shown with six digits
 
@@ -124,7 +124,8 @@ def _swings(cycle: Cycle) -> Iterator[str]:
                 for x in swing.strokes
             )
         if swing.dwells and swing.size:
-            line += '; stands ' + ', '.join(
+            within = f' within {scale * swing.ripple:.3g} {shown}' if swing.ripple else ''
+            line += f'; stands{within} ' + ', '.join(
                 f'at {scale * x.position:.6g} {shown} for {x.duration:.6g} s' for x in swing.dwells
             )
         yield line
