@@ -9,9 +9,12 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from contextlib import suppress
 from decimal import Decimal
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
+
+from mechanism_sim.errors import InputError, quoted
 
 _NUMBER = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)\s*')
 
@@ -36,7 +39,9 @@ EXAMPLES = {
     'rad': '30 deg',
     'rad/s': '350 rpm',
     'rad/s^2': '20 rad/s^2',
+    'rad/s^3': '500 rad/s^3',
     'm/s^2': '9.81 m/s^2',
+    'm/s^3': '20 m/s^3',
     'm/s': '1 mm/s',
     'Pa s': '0.03 Pa s',
     'Pa': '210 GPa',
@@ -90,14 +95,35 @@ _KNOWN = {
 
 _ANGULAR, _HERTZ = ('rad', 'deg', 'rpm'), ('Hz', 'kHz')
 
-_PER_MINUTE = re.compile(
-    r'(?:1|r|rev)?\s*/\s*min|min\s*(?:\^|\*\*)\s*-\s*1|min⁻¹|rpm', re.IGNORECASE
-)
+_PER_MINUTE = re.compile(r'1?\s*/\s*min|min\s*(?:\^|\*\*)\s*-\s*1|min⁻¹', re.IGNORECASE)
 """Units that catalogues of motors and machines write where they mean revolutions per minute.
 
 Taken by its dimension alone, ``1/min`` would be 1/60 rad/s.
 """
-_ROTATION = 'rad/s', 'rad/s^2'
+
+_SIGNS = str.maketrans('·⋅∙•−', '****-')
+_RAISED = str.maketrans('⁻⁰¹²³⁴⁵⁶⁷⁸⁹', '-0123456789')
+_TRADE: tuple[tuple[re.Pattern[str], Any], ...] = (
+    (re.compile('[⁻¹²³⁴]+'), lambda found: '^' + found[0].translate(_RAISED)),
+    (re.compile(r'(?<=[A-Za-z])-(?=[A-Za-z])'), ' '),  # ft-lb, N-m
+    (re.compile(r'(?<=[A-Za-z])([234])(?![\w^*])'), r'^\1'),  # kgm2
+    (re.compile(r'(?<![A-Za-z])([mkM]?N|kg)(mm|cm|m)(s?)(?![A-Za-z])'), r'\1 \2 \3'),  # Nm, Nms
+    (re.compile(r'(?<![A-Za-z])(g)(mm|cm)(?![A-Za-z])'), r'\1 \2'),  # gmm, of unbalance
+    (re.compile(r'(?<![A-Za-z])([mk]?N|m?Pa)(s)(?![A-Za-z])'), r'\1 \2'),  # Ns, Pas
+    (re.compile(r'(?<![A-Za-z])(?:RPM|(?:r|U|rev)\s*/\s*min)(?![A-Za-z])', re.I), 'rpm'),
+    (re.compile(r'(?<![A-Za-z])lbm(?![A-Za-z])'), 'lb'),
+    (re.compile(r'(?<![A-Za-z])kp(?![A-Za-z])'), 'kgf'),
+    (re.compile(r'\s+(?=[*/^)]|$)|(?<=[*/(])\s+'), ''),
+)
+"""Spellings of products of units in workshops and catalogues, and those of the libraries."""
+
+_BY_WEIGHT = re.compile(r'(?<![A-Za-z])(lb|lbs|pounds?|oz|ounces?)(?![A-Za-z])')
+"""Units of mass that are forces where a force is wanted, as in ft-lb and oz in."""
+_FORCES = {'l': 'lbf', 'p': 'lbf', 'o': 'ozf'}
+_KILOGRAM = re.compile(r'(?<![A-Za-z])kg(?![A-Za-z])')
+
+_COMMA = re.compile(r'\s*[-+]?[\d.]*\d?,\d[\d.,]*')
+_ROTATION = 'rad/s', 'rad/s^2', 'rad/s^3'
 """Wanted units whose angle has to be written: ``1/s`` may be a radian or a revolution a second."""
 
 _FACTOR = re.compile(r'(\s+|\s*[*/]\s*|^)([A-Za-z]+)(?:(?:\^|\*\*)(-?\d))?')
@@ -116,6 +142,30 @@ def _powers(text: str) -> list[tuple[str, int]]:
         (name, int(exponent or 1) * (-1 if operator.strip() == '/' else 1))
         for operator, name, exponent in _FACTOR.findall(text)
     ]
+
+
+def _respelled(unit: str) -> str:
+    """A unit as the table and pint spell it: ``Nm`` is ``N m``, ``ft-lb`` is ``ft lb``."""
+    unit = unit.translate(_SIGNS)
+    for found, spelling in _TRADE:
+        unit = found.sub(spelling, unit)
+    return unit
+
+
+def plain(value: Any) -> Any:
+    """Numbers and arrays of NumPy as those of Python, quantities of pint as text with units.
+
+    Quantities are known by what they can do, so that pint need not be there. As text they go the
+    way of all others: frequencies are no rotations, and decimal numbers stay exact.
+    """
+    if isinstance(value, str | int | float | dict | None):
+        return value.item() if hasattr(value, 'item') else value  # np.float64 is a float
+    if hasattr(value, 'dimensionality') and hasattr(value, 'to_base_units'):
+        unit, numbers = f'{value.units:~C}', plain(value.magnitude)
+        if isinstance(numbers, list):
+            return [f'{float(x)!r} {unit}'.strip() for x in numbers]
+        return f'{float(numbers)!r} {unit}'.strip()
+    return value.tolist() if hasattr(value, 'tolist') else value
 
 
 @lru_cache
@@ -146,7 +196,7 @@ def to_si_like(value: object, unit: str) -> float:
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
     if unit in EXAMPLES or not match or not match[2].strip():
         return to_si(value, unit if unit in EXAMPLES else '')
-    found = read_common(match[1], match[2].strip())
+    found = read_common(match[1], _respelled(match[2].strip()))
     if not alike(found.unit, unit):
         raise ValueError(f"has the unit '{match[2].strip()}', which is not a unit of '{unit}'")
     return found.value
@@ -160,12 +210,14 @@ def to_si_text(value: object) -> QuantityValue:
     ValueError
         One clause that says what is wrong.
     """
+    value = plain(value)
     if isinstance(value, int | float) and not isinstance(value, bool):
         return QuantityValue(float(value), '')
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
     if not match:
         raise ValueError("is not a number with a unit: write for example '64 mm'")
-    unit = match[2].strip()
+    _refuse_comma(value, "write for example '64 mm'")
+    unit = _respelled(match[2].strip())
     return read_common(match[1], unit) if unit else QuantityValue(float(match[1]), '')
 
 
@@ -284,7 +336,8 @@ def to_si(value: object, unit: str) -> float:
 
     Parameters
     ----------
-    value : text such as ``'64 mm'``, or a number, which is taken to be in `unit`
+    value : text such as ``'64 mm'``, or a number, which is taken to be in `unit`; NumPy's and
+        pint's are like them
     unit : the SI unit wanted, one of the keys of `EXAMPLES`
 
     Raises
@@ -293,6 +346,7 @@ def to_si(value: object, unit: str) -> float:
         One clause that says what is wrong and what would do.
     """
     hint = f"write for example '{EXAMPLES[unit]}'"
+    value = plain(value)
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f'is not a quantity: {hint}')
     if isinstance(value, int) and abs(value) > LARGEST:  # may be more than a float can be
@@ -301,6 +355,16 @@ def to_si(value: object, unit: str) -> float:
     if LARGEST < abs(number) < math.inf or 0.0 < abs(number) < SMALLEST:
         raise ValueError(_BEYOND)
     return number
+
+
+def argument(name: str, value: Any, unit: str) -> Any:
+    """An argument of a function in SI units; None stays None."""
+    if value is None:
+        return None
+    try:
+        return to_si(value, unit)
+    except ValueError as error:
+        raise InputError(f'{name} = {quoted(value)} {error}') from error
 
 
 class QuantityValue(NamedTuple):
@@ -320,6 +384,7 @@ def to_si_of(value: object, units: tuple[str, ...]) -> QuantityValue:
     """
     if isinstance(value, QuantityValue):
         return value
+    value = plain(value)
     if isinstance(value, list | tuple) and len(value) == 2 and value[1] in ('', *units):
         return QuantityValue(to_si(value[0], value[1]), value[1])  # as JSON has it
     said = []
@@ -342,11 +407,11 @@ def to_si_of(value: object, units: tuple[str, ...]) -> QuantityValue:
 def _text_to_si(value: str, unit: str, hint: str) -> float:
     if len(value) > _LONGEST:
         raise ValueError(f'is longer than {_LONGEST} characters: {hint}')
+    _refuse_comma(value, hint)
     match = _NUMBER.fullmatch(value)
     if not match:
         raise ValueError(f'is not a number{" with a unit" if unit else ""}: {hint}')
-    number, given = match.groups()
-    given = given.strip()
+    number, given = match[1], match[2].strip()
     written = abs(float(number))
     if written == math.inf or (not written and re.search('[1-9]', number.lower().split('e')[0])):
         raise ValueError(_BEYOND)
@@ -354,17 +419,47 @@ def _text_to_si(value: str, unit: str, hint: str) -> float:
         return float(number)
     if not unit:
         raise ValueError(f"has the unit '{given}' where a plain number belongs: {hint}")
-    if unit == 'rad/s' and _PER_MINUTE.fullmatch(given):
-        given = 'rpm'
-    if not _UNIT.fullmatch(given) or _NO_UNIT.search(given):
+    read = _respelled(given)
+    if not _UNIT.fullmatch(read) or _NO_UNIT.search(given):
         raise ValueError(f"has the unknown unit '{given}': {hint}")
-    written_in, wanted = _common_unit(given), _common_unit(unit)
+    if unit == 'rad/s' and _PER_MINUTE.fullmatch(read):
+        read = 'rpm'
+    elif unit == 'm/s^2' and read in ('g', 'G'):
+        read = 'g_0'
+    try:
+        return _converted(number, read, given, unit, hint)
+    except ValueError:
+        as_force = _BY_WEIGHT.sub(lambda found: _FORCES[found[1][0]], read)
+        if as_force != read:
+            with suppress(ValueError):
+                return _converted(number, as_force, given, unit, hint)
+        raise
+
+
+def _converted(number: str, read: str, given: str, unit: str, hint: str) -> float:
+    """A number in a unit, `given` as it is written and `read` as libraries spell it."""
+    written_in, wanted = _common_unit(read), _common_unit(unit)
     if written_in is None or wanted is None:
-        return _converted_by_pint(number, given, unit, hint)
+        return _converted_by_pint(number, read, given, unit, hint)
     fits = written_in.powers == wanted.powers
     if not fits or _mixed(unit, written_in.angular, written_in.hertz):
         raise ValueError(_other(given, unit, hint, fits))
     return float(Decimal(number) * written_in.factor)
+
+
+def _refuse_comma(value: str, hint: str) -> None:
+    """Refuse ``1,5 mm``, and say how it is written with a point."""
+    if not (found := _COMMA.match(value)):
+        return
+    number = found[0].strip()
+    whole, _, decimals = number.rpartition(',')
+    if '.' in decimals or ',' in whole:  # 1,500.5 and 1,500,000
+        said = number.replace(',', '')
+    else:
+        said = f'{whole.replace(".", "")}.{decimals}'
+        if len(decimals) == 3 and '.' not in whole and whole.lstrip('+-') != '0':
+            said += f' or {whole}{decimals}'
+    raise ValueError(f'has a decimal comma, {number}, where a point belongs, as in {said}: {hint}')
 
 
 def _mixed(unit: str, angular: bool, hertz: bool) -> bool:
@@ -378,14 +473,19 @@ def _mixed(unit: str, angular: bool, hertz: bool) -> bool:
 
 
 def _other(given: str, unit: str, hint: str, fits: bool) -> str:
-    both = ' (it may mean rev/s or rad/s)' if fits and unit == 'rad/s' else ''
-    return f"has the unit '{given}', which is not a unit of '{unit}'{both}: {hint}"
+    said = ' (it may mean rev/s or rad/s)' if fits and unit == 'rad/s' else ''
+    weight = _KILOGRAM.sub('kgf', _respelled(given))
+    if not fits and weight != _respelled(given):
+        with suppress(ValueError):
+            _converted_by_pint('1', weight, weight, unit, '')
+            said = f" (a mass; its weight is in '{weight}')"
+    return f"has the unit '{given}', which is not a unit of '{unit}'{said}: {hint}"
 
 
-def _converted_by_pint(number: str, given: str, unit: str, hint: str) -> float:
+def _converted_by_pint(number: str, read: str, given: str, unit: str, hint: str) -> float:
     ureg = _registry()
     try:
-        quantity = ureg.Quantity(Decimal(number), given)
+        quantity = ureg.Quantity(Decimal(number), read)
     except Exception as error:  # pint raises many kinds: unknown units, syntax, tokens
         raise ValueError(f"has the unknown unit '{given}': {hint}") from error
     wanted = ureg.Unit('1/s' if unit == 'Hz' else unit)

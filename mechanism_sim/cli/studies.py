@@ -21,6 +21,7 @@ from mechanism_sim.cli.options import (
     read_workers,
     refuse_options,
     scene_options,
+    several,
     skip_option,
     skipped_turns,
     tables_option,
@@ -41,12 +42,14 @@ def add(command: Command) -> None:
     length_options(sub, '200 if not given')
     skip_option(sub, '20 if not given')
     measure_option(sub)
-    sub = command('find', _find, 'find the value of a key for which a figure is as wanted')
+    sub = command('find', _find, 'find values of keys for which figures are as wanted')
     scene_options(sub, count='?')
-    option(sub, '--vary', 'PATH=LOW:HIGH', 'the key, and between which values to look')
-    option(sub, '--so-that', 'GOAL', "as 'largest(reaction.ram_pin) = 20 kN'")
+    text = 'a key, and between which values to look; several times'
+    several(sub, '--vary', 'PATH=LOW:HIGH', text, 'vary')
+    text = "as 'largest(reaction.ram_pin) = 20 kN'; several times"
+    several(sub, '--so-that', 'GOAL', text, 'so_that')
     option(sub, '--minimise', 'MEASURE', "instead: as 'rms(drive_torque)'")
-    option(sub, '--values', 'N', 'values at which the curve is computed', 17)
+    option(sub, '--values', 'N', 'values at which the curve is computed, or that are tried', 17)
     option(
         sub, '--duration', 'S', 'length of a cycle; a turn of a steady drive if not given', float
     )
@@ -145,25 +148,30 @@ def _find(options: argparse.Namespace) -> int:
 
 def _find_value(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress, studies  # noqa: PLC0415
-    from mechanism_sim.studies.find import find, read_goal  # noqa: PLC0415
+    from mechanism_sim.studies.find import Finding, find  # noqa: PLC0415
+    from mechanism_sim.studies.goal import read_goals  # noqa: PLC0415
     from mechanism_sim.studies.parameters import ranges  # noqa: PLC0415
 
-    goal = read_goal(options.so_that, options.minimise)
+    goals = read_goals(options.so_that, options.minimise)
+    vary = ranges(options.vary or [''], '--vary')
+    if len(vary) > 1 or len(goals) > 1:
+        refuse_options(options, ['output'], 'draws the curve of one key and one goal')
     file = figures.check_picture('--output', options.output) if options.output else None
     if options.values < 2:
         raise InputError('--values must be at least 2')
     workers = read_workers(options, 1)
-    ((path, limits),) = ranges([options.vary or ''], '--vary').items()
     machine = read_machine(options)
     with progress.count('find', options.values, options.json) as show:
-        finding = find(
-            machine, (path, *limits), goal, options.values, workers, show,
-            duration=options.duration,
+        found = find(
+            machine, vary, options.so_that, minimise=options.minimise, samples=options.values,
+            workers=workers, show=show, duration=options.duration,
             **({} if options.revolutions is None else {'periods': options.revolutions}),
         )  # fmt: skip
+    if not isinstance(found, Finding):
+        return print_result(options, found, studies.adjustment_json, studies.adjustment_text)
     if file:
-        figures.save(figures.paint(studies.finding_chart(finding, machine.scene.title)), file)
-    return print_result(options, finding, studies.finding_json, studies.finding_text)
+        figures.save(figures.paint(studies.finding_chart(found, machine.scene.title)), file)
+    return print_result(options, found, studies.finding_json, studies.finding_text)
 
 
 def _teeth_options(sub: argparse.ArgumentParser) -> None:

@@ -14,7 +14,7 @@ import math
 import sys
 from array import array
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
 from numpy.polynomial.polynomial import polyval
@@ -35,6 +35,7 @@ from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.taylor_steps import PendingStep, TaylorSteps
 from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.endless_laws import LawSource
 from mechanism_sim.tolerances import TOLERANCES
 
 _SINGULAR = TOLERANCES.singular
@@ -156,6 +157,10 @@ class EventLoop:
             the degree of the law.
         """
         self._laws.announce(law, self.time)
+
+    def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
+        """Let laws of coordinates follow from sources where no others are announced."""
+        self._laws.go_on_by(sources)
 
     def advance(self, until: float, final: bool = False, most: int | None = None) -> None:
         """Add every step to the solution that ends not later than `until` [s].

@@ -250,7 +250,8 @@ class DynamicPhysics:
             q = curve.local(segments, dt).T
         edges, states = self.system.edges, motion.state_curve
         known = rows(edges, self.coordinates, curve, segments, dt, states)
-        gaps = self.observer.gaps.distances(self.observer.gaps.values(q, known))
+        beside = outside(self.system.outside, self.coordinates, curve, segments, dt, states)
+        gaps = self.observer.gaps.distances(self.observer.gaps.values(q, beside, known))
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)
 
     def switch_parts(

@@ -111,6 +111,11 @@ def separate(state: ContactState, gaps: Sequence[int]) -> None:
     gaps that touch at rest are moved along, lest they are pushed out.
     """
     limits, present = state.limits, state.present
+    if rated := [i for i in gaps if state.rated[i]]:  # these have no place
+        release(state.terms(), state.mask(rated), 0.0, present.x)
+    gaps = [i for i in gaps if not state.rated[i]]
+    if not gaps:
+        return
     for roundings in (1.0, 2.0, 4.0, 8.0):
         terms = state.terms()
         if roundings > 1.0 and all(terms.value[i] > 0.0 for i in gaps):
@@ -121,6 +126,7 @@ def separate(state: ContactState, gaps: Sequence[int]) -> None:
                 i
                 for i, value in enumerate(terms.value.tolist())
                 if not state.closed(i)
+                and not state.rated[i]
                 and i not in moved
                 and abs(value) <= limits.touching
                 and abs(terms.rate[i]) <= limits.bare

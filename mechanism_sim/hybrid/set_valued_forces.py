@@ -131,7 +131,8 @@ class SetValuedForces:
         forces = list(solved.closing_forces)
         for relation in d.relations:
             count = len(relation.values(eq.frames))
-            cut[relation.name] = relation.wrench(eq.frames, forces[:count])
+            held, before = relation.wrench(eq.frames, forces[:count]), cut.get(relation.name)
+            cut[relation.name] = together(before, held) if before else held
             forces = forces[count:]
         return tree_reactions(eq, a, cut, loads)
 

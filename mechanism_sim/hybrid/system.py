@@ -134,7 +134,13 @@ class System:
     @property
     def lone(self) -> bool:
         """True if there is one gap, and no friction in it: the case that is made fastest."""
-        return len(self.guards) == len(self.gaps) == 1 and not self.compliant
+        alone = len(self.guards) == len(self.gaps) == 1
+        return alone and not (self.compliant or any(self.rated))
+
+    @cached_property
+    def rated(self) -> tuple[bool, ...]:
+        """Which gaps (m,) have a rate only, see `Gap.value`."""
+        return tuple(jet.value is None for jet in self.dynamics.contacts.normal)
 
     @property
     def compliant(self) -> bool:

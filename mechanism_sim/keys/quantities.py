@@ -24,7 +24,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from mechanism_sim.units import EXAMPLES, to_si, to_si_of
+from mechanism_sim.units import EXAMPLES, plain, to_si, to_si_of
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,7 @@ def one_or_two(unit: str, other: str, least: float = -math.inf) -> UnitValue:
     """One quantity in `unit`, or a pair of them, each finite and at least `least`."""
 
     def read(value: Any) -> float | tuple[float, ...]:
+        value = plain(value)
         alone = not isinstance(value, list | tuple)
         numbers = tuple(to_si(x, unit) for x in ([value] if alone else value))
         if not alone and len(numbers) != 2:
@@ -140,7 +141,10 @@ class Part(BaseModel):
     def _without_empty_keys(cls, data: Any) -> Any:
         if data is None:
             return {}
-        if not isinstance(data, dict) or None not in data.values():
+        if not isinstance(data, dict):
+            return data
+        data = {key: plain(value) for key, value in data.items()}
+        if None not in data.values():
             return data
         known = {field.alias or name for name, field in cls.model_fields.items()}
         return {k: v for k, v in data.items() if v is not None or k not in known}

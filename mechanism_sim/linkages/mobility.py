@@ -76,8 +76,8 @@ def mobility(constraints: Constraints, poses: Array) -> Mobility:
     if not np.all(np.abs(residual) <= 1e-9):
         worst = constraints.rows[int(np.abs(residual).argmax())]
         raise ValueError(f'the mechanism is not assembled: the links of {worst} do not meet')
-    higher = sum(isinstance(j, HigherPair) for j in constraints.joints)
-    lower = len(constraints.joints) - higher
+    pairs = [j for j in constraints.joints if isinstance(j, HigherPair)]
+    lower, higher = len(constraints.joints) - len(pairs), sum(j.equations for j in pairs)
     free, dependent = _null_spaces(jacobian)
     # 1e-6: a joint's part in a dependency is either of order one or rounding
     involved = np.abs(dependent).max(axis=1, initial=0.0) > 1e-6

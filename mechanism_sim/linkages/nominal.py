@@ -7,8 +7,9 @@ sixteenth of a turn or less, where the motion is sharp.
 from __future__ import annotations
 
 import math
+from bisect import insort
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -35,6 +36,7 @@ from mechanism_sim.numerics.polynomials import (
 )
 from mechanism_sim.planar.branch import SAMPLES
 from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.endless_laws import LawSource
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.steep_loads import SteepLoads
@@ -109,6 +111,7 @@ class NominalRun:
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
         )
         self._coming: deque[DriveLaw] = deque()
+        self._sources: dict[str, LawSource] = {}
         self._pieces: list[tuple[Fraction, float, NDArray[np.int64], Array]] = []
         self._turns = np.array(turns or [0] * len(first), dtype=np.int64)
         self._last = np.array(first, dtype=float)
@@ -138,7 +141,21 @@ class NominalRun:
                 f'a law valid from {law.valid_from:.9g} s comes too late: the motion is known '
                 f'up to {self.time:.9g} s'
             )
-        self._coming = deque(sorted((*self._coming, law), key=lambda x: x.valid_from))
+        insort(self._coming, law, key=lambda x: x.valid_from)
+
+    def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
+        """Let laws of coordinates follow from sources where no others are announced."""
+        self._sources = dict(sources)
+        for law in self._laws:
+            self._continue(law)
+
+    def _continue(self, law: DriveLaw) -> None:
+        """Enter the law that follows one from its source, unless others are announced."""
+        source = self._sources.get(law.coordinate)
+        if source is None or any(x.coordinate == law.coordinate for x in self._coming):
+            return
+        if following := source.after(law):
+            insort(self._coming, following, key=lambda x: x.valid_from)
 
     def advance(self, until: float, final: bool = False, most: int | None = None) -> None:
         """Add every piece that ends not later than `until` [s]; with `final` up to `until`.
@@ -156,6 +173,7 @@ class NominalRun:
                     law = self._coming.popleft()
                     names = [known.coordinate for known in self._laws]
                     self._laws[names.index(law.coordinate)] = law
+                    self._continue(law)
                     self._about = None, []
                 continue
             if end > until:

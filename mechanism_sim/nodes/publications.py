@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.ideal import WORLD
@@ -231,15 +232,18 @@ def joint_transforms(
 
 def transforms(
     mechanism: Mechanism, frame_of: Callable[[str], str]
-) -> Callable[[Array, Array], list[bytes]]:
-    """TFMessages with the frame of every link in the world; angles are (N, n)."""
+) -> Callable[[Array | NDArray[np.int64], Array], list[bytes]]:
+    """TFMessages with the frame of every link in the world; angles are (N, n).
+
+    Instants are (N,) [s], or whole nanoseconds.
+    """
     links = [body.name for body in mechanism.bodies]
     frames = [TransformStamped(child_frame_id=frame_of(link)) for link in links]
     for frame in frames:
         frame.header.frame_id = frame_of(WORLD)
     layout = Layout(TFMessage(transforms=frames))
 
-    def write(t: Array, angles: Array) -> list[bytes]:
+    def write(t: Array | NDArray[np.int64], angles: Array) -> list[bytes]:
         columns: dict[str, Array] = {}
         q: Any = dict(zip(mechanism.coordinates, angles.T, strict=True))
         for i, link in enumerate(links):

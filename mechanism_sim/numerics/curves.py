@@ -111,6 +111,59 @@ def through(
     return Curve(np.array([-np.inf, *breaks, np.inf]), np.array([still[0], *rows, still[1]]))
 
 
+Interpolation = Literal['linear', 'cubic', 'quintic']
+
+_LEAST = {'linear': 2, 'cubic': 2, 'quintic': 6}
+"""Points that a spline without conditions at its ends needs."""
+
+
+def spline(
+    x: Array, y: Array, interpolation: Interpolation, periodic: bool = False, rest: bool = False
+) -> tuple[Array, Array]:
+    """Breaks (k + 1,) and coefficients (k, n) of powers, rising, of the place from each break.
+
+    The cubic has two continuous derivatives, the quintic four. At the ends, where nothing is said,
+    the last polynomials hold over two intervals (cubic) or three (quintic).
+
+    Parameters
+    ----------
+    x, y : (m,) points with rising x
+    periodic : all derivatives at the ends are the same; the values may differ, as of what turns on
+    rest : derivatives at the ends are zero: the first, and the second of a quintic
+
+    Raises
+    ------
+    ValueError
+        One sentence: what is wrong with the points.
+    """
+    least = 2 if rest else 7 if periodic and interpolation == 'quintic' else _LEAST[interpolation]
+    least = max(least, 3) if periodic else least
+    if len(x) < least:
+        raise ValueError(f'has {len(x)} points: a {interpolation} through them needs {least}')
+    if interpolation == 'linear':
+        return x, np.stack([y[:-1], np.diff(y) / np.diff(x)], axis=1)
+    slope = (y[-1] - y[0]) / (x[-1] - x[0]) if periodic else 0.0
+    level = y - slope * (x - x[0])
+    if periodic:
+        level[-1] = level[0]
+    if interpolation == 'cubic':
+        ends = 'periodic' if periodic else 'clamped' if rest else 'not-a-knot'
+        found = scipy.interpolate.CubicSpline(x, level, bc_type=ends)
+        breaks, rows = found.x, found.c[::-1].T
+    else:
+        still = [(1, 0.0), (2, 0.0)]
+        ends = 'periodic' if periodic else (still, still) if rest else None
+        through = scipy.interpolate.make_interp_spline(x, level, k=5, bc_type=ends)
+        found = scipy.interpolate.PPoly.from_spline(through)
+        inner = np.flatnonzero((np.diff(found.x) > 0.0) & (found.x[:-1] >= x[0])
+                               & (found.x[1:] <= x[-1]))  # fmt: skip
+        breaks, rows = np.append(found.x[inner], x[-1]), found.c[::-1, inner].T
+    rows = np.array(rows)
+    rows[:, 0] += slope * (breaks[:-1] - x[0])
+    rows[:, 1] += slope
+    return breaks, rows
+
+
 def _polynomials(
     x: Array, y: Array, ramp: Literal['linear', 'smooth']
 ) -> list[tuple[float, float, Array]]:

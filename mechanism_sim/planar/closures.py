@@ -103,6 +103,17 @@ class PrismaticClosure:
         return Wrench(mul(forces[0], nx.value), mul(forces[0], ny.value), moment)
 
 
+def slid(mechanism: Mechanism, frames: Frames, guide: Prismatic) -> Jet:
+    """The displacement of a guide [m]: that of the second link's point along its line."""
+    carried = mechanism.tree_joints
+    for link in (guide.second, guide.first):
+        if carried.get(link) == guide:
+            return frames.displacement(link)
+    x, y = frames.position(mechanism.separation(guide.name), guide.name)
+    ux, uy = frames.position(mechanism.direction(guide.first, guide.axis), f'{guide.name}.way')
+    return -(x * ux + y * uy)
+
+
 J = TypeVar('J', bound=HigherPair)
 
 
@@ -129,7 +140,7 @@ def closures(mechanism: Mechanism, joints: Sequence[str]) -> list[Relation]:
     for name in joints:
         joint = mechanism.joint(name)
         if isinstance(joint, HigherPair):
-            found.append(joint.closure(mechanism))
+            found += [joint.closure(mechanism)] if joint.equations else []
         elif isinstance(joint, Prismatic):
             found.append(PrismaticClosure(name, mechanism))
         else:

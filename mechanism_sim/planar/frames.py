@@ -14,7 +14,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.points import GROUND, Point, Vector2, factors
-from mechanism_sim.planar.switches import Switch, SwitchTable
+from mechanism_sim.planar.switches import Switch, SwitchTable, ToothTable
 
 STATE = 'state:'
 """With which the names of states of first order begin in `Frames.outside`."""
@@ -158,6 +158,14 @@ class Frames:
         known = self._table(name, dense(along.value), breaks, rows, periodic)
         local = Jet(known.local, along.gradient, along.rate, along.curvature)
         return known.numbers, local
+
+    def past_tooth(self, name: str, along: Jet, count: int) -> Jet:
+        """An angle from the last of so many teeth on a turn that it passed rising [rad]."""
+        known = self.switches.get(name)
+        if not isinstance(known, ToothTable):
+            own = f'row{len(self.switches)}'
+            known = self.switches[name] = ToothTable(name, own, dense(along.value), count)
+        return Jet(known.local, along.gradient, along.rate, along.curvature)
 
     def lookup(
         self, name: str, place: hy.expression, breaks: Array, rows: Array, periodic: bool

@@ -181,7 +181,9 @@ class Gap(Protocol):
     def value(self, frames: Frames) -> Jet:
         """The distance [m] for small distances; smooth wherever the motion can go.
 
-        Its Jacobian times the normal force is the generalised force of the contact.
+        Its Jacobian times the normal force is the generalised force of the contact. A contact that
+        bounds a rate only, as a freewheel does, has no value: it closes when its rate falls to
+        zero.
         """
 
     def slip(self, frames: Frames) -> Jet:
@@ -203,6 +205,15 @@ class Gap(Protocol):
 
     def distance(self, value: Array) -> Array:
         """The distance in metres that belongs to values of `value`."""
+
+
+@runtime_checkable
+class Bound(Gap, Protocol):
+    """A gap of a joint beside its constraint or clearance: a stop, or links that touch."""
+
+    @property
+    def overlap(self) -> str:
+        """In words, what is where it cannot be if the gap is negative."""
 
 
 @runtime_checkable

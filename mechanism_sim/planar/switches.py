@@ -230,6 +230,38 @@ class SwitchTable:
         return found
 
 
+class ToothTable(SwitchTable):
+    """The teeth that a pawl passes one way: a row for each, which ends at the next one only.
+
+    A pawl that rests on a tooth is at the beginning of its row.
+
+    Parameters
+    ----------
+    place : angle of the pawl [rad], of any number of turns; a tooth is at zero
+    count : of teeth on a turn, at least 3
+    """
+
+    def __init__(self, name: str, symbol: str, place: hy.expression, count: int) -> None:
+        self.name, self.place = name, place
+        self._count, self._periodic, self._endless = count, True, False
+        angles = 2.0 * math.pi / count * np.arange(count)
+        self._values = np.column_stack([np.cos(angles), np.sin(angles)])
+        self._rows = np.zeros((count, 0))
+        self.symbols = c, s = tuple(hy.make_vars(f'{symbol}_{k}') for k in range(2))
+        x, y = hy.cos(place), hy.sin(place)
+        self.local = hy.atan2(y * c - x * s, x * c + y * s)
+        self.guard = 1.0 - self.local * (0.5 * count / math.pi)
+
+    def rows_at(self, places: Array) -> NDArray[np.intp]:
+        """The teeth (N,) that pawls at places (N,) [rad] have passed last."""
+        passed = (places + _SWITCHES.tooth) * (0.5 * self._count / math.pi)
+        return np.floor(passed).astype(np.intp) % self._count
+
+    def row_after(self, row: int, place: float) -> int:
+        """The next one."""
+        return (row + 1) % self._count
+
+
 def by_level(
     switches: Sequence[Switch | SwitchTable], places: Sequence[hy.expression] | None = None
 ) -> list[list[int]]:

@@ -14,6 +14,7 @@ from mechanism_sim.strict_json import plain
 from mechanism_sim.units import for_people
 
 if TYPE_CHECKING:  # each is slow to load, and a command needs but one
+    from mechanism_sim.studies.adjustment import Adjustment
     from mechanism_sim.studies.find import Finding
     from mechanism_sim.studies.identification import Result
     from mechanism_sim.studies.lift_off import LiftOff
@@ -22,6 +23,7 @@ if TYPE_CHECKING:  # each is slow to load, and a command needs but one
 
 _MEAN = 'mean', 'half_width', 'unit'
 _UNLIKE = 0.01  # of the simulations
+_SHOWN = 5  # failures
 _STABLE = {
     True: 'stable',
     False: 'unstable',
@@ -140,7 +142,44 @@ def finding_json(finding: Finding) -> dict[str, Any]:
         'found': plain(finding.found),
         'curve': plain(finding.curve),
         'failed': [{'value': value, 'reason': reason} for value, reason in finding.failed],
+        'values': finding.values,
+        'measures': finding.measures,
+        'evaluations': finding.evaluations,
     }
+
+
+def adjustment_text(found: Adjustment) -> str:
+    """For people; values of the parameters are in SI units."""
+    ends = found.ends
+    lines = [
+        f'{path} = {value:.12g}' + (' (the end of its range)' if path in ends else '')
+        for path, value in found.values.items()
+    ]
+    for name, figure in found.measures.items():
+        wanted = found.wanted[name]
+        unit, scale = for_people(found.units[name], abs(figure))
+        miss = '' if found.reached or wanted is None else f', wanted {scale * wanted:.9g} {unit}'
+        lines.append(f'{name} = {scale * figure:.9g} {unit}{miss}')
+    if not found.reached:
+        lines.append('no values between the limits were found that give what is wanted; the '
+                     'nearest are above')  # fmt: skip
+    elif len(found.values) > len(found.measures) and None not in found.wanted.values():
+        lines.append(
+            f'one of many: {len(found.values)} keys are varied for {len(found.measures)} '
+            f'measure{"s" * (len(found.measures) > 1)}'
+        )
+    lines.append(f'{found.evaluations} cycles computed, {len(found.failed)} failed at first')
+    for values, reason in found.failed[:_SHOWN]:
+        where = ', '.join(f'{path} = {value:.6g}' for path, value in values.items())
+        lines.append(f'  not at {where}: {reason}')
+    return '\n'.join(lines)
+
+
+def adjustment_json(found: Adjustment) -> dict[str, Any]:
+    """JSON of it, SI units."""
+    keys = 'values', 'measures', 'units', 'wanted', 'reached', 'evaluations'
+    failed = [{'values': values, 'reason': reason} for values, reason in found.failed]
+    return {key: plain(getattr(found, key)) for key in keys} | {'failed': failed}
 
 
 def finding_chart(finding: Finding, title: str) -> Chart:

@@ -13,7 +13,7 @@ from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.elastic_links import elastic_notes
-from mechanism_sim.scene.gate import admit
+from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
@@ -71,10 +71,13 @@ class Report:
     left_out: list[str]
     notes: list[str]
     questions: list[str] = field(default_factory=list)  #: values about a thousand times off
+    range: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Limits [rad, m] of a drive at constant speed that comes to one on either side"""
 
     def to_json(self) -> dict[str, object]:
         """As a plain dictionary."""
-        return asdict(self)
+        found = asdict(self)
+        return found if self.range else {k: x for k, x in found.items() if k != 'range'}
 
 
 def check(machine: Machine) -> Report:
@@ -92,9 +95,10 @@ def check(machine: Machine) -> Report:
     }
     relations = []
     for name in mechanism.cut:
-        if name not in machine.plan.clearances:
-            single = isinstance(mechanism.joint(name), HigherPair)
-            relations.append(f'{name}: closes a loop, {"1 equation" if single else "2 equations"}')
+        joint = mechanism.joint(name)
+        count = joint.equations if isinstance(joint, HigherPair) else 2
+        if count and name not in machine.plan.clearances:
+            relations.append(f'{name}: closes a loop, {count} equation{"s" * (count > 1)}')
     loose = {n: c for n, c in machine.plan.clearances.items() if n not in plan.elastic}
     gaps = [f'{name}: {_gap(mechanism.joint(name), c, machine)}' for name, c in loose.items()]
     notes = _notes(machine, loose)
@@ -111,7 +115,16 @@ def check(machine: Machine) -> Report:
         _left_out(machine, len(gaps)),
         notes,
         doubts(machine),
+        _range(machine),
     )
+
+
+def _range(machine: Machine) -> dict[str, tuple[float, float]]:
+    """Limits of the drive, all turns counted, if it has no full turn."""
+    if (found := between_limits(machine)) is None:
+        return {}
+    turned = TURN * machine.plan.turned.get(machine.plan.main, 0)
+    return {machine.plan.main: (found.low + turned, found.high + turned)}
 
 
 def _gap(joint: Joint, c: Play, machine: Machine) -> str:
@@ -119,8 +132,12 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
     friction = f', friction {c.friction:g}' if c.friction else ''
     contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
     if isinstance(joint, HigherPair):
-        room = f'play {c.radial:g} m to either side' if len(joint.sides) > 1 else 'may lift off'
-        return f'{joint.parts}, {room}, {contact}'
+        unit = 'rad' if joint.angular_play else 'm'
+        room = (
+            f'play {c.radial:g} {unit} to either side' if len(joint.sides) > 1 else 'may lift off'
+        )
+        room = '' if joint.one_way else f'{room}, '
+        return f'{joint.parts}, {room}{contact}'
     block = isinstance(joint, Prismatic)
     kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
     if c.film:
@@ -165,7 +182,9 @@ def _starts(machine: Machine) -> dict[str, GapStart]:
     place = dict(zip(system.free, zip(state.q, state.v, strict=True), strict=True))
     place |= {c: machine.plan.held[c] for c in system.prescribed}
     q, v = np.array([place[c] for c in system.coordinates]).T[:, :, None]
-    opened = seen.gaps.distances(seen.gaps.values(q))[:, 0].tolist()
+    turns = dict(zip(system.free, state.turns, strict=True))
+    outside = machine.plan.outside_at_start(system.outside, turns=turns)
+    opened = seen.gaps.distances(seen.gaps.values(q, outside))[:, 0].tolist()
     closed = (-seen.gaps.rates(q, v)[:, 0]).tolist() if system.gaps else []
     size = machine.mechanism.size
     pace = max(1.0, float(np.abs(v).max(initial=0.0)))
@@ -218,6 +237,12 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
         if c.friction and c.restitution and c.hypothesis == 'newton'
     ]
     start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
+    if between_limits(machine):
+        stays = (
+            f"{limits_text(machine)}: 'cycle' goes from one limit to the other; a run that is to "
+            "stay between them needs a 'duration'"
+        )
+        notes.append(Limit(stays))
     notes += motion_notes(mechanism, start, plan.laws)
     for joint in plan.joints:
         keys = machine.scene.joints[joint.name]

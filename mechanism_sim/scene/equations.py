@@ -11,7 +11,7 @@ import numpy as np
 from mechanism_sim.hybrid.dynamics import AppliedForces
 from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.system import System
-from mechanism_sim.joints.joint_keys import contacts_of
+from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
 from mechanism_sim.keys.names import SceneError
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import converted
@@ -26,6 +26,12 @@ from mechanism_sim.scene.plan import ScenePlan
 
 _BESIDE = 0.3
 """[rad, m] from the start, where it is looked whether links without mass make a difference."""
+
+
+def moving(gap: Gap, frames: Frames) -> set[str]:
+    """The coordinates that open or close a gap."""
+    return {c for c, slope in gap.value(frames).gradient.items() if slope is not None}
+
 
 _COMPACT_FROM = 8
 """Free coordinates, contacts and closures from which on compact code pays: it compiles faster.
@@ -55,11 +61,14 @@ class EquationsOfMotion:
         gaps, films = contacts_of(plan.scene.joints, mechanism, plan.clearances)
         frames = Frames(mechanism.coordinates, Parameters())
         for gap in gaps:
-            if all(slope is None for slope in gap.value(frames).gradient.values()):
+            if not moving(gap, frames):
                 raise SceneError(
                     f'{self.name}: joints.{gap.joint} has a clearance that never opens nor '
                     'closes: its links move along it only; leave the joint out'
                 )
+        # the gate has seen to what drives alone move
+        bounds = bounds_of(plan.scene.joints, mechanism, plan.touching)
+        gaps += [gap for gap in bounds if not moving(gap, frames) <= {*plan.prescribed}]
         return self._compiled(mechanism, plan.loop_closures, gaps, films)
 
     @cached_property
@@ -70,10 +79,10 @@ class EquationsOfMotion:
     @cached_property
     def ideal_observer(self) -> Observer:
         """`observer` of the mechanism without clearance."""
-        if not self.plan.clearances:
+        if not self.plan.clearances and not self.plan.touching:
             return self.observer
         ideal = self.plan.ideal
-        return Observer(self._compiled(ideal, closures(ideal, ideal.cut), [], []))
+        return Observer(self._compiled(ideal, closures(ideal, ideal.closing), [], []))
 
     def _compiled(
         self,
@@ -86,6 +95,7 @@ class EquationsOfMotion:
         drive = plan.scene.drive
         laws = [law for laws in plan.laws.values() for law in laws]
         degree = max(law.degree if isinstance(law, DriveLaw) else 1 for law in laws)
+        degree = max(degree, *(x.degree for x in plan.sources.values()), 1)
         if drive and drive.commands:
             degree = max(degree, 2)  # commanded speeds are joined by ramps
         return System(

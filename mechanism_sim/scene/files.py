@@ -5,23 +5,71 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from mechanism_sim import documents
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.keys.quantities import Part
 from mechanism_sim.scene.four_bar import FourBarScene, expanded
 from mechanism_sim.scene.key_errors import sentence
 from mechanism_sim.scene.schema import AnyScene, Scene
 from mechanism_sim.scene.table_keys import with_files
+from mechanism_sim.units import plain
 
 MECHANISMS: dict[str, type[AnyScene]] = {'four_bar': FourBarScene, 'linkage': Scene}
 
 Model = TypeVar('Model', bound=BaseModel)
 
 _DOCS = {'scene': 'scenes.md', 'sweep': 'studies.md'}
+
+
+class SceneContent(NamedTuple):
+    """Keys and values of a scene, unchecked, the file that errors name, and its own name."""
+
+    file: str
+    name: str
+    data: dict[str, Any]
+
+
+def content_of(source: str | Path | Mapping[str, Any] | AnyScene, name: str) -> SceneContent:
+    """Content of a scene by name, path or YAML text, as a dictionary or as a `Scene`.
+
+    Parameters
+    ----------
+    name : of one that has none; files that it names are beside the current folder
+    """
+    if isinstance(source, AnyScene):
+        return SceneContent(name, name, {'mechanism': source.mechanism, **_plain(source)})
+    if isinstance(source, Mapping):
+        data = with_files(name, Path.cwd(), _plain(source))
+        return SceneContent(name, name, data)
+    if isinstance(source, str) and ('\n' in source or source.lstrip().startswith('{')):
+        try:
+            data = with_files(name, Path.cwd(), documents.parse(source))
+        except documents.DocumentError as error:
+            raise InputError(f'{name}:{error}') from error
+        return SceneContent(name, name, _keys_and_values(name, data, 'scene'))
+    if not isinstance(source, str | Path):
+        raise InputError(
+            f'{quoted(source)} is no scene: give a name, a path, YAML as text, a dictionary, a '
+            'Scene or a machine'
+        )
+    path = find_scene(str(source))
+    return SceneContent(path.name, path.stem, read_yaml(path, 'scene'))
+
+
+def _plain(data: Any) -> Any:
+    """Data as a file could give them: of parts of scenes what was set, of arrays lists."""
+    if isinstance(data, Part):
+        data = data.to_document(exclude_unset=True)
+    if isinstance(data, Mapping):
+        return {key: _plain(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_plain(value) for value in data]
+    return plain(data)
 
 
 def find_scene(name: str) -> Path:
@@ -57,10 +105,12 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
 def read_yaml(path: Path, kind: str) -> dict[str, Any]:
     """The keys and values of a scene, or of another `kind` of file, unchecked."""
     data = with_files(path.name, path.parent, documents.read(path, kind))
+    return _keys_and_values(path.name, data, kind)
+
+
+def _keys_and_values(file: str, data: Any, kind: str) -> dict[str, Any]:
     if not isinstance(data, dict):
-        raise InputError(
-            f'{path.name}: a {kind} is a list of keys with values, see docs/{_DOCS[kind]}'
-        )
+        raise InputError(f'{file}: a {kind} is a list of keys with values, see docs/{_DOCS[kind]}')
     return data
 
 
@@ -115,7 +165,7 @@ def checked(file: str, model: type[Model], data: Mapping[str, Any]) -> Model:
 
 def _pairs(overrides: Mapping[str, Any] | Iterable[str]) -> list[tuple[str, Any]]:
     if isinstance(overrides, Mapping):
-        return list(overrides.items())
+        return [(key, _plain(value)) for key, value in overrides.items()]
     pairs = []
     for text in overrides:
         key, sign, value = text.partition('=')

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 from mechanism_sim.keys.names import SceneError
+from mechanism_sim.linkages.drive_range import DriveRange, drive_range
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
+from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly
 from mechanism_sim.scene.plan import ScenePlan
+
+_TURNS = 16
+"""Turns from the start that are tried of a machine that need not come back after one."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,25 @@ class Nominal:
         return LinkageMotion(self.plan.kinematics(self.plan.prescribed))
 
     @cached_property
+    def reach(self) -> float:
+        """How far from its start a single drive is followed [rad, m].
+
+        A turn where all is as before after one; a slider as far as it never goes between links.
+        """
+        if self.plan.main in self.plan.ideal.displacements:
+            return 2.0 * math.pi * _TURNS * self.plan.ideal.size
+        again = not any(isinstance(j, HigherPair) for j in self.plan.joints)
+        return 2.0 * math.pi * (1 if again else _TURNS)
+
+    @cached_property
+    def drive_range(self) -> DriveRange | None:
+        """Between which limits the drive moves all links; None if not a single one does."""
+        prescribed, at = self.plan.prescribed, self.assembly
+        if len(self.plan.laws) != 1 or len(prescribed) != 1 or at.freedom or at.overdriven:
+            return None
+        return drive_range(self.plan.kinematics(prescribed), at.q, self.reach)
+
+    @cached_property
     def inverse_dynamics(self) -> InverseDynamics:
         """Forces of the ideal mechanism."""
         return self._inverse_dynamics(inertia=True)
@@ -69,7 +94,7 @@ class Nominal:
         plan, ideal = self.plan, self.plan.ideal
         return InverseDynamics(
             ideal,
-            closures(ideal, ideal.cut),
+            closures(ideal, ideal.closing),
             plan.prescribed,
             plan.elements(ideal),
             plan.frictions(ideal),

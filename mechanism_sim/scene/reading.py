@@ -34,7 +34,7 @@ def read_joints(names: Names) -> tuple[Joint, ...]:
             if getattr(joint, key):
                 raise InputError(f'{where}.{key} has no meaning in a {joint.kind} joint')
         joints.append(joint.kind_keys.read(joint, names, name))
-    held = [{j.first, j.second} for j in joints]
+    held = [{*j.links} for j in joints]
     held += [{p.partition('.')[0] for p in x.between} for x in names.scene.bushings.values()]
     reached, grown = {GROUND}, True
     while grown:

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
+from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.loads import LOADS
@@ -127,7 +128,9 @@ def _masses(machine: Machine) -> Iterator[str]:
 def _plays(machine: Machine) -> Iterator[str]:
     size = machine.mechanism.size
     for joint, play in machine.plan.clearances.items():
-        radial = play.radial
+        radial, pair = play.radial, machine.mechanism.joint(joint)
+        if isinstance(pair, HigherPair) and pair.angular_play:
+            continue
         if radial and not _LEAST_PLAY <= radial <= _MOST_PLAY * size:
             yield (
                 f'joints.{joint}.clearance.radial = {_length(radial)} in a machine of '

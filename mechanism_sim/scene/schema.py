@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from mechanism_sim.errors import nearest, quoted
@@ -30,17 +30,24 @@ from mechanism_sim.keys.quantities import (
     Position,
     Rate,
     Speed,
-    Time,
     Tolerance,
     Torque,
     TorquePerAngle,
     TorquePerSpeed,
     si,
-    si_of,
 )
 from mechanism_sim.planar.motor import InductionMotor
 from mechanism_sim.scene.formula_keys import EffortOrFormula, ForceOrFormula, TorqueOrFormula
 from mechanism_sim.scene.loads import LOADS
+from mechanism_sim.scene.motion_keys import (
+    AnyAcceleration,
+    MovesPart,
+    Pace,
+    Place,
+    PositionPart,
+    SpeedPart,
+)
+from mechanism_sim.scene.motion_keys import Speed as MotionSpeed
 from mechanism_sim.scene.sensor_keys import SensorKeys, seated, sensor_keys_of
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
@@ -49,14 +56,12 @@ from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import SensorSource
 from mechanism_sim.sensing.imu import InertialUnit
 from mechanism_sim.sensing.presets import PRESETS
-from mechanism_sim.units import QuantityValue
+from mechanism_sim.units import plain
 from mechanism_sim.vibration.frame import Frame
 
-Place = Annotated[QuantityValue, si_of('rad', 'm')]
-Pace = Annotated[QuantityValue, si_of('rad/s', 'm/s')]
 PerSpeed = Annotated[float, si('N s/m')]
 PerPosition = Annotated[float, si('N/m')]
-Vector = tuple[Position, Position]
+Vector = Annotated[tuple[Position, Position], BeforeValidator(plain)]
 
 
 class AffineTorque(Part):
@@ -351,15 +356,6 @@ def _merged(preset: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
-class ProfilePart(Part):
-    """Speeds at given times, joined by ramps; the last one stays."""
-
-    points: list[tuple[Time, Pace]] = Field(min_length=1)
-    """List of [time, speed]; before the first and after the last the speed stays."""
-    ramp: Literal['linear', 'smooth'] = 'linear'
-    """Between two points; smooth has no jumps of acceleration."""
-
-
 class AffineForce(Part):
     """``constant + per_position * displacement + per_speed * speed``.
 
@@ -382,14 +378,22 @@ class AffineForce(Part):
 
 
 class DrivePart(Part):
-    """Motion of a coordinate by a speed, a profile of speeds, a torque, a force, or a motor."""
+    """Motion of a coordinate by position, speed, moves, a torque, a force, or a motor."""
 
     coordinate: str | None = None
     """The driven link; the crank if there is one of that name."""
-    speed: Pace | None = None
-    """Constant; with a torque, a force or a motor that at the start."""
-    profile: ProfilePart | None = None
-    """Speeds over time, instead of a constant one."""
+    speed: MotionSpeed | None = None
+    """Constant, or over time: a formula of t, or points; with a torque, a force or a motor that at
+    the start.
+    """
+    acceleration: AnyAcceleration | None = None
+    """Constant, with the speed at the start."""
+    position: PositionPart | None = None
+    """Over time, instead of speeds: a formula of t, as "90 deg + 60 deg*sin(pi*t)", or points."""
+    moves: MovesPart | None = None
+    """Moves from rest to rest, as fast as limits allow, instead of speeds."""
+    profile: SpeedPart | None = None
+    """Speeds over time, as `speed` takes them, too."""
     torque: AffineTorque | None = None
     """On a link that turns: an affine law of angle and speed; {} moves freely."""
     force: AffineForce | None = None
@@ -461,7 +465,7 @@ class AnyScene(Part):
 class Linkage(AnyScene):
     """Keys of a scene that names its links and joints, but for its loads."""
 
-    mechanism: Literal['linkage']
+    mechanism: Literal['linkage'] = 'linkage'
     """Written out: links and joints have the names given here."""
     links: dict[str, LinkPart]
     """Lengths, points and masses by name; ground is the frame."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -12,33 +13,15 @@ import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.numerics.expressions import sides
-from mechanism_sim.results.cycle import cycle
-from mechanism_sim.results.measure_text import Measure, read
-from mechanism_sim.results.measures import Measured, Measurement
-from mechanism_sim.results.time_integrals import EXACT
-from mechanism_sim.scene import Machine
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
+from mechanism_sim.results.measures import Measured
+from mechanism_sim.scene import Source, load_scene
+from mechanism_sim.studies.adjustment import Adjustment, adjust
+from mechanism_sim.studies.goal import Goal, Trial, read_goals
 from mechanism_sim.studies.parameters import Parameter, parameters
 from mechanism_sim.studies.runs import Call, FinishedRows, Row, Show, Workers, has_failed
-from mechanism_sim.units import to_si_like
 
 _ROUNDING = 1e-12
 _JUMP = 1e-6  # of the range of the figure: what is left there beside a solution is a step
-
-
-@dataclass(frozen=True)
-class Goal:
-    """Goal for a measure of a cycle: a value, or as small as possible (None).
-
-    Attributes
-    ----------
-    name : the measure as it is written, or its name in the scene
-    """
-
-    name: str
-    wanted: str | None = None
 
 
 @dataclass(frozen=True)
@@ -62,6 +45,7 @@ class Finding:
     curve : (value, figure) in the order of values, not a number where there is none
     found : every crossing of the wanted value that the curve shows, or the least
     failed : values at which the machine cannot be or run, and why
+    evaluations : cycles that were computed
     """
 
     parameter: Parameter
@@ -71,52 +55,80 @@ class Finding:
     curve: tuple[tuple[float, float], ...]
     found: tuple[Found, ...]
     failed: tuple[tuple[float, str], ...]
+    evaluations: int
 
+    @property
+    def values(self) -> dict[str, float]:
+        """The first value found, by path; empty if there is none."""
+        return {self.parameter.path: self.found[0].value} if self.found else {}
 
-def read_goal(so_that: str | None, minimise: str | None) -> Goal:
-    """A goal as it is written: ``largest(reaction.pin) = 20 kN``, or without a value."""
-    if (so_that is None) == (minimise is None):
-        raise InputError("give one of --so-that 'MEASURE = VALUE' and --minimise")
-    if so_that is None:
-        return Goal(str(minimise).strip())
-    found = sides(so_that)
-    if not found or not all(found) or '(' in found[1]:
-        raise InputError(
-            f"'{so_that}' cannot be read: write MEASURE = VALUE, as in "
-            "'largest(drive_torque) = 20 N m'"
-        )
-    return Goal(*found)
+    @property
+    def measures(self) -> dict[str, float]:
+        """The figure there, by the name of the measure."""
+        return {self.goal.name: self.found[0].figure} if self.found else {}
 
 
 def find(
-    machine: Machine,
-    vary: tuple[str, str, str],
-    goal: Goal,
+    scene: Source,
+    vary: Mapping[str, tuple[Any, Any]],
+    so_that: str | Sequence[str] | None = None,
+    *,
+    minimise: str | None = None,
     samples: int = 17,
     workers: Workers | None = None,
     show: Show | None = None,
     **how: Any,
-) -> Finding:
-    """Vary a number of a scene between two limits until a figure of its cycle is as wanted.
+) -> Finding | Adjustment:
+    """Vary numbers of a scene between limits until measures of its cycle are as wanted.
 
-    The figure is computed at `samples` values; every change of sign between neighbours is followed
-    by Brent's method, and so is the least. Between two samples more may lie unseen.
+    With one number and one measure the measure is computed at `samples` values; every change of
+    sign between neighbours is followed by Brent's method, and so is the least. Between two samples
+    more may lie unseen. With several, see `mechanism_sim.studies.adjustment`.
+
+    >>> import mechanism_sim as ms
+    >>> rod = {'links.rod.length': ('0.2 m', '0.6 m')}
+    >>> found = ms.find('slider_crank', rod, so_that='largest(position.piston) = 0.5 m', samples=5)
+    >>> round(found.values['links.rod.length'], 9)
+    0.45
 
     Parameters
     ----------
-    vary : dotted path, lowest and highest value as in a scene file
+    vary : lowest and highest value by dotted path, in SI units or with units
+    so_that : ``MEASURE = VALUE``, or several of them; or
+    minimise : a measure
+    samples : values, or places, that are tried first
     workers : that compute cycles; this process if not given
     show : called with the numbers of values finished and failed, of those at which it is computed
-    how : arguments of `cycle`: ``duration`` [s], ``periods``
+    how : arguments of `cycle`: ``duration``, ``periods``
+
+    Returns
+    -------
+    Both kinds have ``values`` by path, ``measures`` and the number of ``evaluations``.
     """
-    path, low, high = vary
-    (parameter,) = parameters(machine, [path], '', limits={path: (low, high)})
-    text = machine.scene.measures.get(goal.name, goal.name)
-    measure, content = read(text, goal.name), machine.scene.to_document()
-    curve = _Curve(machine.name, content, parameter, measure, text, how)
+    goals, machine = read_goals(so_that, minimise), load_scene(scene)
+    if samples < 2:
+        raise InputError('a search needs at least 2 values to begin with')
+    varied = parameters(machine, [*vary], '', limits=dict(vary))
+    trial = Trial.of(machine, goals, how)
+    makers = workers or Workers(1)
+    if len(varied) > 1 or len(goals) > 1:
+        return adjust(trial, varied, goals, samples, makers, show)
+    return _along(trial, varied[0], goals[0], samples, makers, show)
+
+
+def _along(
+    trial: Trial,
+    parameter: Parameter,
+    goal: Goal,
+    samples: int,
+    workers: Workers,
+    show: Show | None,
+) -> Finding:
+    """All crossings of a wanted value along one parameter, or the least value."""
+    curve, path = _Curve(trial, parameter), parameter.path
     ends = parameter.to_scale(parameter.low), parameter.to_scale(parameter.high)
     places: Array = np.linspace(ends[0], ends[1], samples)
-    with workers or Workers(1) as pool:
+    with workers as pool:
         tasks = [Call(str(k), curve.point, (place,)) for k, place in enumerate(places.tolist())]
         known = pool.do(tasks, FinishedRows(), show)
         rows = [known[task.key] for task in tasks]
@@ -128,52 +140,33 @@ def find(
         )
         if len(failed) == samples:
             why = f'no cycle between these limits of {path}: {failed[0][1]}'
-            raise InputError(f'{machine.name}: {why}')
+            raise InputError(f'{trial.name}: {why}')
         unit = next(row['unit'] for row in rows if not has_failed(row))
-        wanted = None if goal.wanted is None else _quantity(goal.wanted, unit)
-        found = [
-            Found(row['value'], row['figure'], row.get('jump', False))
-            for row in pool.do_all(curve.searches(places, figures, wanted))
-        ]
+        wanted = goal.value(unit)
+        searched = list(pool.do_all(curve.searches(places, figures, wanted)))
+    found = [Found(row['value'], row['figure'], row.get('jump', False)) for row in searched]
+    evaluations = samples + sum(row['evaluations'] for row in searched)
     if wanted is not None:
         hits = np.flatnonzero(figures == wanted)
         found += [Found(parameter.value(places[k]), float(figures[k])) for k in hits]
     shown = [*zip(map(parameter.value, places), figures.tolist(), strict=True)]
     shown += [(one.value, one.figure) for one in found]
     found.sort(key=lambda one: one.value)
-    return Finding(parameter, goal, unit, wanted, tuple(sorted(shown)), tuple(found), failed)
-
-
-def _quantity(text: str, unit: str) -> float:
-    try:
-        return to_si_like(text, unit)
-    except ValueError as error:
-        raise InputError(f'the wanted value {text} {error}') from error
+    return Finding(
+        parameter, goal, unit, wanted, tuple(sorted(shown)), tuple(found), failed, evaluations
+    )
 
 
 @dataclass(frozen=True)
 class _Curve:
     """The figure of a cycle over a parameter."""
 
-    name: str
-    content: dict[str, Any]
+    trial: Trial
     parameter: Parameter
-    measure: Measure
-    text: str
-    how: dict[str, Any]
 
     def at(self, place: float) -> Measured:
         """The figure at a place on the parameter's scale."""
-        values = {self.parameter.path: self.parameter.value(place)}
-        machine = build(self.name, check_scene(self.name, self.content, values))
-        one = cycle(machine, **self.how)
-        measured = Measurement(machine, [self.measure], float(one.t[0]), float(one.t[-1]))
-        measured.add(one.solution)
-        (found,) = measured.found()
-        if not math.isfinite(found.value):
-            why = f': {found.resolution}' if found.resolution != EXACT else ''
-            raise RunError(f"'{self.text}' has no finite value{why}")
-        return found
+        return self.trial.at({self.parameter.path: self.parameter.value(place)})[0]
 
     def point(self, place: float) -> Row:
         """The figure at a place, and its unit."""
@@ -187,13 +180,15 @@ class _Curve:
         ----------
         span : of the figures of the whole curve
         """
-        root = scipy.optimize.brentq(
+        root, way = scipy.optimize.brentq(
             lambda x: self.at(x).value - wanted, low, high,
-            xtol=_ROUNDING * max(abs(low), abs(high)), rtol=4 * _ROUNDING,
+            xtol=_ROUNDING * max(abs(low), abs(high)), rtol=4 * _ROUNDING, full_output=True,
         )  # fmt: skip
         there = self.at(root).value
         jump = bool(abs(there - wanted) > _JUMP * span)
-        return {'value': self.parameter.value(root), 'figure': there, 'jump': jump}
+        count = way.function_calls + 1
+        value = self.parameter.value(root)
+        return {'value': value, 'figure': there, 'jump': jump, 'evaluations': count}
 
     def least(self, low: float, high: float, best: float, figure: float) -> Row:
         """Where the figure is least, to about half of the digits of the value.
@@ -202,14 +197,15 @@ class _Curve:
         ----------
         best, figure : what is known already, and holds if a cycle fails between the places
         """
-        exact = {'xatol': 1e-8 * abs(high - low)}
+        exact, count = {'xatol': 1e-8 * abs(high - low)}, 0
         with suppress(InputError, RunError):
             result = scipy.optimize.minimize_scalar(
                 lambda x: self.at(x).value, bounds=(low, high), method='bounded', options=exact
             )
+            count = int(result.nfev)
             if result.fun < figure:
                 best, figure = float(result.x), float(result.fun)
-        return {'value': self.parameter.value(best), 'figure': figure}
+        return {'value': self.parameter.value(best), 'figure': figure, 'evaluations': count}
 
     def searches(self, places: Array, figures: Array, wanted: float | None) -> list[Call]:
         """Searches between places: for each crossing of a value, or the least."""

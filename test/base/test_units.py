@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import mp, mpf, pi
 
 from mechanism_sim import units
-from mechanism_sim.units import EXAMPLES, to_si, typeset
+from mechanism_sim.units import EXAMPLES, plain, to_si, to_si_of, to_si_text, typeset
 
 EXACT = (
     ('0.254 mm', 'm', '0.000254'),
@@ -55,11 +56,55 @@ def test_angles_are_right_to_the_last_digit(text, unit, factor):
 
 @pytest.mark.parametrize(
     'text', ['3000 1/min', '3000/min', '3000 min^-1', '3000 min**-1', '3000 min⁻¹', '3000 r/min',
-             '3000 RPM', '3000 rev/min', '50 rev/s'],
+             '3000 RPM', '3000 U/min', '3000 rev/min', '50 rev/s'],
 )  # fmt: skip
 def test_what_catalogues_write_for_a_speed_means_revolutions(text):
     """Not 50 rad/s, as the dimension of 1/min alone would have it; of a frequency it is 50 Hz."""
     assert to_si(text, 'rad/s') == to_si('3000 rpm', 'rad/s') == pytest.approx(100.0 * math.pi)
+
+
+INCH, POUND = Fraction('0.0254'), Fraction('0.45359237')
+WEIGHT = POUND * Fraction('9.80665')
+TRADE = (
+    ('3 Nm', 'N m', 3), ('3 Nmm', 'N m', Fraction(3, 1000)), ('3 N-m', 'N m', 3),
+    ('3 N⋅m', 'N m', 3), ('3 kNm', 'N m', 3000), ('3 mNm', 'N m', Fraction(3, 1000)),
+    ('2645 kgmm^2', 'kg m^2', Fraction('0.002645')), ('3 kgm^2', 'kg m^2', 3),
+    ('3 kgm2', 'kg m^2', 3), ('3 kg-m^2', 'kg m^2', 3), ('3 Ns/m', 'N s/m', 3),
+    ('3 Nm/rad', 'N m/rad', 3), ('3 Nms/rad', 'N m s/rad', 3), ('3 Pas', 'Pa s', 3),
+    ('3 m/s2', 'm/s^2', 3), ('2 g', 'm/s^2', Fraction('19.6133')),
+    ('3 lbm', 'kg', 3 * POUND), ('3 lb', 'kg', 3 * POUND), ('3 lb', 'N', 3 * WEIGHT),
+    ('3 lbf', 'N', 3 * WEIGHT), ('3 ft-lb', 'N m', 36 * INCH * WEIGHT),
+    ('3 lb-ft', 'N m', 36 * INCH * WEIGHT), ('3 in-lb', 'N m', 3 * INCH * WEIGHT),
+    ('3 lbf in', 'N m', 3 * INCH * WEIGHT), ('3 oz in', 'N m', 3 * INCH * WEIGHT / 16),
+    ('3 oz-in', 'N m', 3 * INCH * WEIGHT / 16), ('3 lb/in', 'N/m', 3 * WEIGHT / INCH),
+    ('3 oz in^2', 'kg m^2', 3 * POUND / 16 * INCH**2),
+    ('3 lb-ft^2', 'kg m^2', 3 * POUND * (12 * INCH) ** 2),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(('text', 'unit', 'exact'), TRADE)
+def test_units_as_workshops_and_catalogues_write_them(text, unit, exact):
+    """Pounds and inches by their definitions: 0.45359237 kg, 25.4 mm, 9.80665 m/s^2."""
+    assert to_si(text, unit) == pytest.approx(float(exact), rel=2e-16)
+    if text in ('3 Nm', '3 Nmm', '3 N⋅m', '3 kNm'):  # tables read them too
+        assert to_si_text(text) == (to_si(text, unit), unit)
+
+
+def test_numbers_of_numpy_and_quantities_of_pint_are_as_text():
+    assert to_si(np.float32(0.5), 'm') == 0.5
+    assert to_si(np.int64(3), '') == 3.0
+    assert to_si_of(np.float64(2.0), ('rad', 'm')) == (2.0, '')
+    pint = pytest.importorskip('pint').UnitRegistry()
+    assert to_si(2645 * pint.kg * pint.mm**2, 'kg m^2') == 0.002645
+    assert to_si(0.1016 * pint.mm, 'm') == 0.0001016
+    assert to_si(pint.Quantity(3000, 'rpm'), 'rad/s') == to_si('3000 rpm', 'rad/s')
+    assert to_si_of(30 * pint.degree, ('m', 'rad')) == (to_si('30 deg', 'rad'), 'rad')
+    assert to_si_text(pint.Quantity(np.float64(5.0), 'kN')) == (5000.0, 'N')
+    assert plain([1, 2] * pint.mm) == ['1.0 mm', '2.0 mm']
+    with pytest.raises(ValueError, match='it may mean rev/s or rad/s'):
+        to_si(50 * pint.Hz, 'rad/s')
+    with pytest.raises(ValueError, match="'kg', which is not a unit of 'm'"):
+        to_si(5 * pint.kg, 'm')
 
 
 def test_per_minute_of_a_frequency_stays_a_frequency():
@@ -106,8 +151,10 @@ def test_common_units_are_those_of_pint_to_the_last_bit(number, factors):
     for unit in filter(None, EXAMPLES):
         if unit == 'rad/s' and units._PER_MINUTE.fullmatch(text):
             continue  # means revolutions, which pint cannot know
+        if unit == 'm/s^2' and text == 'g':
+            continue  # the acceleration
         mine = outcome(units._text_to_si, f'{number} {text}', unit, 'hint')
-        assert mine == outcome(units._converted_by_pint, str(number), text, unit, 'hint')
+        assert mine == outcome(units._converted_by_pint, str(number), text, text, unit, 'hint')
 
 
 @pytest.mark.parametrize('unit', EXAMPLES)
@@ -126,7 +173,14 @@ def test_the_example_of_every_refusal_is_accepted(unit):
         ('5 mm', '', "has the unit 'mm' where a plain number belongs"),
         ('5 furlnog', 'm', "has the unknown unit 'furlnog': write for example '64 mm'"),
         ('5 mm)', 'm', "has the unknown unit 'mm)'"),
-        ('1,5 mm', 'm', "has the unknown unit ',5 mm'"),
+        ('1,5 mm', 'm', 'has a decimal comma, 1,5, where a point belongs, as in 1.5'),
+        ('-1.500,25 mm', 'm', 'a decimal comma, -1.500,25, where a point belongs, as in -1500.25'),
+        ('1,500 mm', 'm', 'where a point belongs, as in 1.500 or 1500'),
+        ('0,254 mm', 'm', 'where a point belongs, as in 0.254'),
+        ('1,500.5 mm', 'm', 'where a point belongs, as in 1500.5'),
+        ('0,5', '', 'has a decimal comma, 0,5'),
+        ('5 kg cm', 'N m', "is not a unit of 'N m' (a mass; its weight is in 'kgf cm')"),
+        ('5 kg', 'N', "(a mass; its weight is in 'kgf')"),
         ('fast', 'rad/s', "is not a number with a unit: write for example '350 rpm'"),
         ('', 'm', 'is not a number with a unit'),
         ('nan', 'm', 'is not a number with a unit'),

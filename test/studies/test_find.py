@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 from builders import made
-from running import run
+from running import run, run_json
 
-import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.report.studies import adjustment_text
 from mechanism_sim.report.studies import finding_text as text
-from mechanism_sim.studies.find import find, read_goal
+from mechanism_sim.studies.find import find
 from mechanism_sim.studies.runs import Workers
 
 SPEED, ARM = 12.0, 0.25
@@ -32,8 +32,8 @@ def rotor(**changes):
 
 def test_every_crossing_is_found_to_rounding():
     """``highest = 0.5 w + m g |a|`` has the wanted value at two arms."""
-    goal = read_goal('highest(drive_torque) = 10 N m', None)
-    finding = find(rotor(), ('links.bar.cog', '-0.4 m', '0.4 m'), goal, 8)
+    goal = 'highest(drive_torque) = 10 N m'
+    finding = find(rotor(), {'links.bar.cog': ('-0.4 m', '0.4 m')}, goal, samples=8)
     arm = (10.0 - 0.5 * SPEED) / (2.0 * 9.81)
     assert [one.value for one in finding.found] == pytest.approx([-arm, arm], rel=1e-11)
     assert [one.figure for one in finding.found] == pytest.approx([10.0, 10.0], rel=1e-11)
@@ -44,10 +44,12 @@ def test_every_crossing_is_found_to_rounding():
 
 
 def test_processes_change_nothing():
-    goal = read_goal('highest(drive_torque) = 10 N m', None)
-    vary, shown = ('links.bar.cog', '-0.4 m', '0.4 m'), []
-    alone = find(rotor(), vary, goal, 4)
-    with_two = find(rotor(), vary, goal, 4, Workers(2), lambda *x: shown.append(x))
+    goal = 'highest(drive_torque) = 10 N m'
+    vary, shown = {'links.bar.cog': ('-0.4 m', '0.4 m')}, []
+    alone = find(rotor(), vary, goal, samples=4)
+    with_two = find(
+        rotor(), vary, goal, samples=4, workers=Workers(2), show=lambda *x: shown.append(x)
+    )
     assert with_two == alone
     assert shown == [(1, 0), (2, 0), (3, 0), (4, 0)]
 
@@ -56,9 +58,9 @@ def test_loads_that_act_during_a_part_of_the_turn_are_varied_as_well():
     """``highest = w + m g |a|`` under a brake of the size w in half of the turn."""
     brake = {'at': 'bar', 'torque': '-0.5*bar_rate',
              'during': {'coordinate': 'bar', 'from': '-90 deg', 'to': '90 deg'}}  # fmt: skip
-    goal = read_goal('highest(drive_torque) = 10 N m', None)
+    goal = 'highest(drive_torque) = 10 N m'
     (found,) = find(
-        rotor(loads={'brake': brake}), ('links.bar.cog', '0 m', '0.4 m'), goal, 3
+        rotor(loads={'brake': brake}), {'links.bar.cog': ('0 m', '0.4 m')}, goal, samples=3
     ).found
     assert found.value == pytest.approx((10.0 - 0.5 * SPEED) / (2.0 * 9.81), rel=1e-11)
 
@@ -66,8 +68,8 @@ def test_loads_that_act_during_a_part_of_the_turn_are_varied_as_well():
 def test_limits_of_the_part_of_the_turn_are_values_as_others():
     during = {'coordinate': 'bar', 'from': '0 deg', 'to': '90 deg'}
     model = rotor(loads={'brake': {'at': 'bar', 'torque': -6.0, 'during': during}}, gravity=[0, 0])
-    goal = read_goal('mean(drive_torque) = 3 N m', None)
-    finding = find(model, ('loads.brake.during.to', '10 deg', '355 deg'), goal, 5)
+    goal = 'mean(drive_torque) = 3 N m'
+    finding = find(model, {'loads.brake.during.to': ('10 deg', '355 deg')}, goal, samples=5)
     assert finding.found[0].value == pytest.approx(math.pi, rel=1e-6)
 
 
@@ -75,13 +77,13 @@ def test_the_least_is_where_it_is_balanced():
     """The root mean square of the moment of a weight opposite to the bar."""
     points = {'bar': {'mass': 2.0, 'inertia': 0.05, 'cog': ARM, 'points': {'w': [-0.1, 0.0]}}}
     model = rotor(links=points, loads={}, masses={'weight': {'at': 'bar.w', 'mass': 1.0}})
-    goal = read_goal(None, 'rms(drive_torque)')
-    finding = find(model, ('masses.weight.mass', '1 kg', '20 kg'), goal, 9)
+    goal = 'rms(drive_torque)'
+    finding = find(model, {'masses.weight.mass': ('1 kg', '20 kg')}, minimise=goal, samples=9)
     assert finding.found[0].value == pytest.approx(2.0 * ARM / 0.1, rel=1e-6)
     at = finding.curve[0]
     assert at == pytest.approx((1.0, 9.81 * (2.0 * ARM - 0.1) / math.sqrt(2.0)), rel=1e-12)
     assert 'end of the range' not in text(finding)
-    beside = find(model, ('masses.weight.mass', '1 kg', '2 kg'), goal, 3)
+    beside = find(model, {'masses.weight.mass': ('1 kg', '2 kg')}, minimise=goal, samples=3)
     assert text(beside).startswith('masses.weight.mass = 2: ')
     assert 'end of the range' in text(beside)
 
@@ -89,14 +91,14 @@ def test_the_least_is_where_it_is_balanced():
 def test_a_figure_that_steps_across_the_goal_is_marked():
     brake = {'at': 'bar', 'torque': '-1 if t > 0 else 0'}
     stepped = rotor(loads={'a': brake, 'b': {'at': 'bar', 'force': ['100 if x > 5 else 0', 0]}})
-    goal = read_goal('mean(drive_torque) = 1 N m', None)
-    finding = find(stepped, ('links.bar.cog', '0.1 m', '0.3 m'), goal, 3)
+    goal = 'mean(drive_torque) = 1 N m'
+    finding = find(stepped, {'links.bar.cog': ('0.1 m', '0.3 m')}, goal, samples=3)
     assert {round(one.figure, 12) for one in finding.found} <= {1.0}
 
 
 def test_what_cannot_run_leaves_a_gap_and_its_reason():
-    goal = read_goal('largest(position.piston) = 0.5 m', None)
-    finding = find(ms.load_scene('slider_crank'), ('links.rod.length', '0.02 m', '0.6 m'), goal, 6)
+    goal = 'largest(position.piston) = 0.5 m'
+    finding = find('slider_crank', {'links.rod.length': ('0.02 m', '0.6 m')}, goal, samples=6)
     assert [round(value, 6) for value, _ in finding.failed] == [0.02, 0.039487]
     assert 'cannot follow its drive' in finding.failed[0][1]
     assert np.isnan([figure for _, figure in finding.curve[:2]]).all()
@@ -123,15 +125,103 @@ def test_goals_that_are_none_are_refused(args, said):
 
 def test_a_path_that_is_none_is_refused():
     with pytest.raises(InputError):
-        find(rotor(), ('links.bar.lenth', '1', '2'), read_goal(None, 'mean(drive_torque)'))
+        find(rotor(), {'links.bar.lenth': ('1', '2')}, minimise='mean(drive_torque)')
 
 
 def test_a_figure_without_a_value_is_no_figure():
     """The cycle of a bar is one turn: a window in the second is not reached."""
-    goal = read_goal('mean(drive_torque, from 1 revolutions to 2 revolutions) = 1 N m', None)
+    goal = 'mean(drive_torque, from 1 revolutions to 2 revolutions) = 1 N m'
     with pytest.raises(InputError, match='before the window begins'):
-        find(rotor(), ('drive.speed', '10 rad/s', '20 rad/s'), goal, 3)
-    late = read_goal('mean(drive_torque, from 0.5 s) = 1 N m', None)  # turns of 0.63 s and 0.42 s
-    finding = find(rotor(), ('drive.speed', '10 rad/s', '15 rad/s'), late, 2)
+        find(rotor(), {'drive.speed': ('10 rad/s', '20 rad/s')}, goal, samples=3)
+    late = 'mean(drive_torque, from 0.5 s) = 1 N m'  # turns of 0.63 s and 0.42 s
+    finding = find(rotor(), {'drive.speed': ('10 rad/s', '15 rad/s')}, late, samples=2)
     assert [value for value, _ in finding.failed] == [15.0]
     assert 'has no finite value' in finding.failed[0][1]
+
+
+BOTH = {'drive.speed': ('2 rad/s', '20 rad/s'), 'links.bar.cog': ('0.05 m', '0.4 m')}
+
+
+def test_two_keys_are_found_for_two_goals():
+    """``highest = 0.5 w + m g a`` and ``mean = 0.5 w``, of which w and a follow."""
+    found = find(
+        rotor(), BOTH, ['highest(drive_torque) = 10 Nm', 'mean(drive_torque) = 5 Nm'], samples=4
+    )
+    assert found.reached
+    assert found.values['drive.speed'] == pytest.approx(10.0, rel=1e-8)
+    assert found.values['links.bar.cog'] == pytest.approx(5.0 / (2.0 * 9.81), rel=1e-8)
+    assert found.measures['highest(drive_torque)'] == pytest.approx(10.0, rel=1e-8)
+    assert found.evaluations > 4
+
+
+def test_more_keys_than_goals_give_one_of_many():
+    found = find(rotor(), BOTH, 'highest(drive_torque) = 10 N m', samples=4)
+    assert found.reached
+    w, a = found.values.values()
+    assert 0.5 * w + 2.0 * 9.81 * a == pytest.approx(10.0, rel=1e-8)
+    assert 'one of many: 2 keys are varied for 1 measure' in adjustment_text(found)
+
+
+def test_a_goal_beyond_the_limits_is_not_reached():
+    found = find(rotor(), BOTH, 'highest(drive_torque) = 30 N m', samples=4)
+    assert not found.reached
+    assert found.ends == [*BOTH]
+    assert found.measures['highest(drive_torque)'] == pytest.approx(
+        10.0 + 2.0 * 9.81 * 0.4, rel=1e-5
+    )
+    said = adjustment_text(found)
+    assert 'wanted 30 N m' in said
+    assert 'drive.speed = ' in said
+    assert '(the end of its range)' in said
+
+
+def test_two_weights_balance_a_bar():
+    """The least of ``|(1 - 0.2 m1, 0.2 - 0.2 m2)|``, a cone without derivatives at its tip."""
+    points = {'w': [-0.2, 0.0], 'u': [0.0, -0.2]}
+    bar = {'mass': 2.0, 'inertia': 0.05, 'cog': [0.5, 0.1], 'points': points}
+    masses = {'one': {'at': 'bar.w', 'mass': 1.0}, 'two': {'at': 'bar.u', 'mass': 1.0}}
+    model = rotor(links={'bar': bar}, loads={}, masses=masses)
+    vary = {f'masses.{name}.mass': (0.2, 8.0) for name in masses}
+    found = find(model, vary, minimise='rms(drive_torque)', samples=5)
+    assert [*found.values.values()] == pytest.approx([5.0, 1.0], rel=1e-5)
+    assert not found.ends
+
+
+def test_the_command_varies_several_keys():
+    """Both dead centres of a slider-crank, l + r and l - r; Pyslvs, issue 35."""
+    args = ('--vary', 'links.crank.length=40 mm:150 mm', '--vary', 'links.rod.length=0.3 m:0.6 m',
+            '--so-that', 'highest(position.piston) = 0.5 m',
+            '--so-that', 'lowest(position.piston) = 300 mm', '--values', '4')  # fmt: skip
+    found = run_json('find', 'slider_crank', *args)
+    lengths = {'links.crank.length': 0.1, 'links.rod.length': 0.4}
+    assert found['values'] == pytest.approx(lengths, rel=1e-8)
+    assert found['measures']['lowest(position.piston)'] == pytest.approx(0.3, rel=1e-8)
+    assert found['evaluations'] > 4
+    said = run('find', 'slider_crank', *args).stdout
+    assert 'links.crank.length = 0.1' in said
+    assert 'lowest(position.piston) = 300 mm' in said
+    alone = run_json('find', 'slider_crank', *args[2:6], '--values', '3')
+    assert alone['values'] == pytest.approx({'links.rod.length': 0.45}, rel=1e-9)
+    assert alone['measures'] == pytest.approx({'highest(position.piston)': 0.5})
+    assert alone['evaluations'] > 3
+
+
+@pytest.mark.parametrize(
+    ('args', 'said'),
+    [
+        (('--vary', 'links.rod.length=1:2'), 'there are two ranges'),
+        (('--vary', 'links.rod.mass=2:1'), 'the second must be larger'),
+        (('--vary', 'links.rod.mas=1:2'), "did you mean 'mass'"),
+        (('--vary', 'drive.speed=1:2', '-o', 'a.svg'), 'curve of one key'),
+        (('--so-that', 'mean(drive_torque) = 2 Nm'), 'every measure has one wanted value'),
+        (('--minimise', 'mean(drive_torque)'), 'give one of --so-that'),
+        (('--vary', 'drive.speed'), 'write NAME=LOW:HIGH'),
+        (('--vary', 'drive.speed=1,5 rpm:2 rpm'), 'a decimal comma, 1,5'),
+    ],
+)  # fmt: skip
+def test_mistakes_of_several_keys_are_one_sentence(args, said):
+    first = '--vary', 'links.rod.length=0.3 m:0.6 m', '--so-that', 'mean(drive_torque) = 1 Nm'
+    done = run('find', 'slider_crank', *first, *args)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1

@@ -1,0 +1,135 @@
+"""Ropes over pulleys."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.joints.contact_keys import Play
+from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Joints
+from mechanism_sim.joints.rope.constraint import Pulley, Rope
+from mechanism_sim.keys.names import Names
+from mechanism_sim.keys.quantities import Coefficient, Length, Part
+from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND
+from mechanism_sim.planar.switched_functions import SwitchedFunction
+
+_STRAIGHT = 1e-9
+"""Sine of the turn at a pulley below which nothing says on which side the rope passes."""
+
+
+class PulleyPart(Part):
+    """A pulley at a point of a rope."""
+
+    radius: Length
+    """To the middle of the rope."""
+    passes: Literal['counterclockwise', 'clockwise'] | None = None
+    """How the rope goes round, from its first point on; without it as it bends at the start."""
+
+
+@KINDS.add('rope')
+class RopeKeys(JointKeys):
+    """A rope."""
+
+    rope: Annotated[list[str], Field(min_length=2)] | None = None
+    """A rope through points in this order: fixed to the first and the last, free in between. It
+    pulls, or hangs slack, and tightens with an impact."""
+    length: Length | None = None
+    """Of a rope; without it that of its way at the start."""
+    pulleys: dict[str, PulleyPart] = {}
+    """Of a rope: pulleys at points between its ends, by their names; others have no radius."""
+    restitution: Coefficient | None = None
+    """Of a ratchet or rope: of the impact at which it holds; 0 without."""
+
+    firm = 'it has no play: give its length'
+
+    def read(self, names: Names, name: str) -> Rope:
+        """Points, and pulleys whose sides are chosen by `assembled`."""
+        where, given = f'joints.{name}', self.rope or []
+        places = [names.find(f'{where}.rope', reference) for reference in given]
+        for reference in self.pulleys:
+            if reference not in given[1:-1]:
+                between = ', '.join(given[1:-1]) or 'none'
+                raise InputError(
+                    f"{where}.pulleys.{reference}: the rope passes no such point between its ends; "
+                    f'there are: {between}'
+                )
+        for k, (one, two) in enumerate(zip(places, places[1:], strict=False)):
+            if one == two:
+                raise InputError(
+                    f'{where}.rope goes from {given[k]} to {given[k + 1]}, which are one point'
+                )
+        (first, on_first), *others = places
+        second, on_second = next((p for p in reversed(others) if p[0] != first), (first, None))
+        if on_second is None:
+            raise InputError(f'{where}.rope has points of {first} only: name those of two links')
+        pulleys = [
+            Pulley(place, self.pulleys[x].radius if x in self.pulleys else 0.0)
+            for x, place in zip(given, places, strict=True)
+        ]
+        return Rope(
+            name, first, second, on_first, on_second, tuple(pulleys), self.length or 0.0
+        )  # fmt: skip
+
+    def play(self, joint: Any) -> Play:
+        """None: it hangs slack instead."""
+        return Play(radial=0.0, restitution=self.restitution or 0.0)
+
+    @classmethod
+    def assembled(
+        cls, names: Names, joints: Joints, tree: Mechanism, start: Mapping[str, float]
+    ) -> Joints:
+        """Ropes that lie on their pulleys, as long as their ways at the start if nobody says."""
+        q = {c: start.get(c, 0.0) for c in tree.coordinates}
+        return tuple(_laid(names, j, tree, q) if isinstance(j, Rope) else j for j in joints)
+
+
+def _laid(names: Names, rope: Rope, tree: Mechanism, q: Mapping[str, float]) -> Rope:
+    given, where = names.scene.joints[rope.name], f'joints.{rope.name}'
+    places = [np.array(tree.locate(link, q, at)) for (link, at), _ in rope.pulleys]
+    pulleys = [rope.pulleys[0]]
+    for k, reference in enumerate(given.rope[1:-1], start=1):
+        pulley = rope.pulleys[k]
+        if pulley.radius:
+            (ax, ay), (bx, by) = places[k] - places[k - 1], places[k + 1] - places[k]
+            turn = ax * by - ay * bx
+            said = given.pulleys[reference].passes
+            if said is None and abs(turn) <= _STRAIGHT * math.hypot(ax, ay) * math.hypot(bx, by):
+                raise InputError(
+                    f'{where}.pulleys.{reference}.passes is missing: at the start the rope is '
+                    'straight there: counterclockwise or clockwise, from its first point on'
+                )
+            left = turn > 0.0 if said is None else said == 'counterclockwise'
+            pulley = pulley._replace(radius=pulley.radius if left else -pulley.radius)
+        pulleys.append(pulley)
+    rope = replace(rope, pulleys=(*pulleys, rope.pulleys[-1]))
+    moving = [link for link in rope.links if link != GROUND]
+    known = set(tree.coordinates) if not tree.closing else set()
+    if not rope.length and known.issuperset(moving):
+        rope = replace(rope, length=_way(rope, tree, q))
+    if not rope.length:
+        raise InputError(
+            f'{where}.length is missing: in a machine with closed loops it does not follow from '
+            'the start'
+        )
+    return rope
+
+
+def _way(rope: Rope, tree: Mechanism, q: Mapping[str, float]) -> float:
+    """Length of the way on which a rope lies at coordinates [m]."""
+    frames = Frames(tree.coordinates, Parameters())
+    (way,) = rope.closure(tree).values(frames)
+    function = SwitchedFunction(frames, [[way.value]], [*frames.q.values()])
+    length = float(function(np.array([[q[c]] for c in tree.coordinates]))[0][0, 0])
+    if not math.isfinite(length) or length <= 0.0:
+        raise InputError(
+            f'joints.{rope.name}.rope: at the start its pulleys overlap, or its points coincide'
+        )
+    return length
