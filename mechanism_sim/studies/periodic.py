@@ -62,6 +62,11 @@ class PoincareMap:
             raise InputError(
                 f'{machine.name}: a periodic response needs a crank at constant speed'
             )
+        if machine.plan.states:
+            raise InputError(
+                f'{machine.name}: the state {machine.plan.states[0].label} of first order has no '
+                'part in the section of states here: leave states out'
+            )
         if not machine.plan.clearances and not machine.mechanism.having(Beam):
             raise InputError(
                 f'{machine.name}: without clearance every revolution is like the other'

@@ -20,6 +20,7 @@ from test.grid import (
     position_laws,
     rotors,
     rubbing,
+    states,
     tilted,
     trains,
 )
@@ -41,6 +42,7 @@ FAMILIES: tuple[Family, ...] = tuple(
         rubbing,
         loads,
         position_laws,
+        states,
     )
     for family in module.FAMILIES
 )
