@@ -47,6 +47,7 @@ class _Known(NamedTuple):
 
     coordinates: tuple[str, ...]
     joints: tuple[str, ...]
+    undetermined: Mapping[str, frozenset[str]]
     has_forces: bool = True
 
 
@@ -158,7 +159,8 @@ class Turn:
         outside = np.array([t if x == 'time' else 0.0 * t for x in dynamics.outside])
         o = dynamics(q, v, a, outside.reshape(len(dynamics.outside), len(t)))
         tree = dynamics.mechanism
-        known = cast(Any, _Known(tree.coordinates, tuple(j.name for j in tree.joints)))
+        names = tuple(joint.name for joint in tree.joints)
+        known = cast(Any, _Known(tree.coordinates, names, machine.nominal.undetermined))
         none = np.zeros((0, len(t)), np.uint8)
         views = [JointView(tree, joint, known, o, none) for joint in tree.joints]
         joints: list[dict[str, Any]] = []

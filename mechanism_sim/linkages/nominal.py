@@ -11,6 +11,7 @@ from bisect import insort
 from collections import deque
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from types import MappingProxyType
 
 import numpy as np
 import scipy
@@ -449,8 +450,13 @@ class NominalPhysics:
     tilting: tuple[str, ...] = ()
 
     def __init__(
-        self, ideal: IdealMotion, mechanism: Mechanism, forces: InverseDynamics | None
+        self,
+        ideal: IdealMotion,
+        mechanism: Mechanism,
+        forces: InverseDynamics | None,
+        undetermined: Mapping[str, frozenset[str]] = MappingProxyType({}),
     ) -> None:
+        self.undetermined = undetermined
         self.coordinates = mechanism.coordinates
         self.joints = tuple(joint.name for joint in mechanism.joints)
         self.driven = tuple(self.coordinates[i] for i in ideal.driven)
@@ -619,7 +625,9 @@ class NominalPhysics:
         seen = self.observe(motion, segments, dt)
         for k in np.argsort(curve.start[segments] + dt):
             forces = zip(self.joints, seen.reaction[:, :, k], strict=True)
-            joints = tuple(j for j, force in forces if np.isnan(force).any())
+            joints = tuple(
+                j for j, force in forces if np.isnan(force).any() and j not in self.undetermined
+            )
             t = float(curve.start[segments[k]] + dt[k])
             one = NoLimit(t, float(seen.position[self._ideal.driven[0], k]), joints)
             if joints and not any(one.is_at(other.t) for other in found):

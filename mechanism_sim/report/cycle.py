@@ -7,7 +7,11 @@ from collections.abc import Iterator, Mapping
 
 from mechanism_sim import strict_json
 from mechanism_sim.report.sections import Section, text
-from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
+from mechanism_sim.report.summary import (
+    describe_no_limits,
+    no_limits_to_json,
+    undetermined_to_json,
+)
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.ranges import Extreme
@@ -170,6 +174,7 @@ def to_json(cycle: Cycle) -> dict[str, object]:
         'mean_power': strict_json.plain(cycle.mean_power) if forces else None,
         'efficiency': cycle.efficiency if forces else None,
         'no_limits': no_limits_to_json(cycle.no_limits),
+        **undetermined_to_json(machine),
         'unbounded': sorted(cycle.unbounded),
     }
 

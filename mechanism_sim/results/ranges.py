@@ -200,7 +200,8 @@ class LoadPeaks:
     ) -> None:
         self.machine, physics = machine, machine.physics
         self._physics, self._since = physics, since
-        self._joints = {f'reaction.{joint}.size': joint for joint in physics.joints}
+        known = [joint for joint in physics.joints if joint not in physics.undetermined]
+        self._joints = {f'reaction.{joint}.size': joint for joint in known}
         self._drives = {f'drive_torque.{c}': c for c in physics.driven}
         self._loads = [*self._joints, *self._drives] if physics.has_forces else []
         self._loads += _bearing_loads(machine) if bearings else []

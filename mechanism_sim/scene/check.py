@@ -239,6 +239,8 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
         )
         notes.append(Limit(stays))
     notes += motion_notes(mechanism, start, plan.laws)
+    if machine.physics.undetermined:
+        notes.append(machine.nominal.undetermined_text)
     for joint in plan.joints:
         keys = machine.scene.joints[joint.name]
         notes += keys.kind_keys.notes(keys, machine, joint)

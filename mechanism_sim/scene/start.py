@@ -28,8 +28,9 @@ from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.joints.revolute.bearing_ends import AxialStop, BearingEnd, seat
 from mechanism_sim.joints.revolute.keys import leaning
+from mechanism_sim.linkages.mobility import involved
 from mechanism_sim.planar.closures import closures
-from mechanism_sim.planar.configuration import converted
+from mechanism_sim.planar.configuration import Constraints, converted, poses
 from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.kinematics import Kinematics
@@ -316,7 +317,7 @@ class Start:
         plan, nominal = self.plan, self.nominal
         if plan.powered or nominal.assembly.freedom:
             none = np.zeros((len(plan.prescribed), 1))
-            return self._seen(q, v, none, 0.0).reaction[:, :, 0]
+            return self._known(self._seen(q, v, none, 0.0).reaction[:, :, 0])
         if nominal.assembly.loop is None and nominal.assembly.slope is not None:
             raise InputError(
                 'start = seated, but the forces that press pins on bushings are not determined: '
@@ -328,7 +329,18 @@ class Start:
         _, _, a, _ = motion.motion(q, *rates[:, :, None])
         dynamics = nominal.inverse_dynamics
         outside = plan.outside_at_start(dynamics.outside)
-        return dynamics(q, v, a, outside).reaction[:, :, 0]
+        return self._known(dynamics(q, v, a, outside).reaction[:, :, 0])
+
+    def _known(self, forces: Array) -> Array:
+        """Forces (j, 2), NaN where redundant constraints leave them open without clearance."""
+        if self.nominal.assembly.dependent:
+            found = Constraints.of(self.plan.ideal)
+            ideal, q = self.plan.ideal, self.nominal.assembly.q
+            at = poses(ideal, dict(zip(ideal.coordinates, q.tolist(), strict=True)))
+            rows = involved(found, at)
+            forces = forces.copy()
+            forces[[any(rows.get(joint.name, ())) for joint in self._loose.joints]] = np.nan
+        return forces
 
     def _seen(self, q: Array, v: Array, a: Array, t: float) -> Observation:
         """The ideal machine under its first laws, a time [s] from the start.
