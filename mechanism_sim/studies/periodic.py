@@ -62,7 +62,7 @@ class PoincareMap:
             raise InputError(
                 f'{machine.name}: a periodic response needs a crank at constant speed'
             )
-        if not machine.plan.clearances and not machine.mechanism.having(Beam):
+        if not machine.has_contacts and not machine.mechanism.having(Beam):
             raise InputError(
                 f'{machine.name}: without clearance every revolution is like the other'
             )
