@@ -27,8 +27,10 @@ from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.play import BOUNDS, MeasuredGap, bound_name, with_turning
+from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.planar.protocols import Bound, ForceLaw
 from mechanism_sim.planar.rails import along
+from mechanism_sim.planar.view import Draft
 from mechanism_sim.units import QuantityValue
 
 Limit = Annotated[QuantityValue, si_of('rad', 'm')]
@@ -149,6 +151,16 @@ class StopKeys(JointKeys):
         return found
 
 
+_WALL, _BLOCK, _PIN, _HIGH = (2.0, 6.0), 1.7, 0.75, 1.8
+"""Drawn stops, in symbols: from where to where along a link; off a block, off a pin; half high."""
+
+
+def beside(at: Vector2, way: float, along: float, across: float) -> Vector2:
+    """A point of a link so far from another along a direction [rad], and to its left [m]."""
+    x, y = rotate((along, across), way)
+    return at[0] + x, at[1] + y
+
+
 @dataclass(frozen=True)
 class _Stop(MeasuredGap):
     """A limit of an angle or a displacement s: the gap is ``sign (s - limit)``."""
@@ -217,6 +229,15 @@ class AngleStop(_Stop):
         room = lift(dense(frames.parameters(f'{self.joint}.stop_half', half)))
         return (room + off if self.sign > 0.0 else room - off) * r
 
+    def draw(self, draft: Draft) -> None:
+        """A wall along the side of the second link, where its x axis stops."""
+        joint, ends = self.mechanism.joint(self.joint), _WALL[:: int(-self.sign)]
+        start, end = (
+            beside(joint.on_first, self.limit, x * draft.symbol, -self.sign * draft.symbol)
+            for x in ends
+        )
+        draft.wall(joint.first, start, end)
+
     def slip(self, _: Frames) -> Jet:
         """There is no friction here.
 
@@ -247,6 +268,15 @@ class EndStop(_Stop):
     def words(self) -> str:
         """The limit, with its unit."""
         return f'{self.limit:.6g} m'
+
+    def draw(self, draft: Draft) -> None:
+        """A wall across the guide or slot, off the middle by as much as is drawn of what stops."""
+        joint = self.mechanism.joint(self.joint)
+        line, reach = joint.line, _BLOCK if isinstance(joint, Prismatic) else _PIN
+        assert line is not None  # noqa: S101 - it has one
+        at, high = self.limit - self.sign * reach * draft.symbol, self.sign * _HIGH * draft.symbol
+        start, end = (beside(line.on, line.axis, at, x) for x in (-high, high))
+        draft.wall(line.link, start, end)
 
     def _axis(self, frames: Frames, angle: float, label: str) -> tuple[Jet, Jet]:
         line = self.mechanism.joint(self.joint).line

@@ -122,6 +122,9 @@ class DiscGap:
         """One in the other."""
         return f'{self.pair.first} into {self.pair.second} in the contact {self.name}'
 
+    def draw(self, _: Draft) -> None:
+        """The pair shows its outlines."""
+
     # --- the measure ----------------------------------------------------------------------------
 
     def value(self, frames: Frames) -> Jet:

@@ -136,7 +136,9 @@ class RopeClosure(HigherClosure[Rope]):
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """The row draws the points together: along the stretches, at the middles of pulleys."""
         joint, pull = self.joint, neg(forces[0])
-        along = [(mul(pull, s.way[0].value), mul(pull, s.way[1].value)) for s in self._stretches(frames)]
+        along = [
+            (mul(pull, s.way[0].value), mul(pull, s.way[1].value)) for s in self._stretches(frames)
+        ]
         loads = []
         for k, p in enumerate(joint.pulleys):
             out = along[k] if k < len(along) else (None, None)
@@ -146,7 +148,9 @@ class RopeClosure(HigherClosure[Rope]):
         x: Term = None
         y: Term = None
         moment: Term = None
-        ox, oy = frames.position(self.mechanism.point(joint.second, joint.on_second), f'{self.name}.second')
+        ox, oy = frames.position(
+            self.mechanism.point(joint.second, joint.on_second), f'{self.name}.second'
+        )
         for load in (load for load in loads if load.link == joint.second):
             x, y = add(x, load.force[0]), add(y, load.force[1])
             if load.at != joint.on_second:

@@ -58,7 +58,7 @@ class RopeKeys(JointKeys):
             if reference not in given[1:-1]:
                 between = ', '.join(given[1:-1]) or 'none'
                 raise InputError(
-                    f"{where}.pulleys.{reference}: the rope passes no such point between its ends; "
+                    f'{where}.pulleys.{reference}: the rope passes no such point between its ends; '
                     f'there are: {between}'
                 )
         for k, (one, two) in enumerate(zip(places, places[1:], strict=False)):

@@ -160,7 +160,9 @@ class TransmissionClosure(HigherClosure[Transmission]):
             back = neg(along[0]), neg(along[1])
             at, force = dict(guide.points), {guide.second: along, guide.first: back}
             ends = [link, next(end for end in at if end != link)]
-            loads.append([Load(f'{self.name}.{k}:{end}', end, at[end], force[end]) for end in ends])
+            loads.append(
+                [Load(f'{self.name}.{k}:{end}', end, at[end], force[end]) for end in ends]
+            )
         (one, *rest), (own, *more) = loads
         px, py = frames.position(self.mechanism.point(own.link, own.at), own.name)
         ox, oy = frames.position(

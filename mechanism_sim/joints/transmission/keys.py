@@ -76,7 +76,9 @@ class TransmissionKeys(CarrierKeys):
         given = name, a, b, on_a, on_b, Fraction(self.ratio), self.phase, carrier
         if self.backlash is None:
             return Transmission(*given, guides=guides)
-        return LooseTransmission(*given, guides=guides, play=self._half(where, self.backlash, bool(guides)))
+        return LooseTransmission(
+            *given, guides=guides, play=self._half(where, self.backlash, bool(guides))
+        )
 
     def _half(self, where: str, backlash: BacklashPart, slides: bool) -> float:
         """Play to either side [rad, m]."""
