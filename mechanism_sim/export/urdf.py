@@ -17,7 +17,7 @@ from mechanism_sim.export.ideal import WORLD, check_names, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.planar.bodies import Body
-from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute, Weld
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.machine import Machine
@@ -137,6 +137,10 @@ class _Tree:
         if isinstance(j, Prismatic):
             turn, child = -j.angle if ahead else j.angle, self._before(link, here)
             self._joint(link, 'prismatic', parent, child, there, turn, way(j, link))
+            return
+        if isinstance(j, Weld):
+            turn = -j.angle if ahead else j.angle
+            self._joint(f'{link}.weld', 'fixed', parent, self._before(link, here), there, turn)
             return
         if link in m.having(Rotor):
             self._shifted(link, parent, there)
