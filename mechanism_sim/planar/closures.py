@@ -235,7 +235,7 @@ def closures(mechanism: Mechanism, joints: Sequence[str]) -> list[Relation]:
     for name in joints:
         joint = mechanism.joint(name)
         if isinstance(joint, HigherPair):
-            found.append(joint.closure(mechanism))
+            found += [joint.closure(mechanism)] if joint.equations else []
         elif isinstance(joint, Prismatic):
             found.append(PrismaticClosure(name, mechanism))
         elif isinstance(joint, Weld):
