@@ -49,6 +49,13 @@ class Physics(Protocol):
         """Units of the loads whose sizes follow from the motion, by name."""
 
     @property
+    def undetermined(self) -> Mapping[str, frozenset[str]]:
+        """Parts of the forces in joints that redundant constraints leave open, by joint.
+
+        Among ``x``, ``y`` and ``moment``; an `Observation` has some value of them.
+        """
+
+    @property
     def displacements(self) -> tuple[str, ...]:
         """Names of the coordinates that are displacements."""
 
@@ -112,8 +119,12 @@ class DynamicPhysics:
     has_forces = True
     unknowns: Mapping[str, str] = MappingProxyType({})
 
-    def __init__(self, observer: Observer) -> None:
-        self.observer = observer
+    def __init__(
+        self,
+        observer: Observer,
+        undetermined: Mapping[str, frozenset[str]] = MappingProxyType({}),
+    ) -> None:
+        self.observer, self.undetermined = observer, undetermined
         self.system = system = observer.system
         self.coordinates = system.coordinates
         self.joints = tuple(joint.name for joint in system.mechanism.joints)

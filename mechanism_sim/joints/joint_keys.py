@@ -132,6 +132,10 @@ class JointKeys(Part):
         """Remarks on the joint of a machine at rest."""
         return []
 
+    def doubts(self, machine: Any, joint: Any) -> list[str]:
+        """Warnings about what its keys say, which every command repeats."""
+        return []
+
 
 KINDS = Registry[type[JointKeys]]()
 """All kinds of joints by name: the key whose value is what such a joint connects."""

@@ -72,9 +72,11 @@ def placed_at(kinematics: Kinematics, q: Array, value: float) -> Array | None:
     """
     drive = kinematics.held[0]
     reach = value - float(q[drive])
+    if not reach:
+        return q
     place, slope, step = _walked(kinematics, q, reach)
     if not step:
-        return None if reach else q
+        return None
     if _rate(kinematics, place, slope, step)[drive] * reach <= 0.0:
         step = _turning_way(kinematics, place, slope, step)
 

@@ -81,7 +81,11 @@ class FormulaScope:
 
         def table(curve: Curve) -> Callable[[hy.expression], hy.expression]:
             return lambda place: frames.lookup(
-                f'{key}.table.{next(count)}', place, curve.breaks, curve.rows, curve.cyclic
+                f'{key}.table.{next(count)}',
+                place if curve.scale == 1.0 else curve.scale * place,
+                curve.breaks,
+                curve.rows,
+                curve.cyclic,
             )
 
         words = formula.Words(
@@ -90,7 +94,7 @@ class FormulaScope:
             flag,
             {name: table(curve) for name, curve in self.tables.items()},
             angles,
-            [name for name, curve in self.tables.items() if curve.cyclic],
+            {name: curve.scale for name, curve in self.tables.items() if curve.cyclic},
         )
         return formula.expression(text, words)
 

@@ -47,6 +47,10 @@ class FourBarMotion:
         joined[self.driven] = driven
         return joined, None
 
+    def follow_apart(self, last: Array, driven: Array) -> Array | None:
+        """As `follow`; the closed form gives each instant by itself."""
+        return self.follow(last, driven[0], driven, driven, None)[0]
+
     def motion(
         self,
         near: Array,
@@ -175,6 +179,16 @@ class LinkageMotion:
             near[near] = every.independence(q[:, near]) < _BRANCHES.near
         return near
 
+    def follow_apart(self, last: Array, driven: Array) -> Array | None:
+        """Coordinates (n, N) a little later, each found apart from the others.
+
+        None near a singular position, or if the loops cannot be closed: see `follow`.
+        """
+        q, left = self.kinematics.positions(self._pointed(last, driven), apart=True)
+        seen = np.column_stack([last, q])
+        near = self.kinematics.nearly_singular(seen, _BRANCHES.near)
+        return None if left.any() or near.any() else q
+
     def _stays(self, q: Array) -> bool:
         """True if positions (n, N) come neither nearer to a singular one nor farther by an octave.
 
@@ -195,13 +209,17 @@ class LinkageMotion:
 
     def _ahead(self, last: Array, driven: Array) -> Array:
         """Coordinates (n, N) that close the loops, from where the last ones (n,) point."""
+        return self._closed(self._pointed(last, driven))
+
+    def _pointed(self, last: Array, driven: Array) -> Array:
+        """Coordinates (n, N) to which the last ones (n,) point."""
         shift = driven - last[self.driven, None]
         slopes = self.kinematics.rates(
             np.repeat(last[:, None], len(self.driven), axis=1), np.eye(len(self.driven))
         )
         near = last[:, None] + np.nan_to_num(slopes) @ shift
         near[self.driven] = driven
-        return self._closed(near)
+        return near
 
     def _parameter(self, driven: Array) -> tuple[Array, Array, Array]:
         """Branches are followed along it: the driven coordinate; time, if there are several.

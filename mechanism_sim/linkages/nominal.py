@@ -11,6 +11,7 @@ from bisect import insort
 from collections import deque
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from types import MappingProxyType
 
 import numpy as np
 import scipy
@@ -61,6 +62,7 @@ _ROUNDS = 4  # in which they are found to rounding
 _SECTIONS = 80  # into thirds, in which the least work of unknown loads is found to rounding
 _LONG = 1e6  # [s] a drive that takes longer through a singular position is at rest
 _AHEAD = 1e-9  # of a piece: where the rows are looked for that begin with it
+_DENSE = 4  # ends of rows in a piece from which on the parts between them are found at once
 _END = 1e-12  # of a piece: what lies no farther beyond its end is at its end
 """[s] Nodes grant each other some seconds in advance, and pieces are handed on whole."""
 
@@ -199,6 +201,8 @@ class NominalRun:
         while self.time < until:
             changes = (Fraction(law.valid_from) for law in self._coming)
             self._add(min([self._usual_end(), *changes]))
+        while self._pieces[-1][0] >= until:  # several may have been added at once
+            self._pieces.pop()
         start, *_ = self._pieces[-1]
         motion, *_ = self.drain()
         self.restore(here)
@@ -228,7 +232,7 @@ class NominalRun:
     def _add(self, end: Fraction) -> None:
         """A piece up to `end`, or less if that would not be exact."""
         h = whole = float(end - self._time)
-        if h <= 0.0:
+        if h <= 0.0 or self._add_rows(end):
             return
         # [s] from now, where a switch has turned over between nodes, of so long a piece
         seen: list[float] = []
@@ -284,6 +288,58 @@ class NominalRun:
         self._last = coefficients @ h ** np.arange(len(_NODES))
         self._slope = slope
         self._take_off_turns()
+
+    def _add_rows(self, end: Fraction) -> bool:
+        """Add the pieces up to `end` if many short rows of tables follow each other there.
+
+        Each is what `_add` would make of it, but for rounding, and does not depend on the others.
+        False if there are few of them, or one needs more than that; some may be added then.
+        """
+        h = float(end - self._time)
+        edges, driven = self._edges, self._ideal.driven
+        if edges is None or self._hidden or self._loads or self._slope is not None:
+            return False
+        if edges.rated or 'time' in edges.outside or {*edges.coordinates} - {*driven}:
+            return False
+        # where they are looked for does not depend on `end`: what ends earlier has the same pieces
+        usual = self._share * self._width()
+        ends = edges.row_ends(lambda times: self._states(edges, times, follow=False), usual)
+        if ends is None or len(ends) < _DENSE:
+            return False
+        shortest = _AHEAD * usual
+        inner = ends[(np.diff(ends, prepend=0.0) > shortest) & (ends < h - shortest)]
+        cuts = np.concatenate([[0.0], inner, [h]])
+        wide = np.diff(cuts)
+        times = cuts[:-1, None] + wide[:, None] * _ENDED
+        places = self._driven(times.ravel())
+        edges.check(places)
+        q = self._ideal.follow_apart(self._last, places[driven])
+        if q is None:
+            return False
+        values = q.reshape(len(q), *times.shape)[:, :, :-1].transpose(1, 0, 2)
+        last = q.reshape(len(q), *times.shape)[:, :, -1].T
+        terms = np.abs(chebyshev_coefficients(values)) / self._scale[:, None]
+        size = _EPS * np.abs(values).max(axis=2) / self._scale
+        bad = (terms[:, :, -2:] - _ROUNDED * size[:, :, None]).max(axis=(1, 2)) > _TAIL
+        good = int(np.argmax(bad)) if bad.any() else len(bad)
+        powers = fit_powers(values, 1.0) / wide[:, None, None] ** np.arange(len(_NODES))
+        begun = self._turns.copy()
+        for k in range(good):
+            coefficients = powers[k]
+            coefficients[:, 0] -= TWO_PI * (self._turns - begun) * self._turning
+            for (_, local), i in zip(self._local, driven, strict=True):
+                coefficients[i] = 0.0
+                coefficients[i, : len(local)] = local
+            self._pieces.append((self._time, float(wide[k]), self._turns.copy(), coefficients))
+            self.steps += 1
+            whole = k == len(wide) - 1
+            self._time = end if whole else self._time + Fraction(float(wide[k]))
+            self._last = last[k] - TWO_PI * (self._turns - begun) * self._turning
+            self._driven(np.zeros(0))
+            self._take_off_turns()
+        if good == len(bad):
+            self._share, self._short = min(1.0, 2.0 * self._share), 0
+        return good > 0
 
     def _take_off_turns(self) -> None:
         """Keep angles that follow within a turn; those of drives are known by their laws."""
@@ -449,8 +505,13 @@ class NominalPhysics:
     tilting: tuple[str, ...] = ()
 
     def __init__(
-        self, ideal: IdealMotion, mechanism: Mechanism, forces: InverseDynamics | None
+        self,
+        ideal: IdealMotion,
+        mechanism: Mechanism,
+        forces: InverseDynamics | None,
+        undetermined: Mapping[str, frozenset[str]] = MappingProxyType({}),
     ) -> None:
+        self.undetermined = undetermined
         self.coordinates = mechanism.coordinates
         self.joints = tuple(joint.name for joint in mechanism.joints)
         self.driven = tuple(self.coordinates[i] for i in ideal.driven)
@@ -619,7 +680,9 @@ class NominalPhysics:
         seen = self.observe(motion, segments, dt)
         for k in np.argsort(curve.start[segments] + dt):
             forces = zip(self.joints, seen.reaction[:, :, k], strict=True)
-            joints = tuple(j for j, force in forces if np.isnan(force).any())
+            joints = tuple(
+                j for j, force in forces if np.isnan(force).any() and j not in self.undetermined
+            )
             t = float(curve.start[segments[k]] + dt[k])
             one = NoLimit(t, float(seen.position[self._ideal.driven[0], k]), joints)
             if joints and not any(one.is_at(other.t) for other in found):

@@ -75,7 +75,7 @@ class Words:
     flag : makes the expression that is 1 where another one is positive, and 0 elsewhere
     tables : functions of one argument beside the usual ones
     angles : further names: the expressions of an angle without whole turns, and with them
-    cyclic : which of the tables repeat after a turn
+    cyclic : of the tables that repeat, turns in the one of their argument that they repeat in
     """
 
     variables: Mapping[str, hy.expression]
@@ -85,7 +85,7 @@ class Words:
     angles: Mapping[str, tuple[hy.expression, Callable[[], hy.expression]]] = field(
         default_factory=dict
     )
-    cyclic: Collection[str] = ()
+    cyclic: Mapping[str, float] = field(default_factory=dict)
 
 
 def read(text: str, tables: Collection[str] = ()) -> ExpressionNode:
@@ -153,8 +153,12 @@ class _Builder:
         """
         name, before = node.name, self._without_turns
         if name in PERIODIC or name in self._words.cyclic:
+            often = self._words.cyclic.get(name, 1.0)
             turns = [_coefficients(x, self._words.angles.keys()) for x in node.args]
-            if all(x is not None and all(map(float.is_integer, x.values())) for x in turns):
+            if all(
+                x is not None and all(float.is_integer(often * n) for n in x.values())
+                for x in turns
+            ):
                 self._without_turns = True
         args = [self.value(x) for x in node.args]
         self._without_turns = before

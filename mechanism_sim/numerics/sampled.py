@@ -7,6 +7,7 @@ them are filled, and on the last digit of each. `acceleration_peaks` says by how
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,9 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 
 _DEGREES = (3, 5, 7)  # of splines that are compared
-_DETERMINED = 0.1  # of a peak: if it may be farther off, the samples do not determine it
+_DETERMINED = (
+    0.1  # of the largest peak: if one may be farther off, the samples do not determine it
+)
 _TRIALS = 8  # of other last digits; three times their standard deviation counts
 _DIGITS = 13  # decimals after which a number is not rounded but computed
 _SMOOTHEST = 1e9  # weight of the penalty, over that of the distances: no spline is smoother
@@ -35,17 +38,18 @@ class SampledPeak(NamedTuple):
     value: float
     off: float
 
-    @property
-    def determined(self) -> bool:
-        """True if it may be off by a tenth of itself at most."""
-        return self.off <= _DETERMINED * abs(self.value)
+
+def determined(peaks: Sequence[SampledPeak]) -> bool:
+    """True if none of them may be off by more than a tenth of the largest."""
+    largest = max(abs(p.value) for p in peaks)
+    return all(p.off <= _DETERMINED * largest for p in peaks)
 
 
 def describe_peaks(peaks: tuple[SampledPeak, SampledPeak], unit: str, scale: float = 1.0) -> str:
     """Both in words, in a unit after a multiplication by `scale`, and what to do about them."""
-    shown = ' and '.join(f'{scale * p.value:.6g} (+-{scale * p.off:.2g})' for p in peaks)
+    shown = ' and '.join(f'{scale * p.value:.6g} (+-{scale * p.off:.3g})' for p in peaks)
     text = f'largest accelerations by its points {shown} {unit}'
-    if all(p.determined for p in peaks):
+    if determined(peaks):
         return text
     return (
         f'{text}: other degrees of the spline and the rounding of the points change them so much '

@@ -36,10 +36,8 @@ class Constraints:
 
     @classmethod
     def of(cls, mechanism: Mechanism) -> Constraints:
-        """Those of all joints of a mechanism that hold both ways, loose ones taken as ideal."""
-        held = (*mechanism.closing, *(j.name for j in mechanism.tree_joints.values()))
-        joints = tuple(j for j in mechanism.joints if j.name in held)
-        return cls(tuple(body.name for body in mechanism.bodies), joints)
+        """Those of all joints of a mechanism, loose ones taken as ideal."""
+        return cls(tuple(body.name for body in mechanism.bodies), mechanism.joints)
 
     @cached_property
     def _floating(self) -> Kinematics:

@@ -96,8 +96,6 @@ class HigherPair(Connection, ABC):
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
     #: how many components its closure has
     equations: ClassVar[int] = 1
-    #: never holds both ways, as ropes do: the mechanism without clearance has no such row
-    one_way: ClassVar[bool] = False
     #: in words, what bounds it
     beyond: ClassVar[str] = 'into its wall'
     #: in words, what may move between them
@@ -318,12 +316,6 @@ class Tree:
     def sliding(self) -> tuple[str, ...]:
         """The links that a prismatic joint of the tree carries."""
         return tuple(link for link, j in self.tree_joints.items() if isinstance(j, Prismatic))
-
-    @cached_property
-    def closing(self) -> tuple[str, ...]:
-        """The cut joints that close loops: all but those that never hold both ways."""
-        one_way = {j.name for j in self.joints if isinstance(j, HigherPair) and j.one_way}
-        return tuple(name for name in self.cut if name not in one_way)
 
     def joint(self, name: str) -> Joint:
         """The joint of that name."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from mechanism_sim.planar.drive import DriveLaw
@@ -58,7 +58,7 @@ def move_laws(start: DriveLaw, steps: Sequence[tuple[float, float | Limits]]) ->
     start : where the coordinate is at first
     steps : goal [rad, m] and limits of each move; or nothing and how long it rests [s]
     """
-    laws = [start]
+    laws = [replace(start, coefficients=(start.coefficients[0], 0.0))]
     goal, time = start.about(Fraction(0))[1][0] + start.turns * 2.0 * math.pi, 0.0
     for place, how in steps:
         if not isinstance(how, Limits):

@@ -7,7 +7,11 @@ from collections.abc import Iterator, Mapping
 
 from mechanism_sim import strict_json
 from mechanism_sim.report.sections import Section, text
-from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
+from mechanism_sim.report.summary import (
+    describe_no_limits,
+    no_limits_to_json,
+    undetermined_to_json,
+)
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.ranges import Extreme
@@ -17,7 +21,7 @@ from mechanism_sim.scene.load import RAMP
 from mechanism_sim.units import for_people
 
 _SHORT = 0.05  # of the cycle
-_SWING = ('size', 'turns', 'period', 'rising', 'falling', 'standing', 'time_ratio')
+_SWING = ('size', 'turns', 'period', 'rising', 'falling', 'standing', 'time_ratio', 'ripple')
 
 _NOTHING = 1e-8  # of the other end of a range, which is shown with six digits
 
@@ -124,7 +128,8 @@ def _swings(cycle: Cycle) -> Iterator[str]:
                 for x in swing.strokes
             )
         if swing.dwells and swing.size:
-            line += '; stands ' + ', '.join(
+            within = f' within {scale * swing.ripple:.3g} {shown}' if swing.ripple else ''
+            line += f'; stands{within} ' + ', '.join(
                 f'at {scale * x.position:.6g} {shown} for {x.duration:.6g} s' for x in swing.dwells
             )
         yield line
@@ -170,6 +175,7 @@ def to_json(cycle: Cycle) -> dict[str, object]:
         'mean_power': strict_json.plain(cycle.mean_power) if forces else None,
         'efficiency': cycle.efficiency if forces else None,
         'no_limits': no_limits_to_json(cycle.no_limits),
+        **undetermined_to_json(machine),
         'unbounded': sorted(cycle.unbounded),
     }
 

@@ -102,6 +102,9 @@ class Catalogue(Mapping[str, Quantity]):
                 f'velocity.{machine.plan.main} are those of any drive'
             )
         kinds = dict.fromkeys(q.kind for q in self._known.values())
+        kind, _, joint = name.partition('.')
+        if kind == 'reaction' and joint.partition('.')[0] in machine.physics.undetermined:
+            return InputError(f"{machine.name}: '{name}': {machine.nominal.undetermined_text}")
         short = [*(known.removesuffix('.size') for known in self._known), *kinds]
         why = '' if machine.physics.has_forces else '; its forces are not computed'
         return InputError(

@@ -41,6 +41,7 @@ class Assembly(NamedTuple):
     redundant: int  #: closure equations that follow from the others, elastic joints left out
     slope: Array | None = None  #: (n,) direction of the motion, if the position is singular
     loop: FourBarLoop | None = None  #: the four-bar that it is, if its motion has a closed form
+    dependent: int = 0  #: as `redundant`, with elastic and loose joints as if they were ideal
 
 
 def assemble(plan: ScenePlan) -> Assembly:
@@ -90,7 +91,8 @@ def assemble(plan: ScenePlan) -> Assembly:
                 'which way the links go on: start beside it, or with a speed'
             )
     q, v = _hung(plan, q, v)
-    return Assembly(q, v, freedom, overdriven, hard - int(ranks[2]), slope, four_bar)
+    dependent = len(moving.rows) - int(ranks[1])
+    return Assembly(q, v, freedom, overdriven, hard - int(ranks[2]), slope, four_bar, dependent)
 
 
 def _hung(plan: ScenePlan, q: Array, v: Array) -> tuple[Array, Array]:

@@ -11,9 +11,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.joints.contact_keys import Clearance, Contact, Play
 from mechanism_sim.keys.names import scene_errors
-from mechanism_sim.linkages.mobility import mobility
 from mechanism_sim.linkages.nominal import NominalPhysics
-from mechanism_sim.planar.configuration import Constraints, converted, poses
+from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
 from mechanism_sim.planar.mechanism import HigherPair
@@ -38,6 +37,7 @@ def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
         check_scenes_way(machine)
         _check_unknowns(machine)
         _check_joints(machine)
+        _check_redundant(machine)
         _check_oscillators(machine)
         _check_sensors(machine)
     return machine
@@ -63,12 +63,6 @@ def _check_freedom(machine: Machine) -> None:
         raise InputError(
             'the mechanism cannot move: its joints and drives leave it no degree of freedom; it '
             'is a structure'
-        )
-    if assembly.redundant and (machine.level.dynamic or machine.level is Level.INVERSE_DYNAMICS):
-        raise InputError(
-            f'{assembly.redundant} of the closure equations follow from the others, so that the '
-            "joint forces are not determined; set 'outputs.forces: false' for kinematics, or make "
-            f'a redundant joint a slot{_redundant(machine)}'
         )
     given = [n for n, link in machine.links.items() if link.mass is not None or link.elastic]
     if machine.level is Level.SMOOTH and not given:
@@ -303,12 +297,31 @@ def _check_contact(law: str, where: str, clearance: Play) -> None:
         raise InputError(f'{where}.pin_radius: with a film it is contact.radius; leave it out')
 
 
-def _redundant(machine: Machine) -> str:
-    """Which joints are redundant, if the start tells."""
-    mechanism = machine.plan.ideal
-    start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
-    extra = mobility(Constraints.of(mechanism), poses(mechanism, start)).repeating
-    return f': {", ".join(extra)} is one' if extra else ''
+def _check_redundant(machine: Machine) -> None:
+    """Refuse what needs forces that redundant constraints leave open."""
+    if not (machine.level.dynamic or machine.level is Level.INVERSE_DYNAMICS):
+        return
+    open_ = machine.nominal.undetermined
+    count = machine.assembly.redundant
+    why = (
+        f'{count} of the closure equations follow{"s" * (count == 1)} from the others, so that '
+        'this force is not determined; make a joint that is redundant a slot, or an elastic one'
+    )
+    rubbing = [f.name for f in machine.plan.frictions(machine.mechanism) if f.name in open_]
+    if rubbing:
+        raise InputError(f'joints.{rubbing[0]}.friction follows from its force, but {why}')
+    for name, sensor in machine.scene.sensors.items():
+        if sensor.kind == 'load_cell' and sensor.joint in open_:
+            raise InputError(f'sensors.{name}.joint = {sensor.joint}: {why}')
+    for name, part in machine.scene.oscillators.items():
+        if joints := [joint for joint in part.joints or () if joint in open_]:
+            raise InputError(f'oscillators.{name}.joints: {joints[0]}: {why}')
+    if open_ and machine.plan.efforts:
+        raise InputError(
+            'loads of unknown size and redundant constraints exclude each other: '
+            f'{count} of the closure equations follow{"s" * (count == 1)} from the others; make '
+            'a joint that is redundant a slot'
+        )
 
 
 def _check_oscillators(machine: Machine) -> None:

@@ -16,6 +16,11 @@ from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.motion_accuracy import (
+    acceleration_notes,
+    undetermined_accelerations,
+)
+from mechanism_sim.scene.motion_keys import CoursePart
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.remarks import doubts, unused
 from mechanism_sim.scene.schema import SensorPart
@@ -90,9 +95,6 @@ def check(machine: Machine) -> Report:
         c: ('displacement, ' if c in straight else '') + rest for c in mechanism.coordinates
     }
     coordinates |= {c: _drive(machine, c) for c in plan.laws}
-    coordinates |= {
-        x.label: f'state of first order, from {x.start:g} {x.unit}'.rstrip() for x in plan.states
-    }
     relations = []
     for name in mechanism.cut:
         joint = mechanism.joint(name)
@@ -114,7 +116,7 @@ def check(machine: Machine) -> Report:
         [note for note in notes if isinstance(note, Limit)],
         _left_out(machine, len(gaps)),
         notes,
-        doubts(machine),
+        [*doubts(machine), *undetermined_accelerations(machine)],
         _range(machine),
     )
 
@@ -136,7 +138,7 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
         room = (
             f'play {c.radial:g} {unit} to either side' if len(joint.sides) > 1 else 'may lift off'
         )
-        room = '' if joint.one_way else f'{room}, '
+        room = f'{room}, ' if joint.equations else ''
         return f'{joint.parts}, {room}{contact}'
     block = isinstance(joint, Prismatic)
     kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
@@ -220,10 +222,16 @@ def _drive(machine: Machine, coordinate: str) -> str:
     effort = given.effort if given else None
     shown = f'{effort.value:g} {force}' if isinstance(effort, QuantityValue) else effort
     with_effort = '' if effort is None else f', with {shown}'
-    if len(laws) > 1:
-        return f'prescribed, a profile of speeds in {len(laws)} pieces{with_effort}'
+    course = given and (given.position or given.profile or given.speed)
+    if isinstance(course, CoursePart):
+        return f'prescribed, {course.words}{with_effort}'
+    if given and given.moves:
+        again = ', again and again' if given.moves.repeat else ''
+        return f'prescribed, {len(given.moves.steps)} moves and dwells{again}{with_effort}'
     speed = law.coefficients[1] if law.degree else 0.0
-    changing = ' at the start, and then another' if law.degree > 1 else ''
+    changing = ''
+    if law.degree > 1:
+        changing = f' at the start and {2.0 * law.coefficients[2]:g} {pace[:-2]}/s^2'
     return f'prescribed, {speed:g} {pace}{changing}{with_effort}'
 
 
@@ -244,6 +252,9 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
         )
         notes.append(Limit(stays))
     notes += motion_notes(mechanism, start, plan.laws)
+    notes += acceleration_notes(machine)
+    if machine.physics.undetermined:
+        notes.append(machine.nominal.undetermined_text)
     for joint in plan.joints:
         keys = machine.scene.joints[joint.name]
         notes += keys.kind_keys.notes(keys, machine, joint)

@@ -55,7 +55,11 @@ def course_laws(
             return _endless(names, where, laws, first)
         except InputError as error:
             raise InputError(f'{where}: {error}') from error
-    found = _through_points(course, start, straight)
+    try:
+        course.check_rising()
+        found = _through_points(course, start, straight)
+    except ValueError as error:
+        raise InputError(f'{where} {error}') from error
     if not course.periodic:
         return tuple(found), None
     begin, end = course.given[0][0], course.given[-1][0]

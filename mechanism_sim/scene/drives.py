@@ -163,8 +163,7 @@ def _power(where: str, c: str, drive: DrivePart) -> TorqueLaw:
     if drive.motor:
         return _motor_law(where, c, drive.motor)
     if f := drive.force:
-        constant = f.constant + _number(f.formula)
-        return TorqueLaw(c, (constant, f.per_position, f.per_speed))
+        return TorqueLaw(c, (f.constant + _number(f.formula), f.per_position, f.per_speed))
     t = drive.torque
     assert t is not None  # noqa: S101 - one of the three is there
     return TorqueLaw(c, (t.constant + _number(t.formula), t.per_angle, t.per_speed))

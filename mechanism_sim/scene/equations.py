@@ -13,16 +13,19 @@ from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
 from mechanism_sim.keys.names import SceneError
-from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.closures import closures, independent
 from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.massless import inertial_motion, without_mass
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.switches import SwitchTable
 from mechanism_sim.scene.assembly import Assembly
 from mechanism_sim.scene.plan import ScenePlan
+from mechanism_sim.scene.singular_start import neighbours
+from mechanism_sim.tolerances import TOLERANCES
 
 _BESIDE = 0.3
 """[rad, m] from the start, where it is looked whether links without mass make a difference."""
@@ -69,7 +72,8 @@ class EquationsOfMotion:
         # the gate has seen to what drives alone move
         bounds = bounds_of(plan.scene.joints, mechanism, plan.touching)
         gaps += [gap for gap in bounds if not moving(gap, frames) <= {*plan.prescribed}]
-        return self._compiled(mechanism, plan.loop_closures, gaps, films)
+        closing = self._independent(plan.loop_closures, plan.loops(plan.prescribed))
+        return self._compiled(mechanism, closing, gaps, films)
 
     @cached_property
     def observer(self) -> Observer:
@@ -81,8 +85,26 @@ class EquationsOfMotion:
         """`observer` of the mechanism without clearance."""
         if not self.plan.clearances and not self.plan.touching:
             return self.observer
-        ideal = self.plan.ideal
-        return Observer(self._compiled(ideal, closures(ideal, ideal.closing), [], []))
+        plan, ideal = self.plan, self.plan.ideal
+        loops = plan.kinematics(plan.prescribed)
+        closing = self._independent(closures(ideal, ideal.cut), loops)
+        return Observer(self._compiled(ideal, closing, [], []))
+
+    def _independent(self, closing: Sequence[Relation], loops: Kinematics) -> Sequence[Relation]:
+        """Closures without the rows that follow from others, where there may be such rows.
+
+        They are those that are most independent at a position beside the start where the rank is
+        that of the motion; the audit looks whether those left out vanish with them.
+        """
+        if not (closing and self.assembly.dependent):
+            return closing
+        q, _ = converted(self.plan.ideal, loops.mechanism, self.assembly.q, self.assembly.v)
+        near = np.column_stack([q, neighbours(loops, q)])
+        rows = loops.directions(near)
+        sizes = np.linalg.svd(rows, compute_uv=False)
+        ranks = (sizes > TOLERANCES.branches.singular).sum(axis=1)
+        least = np.where(ranks == ranks.max(), sizes[:, ranks.max() - 1], 0.0)
+        return independent(closing, loops.rows, rows[int(least.argmax())])
 
     def _compiled(
         self,

@@ -79,9 +79,8 @@ def check_scenes_way(machine: Machine) -> None:
 
 def _turns_steadily(machine: Machine) -> bool:
     """True if the main drive turns at constant speed, whatever else is driven."""
-    law = machine.drive.law
-    alone = len(machine.drive.laws) == 1 and not machine.rigid.torque_driven
-    return isinstance(law, DriveLaw) and not law.straight and alone
+    turns = machine.plan.main not in machine.mechanism.displacements
+    return turns and machine.drive.steady and not machine.rigid.torque_driven
 
 
 def between_limits(machine: Machine) -> DriveRange | None:

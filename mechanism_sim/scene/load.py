@@ -58,7 +58,7 @@ def load_scene(
             return source
         source, name = source.scene, source.name
     given = content_of(source, name)
-    content = overridden(given.file, given.data, overrides)
+    content = overridden(given.file, given.data, overrides, given.folder)
     scene = check_scene(given.file, content)
     return build(given.name, scene, tuple(length_questions(content)))
 
@@ -93,6 +93,8 @@ def started_at(machine: Machine, angle: float) -> Machine:
     scene = machine.scene
     if not scene.drive:
         raise SceneError(f"{machine.name}: there is no 'drive' to start at an angle")
+    if scene.drive.position:
+        raise SceneError(f"{machine.name}: 'drive.position' says where its main drive starts")
     position = {c: x for c, x in scene.initial.position.items() if c != machine.plan.main}
     changed: dict[str, Any] = {
         'drive': scene.drive.model_copy(update={'start_angle': angle}),

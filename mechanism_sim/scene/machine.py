@@ -183,11 +183,12 @@ class Machine(Rich):
     @cached_property
     def physics(self) -> Physics:
         """Forces, gaps and energies along a motion of this machine."""
-        if self.level.dynamic:
-            return DynamicPhysics(self.equations.observer)
         nominal = self.nominal
+        if self.level.dynamic:
+            return DynamicPhysics(self.equations.observer, nominal.undetermined)
         forces = nominal.inverse_dynamics if nominal.forces else None
-        return NominalPhysics(nominal.motion, self.mechanism, forces)
+        open_ = nominal.undetermined if forces else {}
+        return NominalPhysics(nominal.motion, self.mechanism, forces, open_)
 
     def initial_state(self) -> State:
         """Start of the equations of motion."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice, takewhile
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.drive import DriveLaw, Law, largest_speed, time_of_angle
@@ -57,6 +58,16 @@ class MainDrive:
         straight = self.plan.main in mechanism.displacements
         fastest = self.fastest / (mechanism.size if straight else 1.0)
         return 2.0 * math.pi / fastest if fastest else math.inf
+
+    @property
+    def steady(self) -> bool:
+        """True if it is prescribed one constant speed for ever."""
+        return len(self.laws) == 1 and isinstance(self.law, DriveLaw) and self.law.degree <= 1
+
+    def laws_until(self, end: float) -> list[Law]:
+        """The laws that take over before a time [s], and the first in any case."""
+        later = islice(self._all_laws(), 1, None)
+        return [self.law, *takewhile(lambda law: law.valid_from < end, later)]
 
     def _all_laws(self) -> Iterator[Law]:
         """Its laws, one after the other, without end if they have none."""

@@ -16,12 +16,18 @@ from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.keys.quantities import Duration, Part, Time, UnitValue, si_of
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.curves import Interpolation, spline
-from mechanism_sim.numerics.expressions import FUNCTIONS, ExpressionNode, unit_hint, unit_of
+from mechanism_sim.numerics.expressions import (
+    FUNCTIONS,
+    ExpressionNode,
+    parse,
+    unit_hint,
+    unit_of,
+)
 from mechanism_sim.numerics.time_series import TimeSeries
 from mechanism_sim.planar.drive import curve_laws
 from mechanism_sim.planar.endless_laws import FormulaLaws
 from mechanism_sim.scene.formula_keys import or_formula
-from mechanism_sim.units import QuantityValue, alike
+from mechanism_sim.units import QuantityValue, alike, to_si_of
 
 Place = Annotated[QuantityValue, si_of('rad', 'm')]
 Pace = Annotated[QuantityValue, si_of('rad/s', 'm/s')]
@@ -89,14 +95,8 @@ class CoursePart(Part):
             return self
         if not all(math.isfinite(t) and math.isfinite(x.value) for t, x in points):
             raise ValueError('has points that are not finite')
-        if len(units := {x.unit for _, x in points}) > 1:
-            names = ' and '.join(sorted(unit or 'no unit' for unit in units))
-            raise ValueError(f'has points in {names}: give all in the same kind of unit')
-        for (before, _), (after, _) in pairwise(points):
-            if after <= before:
-                raise ValueError(
-                    f'has points whose times must rise, but {after:g} s follows {before:g} s'
-                )
+        if len(units := {x.unit for _, x in points if x.unit}) > 1:  # bare numbers fit any
+            raise ValueError(f'has points in {" and in ".join(sorted(units))}: give all in one')
         if self.periodic and self.ends == 'rest':
             raise ValueError("is periodic and has 'ends: rest': keep one")
         self._check_points(points)
@@ -105,17 +105,32 @@ class CoursePart(Part):
     def _check_points(self, points: Sequence[tuple[float, QuantityValue]]) -> None:
         """Refuse points through which no course leads."""
 
+    def check_rising(self) -> None:
+        """Raise a ValueError if the times do not rise."""
+        for (before, _), (after, _) in pairwise(self.given):
+            if after <= before:
+                raise ValueError(
+                    f'has points whose times must rise, but {after:g} s follows {before:g} s'
+                )
+
     def spline(self) -> tuple[Array, Array]:
-        """Breaks and rows of `numerics.curves.spline` through the points."""
-        x, y = zip(*((t, value.value) for t, value in self.given), strict=True)
+        """Breaks and rows of `numerics.curves.spline` through the points.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        self.check_rising()
+        x, y = np.array([(t, value.value) for t, value in self.given]).T
         how = self.interpolation or 'cubic'
-        return spline(np.array(x), np.array(y), how, self.periodic, self.ends == 'rest')
+        return spline(x, y, how, self.periodic, self.ends == 'rest')
 
     @property
     def unit(self) -> str:
         """In which it is given; empty if nothing says."""
         if self.given:
-            return self.given[0][1].unit
+            return next((x.unit for _, x in self.given if x.unit), '')
         wanted = [
             u
             for u in self.units()
@@ -123,6 +138,16 @@ class CoursePart(Part):
         ]
         written = any(n.unit for n in self.tree().walk())
         return wanted[0] if len(wanted) == 1 and written else ''
+
+    @property
+    def words(self) -> str:
+        """What it is, in words."""
+        what = 'positions' if self.units()[0] == 'rad' else 'speeds'
+        if self.formula is not None:
+            return f'{what[:-1]} {self.formula}'
+        how = self.interpolation or ('cubic' if what == 'positions' else '')
+        again = ', periodic' if self.periodic else ''
+        return f'{len(self.given)} {what}{f", {how}" if how else " with ramps"}{again}'
 
     def tree(self) -> ExpressionNode:
         """The formula, checked."""
@@ -146,11 +171,11 @@ def _unit_of_formula(root: ExpressionNode, text: str, units: tuple[str, str]) ->
         try:
             found = unit_of(root, {'t': time}, text)
         except InputError as error:
-            said = said or error
+            said = error
             continue
         if found is None or any(alike(found, unit) for unit in units):
             return found
-        said = said or InputError(
+        said = InputError(
             f'{quoted(text)} is in {found or "no unit"}, not in {" or ".join(units)}'
         )
     if all(alike(n.unit or '', '') for n in root.walk()):  # degrees are plain numbers
@@ -227,8 +252,6 @@ class SpeedPart(CoursePart):
                 f'is periodic, but begins at {first:g} and ends at {last:g} {self.unit}: end with '
                 'the speed with which it begins'
             )
-        if self.interpolation and self.interpolation != 'linear':
-            self.spline()
 
 
 def _read_speed(value: Any) -> Any:
@@ -236,7 +259,11 @@ def _read_speed(value: Any) -> Any:
     if isinstance(value, dict | SpeedPart):
         return value
     found = _QUANTITY.read(value)
-    return {'formula': found} if isinstance(found, str) else found
+    if not isinstance(found, str):
+        return found
+    if (names := parse(found, None).names) and 't' not in names:
+        to_si_of(value, _QUANTITY.units)  # which says what a quantity is
+    return {'formula': found}
 
 
 _QUANTITY = or_formula('rad/s', 'm/s')
@@ -269,7 +296,8 @@ class MovePart(Part):
     def _one_step(self) -> MovePart:
         kinds = [k for k in ('to', 'by', 'dwell') if getattr(self, k) is not None]
         if len(kinds) != 1:
-            raise ValueError(f"has {' and '.join(kinds) or 'none'} of 'to', 'by', 'dwell': one")
+            found = ' and '.join(kinds) or 'none'
+            raise ValueError(f"has {found}: it needs one of 'to', 'by' and 'dwell'")
         return self
 
 

@@ -331,7 +331,7 @@ class ScenePlan(Names):
 
     @cached_property
     def _ideal_loops(self) -> Kinematics:
-        return Kinematics(self.ideal, closures(self.ideal, self.ideal.closing), ())
+        return Kinematics(self.ideal, closures(self.ideal, self.ideal.cut), ())
 
     def kinematics(self, held: Sequence[str]) -> Kinematics:
         """The closures of the mechanism without clearance, with some coordinates given."""

@@ -39,9 +39,11 @@ _NO_FORCES = 'masses are missing, or forces have no limit, and so none are compu
 
 
 def doubts(machine: Machine) -> list[str]:
-    """A question for every value that is about a thousand times off."""
+    """A question for every value that is about a thousand times off, and warnings of joints."""
+    every = [(machine.scene.joints[joint.name], joint) for joint in machine.plan.joints]
     return [
         *machine.questions,
+        *(text for keys, joint in every for text in keys.kind_keys.doubts(keys, machine, joint)),
         *_inertias(machine),
         *_masses(machine),
         *_plays(machine),

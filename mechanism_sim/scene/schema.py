@@ -127,7 +127,8 @@ class MotorPart(Part):
             raise ValueError('has ratio = 0: it must not be zero')
         if self.curve:
             units = [points[0].unit for points in zip(*self.curve.points, strict=True)]
-            if units[0] not in ('', 'rad/s') or units[1] not in ('', 'N m') or self.curve.cyclic:
+            repeats = self.curve.curve.cyclic
+            if units[0] not in ('', 'rad/s') or units[1] not in ('', 'N m') or repeats:
                 raise ValueError(
                     "has a curve that is not of speeds and torques, 'rad/s' and 'N m'"
                 )

@@ -28,8 +28,9 @@ from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.joints.revolute.bearing_ends import AxialStop, BearingEnd, seat
 from mechanism_sim.joints.revolute.keys import leaning
+from mechanism_sim.linkages.mobility import involved
 from mechanism_sim.planar.closures import closures
-from mechanism_sim.planar.configuration import converted
+from mechanism_sim.planar.configuration import Constraints, converted, poses
 from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.kinematics import Kinematics
@@ -104,7 +105,7 @@ class Start:
     def _starts_closed(self, gap: Gap, value: Array) -> bool:
         """Pins are on their bushings but in oil, and what can only lift off is in contact."""
         play, joint = self.plan.clearances[gap.joint], self._loose.joint(gap.joint)
-        if isinstance(joint, HigherPair) and joint.one_way:
+        if isinstance(joint, HigherPair) and not joint.equations:
             return False  # that depends on what pulls
         if not isinstance(gap, BearingClearance) or play.film:
             return play.radial == 0.0
@@ -178,7 +179,7 @@ class Start:
         names = loose.coordinates
         guess = np.array([given.get(c, x) for c, x in zip(names, near, strict=True)])
         fixed = [c for c in names if c in held or c in given]
-        every = Kinematics(loose, closures(loose, loose.closing), fixed)
+        every = Kinematics(loose, closures(loose, loose.cut), fixed)
         targets = np.zeros(len(every.rows))
 
         def aim(seats: dict[str, Array]) -> None:
@@ -254,11 +255,12 @@ class Start:
         """
         plan, mechanism = self.plan, self._loose
         found: dict[str, Array] = {}
+        held = {relation.name for relation in closures(mechanism, mechanism.cut)}
         pressed = {
             name: isinstance(mechanism.joint(name), Revolute)
             for name, c in plan.clearances.items()
             if not c.film
-            and name in mechanism.closing
+            and name in held
             and (isinstance(mechanism.joint(name), Revolute) or not c.radial)
         }
         if not pressed:
@@ -316,7 +318,7 @@ class Start:
         plan, nominal = self.plan, self.nominal
         if plan.powered or nominal.assembly.freedom:
             none = np.zeros((len(plan.prescribed), 1))
-            return self._seen(q, v, none, 0.0).reaction[:, :, 0]
+            return self._known(self._seen(q, v, none, 0.0).reaction[:, :, 0])
         if nominal.assembly.loop is None and nominal.assembly.slope is not None:
             raise InputError(
                 'start = seated, but the forces that press pins on bushings are not determined: '
@@ -328,7 +330,18 @@ class Start:
         _, _, a, _ = motion.motion(q, *rates[:, :, None])
         dynamics = nominal.inverse_dynamics
         outside = plan.outside_at_start(dynamics.outside)
-        return dynamics(q, v, a, outside).reaction[:, :, 0]
+        return self._known(dynamics(q, v, a, outside).reaction[:, :, 0])
+
+    def _known(self, forces: Array) -> Array:
+        """Forces (j, 2), NaN where redundant constraints leave them open without clearance."""
+        if self.nominal.assembly.dependent:
+            found = Constraints.of(self.plan.ideal)
+            ideal, q = self.plan.ideal, self.nominal.assembly.q
+            at = poses(ideal, dict(zip(ideal.coordinates, q.tolist(), strict=True)))
+            rows = involved(found, at)
+            forces = forces.copy()
+            forces[[any(rows.get(joint.name, ())) for joint in self._loose.joints]] = np.nan
+        return forces
 
     def _seen(self, q: Array, v: Array, a: Array, t: float) -> Observation:
         """The ideal machine under its first laws, a time [s] from the start.

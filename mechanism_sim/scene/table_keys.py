@@ -13,7 +13,8 @@ from mechanism_sim.catalogue import TABLE_FOLDERS
 from mechanism_sim.csv_tables import read_csv
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import Part, si_of
-from mechanism_sim.numerics.curves import Curve, through
+from mechanism_sim.numerics.curves import Curve, Interpolation, through
+from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene.motion_keys import PositionPart
 from mechanism_sim.units import QuantityValue
 
@@ -33,9 +34,15 @@ class TablePart(Part):
     of its columns, else the first two: its first line gives their names, with units in brackets.
     """
     ramp: Literal['linear', 'smooth'] = 'linear'
-    """Between two points; smooth has no corners."""
+    """Between two points; smooth has no corners, and no extremes but at points."""
+    interpolation: Interpolation | None = None
+    """Instead of a ramp: through all points, cubic with two continuous derivatives or quintic with
+    four.
+    """
     cyclic: bool = False
     """The points are those of a turn, which repeats."""
+    periodic: bool = False
+    """The points are those of a period of any length, which repeats."""
 
     @model_validator(mode='after')
     def _is_curve(self) -> TablePart:
@@ -53,27 +60,32 @@ class TablePart(Part):
     def curve(self) -> Curve:
         """The curve in SI units."""
         points = [(x.value, y.value) for x, y in self.points]
-        return through(points, self.ramp, self.cyclic)
+        if self.interpolation and self.ramp != 'linear':
+            raise ValueError("has 'ramp' and 'interpolation': keep one")
+        period = points[-1][0] - points[0][0] if self.periodic else TWO_PI
+        repeats = self.cyclic or (self.periodic and period > 0.0)
+        return through(points, self.interpolation or self.ramp, repeats, period)
 
 
-def with_files(file: str, folder: Path, content: Any, key: str = '') -> Any:
+def with_files(file: str, folder: Path, content: Any, key: str = '', instead: bool = False) -> Any:
     """The keys and values of a scene with the points of the files that it names.
 
     Parameters
     ----------
     key : path of the content in the scene
+    instead : whether points that are there already give way
     """
     if isinstance(content, list):
-        return [with_files(file, folder, x, f'{key}.{i}') for i, x in enumerate(content)]
+        return [with_files(file, folder, x, f'{key}.{i}', instead) for i, x in enumerate(content)]
     if not isinstance(content, dict):
         return content
     if isinstance(name := content.get('file'), str) and content.keys() <= _KEYS:
         where = f'{file}: {key[1:]}' if key else file
-        if 'points' in content:
+        if 'points' in content and not instead:
             raise InputError(f"{where}: 'file: {name}' and 'points' exclude each other: keep one")
-        rest = {k: x for k, x in content.items() if k not in ('file', 'columns')}
+        rest = {k: x for k, x in content.items() if k not in ('file', 'columns', 'points')}
         return rest | {'points': _points_of(where, folder, name, content.get('columns'))}
-    return {k: with_files(file, folder, x, f'{key}.{k}') for k, x in content.items()}
+    return {k: with_files(file, folder, x, f'{key}.{k}', instead) for k, x in content.items()}
 
 
 _KEYS = {'file', 'columns', *TablePart.model_fields, *PositionPart.model_fields}

@@ -349,7 +349,7 @@ def derivatives(
         )
     laws = [plan.laws[c][0] for c in plan.powered if c not in held]
     found = Linearisation(
-        ideal, closures(ideal, ideal.closing), [*plan.prescribed, *held],
+        ideal, closures(ideal, ideal.cut), [*plan.prescribed, *held],
         [law for law in laws if isinstance(law, TorqueLaw)], plan.elements(ideal),
         [motor for motor in plan.motors if motor.coordinate not in held], excitation,
     )  # fmt: skip

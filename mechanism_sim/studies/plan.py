@@ -221,7 +221,7 @@ def read_plan(
                 bases[scene] = found, read_yaml(found, 'scene')
             base, data = bases[scene]
             overrides = {k: v for k, v in {**file.set, **given}.items() if k != SCENE}
-            content = check_scene(base.name, data, overrides)
+            content = check_scene(base.name, data, overrides, base.parent)
             for repetition in range(file.repeat):
                 machine = build(base.stem, content)
                 if repetition * file.nudge:  # the drive a little further at the start

@@ -52,7 +52,7 @@ class RunBag:
             self._writer.add_topic(topic, kind, qos)
         scene = message_class('std_msgs/msg/String')(data=events.describe(machine))
         self._write('/scene', scene, 0.0)
-        laws = machine.drive.laws
+        laws = machine.drive.laws_until(end)
         for n, (law, later) in enumerate(zip_longest(laws, laws[1:]), 1):
             until = min(later.valid_from if later else math.inf, end)
             if law.valid_from < end or n == 1:

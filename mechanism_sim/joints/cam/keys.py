@@ -49,7 +49,7 @@ from mechanism_sim.keys.quantities import (
     si_of,
 )
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
-from mechanism_sim.numerics.sampled import describe_peaks
+from mechanism_sim.numerics.sampled import describe_peaks, determined
 from mechanism_sim.planar.joint_friction import ContactFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Vector2, rotate
@@ -344,20 +344,28 @@ class CamKeys(PhaseKeys):
             f'the force {"jumps" if jump.order > 1 else "has no limit"}'
             for jump in jumps
         ]
-        if isinstance(cam.law, MeasuredLaw) and cam.law.degree > 1:
-            notes.append(f'{name}: {_peaks(machine, joint, cam.law)}')
+        if (peaks := _peaks(machine, joint)) and determined(joint.cam.law.peaks):
+            notes.append(peaks)
         if cam.corners:
             notes += [f'{name}: {flaw}' for flaw in (*find_flaws(cam), *find_cut_away(cam))]
         return notes
 
+    def doubts(self, machine: Any, joint: CamPair) -> list[str]:
+        """Accelerations that measured points do not determine."""
+        peaks = _peaks(machine, joint)
+        return [peaks] if peaks and not determined(joint.cam.law.peaks) else []
 
-def _peaks(machine: Any, joint: CamPair, law: MeasuredLaw) -> str:
-    """The accelerations of a measured law, at the speed of the cam if that is known."""
+
+def _peaks(machine: Any, joint: CamPair) -> str:
+    """The accelerations of measured points, at the speed of the cam if that is known."""
+    law = joint.cam.law
+    if not isinstance(law, MeasuredLaw) or law.degree == 1:
+        return ''
     drive, unit = machine.drive, 'm' if not joint.distance.swings else 'rad'
-    steady = joint.first == machine.plan.main and math.isfinite(drive.period)
-    if not steady:
-        return describe_peaks(law.peaks, f'{unit}/{"m" if joint.distance.slides else "rad"}^2')
-    return describe_peaks(law.peaks, f'{unit}/s^2', drive.fastest**2)
+    scale, per = 1.0, 'm' if joint.distance.slides else 'rad'
+    if joint.first == machine.plan.main and math.isfinite(drive.period):
+        scale, per = drive.fastest**2, 's'
+    return f'{joint.name}: {describe_peaks(law.peaks, f"{unit}/{per}^2", scale)}'
 
 
 Place = tuple[str, Vector2]

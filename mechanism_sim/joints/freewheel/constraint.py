@@ -1,7 +1,7 @@
 """Two links that turn, or slide, one of which drives the other one way and is overrun by it.
 
-With the rate w of the second against the first, counted in the sense in which it is driven, and the
-moment M of the first on the second, a freewheel has
+With the rate w of the second against the first, counted in the sense in which it is driven, and
+the moment M of the first on the second, a freewheel has
 
     w >= 0,    M >= 0,    M w = 0
 
@@ -28,7 +28,7 @@ from mechanism_sim.planar.view import Side
 class Freewheel(Transmission):
     """A clutch between two links that holds one way."""
 
-    one_way: ClassVar[bool] = True
+    equations: ClassVar[int] = 0
     sides: ClassVar[tuple[Side, ...]] = ('right',)
     parts: ClassVar[str] = 'clutch that holds one way'
     beyond: ClassVar[str] = 'into its tooth'
@@ -54,4 +54,5 @@ class Overrun(Wall):
         if not joint.teeth:
             return Jet(None, ahead.gradient, ahead.rate, ahead.curvature)
         size = dense(frames.parameters(f'{self.joint}.size', self.closure.mechanism.size))
-        return frames.past_tooth(self.joint, ahead / size, joint.teeth) * size
+        away: Jet = frames.past_tooth(self.joint, ahead / size, joint.teeth) * size
+        return away

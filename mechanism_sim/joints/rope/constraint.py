@@ -7,9 +7,9 @@ passes counterclockwise, an open stretch with the unit vector d and its left nor
 
 and the angle theta of d the arc ``r (theta2 - theta1)`` on a pulley between two stretches. The
 length is the sum of all l and arcs. As stretches are tangents, its derivative is the sum of
-``d . (dC2 - dC1)`` (J. Bernoulli's evolute: what a turn of a tangent takes from one it gives to the
-other), and the tension acts along d at the centres. Pulleys turn as they like and without inertia;
-the rope has neither mass nor stiffness.
+``d . (dC2 - dC1)``: what the turning of a tangent takes from a stretch it gives to the arcs. So
+the tension acts along d at the centres. Pulleys turn as they like and without inertia; the rope
+has neither mass nor stiffness.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import ClassVar, NamedTuple
 
 import heyoka as hy
@@ -24,13 +25,11 @@ import heyoka as hy
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
+from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load, Wrench, moment_of
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.planar.view import Draft, Side, circle
-
-Pair = tuple[Jet, Jet]
 
 
 class Pulley(NamedTuple):
@@ -44,7 +43,7 @@ class Pulley(NamedTuple):
 class Rope(HigherPair):
     """A rope of a length; `first` and `second` are links of two of its points."""
 
-    one_way: ClassVar[bool] = True
+    equations: ClassVar[int] = 0
     sides: ClassVar[tuple[Side, ...]] = ('left',)
     parts: ClassVar[str] = 'rope that may hang slack'
     beyond: ClassVar[str] = 'beyond its length'
@@ -89,8 +88,18 @@ class Rope(HigherPair):
 class Stretch(NamedTuple):
     """An open stretch of a rope."""
 
-    length: Jet  #: [m]
-    way: Pair  #: unit vector along it
+    span: tuple[Jet, Jet]  #: [m] between the centres of its ends
+    length: hy.expression  #: [m]
+    way: tuple[hy.expression, hy.expression]  #: unit vector along it
+
+    @property
+    def pulled(self) -> Jet:
+        """``d . span'``, with ``(n . span')^2/l`` for the turning of d."""
+        (x, y), (dx, dy) = self.span, self.way
+        along = x * dx + y * dy
+        across = dense((y * dx - x * dy).rate)
+        turned = across * across / self.length
+        return Jet(None, along.gradient, along.rate, add(along.curvature, turned))
 
 
 @dataclass(frozen=True)
@@ -103,40 +112,39 @@ class RopeClosure(HigherClosure[Rope]):
             frames.position(m.point(*p.place), f'{self.name}.{k}') for k, p in enumerate(pulleys)
         ]
         found = []
-        for k, ((x1, y1), (x2, y2)) in enumerate(zip(places, places[1:], strict=False)):
-            x, y = x2 - x1, y2 - y1
+        for k, ((x1, y1), (x2, y2)) in enumerate(pairwise(places)):
+            span = x2 - x1, y2 - y1
+            x, y = dense(span[0].value), dense(span[1].value)
+            far = x * x + y * y
             off = pulleys[k + 1].radius - pulleys[k].radius
-            half = x.half_square() + y.half_square()
-            square = 2.0 * dense(half.value)
             across = frames.parameters(f'{self.name}.across.{k}', off)
-            if across is not None:
-                square = square - across * across
-            size = hy.sqrt(square)
-            # d(l^2/2) = l dl, and twice: l'' = (l^2/2)'' / l - l'^2 / l
-            length = half.chain(size, 1.0 / size, -1.0 / (size * square))
-            if pulleys[k].radius or pulleys[k + 1].radius:
-                way = _along(x, y, length, across)
-            else:  # no arc asks for its derivatives
-                way = lift(dense(x.value) / size), lift(dense(y.value) / size)
-            found.append(Stretch(length, way))
+            if across is None:
+                length = hy.sqrt(far)
+                way = x / length, y / length
+            else:  # span = l d + c n
+                length = hy.sqrt(far - across * across)
+                way = (length * x + across * y) / far, (length * y - across * x) / far
+            found.append(Stretch(span, length, way))
         return found
 
     def values(self, frames: Frames) -> list[Jet]:
         """How much longer than the rope the way is on which it lies [m]."""
         stretches = self._stretches(frames)
-        total = lift(-dense(frames.parameters(f'{self.name}.length', self.joint.length)))
+        excess = [s.length for s in stretches]
+        for k, (before, after) in enumerate(pairwise(stretches), start=1):
+            if radius := self.joint.pulleys[k].radius:
+                size = dense(frames.parameters(f'{self.name}.radius.{k}', abs(radius)))
+                excess.append(size * _wrap(before.way, after.way, math.copysign(1.0, radius)))
+        total = Jet(None, {}, None, None)
         for stretch in stretches:
-            total = total + stretch.length
-        for k, (before, after) in enumerate(zip(stretches, stretches[1:], strict=False)):
-            if radius := self.joint.pulleys[k + 1].radius:
-                size = dense(frames.parameters(f'{self.name}.radius.{k + 1}', abs(radius)))
-                total = total + wrap(before.way, after.way, math.copysign(1.0, radius)) * size
-        return [total]
+            total += stretch.pulled
+        own = neg(frames.parameters(f'{self.name}.length', self.joint.length))
+        return [Jet(add(own, *excess), total.gradient, total.rate, total.curvature)]
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """The row draws the points together: along the stretches, at the middles of pulleys."""
         joint, pull = self.joint, neg(forces[0])
-        along = [(mul(pull, s.way[0].value), mul(pull, s.way[1].value)) for s in self._stretches(frames)]
+        along = [(mul(pull, x), mul(pull, y)) for _, _, (x, y) in self._stretches(frames)]
         loads = []
         for k, p in enumerate(joint.pulleys):
             out = along[k] if k < len(along) else (None, None)
@@ -146,7 +154,9 @@ class RopeClosure(HigherClosure[Rope]):
         x: Term = None
         y: Term = None
         moment: Term = None
-        ox, oy = frames.position(self.mechanism.point(joint.second, joint.on_second), f'{self.name}.second')
+        ox, oy = frames.position(
+            self.mechanism.point(joint.second, joint.on_second), f'{self.name}.second'
+        )
         for load in (load for load in loads if load.link == joint.second):
             x, y = add(x, load.force[0]), add(y, load.force[1])
             if load.at != joint.on_second:
@@ -157,22 +167,11 @@ class RopeClosure(HigherClosure[Rope]):
         return Wrench(x, y, moment, others)
 
 
-def _along(x: Jet, y: Jet, length: Jet, across: Term) -> Pair:
-    """The unit vector d with ``(x, y) = l d + c n``: ``(l (x, y) + c (y, -x))/(l^2 + c^2)``."""
-    c = hy.expression(0.0) if across is None else across
-    square = x.half_square() + y.half_square()
-    whole = 2.0 * dense(square.value)
-    inverse = square.chain(1.0 / whole, -2.0 / (whole * whole), 8.0 / (whole * whole * whole))
-    return (length * x + y * c) * inverse, (length * y - x * c) * inverse
-
-
-def wrap(before: Pair, after: Pair, sense: float) -> Jet:
+def _wrap(
+    before: tuple[hy.expression, hy.expression],
+    after: tuple[hy.expression, hy.expression],
+    sense: float,
+) -> hy.expression:
     """The angle [rad] that a rope turns by, counted in a sense (1 counterclockwise), 0 to 2 pi."""
     (bx, by), (ax, ay) = before, after
-    sine = (bx * ay - by * ax) * sense
-    cosine = bx * ax + by * ay
-    s, c = dense(sine.value), dense(cosine.value)
-    value = math.pi + hy.atan2(-s, -c)
-    # of unit vectors: d angle = c ds - s dc, and the rate of that but for accelerations
-    turned = cosine.across(sine)
-    return Jet(value, turned.gradient, turned.rate, turned.curvature)
+    return math.pi + hy.atan2(sense * (by * ax - bx * ay), -(bx * ax + by * ay))

@@ -5,20 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Joints
 from mechanism_sim.joints.rope.constraint import Pulley, Rope
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Coefficient, Length, Part
+from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 
 _STRAIGHT = 1e-9
@@ -43,44 +44,43 @@ class RopeKeys(JointKeys):
     pulls, or hangs slack, and tightens with an impact."""
     length: Length | None = None
     """Of a rope; without it that of its way at the start."""
-    pulleys: dict[str, PulleyPart] = {}
+    pulleys: dict[str, PulleyPart] | None = None
     """Of a rope: pulleys at points between its ends, by their names; others have no radius."""
-    restitution: Coefficient | None = None
+    restitution: Coefficient = 0.0
     """Of a ratchet or rope: of the impact at which it holds; 0 without."""
 
     firm = 'it has no play: give its length'
 
     def read(self, names: Names, name: str) -> Rope:
         """Points, and pulleys whose sides are chosen by `assembled`."""
-        where, given = f'joints.{name}', self.rope or []
+        where, given, pulleys = f'joints.{name}', self.rope or [], self.pulleys or {}
         places = [names.find(f'{where}.rope', reference) for reference in given]
-        for reference in self.pulleys:
+        for reference in pulleys:
             if reference not in given[1:-1]:
                 between = ', '.join(given[1:-1]) or 'none'
                 raise InputError(
-                    f"{where}.pulleys.{reference}: the rope passes no such point between its ends; "
-                    f'there are: {between}'
+                    f'{where}.pulleys.{reference}: the rope passes no such point between its '
+                    f'ends{nearest(reference, given[1:-1])}; there are: {between}'
                 )
-        for k, (one, two) in enumerate(zip(places, places[1:], strict=False)):
+        for k, (one, two) in enumerate(pairwise(places)):
             if one == two:
                 raise InputError(
                     f'{where}.rope goes from {given[k]} to {given[k + 1]}, which are one point'
                 )
         (first, on_first), *others = places
-        second, on_second = next((p for p in reversed(others) if p[0] != first), (first, None))
-        if on_second is None:
+        apart = [place for place in others if place[0] != first]
+        if not apart:
             raise InputError(f'{where}.rope has points of {first} only: name those of two links')
-        pulleys = [
-            Pulley(place, self.pulleys[x].radius if x in self.pulleys else 0.0)
+        course = tuple(
+            Pulley(place, pulleys[x].radius if x in pulleys else 0.0)
             for x, place in zip(given, places, strict=True)
-        ]
-        return Rope(
-            name, first, second, on_first, on_second, tuple(pulleys), self.length or 0.0
-        )  # fmt: skip
+        )
+        second, on_second = apart[-1]
+        return Rope(name, first, second, on_first, on_second, course, self.length or 0.0)
 
     def play(self, joint: Any) -> Play:
         """None: it hangs slack instead."""
-        return Play(radial=0.0, restitution=self.restitution or 0.0)
+        return Play(radial=0.0, restitution=self.restitution)
 
     @classmethod
     def assembled(
@@ -110,9 +110,7 @@ def _laid(names: Names, rope: Rope, tree: Mechanism, q: Mapping[str, float]) -> 
             pulley = pulley._replace(radius=pulley.radius if left else -pulley.radius)
         pulleys.append(pulley)
     rope = replace(rope, pulleys=(*pulleys, rope.pulleys[-1]))
-    moving = [link for link in rope.links if link != GROUND]
-    known = set(tree.coordinates) if not tree.closing else set()
-    if not rope.length and known.issuperset(moving):
+    if not rope.length and not closures(tree, tree.cut):
         rope = replace(rope, length=_way(rope, tree, q))
     if not rope.length:
         raise InputError(

@@ -153,14 +153,16 @@ class TransmissionClosure(HigherClosure[Transmission]):
             return Wrench(None, None, mul(forces[0], lever))
         pushed = mul(forces[0], hy.expression(-float(joint.ratio))), forces[0]
         loads: list[list[Load]] = []
-        for k, (link, guide) in enumerate(zip((joint.first, joint.second), joint.guides)):
+        for k, (link, guide) in enumerate(zip(joint.links, joint.guides, strict=True)):
             way = self.mechanism.direction(guide.first, guide.axis)
             x, y = frames.position(way, f'{guide.name}.way')
             along = mul(pushed[k], x.value), mul(pushed[k], y.value)
             back = neg(along[0]), neg(along[1])
             at, force = dict(guide.points), {guide.second: along, guide.first: back}
             ends = [link, next(end for end in at if end != link)]
-            loads.append([Load(f'{self.name}.{k}:{end}', end, at[end], force[end]) for end in ends])
+            loads.append(
+                [Load(f'{self.name}.{k}:{end}', end, at[end], force[end]) for end in ends]
+            )
         (one, *rest), (own, *more) = loads
         px, py = frames.position(self.mechanism.point(own.link, own.at), own.name)
         ox, oy = frames.position(

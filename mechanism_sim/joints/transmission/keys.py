@@ -76,7 +76,9 @@ class TransmissionKeys(CarrierKeys):
         given = name, a, b, on_a, on_b, Fraction(self.ratio), self.phase, carrier
         if self.backlash is None:
             return Transmission(*given, guides=guides)
-        return LooseTransmission(*given, guides=guides, play=self._half(where, self.backlash, bool(guides)))
+        return LooseTransmission(
+            *given, guides=guides, play=self._half(where, self.backlash, bool(guides))
+        )
 
     def _half(self, where: str, backlash: BacklashPart, slides: bool) -> float:
         """Play to either side [rad, m]."""
@@ -122,7 +124,7 @@ def guides_of(
     names: Names, where: str, links: tuple[str, str], carrier: str
 ) -> tuple[Prismatic, ...]:
     """The guides of two links on their carrier; none if they turn."""
-    found = {}
+    found: dict[str, Prismatic] = {}
     for name, joint in names.scene.joints.items():
         if joint.prismatic:
             guide = joint.kind_keys.read(joint, names, name)
@@ -131,8 +133,8 @@ def guides_of(
         slides = next(iter(found))
         turns = next(link for link in links if link != slides)
         raise InputError(
-            f'{where}: {slides} slides on {carrier}, but {turns} does not: a transmission ties two '
-            "angles or two displacements; a gear and a rack are a 'mesh'"
+            f'{where}: {slides} slides on {carrier}, but {turns} does not: two angles or two '
+            "displacements can be tied; a gear and a rack are a 'mesh'"
         )
     return tuple(found[link] for link in links) if found else ()
 

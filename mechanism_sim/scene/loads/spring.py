@@ -159,7 +159,7 @@ class SpringPart(ElementKeys):
                     f'tables: {known}'
                 )
             x, y = (m.unit for m in tables[named].points[0])
-            if x not in ('', *along) or tables[named].cyclic:
+            if x not in ('', *along) or tables[named].curve.cyclic:
                 raise InputError(
                     f'{where}.{key}: the table {named} must be over {along[0]} or {along[1]}, and '
                     'not cyclic'
