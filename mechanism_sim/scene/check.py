@@ -95,9 +95,6 @@ def check(machine: Machine) -> Report:
         c: ('displacement, ' if c in straight else '') + rest for c in mechanism.coordinates
     }
     coordinates |= {c: _drive(machine, c) for c in plan.laws}
-    coordinates |= {
-        x.label: f'state of first order, from {x.start:g} {x.unit}'.rstrip() for x in plan.states
-    }
     relations = []
     for name in mechanism.cut:
         count = mechanism.joint(name).equations
