@@ -25,7 +25,8 @@ from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.results.run import Observer, Runner
 from mechanism_sim.results.solution import Piece, Solution, Stats
 from mechanism_sim.results.view import View
-from mechanism_sim.scene import Machine, run_length
+from mechanism_sim.scene import Machine, span
+from mechanism_sim.scene.gate import admit_turning
 
 Progress = Callable[[float, int], None]
 """Called now and then with the simulated time [s] and the number of impacts so far."""
@@ -166,7 +167,8 @@ def stream(
     steps at a time, which can be sampled as a whole solution can. The arguments are those of
     `simulate`; `observers` are called with every piece, as ``digest.add``.
     """
-    end = run_length(machine, revolutions, duration)
+    end = span(machine, revolutions, duration)
+    admit_turning(machine, end)
     return Stream(machine, end, progress, resume, observers)
 
 
