@@ -19,6 +19,7 @@ from test.grid import (
     machines,
     rotors,
     rubbing,
+    stops,
     tilted,
     trains,
 )
@@ -39,6 +40,7 @@ FAMILIES: tuple[Family, ...] = tuple(
         tilted,
         rubbing,
         loads,
+        stops,
     )
     for family in module.FAMILIES
 )
