@@ -17,6 +17,7 @@ from test.grid import (
     linkages,
     loads,
     machines,
+    ropes,
     rotors,
     rubbing,
     tilted,
@@ -39,6 +40,7 @@ FAMILIES: tuple[Family, ...] = tuple(
         tilted,
         rubbing,
         loads,
+        ropes,
     )
     for family in module.FAMILIES
 )
