@@ -18,6 +18,7 @@ from test.grid import (
     loads,
     machines,
     position_laws,
+    ropes,
     rotors,
     rubbing,
     states,
@@ -45,6 +46,7 @@ FAMILIES: tuple[Family, ...] = tuple(
         position_laws,
         states,
         stops,
+        ropes,
     )
     for family in module.FAMILIES
 )
