@@ -33,8 +33,9 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Solution
 from mechanism_sim.results.strokes import Swing, find_swings
 from mechanism_sim.results.view import View
-from mechanism_sim.scene import Level, Machine, span
+from mechanism_sim.scene import Level, Machine, Source, load_scene, span
 from mechanism_sim.tables import Table
+from mechanism_sim.units import argument
 
 _OF_MOTION = 'energy.kinetic', 'energy.drive_work', 'energy.dissipated'
 _MOMENT = 1e-6
@@ -300,19 +301,25 @@ class Cycle(plotting.Rich):
 
 
 def cycle(
-    machine: Machine,
+    scene: Source,
     samples: int = 360,
-    start: float | None = None,
+    start: float | str | None = None,
     periods: int = 1,
-    duration: float | None = None,
+    duration: float | str | None = None,
     points: Sequence[str] = (),
     local: bool = False,
     static: bool = False,
 ) -> Cycle:
     """Run a machine over a cycle.
 
+    >>> import mechanism_sim as ms
+    >>> one = ms.cycle('slider_crank', start='90 deg')
+    >>> round(one.extremes()['position.piston'].greatest.value, 9)
+    0.25
+
     Parameters
     ----------
+    scene : all that `load_scene` takes
     samples : intervals between samples in a cycle
     start : position of the drive where the cycle begins [rad]; where the scene begins if not
     periods : turns of the drive
@@ -330,6 +337,7 @@ def cycle(
     RunError
         If the run fails.
     """
+    machine, start = load_scene(scene), argument('start', start, 'rad')
     if samples < 2 or periods < 1:
         raise InputError('a cycle needs at least 2 samples and 1 period')
     if duration is not None and periods != 1:
@@ -363,9 +371,9 @@ def cycle(
 
 def instant(
     machine: Machine,
-    angle: float | None = None,
-    t: float | None = None,
-    duration: float | None = None,
+    angle: float | str | None = None,
+    t: float | str | None = None,
+    duration: float | str | None = None,
     points: Sequence[str] = (),
     still: bool = False,
 ) -> tuple[Cycle, float]:
@@ -380,6 +388,7 @@ def instant(
     still : no more than the instant is wanted, so that a drive without a period needs no duration;
         but where all points of a link coincide it is the motion that shows how large it is
     """
+    angle, t = argument('angle', angle, 'rad'), argument('t', t, 's')
     if t is not None and t < 0.0:
         raise InputError(f'a run begins at 0 s: there is nothing at {t:g} s')
     if duration is not None:

@@ -34,7 +34,9 @@ class SceneContent(NamedTuple):
     data: dict[str, Any]
 
 
-def content_of(source: str | Path | Mapping[str, Any] | AnyScene, name: str) -> SceneContent:
+def content_of(
+    source: str | Path | Mapping[str, Any] | AnyScene, name: str = 'scene'
+) -> SceneContent:
     """Content of a scene by name, path or YAML text, as a dictionary or as a `Scene`.
 
     Parameters
