@@ -117,7 +117,7 @@ def write_page(
 
 def write_comparison(
     records: tuple[Record, Record], names: tuple[str, str], file: Path
-) -> Sequence[comparison.Difference]:
+) -> list[comparison.Difference]:
     """Write the page of two runs; their differences."""
     one, two = records
     found = comparison.compare(one, two)

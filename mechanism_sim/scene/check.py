@@ -115,6 +115,8 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
     """The clearance of a joint, in words."""
     friction = f', friction {c.friction:g}' if c.friction else ''
     contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
+    if c.contact and c.contact.materials:
+        contact += f', stiffness {c.stiffness:.6g} N/m^{c.contact.exponent:g} of its materials'
     if isinstance(joint, HigherPair):
         room = f'play {c.radial:g} m to either side' if len(joint.sides) > 1 else 'may lift off'
         return f'{joint.parts}, {room}, {contact}'

@@ -35,7 +35,7 @@ class SceneContent(NamedTuple):
 
 
 def content_of(
-    source: str | Path | Mapping[str, Any] | AnyScene, name: str = 'scene'
+    source: str | Path | Mapping[str, Any] | Scene | FourBarScene, name: str = 'scene'
 ) -> SceneContent:
     """Content of a scene by name, path or YAML text, as a dictionary or as a `Scene`.
 
@@ -43,7 +43,7 @@ def content_of(
     ----------
     name : of one that has none; files that it names are beside the current folder
     """
-    if isinstance(source, AnyScene):
+    if isinstance(source, Scene | FourBarScene):
         return SceneContent(name, name, {'mechanism': source.mechanism, **_plain(source)})
     if isinstance(source, Mapping):
         data = with_files(name, Path.cwd(), _plain(source))

@@ -12,13 +12,14 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.keys.names import SceneError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene, content_of, overridden
+from mechanism_sim.scene.four_bar import FourBarScene
 from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.remarks import length_questions
-from mechanism_sim.scene.schema import AnyScene
+from mechanism_sim.scene.schema import Scene
 from mechanism_sim.units import QuantityValue, argument
 
-Source: TypeAlias = str | Path | Mapping[str, Any] | AnyScene | Machine
+Source: TypeAlias = str | Path | Mapping[str, Any] | Scene | FourBarScene | Machine
 """All from which `load_scene` makes a machine."""
 
 
@@ -51,8 +52,13 @@ def load_scene(
         source, name = source.scene, source.name
     given = content_of(source, name)
     content = overridden(given.file, given.data, overrides)
-    scene = check_scene(given.file, content)
-    return build(given.name, scene, tuple(length_questions(content)))
+    questions = tuple(length_questions(content))
+    try:
+        return build(given.name, check_scene(given.file, content), questions)
+    except InputError as error:
+        if not questions:
+            raise
+        raise InputError(f'{error}; {questions[0]}') from error
 
 
 def span(machine: Machine, revolutions: float | None, duration: float | str | None) -> float:

@@ -204,8 +204,8 @@ def read_plan(
     if scene is not None:
         if 'scene' in content:
             raise InputError(f"{path.name}: the sweep has a 'scene' of its own: keep one")
-        given = content_of(scene.scene if isinstance(scene, Machine) else scene, 'scene')
-        bases[given.name], content = given, {**content, 'scene': given.name}
+        shared = content_of(scene.scene if isinstance(scene, Machine) else scene)
+        bases[shared.name], content = shared, {**content, 'scene': shared.name}
     file = checked(path.name, SweepFile, content)
     extent = _extent(path.name, file)
     columns = _columns(path.name, file)
