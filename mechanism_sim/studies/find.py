@@ -108,6 +108,8 @@ def find(
     goals, machine = read_goals(so_that, minimise), load_scene(scene)
     if samples < 2:
         raise InputError('a search needs at least 2 values to begin with')
+    if not vary:
+        raise InputError('a search varies at least one key: there is none')
     varied = parameters(machine, [*vary], '', limits=dict(vary))
     trial = CycleTrial.of(machine, goals, how)
     makers = workers or Workers(1)

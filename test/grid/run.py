@@ -19,6 +19,7 @@ from test.grid import (
     machines,
     rotors,
     rubbing,
+    spellings,
     tilted,
     trains,
 )
@@ -39,6 +40,7 @@ FAMILIES: tuple[Family, ...] = tuple(
         tilted,
         rubbing,
         loads,
+        spellings,
     )
     for family in module.FAMILIES
 )
