@@ -215,6 +215,8 @@ class SwitchTolerances(NamedTuple):
     margin: float = 1e-12
     #: of its length: a table that is not periodic allows for rounding at its ends
     table_end: float = 1e-9
+    #: [rad] before a tooth where a pawl counts as on it
+    tooth: float = 1e-12
     #: size of a function of rates that is as good as zero: what steps there may hold a motion
     rest: float = 1e-10
     #: [1/s] rate of such a function: a force that changes it by less steps nowhere
@@ -426,6 +428,9 @@ class BranchTolerances(NamedTuple):
     #: that below which a position is singular but for rounding: Newton's method ends at the root
     #: of rounding from a double point
     singular: float = 1e-5
+    #: that below which, at a limit of the drive, rates are those of the polynomials over time:
+    #: from positions they follow with the rounding over its square, accelerations over its cube
+    limit: float = 1e-3
     #: times what rounding may leave open where a branch is given by its polynomial
     open: float = 4.0
     #: [rad, or lengths of the mechanism] to either side, halved so many times at most

@@ -41,7 +41,9 @@ EXAMPLES = {
     'rad': '30 deg',
     'rad/s': '350 rpm',
     'rad/s^2': '20 rad/s^2',
+    'rad/s^3': '500 rad/s^3',
     'm/s^2': '9.81 m/s^2',
+    'm/s^3': '20 m/s^3',
     'm/s': '1 mm/s',
     'Pa s': '0.03 Pa s',
     'Pa': '210 GPa',
@@ -56,6 +58,13 @@ EXAMPLES = {
     'N m': '0.1 N m',
     'N m/rad': '0.1 N m/rad',
     'N m s/rad': '0.01 N m s/rad',
+    'N m/rad/s': '50 N m/rad/s',
+    'N/m/s': '200 N/m/s',
+    'm^3': '2 dm^3',
+    'A': '2 A',
+    'V': '24 V',
+    'K': '293 K',
+    'W': '50 W',
     '': '0.5',
 }
 
@@ -116,7 +125,7 @@ _FORCES = {'l': 'lbf', 'p': 'lbf', 'o': 'ozf'}
 _KILOGRAM = re.compile(r'(?<![A-Za-z])kg(?![A-Za-z])')
 
 _COMMA = re.compile(r'\s*[-+]?[\d.]*\d?,\d[\d.,]*')
-_ROTATION = 'rad/s', 'rad/s^2'
+_ROTATION = 'rad/s', 'rad/s^2', 'rad/s^3'
 """Wanted units whose angle has to be written: ``1/s`` may be a radian or a revolution a second."""
 
 _FACTOR = re.compile(r'(\s+|\s*[*/]\s*|^)([A-Za-z]+)(?:(?:\^|\*\*)(-?\d))?')

@@ -63,12 +63,14 @@ class Layout:
         self._judged = rules is not None
         self._unknown = rules is not None and kind in rules.unknown_as_nan
 
-    def write(self, t: NDArray[np.float64], columns: Mapping[str, ArrayLike]) -> list[bytes]:
+    def write(
+        self, t: NDArray[np.float64] | NDArray[np.int64], columns: Mapping[str, ArrayLike]
+    ) -> list[bytes]:
         """Serialised messages of N instants.
 
         Parameters
         ----------
-        t : (N,) [s], for all stamps and the field `time`
+        t : (N,) [s], for all stamps and the field `time`; integers are nanoseconds
         columns : by field (inner ones as ``pose.position.x`` or ``points[0].x``): its values,
             (N,) or (N, n) for an array
 
@@ -79,12 +81,16 @@ class Layout:
         size = self.size
         data = bytearray(self._data * len(t))
         rows = np.frombuffer(data, self._dtype)
-        whole = np.floor(t)
-        carry, nanoseconds = np.divmod(
-            np.rint((t - whole) * NANOSECONDS).astype(np.int64), NANOSECONDS
-        )
+        if np.issubdtype(t.dtype, np.integer):
+            seconds, nanoseconds = np.divmod(t, NANOSECONDS)
+        else:
+            whole = np.floor(t)
+            carry, nanoseconds = np.divmod(
+                np.rint((t - whole) * NANOSECONDS).astype(np.int64), NANOSECONDS
+            )
+            seconds = whole + carry
         for stamp in self._stamps:
-            rows[f'{stamp}.sec'] = whole + carry
+            rows[f'{stamp}.sec'] = seconds
             rows[f'{stamp}.nanosec'] = nanoseconds
         if any(name == 'time' for name, _, _ in self.places):
             rows['time'] = t

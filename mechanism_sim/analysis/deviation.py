@@ -8,7 +8,6 @@ instants, and recommended spectra under a good window: both are here, and alpha 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +18,11 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
+from mechanism_sim.scene.ideal import without_clearance
 from mechanism_sim.sensing.chain import Converter, Noise
 from mechanism_sim.sensing.orders import TurnSegments
 from mechanism_sim.sensing.spectra import power
 
-_PLAYS = 'clearance', 'lift_off', 'backlash', 'elasticity'
 _SAMPLES = 1024  # angles in a turn
 _SEGMENT = 4  # turns under the window, if there are as many
 
@@ -88,7 +87,7 @@ class Alpha:
 
 
 def ideal_machine(machine: Machine) -> Machine:
-    """A machine with every joint ideal: no clearance, lift-off, backlash or elasticity.
+    """A machine with every joint ideal and rigid.
 
     Its sensors keep their filters, but have no noise, converter or trigger.
     """
@@ -97,30 +96,11 @@ def ideal_machine(machine: Machine) -> Machine:
             f'{machine.name}: only of drives that prescribe a motion it is known what the machine '
             'would do without clearance'
         )
-    scene, driven = machine.scene, machine.plan.prescribed
-    given = scene.initial.position
-    update: dict[str, Any] = {
-        'joints': {name: _ideal_joint(joint) for name, joint in scene.joints.items()},
-        'initial': scene.initial.model_copy(
-            update={'position': {n: x for n, x in given.items() if n in driven}, 'velocity': {}}
-        ),
-        'guess': {
-            **{n: x for n, x in given.items() if n not in machine.plan.floating[0]},
-            **scene.guess,
-        },
-    }
     clean = {'noise': Noise(), 'adc': Converter(), 'trigger': None}
-    update['sensors'] = {
-        name: sensor.model_copy(update=clean) for name, sensor in scene.sensors.items()
-    }
-    return build(machine.name, scene.model_copy(update=update))
-
-
-def _ideal_joint(joint: Any) -> Any:
-    update: dict[str, Any] = dict.fromkeys(_PLAYS)
-    if joint.groove:
-        update['groove'] = joint.groove.model_copy(update={'clearance': 0.0, 'restitution': None})
-    return joint.model_copy(update=update)
+    sensors = machine.scene.sensors.items()
+    quiet = {name: sensor.model_copy(update=clean) for name, sensor in sensors}
+    ideal = without_clearance(machine, rigid=True)
+    return build(machine.name, ideal.scene.model_copy(update={'sensors': quiet}))
 
 
 def ideal_record(record: Record) -> Record:

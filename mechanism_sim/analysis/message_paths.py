@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import operator
 import re
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -13,11 +14,11 @@ import numpy as np
 
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages import type_name
-from ros_interfaces.definitions import field_descriptions
+from ros_interfaces.plain import fields_of
 
 _TOPIC = re.compile(r'/?\w+(?:/\w+)*')
 _STEP = re.compile(
-    r'\.(?P<field>\w+)'
+    r'\.(?P<field>\w[\w-]*)'
     r'|\[(?P<first>-?\d*)(?P<colon>:)?(?P<last>-?\d*)\]'
     r'|\[(?P<name>[A-Za-z_][\w.]*)\]'
     r'|\{(?P<key>\w+(?:\.\w+)*)(?P<sign>==|!=|<=|>=|<|>)(?P<value>"[^"]*"|\'[^\']*\'|[^}]*)\}'
@@ -27,6 +28,14 @@ _SIGNS: dict[str, Callable[[Any, Any], Any]] = {
     '>': operator.gt, '>=': operator.ge,
 }  # fmt: skip
 _ARRAYS = list, tuple, np.ndarray, array  # the last is ROS's
+PADDING = 'header', 'structure_needs_at_least_one_member'
+"""Fields that say nothing: of all messages with a stamp, of empty messages."""
+
+_NUMBERS = bool, int, float, np.number, np.bool_
+
+
+class MissingFieldError(InputError):
+    """A message that may leave out fields has not this one."""
 
 
 class Value(NamedTuple):
@@ -128,17 +137,16 @@ class MessagePath:
 
     def field(self, message: Any, name: str) -> Any:
         """A field of a message."""
-        if not hasattr(message, '__msgtype__') and not hasattr(
-            message, 'get_fields_and_field_types'
-        ):
+        known = field_names(message)
+        if known is None:
             raise InputError(f"'{self.text}': there is no '{name}' in a number")
-        if not hasattr(message, name):
-            known = [field for field, _ in field_descriptions(type_name(type(message)))]
-            raise InputError(
-                f"'{self.text}': {type_name(type(message))} has no field '{name}'"
+        if name not in known:
+            error = MissingFieldError if isinstance(message, dict) else InputError
+            raise error(
+                f"'{self.text}': {_kind(message)} has no field '{name}'"
                 f'{nearest(name, known)}; there are: {", ".join(known)}'
             )
-        return getattr(message, name)
+        return field_value(message, name)
 
     def _passes(self, step: Filter, message: Any) -> bool:
         value = message
@@ -149,12 +157,57 @@ class MessagePath:
         return bool(_SIGNS[step.sign](value, step.value))
 
     def _number(self, value: Any) -> float:
-        if isinstance(value, bool | int | float | np.number | np.bool_):
+        if isinstance(value, _NUMBERS):
             return float(value)
         if isinstance(value, str):
             raise InputError(f"'{self.text}' is text, not a number")
-        known = [field for field, _ in field_descriptions(type_name(type(value)))]
+        known = field_names(value)
+        if known is None:
+            raise InputError(f"'{self.text}' is no number")
         raise InputError(f"'{self.text}' is a message: choose one of {', '.join(known)}")
+
+
+def field_names(message: Any) -> list[str] | None:
+    """Fields of a message, or of a dictionary that stands for one; None of anything else."""
+    if isinstance(message, dict):
+        return [str(name) for name in message]
+    if hasattr(message, '__msgtype__') or hasattr(message, 'get_fields_and_field_types'):
+        return fields_of(message)
+    return None
+
+
+def field_value(message: Any, name: str) -> Any:
+    """A field that `field_names` has."""
+    if isinstance(message, dict):
+        return message[name]
+    return getattr(message, name if hasattr(message, name) else f'{name}_')
+
+
+def numeric_paths(message: Any, longest: float = math.inf) -> Iterator[tuple[str, ...]]:
+    """The fields of a message that hold numbers, without its header; of an array those of one.
+
+    Parameters
+    ----------
+    longest : arrays of more items are left out
+    """
+
+    def walk(at: Any, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+        for name in field_names(at) or ():
+            if name in PADDING:
+                continue
+            here, value = (*path, name), field_value(at, name)
+            if isinstance(value, _ARRAYS):
+                value = value[0] if 0 < len(value) <= longest else None
+            if field_names(value) is not None:
+                yield from walk(value, here)
+            elif isinstance(value, _NUMBERS):
+                yield here
+
+    return walk(message, ())
+
+
+def _kind(message: Any) -> str:
+    return 'the message' if isinstance(message, dict) else type_name(type(message))
 
 
 def _names(message: Any, name: str, value: Any) -> list[str]:
@@ -162,26 +215,32 @@ def _names(message: Any, name: str, value: Any) -> list[str]:
     if not isinstance(value, _ARRAYS):
         return []
     texts: list[str] = []
-    for field, _ in field_descriptions(type_name(type(message))):
+    for field in field_names(message) or ():
         if field == name:
             break
-        found = getattr(message, field, None)
+        found = field_value(message, field)
         if isinstance(found, list) and found and all(isinstance(x, str) for x in found):
             texts = found
     return texts if len(texts) == len(value) else []
 
 
-def parse(text: str) -> MessagePath | None:
+def parse(text: str, topics: Collection[str] = ()) -> MessagePath | None:
     """A path ``TOPIC.FIELD`` with indices ``[0]``, ``[1:3]``, ``[NAME]`` and ``{key==value}``.
 
     As in Foxglove both ends of a slice belong to it; an item may also be named as in the array of
     names before it. None if the text is no such path.
+
+    Parameters
+    ----------
+    topics : names that are known; those of others than ROS may have any characters
     """
-    topic = _TOPIC.match(text)
-    if topic is None:
+    longest = max((x for x in topics if text.startswith(f'{x}.')), key=len, default='')
+    if not longest and (found := _TOPIC.match(text)):
+        longest = found.group()
+    if not longest:
         return None
     steps: list[Field | Items | Filter] = []
-    place = topic.end()
+    place = len(longest)
     while place < len(text):
         step = _STEP.match(text, place)
         if step is None:
@@ -200,7 +259,7 @@ def parse(text: str) -> MessagePath | None:
                 int(x) if x not in ('', '-') else None for x in step.group('first', 'last')
             )
             steps.append(Items(first, last if step['colon'] else first))
-    return MessagePath(text, topic.group(), tuple(steps))
+    return MessagePath(text, longest, tuple(steps))
 
 
 def _value(text: str) -> Any:

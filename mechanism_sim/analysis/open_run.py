@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from mechanism_sim.analysis.message_paths import parse
+from mechanism_sim.analysis.quantity_lookup import names_in
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.series import Series, recorded
 from mechanism_sim.arrays import Array
@@ -21,51 +23,60 @@ from mechanism_sim.tables import Table
 _STATES = 'sensor_msgs/msg/JointState'
 
 
-class JointStates:
-    """Run in joint states of another program's bag, of which no machine is known.
+class MessageRun:
+    """Numbers in a bag of another program, of which no machine is known.
 
     Attributes
     ----------
-    series : recorded values by ``position.JOINT``, ``velocity.JOINT``, ``effort.JOINT``
+    series : recorded values of joint states by ``position.JOINT``, ``velocity.JOINT``,
+        ``effort.JOINT``, if one topic has such; all other numbers are asked for by their paths
     """
 
-    def __init__(self, bag: Bag, topic: str) -> None:
-        self.path, self.topic = bag.path, topic
+    def __init__(self, bag: Bag) -> None:
+        self._bag, self.path = bag, bag.path
         self.series: dict[str, Series] = {}
-        for kind in ('position', 'velocity', 'effort'):
-            path = parse(f'{topic}.{kind}')
-            assert path is not None  # noqa: S101 - the name of a topic and a field
-            try:
-                (found,) = recorded(bag, [path])
-            except InputError:  # many leave out velocities or efforts
-                continue
-            self.series |= {f'{kind}.{_joint(x.name)}': x for x in found if len(x.t)}
+        states = [t.name for t in bag.topics.values() if t.type == _STATES and t.count]
+        for kind in ('position', 'velocity', 'effort') if len(states) == 1 else ():
+            with suppress(InputError):  # many leave out velocities or efforts
+                found = self._read(f'{states[0]}.{kind}')
+                self.series |= {f'{kind}.{_joint(x.name)}': x for x in found if len(x.t)}
+
+    def names(self) -> list[str]:
+        """All names that can be asked for; an array stands for all its items."""
+        return [*self.series, *(x.name for x in names_in(self._bag) if x.name not in self.series)]
 
     def columns(self, names: Sequence[str], t: Array) -> Table:
         """Quantities at times (N,) [s] within the recording, between its instants interpolated.
 
-        Positions with the recorded velocities, by cubic Hermite polynomials; all else straight.
+        Positions of joints with the recorded velocities, by cubic Hermite polynomials; all else
+        straight. A path ``TOPIC.FIELD`` to an array gives a column for each item.
         """
         columns: dict[str, Array] = {}
         units: dict[str, str] = {}
-        for name in names:
-            if name not in self.series:
-                raise InputError(
-                    f"{self.path}: {self.topic} has no '{name}'{nearest(name, self.series)}; it "
-                    f'has {", ".join(self.series)}'
-                )
-            own = self.series[name]
-            if t.min() < own.t[0] or t.max() > own.t[-1]:
-                raise InputError(
-                    f'{self.path}: {name} is recorded from {own.t[0]:g} s to {own.t[-1]:g} s'
-                )
-            columns[name], units[name] = self._at(name, own, t), own.unit
+        for asked in names:
+            for own in [self.series[asked]] if asked in self.series else self._read(asked):
+                name = asked if asked in self.series else own.name
+                if t.min() < own.t[0] or t.max() > own.t.max():
+                    raise InputError(
+                        f'{self.path}: {name} is recorded from {own.t[0]:g} s to {own.t.max():g} s'
+                    )
+                columns[name], units[name] = self._at(name, own, t), own.unit
         return Table({'t': t, **columns}, {'t': 's', **units})
+
+    def _read(self, name: str) -> list[Series]:
+        path = parse(name, self._bag.topics)
+        if path is None or not path.steps or path.topic not in self._bag.topics:
+            known = self.names()
+            raise InputError(
+                f"{self.path} has no '{name}'{nearest(name, known)}; it has {', '.join(known)}"
+            )
+        return recorded(self._bag, [path])[0]
 
     def _at(self, name: str, own: Series, t: Array) -> Array:
         kind, _, joint = name.partition('.')
         rate = self.series.get(f'velocity.{joint}')
-        rises = np.flatnonzero(np.diff(own.t, prepend=-np.inf) > 0.0)
+        latest = np.maximum.accumulate(own.t)
+        rises = np.flatnonzero(np.diff(latest, prepend=-np.inf) > 0.0)
         if kind != 'position' or rate is None or not np.array_equal(rate.t, own.t):
             return np.asarray(np.interp(t, own.t[rises], own.values[rises]))
         x = own.t[rises], own.values[rises], rate.values[rises]
@@ -79,7 +90,7 @@ def _joint(name: str) -> str:
 
 def open_run(
     source: Bag | Path | str | Piece | Cycle, namespace: str | None = None
-) -> Record | JointStates:
+) -> Record | MessageRun:
     """A run whose quantities can be asked for: ``open_run('run.mcap').columns(names, t)``.
 
     >>> import numpy as np
@@ -90,7 +101,7 @@ def open_run(
 
     Parameters
     ----------
-    source : a bag, or its path; a solution or one of its pieces; a cycle
+    source : a bag, of other programs too, or its path; a solution, one of its pieces; a cycle
     namespace : of the machine, where a bag holds several
     """
     if isinstance(source, Cycle):
@@ -100,9 +111,7 @@ def open_run(
     bag = source if isinstance(source, Bag) else read_bag(source)
     if scene_text(bag, namespace) is not None:
         return read_record(bag, namespace)
-    states = [topic.name for topic in bag.topics.values() if topic.type == _STATES and topic.count]
-    if not states:
-        raise InputError(f'{bag.path} holds neither a scene nor joint states ({_STATES})')
-    if len(states) > 1:
-        raise InputError(f'{bag.path} has joint states on {", ".join(states)}: it must be one')
-    return JointStates(bag, states[0])
+    run = MessageRun(bag)
+    if not run.names():
+        raise InputError(f'{bag.path} holds neither a scene nor a number: {bag.contents()}')
+    return run

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from mechanism_sim.analysis.message_paths import MessagePath, parse
+from mechanism_sim.analysis.message_paths import PADDING, MessagePath, numeric_paths, parse
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.series import Series, drawn, recorded
 from mechanism_sim.errors import InputError, nearest
@@ -55,6 +55,8 @@ class Asked:
     ) -> list[Series]:
         """Series of these names, in their order, from `start` to `end` [s]."""
         paths = [self._path(name) for name in names]
+        if self._given is None and None in paths:
+            self._refuse_strangers(names[paths.index(None)])
         messages = iter(recorded(self._bag, [p for p in paths if p]) if self._bag else ())
         found: list[Series] = []
         of_motion = {
@@ -97,9 +99,18 @@ class Asked:
                     yield Name(quantity.name, quantity.unit)
             for sensor in record.sampled_sensors:
                 yield Name(sensor, record.signal(sensor).unit)
-        for topic in self._bag.topics.values() if self._bag else ():
-            if topic.count:
-                yield from _fields(topic.name, topic.type)
+        if self._bag:
+            yield from names_in(self._bag)
+
+    def _refuse_strangers(self, name: str) -> None:
+        """InputError for a name that is no path, where the bag is of another program."""
+        if self._bag and scene_text(self._bag, self._namespace) is None:
+            known = [given.name for given in names_in(self._bag)]
+            if known:
+                raise InputError(
+                    f"{self._bag.path} has no machine of which '{name}' could be"
+                    f'{nearest(name, known)}; it has {", ".join(known)}'
+                )
 
     def _chosen(self, name: str) -> list[str]:
         """Names of the quantities of the motion that a name stands for."""
@@ -125,7 +136,7 @@ class Asked:
 
     def _path(self, name: str) -> MessagePath | None:
         """The path into messages of the bag that a name stands for, if it does."""
-        path = parse(name)
+        path = parse(name, self._bag.topics if self._bag else ())
         if self._bag is None or path is None or not path.steps:
             return None
         home = (self._namespace or '').rstrip('/')
@@ -143,22 +154,40 @@ def _signal(record: Record, sensor: str) -> Series:
     return Series(sensor, signal.unit, np.concatenate(t)[:-1], np.concatenate(values)[:-1])
 
 
+def names_in(bag: Bag) -> Iterator[Name]:
+    """The numbers in the messages of a bag that can be read, but for headers.
+
+    Of ROS by the definition of the type; of others those that the first message has.
+    """
+    lost = bag.unreadable()
+    for topic in bag.topics.values():
+        if not topic.count or topic.name in lost:
+            continue
+        try:
+            yield from _fields(topic.name, topic.type)
+        except MessageError:
+            for _, message, _ in bag.messages(topic.name):
+                yield from (Name(_dotted(topic.name, at), '') for at in numeric_paths(message))
+                break
+
+
+def _dotted(topic: str, path: Sequence[str]) -> str:
+    return f'{topic}.{".".join(path)}'
+
+
 def _fields(topic: str, message: str) -> Iterator[Name]:
-    """The numbers in a message, but for its header; nothing of a message that is unknown here."""
+    """The numbers in a message of a type that is known here."""
 
     def walk(kind: str, path: tuple[str, ...]) -> Iterator[Name]:
         for field, described in field_descriptions(kind):
             here = (*path, field)
-            if field == 'header':
+            if field in PADDING:
                 continue
             array = described[0] in {Nodetype.ARRAY, Nodetype.SEQUENCE}
             node, inner = described[1][0] if array else described
             if node == Nodetype.NAME:
                 yield from walk(inner, here)
             elif inner[0] != 'string':
-                yield Name(f'{topic}.{".".join(here)}', ' or '.join(units_of(message, here)))
+                yield Name(_dotted(topic, here), ' or '.join(units_of(message, here)))
 
-    try:
-        yield from walk(message, ())
-    except MessageError:
-        return
+    return walk(message, ())

@@ -27,6 +27,7 @@ from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.messages.events import parse_description
+from mechanism_sim.messages.segments import row_names
 from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.recording import Bag, read_bag, scene_text
 from mechanism_sim.results.quantity import Quantity
@@ -251,11 +252,8 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
 
 def check_motion(bag: Bag, machine: Machine, piece: RecordedPiece) -> None:
     """Refuse a motion of other coordinates or joints than the machine that its scene makes."""
-    known = machine.physics
-    for names, here in (
-        (piece.coordinates, known.coordinates),
-        (piece.joints, known.clearances),
-    ):
+    rows, clearances = row_names(machine), machine.physics.clearances
+    for names, here in ((piece.coordinates, rows), (piece.joints, clearances)):
         if names != tuple(here):
             raise InputError(
                 f'{bag.path}: its motion is of {", ".join(names)}, but its scene makes a machine '

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.analysis.message_paths import Filter, Items, MessagePath
+from mechanism_sim.analysis.message_paths import Filter, Items, MessagePath, MissingFieldError
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.messages import type_name
+from mechanism_sim.messages import MessageError, type_name
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.recording import Bag, displacements
 from mechanism_sim.results.catalogue import catalogue
@@ -82,7 +83,7 @@ def recorded(bag: Bag, paths: Sequence[MessagePath]) -> list[list[Series]]:
         by_topic.setdefault(path.topic, []).append(collector)
     for topic, message, logged in bag.messages(by_topic):
         for collector in by_topic[topic]:
-            collector.add(message, logged * 1e-9)
+            collector.add(message, logged / 1e9)
     sliding = displacements(bag)
     return [collector.series(bag, sliding) for collector in collectors]
 
@@ -92,23 +93,27 @@ class _Collector:
 
     def __init__(self, path: MessagePath, origin: float) -> None:
         self._path, self._origin = path, origin
-        self._found: dict[tuple[str, ...], tuple[list[Any], list[Any]]] = {}
+        self._found: dict[tuple[str, ...], tuple[array[float], array[float]]] = {}
         self._type, self._unit = '', ''
-        self._passed = False
+        self._missed: MissingFieldError | None = None
 
     def add(self, message: Any, logged: float) -> None:
         """The message that follows, logged at a time [s]."""
-        self._type = self._type or type_name(type(message))
-        values = self._path.values(message)
+        self._type = self._type or _type(message)
+        try:
+            values = self._path.values(message)
+        except MissingFieldError as error:  # others may have it
+            self._missed = error
+            return
         time = self._time(message, logged)
         if _sampled(self._path, message) and values:
-            ts, xs = self._found.setdefault((), ([], []))
+            ts, xs = self._found.setdefault((), (array('d'), array('d')))
             self._unit = getattr(message, 'unit', '')
             ts.extend(time + np.arange(len(values)) / message.sample_rate)
             xs.extend(value for value, _ in values)
             return
         for value, which in values:
-            ts, xs = self._found.setdefault(which, ([], []))
+            ts, xs = self._found.setdefault(which, (array('d'), array('d')))
             ts.append(time)
             xs.append(value)
 
@@ -126,11 +131,13 @@ class _Collector:
     def series(self, bag: Bag, sliding: Collection[str]) -> list[Series]:
         """One for each item."""
         path = self._path
+        if not self._found and self._missed:
+            raise self._missed
         if not self._found:
             filters = ' and '.join(str(step) for step in path.steps if isinstance(step, Filter))
             what = f' with {filters}' if filters else ''
             raise InputError(f"'{path.text}': {bag.path} has no value{what} on {path.topic}")
-        units = [self._unit] if self._unit else units_of(self._type, path.fields)
+        units = [self._unit] if self._unit else field_units(self._type, path.fields)
         return [
             Series(
                 _name(path, which), _unit(units, which, sliding), np.array(t), np.array(values),
@@ -138,6 +145,19 @@ class _Collector:
             )
             for which, (t, values) in self._found.items()
         ]  # fmt: skip
+
+
+def _type(message: Any) -> str:
+    """Of a message; empty where it has none, as JSON."""
+    return '' if isinstance(message, dict) else type_name(type(message))
+
+
+def field_units(kind: str, fields: Sequence[str]) -> tuple[str, ...]:
+    """As `units_of`; none of a type that is not known here."""
+    try:
+        return units_of(kind, fields)
+    except MessageError:
+        return ()
 
 
 def _sampled(path: MessagePath, message: Any) -> bool:

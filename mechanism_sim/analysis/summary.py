@@ -9,6 +9,7 @@ from typing import Any
 
 from mechanism_sim.analysis.crank import Crank, MotionSummary
 from mechanism_sim.analysis.delivery_audit import Ledger, LedgerCollector
+from mechanism_sim.analysis.fields import FieldRange, field_ranges
 from mechanism_sim.analysis.impacts import ImpactCollector, ImpactSummary
 from mechanism_sim.analysis.loads import LoadSummary, load_summary
 from mechanism_sim.analysis.modes import JointModes, ModeShares
@@ -30,6 +31,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.recording import Bag, displacements, read_bag, scene_name, scene_text
+from mechanism_sim.recording.writer import LIBRARY
 from mechanism_sim.results.ranges import LoadPeaks, largest
 from mechanism_sim.strict_json import plain
 
@@ -56,6 +58,7 @@ class Summary:
     ledger: Ledger | None
     digest: str | None
     absent: tuple[str, ...]
+    fields: tuple[FieldRange, ...] = ()  #: of a bag of another program
 
     def to_json(self) -> dict[str, Any]:
         """The summary as dictionaries, lists, texts and numbers."""
@@ -127,6 +130,9 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         digest=digest.hexdigest() if moved is not None else None,
         absent=(),
     )
+    held = any(topic.count for topic in bag.topics.values())
+    if bag.library != LIBRARY and held and not any(present.values()):
+        return replace(found, fields=field_ranges(bag))
     return replace(found, absent=(*_absent(present, found), *filter(None, [unknown])))
 
 

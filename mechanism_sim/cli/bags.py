@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('info', _info, 'list what a bag holds')
-    sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
+    sub.add_argument('bag', metavar='BAG', help='a .mcap or .db3 file, or a folder of ros2 bag')
     sub = command('bag play', _play, 'publish what a bag holds, as its nodes did')
-    sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
+    sub.add_argument('bag', metavar='BAG', help='a .mcap or .db3 file, or a folder of ros2 bag')
     option(sub, '--rate', 'R', 'recorded seconds in a second; 0: as fast as possible', 1.0)
     option(sub, '--from', 'S', 'begin at this time after the first message', 0.0)
     option(sub, '--delay', 'S', 'wait before the first message', 0.0)
@@ -43,10 +43,10 @@ def add(command: Command) -> None:
     option(sub, '--clock', 'HZ', 'publish /clock, too, if the bag has none', float)
     option(sub, '--timeout', 'S', 'look at most so long for subscriptions', 10.0)
     sub = command('bag recover', _recover, 'close a bag whose recorder was killed')
-    sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
+    sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder with one')
     sub = command('analyze', _analyze, 'summarise a recorded run, or fit a bearing to it')
     sub.add_argument(
-        'bags', nargs='+', metavar='BAG', help='an MCAP file, or a folder of ros2 bag'
+        'bags', nargs='+', metavar='BAG', help='a .mcap or .db3 file, or a folder of ros2 bag'
     )
     namespace_option(sub)
     _detail_options(sub)

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from mechanism_sim import output
+from mechanism_sim import output, strict_json
 from mechanism_sim.cli.options import (
     TABLES,
     Command,
@@ -33,7 +33,10 @@ def add(command: Command) -> None:
     sub = command('cycle', _cycle, 'tables, extremes and plots over a turn of the drive')
     scene_options(sub)
     option(sub, '--samples', 'N', 'intervals in a cycle', 360)
-    option(sub, '--at', 'ANGLE', "position of the drive to begin at, as '30 deg'")
+    option(
+        sub, '--at', 'ANGLE|WAY',
+        "all quantities at a position of the drive, as '30 deg' or '60 mm'; a turn begins there",
+    )  # fmt: skip
     option(sub, '--revolutions', 'N', 'how many turns of the drive', 1)
     option(sub, '--duration', 'S', 'seconds, for a drive without a constant speed', float)
     sub.add_argument(
@@ -84,15 +87,17 @@ def _cycle(options: argparse.Namespace) -> int:
     from mechanism_sim.report import cycle as report  # noqa: PLC0415
     from mechanism_sim.report import figures, measured, progress, tables  # noqa: PLC0415
     from mechanism_sim.report.sections import text  # noqa: PLC0415
-    from mechanism_sim.results.cycle import cycle  # noqa: PLC0415
+    from mechanism_sim.results.cycle import at_position, cycle, is_steady  # noqa: PLC0415
     from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
 
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     if options.output:
         tables.check_output(options.output)
-    start = options.at and quantity('--at', options.at, 'rad')[0]
     machine = read_machine(options)
+    unit = 'm' if machine.plan.main in machine.plan.ideal.displacements else 'rad'
+    at = quantity('--at', options.at, unit)[0] if options.at else None
     with progress.busy('cycle', options.json) as say:
+        start = at if at is not None and is_steady(machine) else None
         found = cycle(
             machine, options.samples, start, options.revolutions, options.duration, options.points,
             options.local, options.static,
@@ -103,6 +108,8 @@ def _cycle(options: argparse.Namespace) -> int:
         taken = Measurement(machine, measures, float(found.t[0]), float(found.t[-1]))
         taken.add(found.solution)
         figures_found = taken.found()
+        there = {} if at is None else at_position(machine, at, found)
+        beside = {} if at is None else {'at': strict_json.plain(there)}
         if plots:
             from mechanism_sim.report.plots import charts  # noqa: PLC0415
 
@@ -111,8 +118,14 @@ def _cycle(options: argparse.Namespace) -> int:
     return print_result(
         options,
         found,
-        lambda c: report.to_json(c) | measured.to_json(figures_found),
-        lambda c: text([*report.sections(c), *measured.section(figures_found)]),
+        lambda c: report.to_json(c) | measured.to_json(figures_found) | beside,
+        lambda c: text(
+            [
+                *([] if at is None else [report.position(machine, at, there)]),
+                *report.sections(c),
+                *measured.section(figures_found),
+            ]
+        ),
     )
 
 

@@ -32,13 +32,14 @@ NODE_CLASSES = {
     'sensors': 'mechanism_sim.nodes.sensors:Sensors',
     'display': 'mechanism_sim.nodes.display:Display',
     'recorder': 'mechanism_sim.nodes.recorder:Recorder',
+    'loop_relay': 'mechanism_sim.nodes.loop_relay:LoopRelay',
     'view': 'mechanism_sim.pages.view:ViewNode',
 }
 TABLES = 'a .npz, .csv, .parquet, .xlsx or .mat file'
 """Endings of tables."""
 
-NODE_NAMES = tuple(name for name in NODE_CLASSES if name != 'view')
-"""Nodes of a run; `view` shows a run from outside."""
+NODE_NAMES = tuple(name for name in NODE_CLASSES if name not in ('loop_relay', 'view'))
+"""Nodes of a run; `view` shows one from outside, `loop_relay` answers without any."""
 
 
 def option(parser: Options, flags: str, metavar: str, text: str, default: object = str) -> None:

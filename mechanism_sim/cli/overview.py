@@ -7,6 +7,7 @@ from typing import Any
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.errors import nearest
 from mechanism_sim.nodes.arguments import Parser
+from mechanism_sim.recording.runs import BAG_ENDINGS
 
 GROUPS = {
     'A machine': ('new', 'edit', 'scenes', 'check', 'quantities'),
@@ -118,7 +119,7 @@ class Overview(Parser):
                 f"'{value}' is a scene, not a command: try 'mechanism-sim check {value}' or "
                 f"'mechanism-sim solve {value}'"
             )
-        if str(value).endswith('.mcap'):
+        if str(value).endswith(BAG_ENDINGS):
             self.error(f"'{value}' is a bag, not a command: try 'mechanism-sim analyze {value}'")
         self.error(f"there is no command '{value}'{nearest(value, known)}; --help lists them")
 

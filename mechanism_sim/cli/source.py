@@ -16,6 +16,7 @@ from mechanism_sim.cli.options import (
     scene_options,
 )
 from mechanism_sim.errors import InputError
+from mechanism_sim.recording.runs import BAG_ENDINGS
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.record import Record
@@ -23,13 +24,9 @@ if TYPE_CHECKING:
     from mechanism_sim.scene import Machine
 
 
-_ENDINGS = '.mcap', '.db3'
-"""Of bags; those in SQLite are known in order to be refused as such."""
-
-
 def source_options(sub: argparse.ArgumentParser) -> None:
     """Add the options that choose a run and a part of it."""
-    scene_options(sub, 'a bag (.mcap) of a run, or a scene, which is simulated', 'BAG|SCENE')
+    scene_options(sub, 'a bag (.mcap, .db3, a folder) or a scene, which is simulated', 'BAG|SCENE')
     sub.add_argument('--from', type=float, metavar='S', dest='start', help='begin at this time')
     sub.add_argument('--to', type=float, metavar='S', dest='end', help='end at this time')
     length_options(sub)
@@ -44,8 +41,8 @@ def namespace_option(sub: argparse.ArgumentParser) -> None:
 def is_bag(source: str) -> bool:
     """True if a name is that of a bag: a file of one of its endings, or a folder with one."""
     path = Path(source)
-    return path.suffix in _ENDINGS or (
-        path.is_dir() and any(file.suffix in _ENDINGS for file in path.iterdir())
+    return source.endswith(BAG_ENDINGS) or (
+        path.is_dir() and any(file.name.endswith(BAG_ENDINGS) for file in path.iterdir())
     )
 
 

@@ -163,7 +163,7 @@ def _work(job: Job, link: Connection) -> None:
     from mechanism_sim.numerics.compiled import forget_for_others  # noqa: PLC0415
     from mechanism_sim.results.measures import check_measures  # noqa: PLC0415
     from mechanism_sim.results.simulate import simulate  # noqa: PLC0415
-    from mechanism_sim.scene import run_length  # noqa: PLC0415
+    from mechanism_sim.scene import over_range, run_length  # noqa: PLC0415
     from mechanism_sim.scene.build import build  # noqa: PLC0415
     from mechanism_sim.scene.check import check  # noqa: PLC0415
     from mechanism_sim.scene.files import check_scene  # noqa: PLC0415
@@ -173,6 +173,7 @@ def _work(job: Job, link: Connection) -> None:
     if machine.scene.measures:
         check_measures(machine, machine.scene.measures, f'{machine.name}: measures')
     link.send((job.number, 'checked', strict_json.dumps(check(machine).to_json())))
+    machine = over_range(machine) or machine
     end, last = run_length(machine, None, None), time.monotonic()
 
     def show(t: float, _impacts: int) -> None:

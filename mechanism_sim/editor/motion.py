@@ -47,6 +47,7 @@ class _Known(NamedTuple):
 
     coordinates: tuple[str, ...]
     joints: tuple[str, ...]
+    undetermined: Mapping[str, frozenset[str]]
     has_forces: bool = True
 
 
@@ -149,16 +150,16 @@ class Turn:
         if machine.without_forces or plan.ideal.deformations:
             return None
         q, t = self.q[:, :count], self._times[:count]
-        rate, second = (
-            np.array([_values(plan.laws[c], t, order) for c in prescribed]) for order in (1, 2)
-        )
+        known = [plan.laws_until(c, t[-1]) for c in prescribed]
+        rate, second = (np.array([_values(laws, t, order) for laws in known]) for order in (1, 2))
         v = self._kinematics.rates(q, rate)
         a = self._kinematics.accelerations(q, v, second)
         dynamics = machine.nominal.inverse_dynamics
         outside = np.array([t if x == 'time' else 0.0 * t for x in dynamics.outside])
         o = dynamics(q, v, a, outside.reshape(len(dynamics.outside), len(t)))
         tree = dynamics.mechanism
-        known = cast(Any, _Known(tree.coordinates, tuple(j.name for j in tree.joints)))
+        names = tuple(joint.name for joint in tree.joints)
+        known = cast(Any, _Known(tree.coordinates, names, machine.nominal.undetermined))
         none = np.zeros((0, len(t)), np.uint8)
         views = [JointView(tree, joint, known, o, none) for joint in tree.joints]
         joints: list[dict[str, Any]] = []
@@ -193,7 +194,7 @@ class Turn:
         if straight or not np.isfinite(duration):
             duration = machine.scene.duration or (duration if np.isfinite(duration) else 0.0)
         t = self._times = np.linspace(0.0, duration, INSTANTS)
-        return {c: _values(plan.laws[c], t) for c in moved}
+        return {c: _values(plan.laws_until(c, duration), t) for c in moved}
 
     def _closed(self, guess: Array) -> Array:
         for c, way in self._held.items():

@@ -8,12 +8,14 @@ joint coordinates, that keep their length. Everything moves in the plane z = 0.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TypeGuard
 from xml.etree.ElementTree import SubElement
 
 from mechanism_sim.export.ideal import WORLD, Ideal, check_names, steady, time_step, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
-from mechanism_sim.linkages.forces import AppliedForce, Spring, TorsionSpring
+from mechanism_sim.linkages.forces import AppliedForce
+from mechanism_sim.linkages.springs import Elongation, GuidedSpring, Spring, TorsionSpring
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import Coupling, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
@@ -50,7 +52,7 @@ def left_out(machine: Machine) -> list[str]:
     for element in machine.plan.elements(machine.plan.ideal):
         if isinstance(element, AppliedForce) and _constant(element) is None:
             found.append(f'{element.name}: left out: its force is not constant')
-        elif not isinstance(element, Spring | TorsionSpring | AppliedForce):
+        elif not isinstance(element, AppliedForce) and not _is_linear(element):
             found.append(f'{element.name}: left out: a force of a kind of its own')
     return found
 
@@ -107,10 +109,10 @@ class _MjcfWriter:
             key.set('ctrl', text(*self._controls))
 
     @cached_property
-    def _elements(self) -> list[Spring | TorsionSpring | AppliedForce]:
+    def _elements(self) -> list[Elongation | AppliedForce]:
         machine = self._ideal.machine
         found = machine.plan.elements(machine.plan.ideal)
-        return [e for e in found if isinstance(e, Spring | TorsionSpring | AppliedForce)]
+        return [e for e in found if isinstance(e, AppliedForce) or _is_linear(e)]
 
     def _bodies(self, parent: Element, link: str) -> None:
         """Elements of a link; depth first, in which order MuJoCo counts joints too."""
@@ -273,9 +275,10 @@ class _MjcfWriter:
         return mass * self._m.size**2 + sum(body.inertia for body in self._m.bodies)
 
     def _spring(self, spring: Spring) -> None:
+        stiffness, damping = spring.law.numbers or (0.0, 0.0)
         tendon = SubElement(
-            self._tendons, 'spatial', name=spring.name, stiffness=text(spring.stiffness),
-            springlength=text(spring.free_length), damping=text(spring.damping),
+            self._tendons, 'spatial', name=spring.name, stiffness=text(stiffness),
+            springlength=text(spring.free_length), damping=text(damping),
         )  # fmt: skip
         for end in ('first', 'second'):
             SubElement(tendon, 'site', site=f'{spring.name}.{end}')
@@ -285,9 +288,10 @@ class _MjcfWriter:
         for name in self._hinges(spring.first):
             terms[name] = terms.get(name, 0.0) - 1.0
         fixed = self._beyond(spring.second) - self._beyond(spring.first)
+        stiffness, damping = spring.law.numbers or (0.0, 0.0)
         self._sum(
-            spring.name, terms, stiffness=text(spring.stiffness),
-            springlength=text(spring.free_angle - fixed), damping=text(spring.damping),
+            spring.name, terms, stiffness=text(stiffness),
+            springlength=text(spring.free_angle - fixed), damping=text(damping),
         )  # fmt: skip
 
     def _force(self, load: AppliedForce, wrench: tuple[float, float, float]) -> None:
@@ -300,6 +304,12 @@ class _MjcfWriter:
         if not load.turns:
             actuator.set('refsite', GROUND)
         self._controls.append(0.0)
+
+
+def _is_linear(element: object) -> TypeGuard[Elongation]:
+    """True of springs and dampers by numbers, between points or links."""
+    plain = isinstance(element, Spring | TorsionSpring) and not isinstance(element, GuidedSpring)
+    return plain and element.law.numbers is not None
 
 
 def _constant(load: AppliedForce) -> tuple[float, float, float] | None:

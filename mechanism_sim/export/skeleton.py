@@ -14,7 +14,7 @@ from mechanism_sim.export.bending import bendings
 from mechanism_sim.export.scale import round_below, scale_bar
 from mechanism_sim.export.shapes import BOX, Shape, inside
 from mechanism_sim.joints.contact_keys import Clearance, Play
-from mechanism_sim.linkages.forces import Spring
+from mechanism_sim.linkages.springs import Spring
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate

@@ -9,6 +9,8 @@ links come from their solution.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import SubElement
 
 from mechanism_sim.export.ideal import WORLD, check_names, way
@@ -51,6 +53,37 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
             tree.float_free(body)
         else:
             tree.carry(body.name)
+    return written(robot)
+
+
+def drivers_urdf(
+    machine: Machine, driven: Sequence[str], limits: Mapping[str, tuple[float, float]]
+) -> str:
+    """The text of a URDF file with a joint for each driving coordinate, and nothing else.
+
+    For panels that show a slider for every joint of a description: of a closed machine, all others
+    follow.
+
+    Parameters
+    ----------
+    limits : between which coordinates can move [rad, m]; those without turn round, or are free
+    """
+    robot = Element('robot', name=machine.name)
+    SubElement(robot, 'link', name=WORLD)
+    for name in driven:
+        straight = name in machine.plan.ideal.displacements
+        low, high = limits.get(name, (-math.inf, math.inf))
+        bounded = math.isfinite(low) or math.isfinite(high) or straight
+        kind = 'prismatic' if straight else 'revolute' if bounded else 'continuous'
+        joint = SubElement(robot, 'joint', name=name, type=kind)
+        SubElement(joint, 'parent', link=WORLD)
+        SubElement(joint, 'child', link=name)
+        SubElement(joint, 'axis', xyz='1 0 0' if straight else '0 0 1')
+        if bounded:
+            far = machine.plan.ideal.reach if straight else math.pi
+            ends = {'lower': text(max(low, -far)), 'upper': text(min(high, far))}
+            SubElement(joint, 'limit', ends, effort=_FREE, velocity=_FREE)
+        SubElement(robot, 'link', name=name)
     return written(robot)
 
 

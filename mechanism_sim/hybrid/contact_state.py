@@ -62,6 +62,7 @@ class ContactState:
     Attributes
     ----------
     modes, approach : of every gap, and the speeds of first touches of compliant contacts [m/s]
+    rated : which gaps (m,) have a rate only
     flying : whether any gap is open
     flies_free : whether all are, and no friction or compliance takes part in an impact
     problem, arrays : as of the last `refresh`, except for what is closed
@@ -102,6 +103,7 @@ class ContactState:
         if system.parameters.margin is not None:
             present.pars[system.parameters.margin] = self.limits.bare
         self.approach = (1.0,) * len(system.parameters.approach)
+        self.rated = np.array(system.rated, dtype=np.bool_)
         self._status = Status((), ())
         self._holding = [*system.set_valued.holding]
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
@@ -137,6 +139,7 @@ class ContactState:
         self.flying = int(Mode.FREE_FLIGHT) in self.modes
         known = self.present.system
         smooth = not (known.frictional or known.compliant or known.dynamics.rubs)
+        smooth = smooth and not self.rated.any()
         self.flies_free = smooth and not self.problem.closed.any()
 
     def write_flags(self, modes: Indices, sticking: Mask | None = None) -> None:

@@ -172,6 +172,9 @@ class Contacts:
             self._change_friction(guard)
         elif state.closed(gap):
             self._lift_off(gap)
+        elif state.rated[gap]:  # no impact: its rate is zero
+            at = state.problem.closed | state.mask([gap])
+            rest(state, self.switching, at, at)
         else:
             self._collide(gap)
 
@@ -277,7 +280,8 @@ class Contacts:
             return None
         for i, (x, floor) in enumerate(zip(seen, floors, strict=False)):
             if i < len(modes) and modes[i] == 1:
-                if x <= -margin and seen[count + i] < 0.0 and i != seen_now:
+                least = max(margin, limits.bare) if state.rated[i] else margin
+                if x <= -least and seen[count + i] < 0.0 and i != seen_now:
                     return i
                 continue
             least = floor if seen_now is None else _CONTACTS.same_instant * (floor - margin)

@@ -29,6 +29,9 @@ class Motion:
     acting: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
     """(m, h) rows of switches of loads and frictions that depend on rates: off, on or holding;
     then 1 or 0 by the side on which each line that rubs is pressed. Where not known (0, 0)."""
+    states: Array = field(default_factory=lambda: np.zeros((0, 0, 1)))
+    """(m, k, d + 1) coefficients of k states of first order, as those of `curve`, each in its own
+    unit; without them (0, 0, 1)."""
 
     def __len__(self) -> int:
         return len(self.curve)
@@ -54,9 +57,41 @@ class Motion:
         """Coefficients of the torque laws (k, 3, N)."""
         return np.repeat(self.torques[segments], instants(dt), axis=0).transpose(1, 2, 0)
 
+    @property
+    def state_curve(self) -> PiecewisePolynomial:
+        """The k states of first order."""
+        c, powers = self.curve, self.states
+        if len(powers) != len(c):
+            powers = np.zeros((len(c), 0, 1))
+        turns = np.zeros(powers.shape[:2], np.int64)
+        return PiecewisePolynomial(c.start, c.start_low, c.duration, turns, powers)
+
+    @property
+    def rows(self) -> PiecewisePolynomial:
+        """The coordinates, then the states of first order: (n + k) rows."""
+        c, states = self.curve, self.states
+        if not states.size:
+            return c
+        powers = np.zeros((len(c), c.turns.shape[1] + states.shape[1], c.coefficients.shape[2]))
+        n = c.turns.shape[1]
+        powers[:, :n], powers[:, n:, : states.shape[2]] = c.coefficients, states
+        turns = np.pad(c.turns, ((0, 0), (0, states.shape[1])))
+        return PiecewisePolynomial(c.start, c.start_low, c.duration, turns, powers)
+
+    def _of_rows(self, rows: PiecewisePolynomial, kept: slice) -> Motion:
+        """Some of the segments, of which `rows` has coordinates and states."""
+        n = self.curve.turns.shape[1]
+        turns, powers = rows.turns[:, :n], rows.coefficients[:, :n]
+        curve = PiecewisePolynomial(rows.start, rows.start_low, rows.duration, turns, powers)
+        acting = self.acting[kept] if self.acting.size else self.acting
+        states = rows.coefficients[:, n:] if self.states.size else self.states
+        return Motion(
+            curve, self.modes[kept], self.approach[kept], self.torques[kept], acting, states
+        )
+
     def between(self, start: float, end: float) -> Motion:
         """The motion from one time [s] to a later one, both within it."""
-        curve = self.curve
+        curve = self.rows
         (first,), (into,) = curve.find(np.array([start]))
         last = int(np.searchsorted(curve.start, end)) - 1
         kept = slice(int(first), max(last, int(first)) + 1)
@@ -66,20 +101,18 @@ class Motion:
         starts[0], low[0], duration[0] = start, 0.0, duration[0] - into
         duration[-1] = end - starts[-1] - low[-1]
         piece = PiecewisePolynomial(starts, low, duration, curve.turns[kept], powers)
-        kept_rows = self.acting[kept] if self.acting.size else self.acting
-        return Motion(piece, self.modes[kept], self.approach[kept], self.torques[kept], kept_rows)
+        return self._of_rows(piece, kept)
 
     def parts(self, most: int) -> Iterator[Motion]:
         """Consecutive parts of this motion, of at most so many segments."""
-        c = self.curve
+        c = self.rows
         for first in range(0, len(self), most):
             kept = slice(first, first + most)
             piece = PiecewisePolynomial(
                 c.start[kept], c.start_low[kept], c.duration[kept], c.turns[kept],
                 c.coefficients[kept],
             )  # fmt: skip
-            rows = self.acting[kept] if self.acting.size else self.acting
-            yield Motion(piece, self.modes[kept], self.approach[kept], self.torques[kept], rows)
+            yield self._of_rows(piece, kept)
 
     @classmethod
     def joined(cls, parts: list[Motion]) -> Motion:
@@ -90,6 +123,7 @@ class Motion:
             np.concatenate([part.approach for part in parts]),
             np.concatenate([part.torques for part in parts]),
             np.concatenate([part.acting for part in parts]),
+            np.concatenate([part.states for part in parts]),
         )
 
 
@@ -123,7 +157,7 @@ class DenseOutput:
 
     Attributes
     ----------
-    slots : views of (2 f) (order + 1) floats, always with room for two more steps
+    slots : views of (width) (order + 1) floats, always with room for two more steps
     taus : of every step its start since the base [s]
     lengths : of every step [s]
     """
@@ -132,7 +166,7 @@ class DenseOutput:
         self.slots: list[memoryview[float]] = []
         self.taus: list[float] = []
         self.lengths: list[float] = []
-        self._shape = (2 * len(system.free), order + 1)
+        self._shape = (system.width, order + 1)
         self._blocks: list[Array] = []
         self._system = system
         self._bases: list[Base] = []
@@ -147,7 +181,7 @@ class DenseOutput:
 
     @property
     def next(self) -> Array:
-        """The coefficients (2 f, order + 1) of the step that comes after those entered."""
+        """The coefficients (width, order + 1) of the step that comes after those entered."""
         return np.asarray(self.slots[len(self.lengths)]).reshape(self._shape)
 
     def restart(self) -> None:
@@ -213,6 +247,7 @@ class DenseOutput:
         each = np.diff([*begins, count])
         f, order = len(system.free), self._shape[1]
         coefficients = np.zeros((count, len(system.coordinates), order + 1))
+        states = np.zeros((count if system.states else 0, len(system.states), order))
         orders = np.arange(1.0, order + 1.0)
         for first, block in zip(range(0, count, _BLOCK), self._blocks, strict=False):
             raw, into = block[: count - first], coefficients[first : first + _BLOCK]
@@ -220,6 +255,8 @@ class DenseOutput:
                 c = system.coordinates.index(name)
                 into[:, c, 0] = raw[:, i, 0]
                 np.divide(raw[:, f + i], orders, out=into[:, c, 1:])
+            for k, known in enumerate(system.states):
+                states[first : first + _BLOCK, k] = raw[:, 2 * f + k] * known.scale
         tau, of = np.array(self.taus), np.repeat(np.array(marked, dtype=np.intp), each)
         for p, name in enumerate(system.prescribed):
             law = np.zeros((len(self._bases), system.degree + 1))
@@ -245,6 +282,7 @@ class DenseOutput:
             np.repeat(np.array([s.approach for s in status], np.float64), each, axis=0),
             self._torques(of),
             np.repeat(np.array([s.acting for s in status], np.uint8), each, axis=0),
+            states,
         )
 
     def _torques(self, of: NDArray[np.intp]) -> Array:

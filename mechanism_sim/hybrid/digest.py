@@ -21,9 +21,9 @@ class MotionDigest:
     Two streams are hashed apart, so that it does not matter how segments and impacts interleave,
     and their digests are hashed together. All numbers are little-endian.
 
-    - a segment: start, start_low, duration (float64), turns (n int64), d + 1 (int64),
-      coefficients (n (d + 1) float64), modes (r uint8); d is the highest degree that occurs in
-      the segment, so that padding with zeros makes no difference
+    - a segment of n coordinates and states: start, start_low, duration (float64), turns
+      (n int64), d + 1 (int64), coefficients (n (d + 1) float64), modes (r uint8); d is the
+      highest degree that occurs in it, so that padding with zeros makes no difference
     - an impact: length of the joint's name (int64), the name (UTF-8), the eight numbers of
       `add_impact` in their order (float64)
     """
@@ -34,7 +34,7 @@ class MotionDigest:
 
     def add(self, motion: Motion, impacts: Iterable[Impact]) -> None:
         """Add the motion and the impacts of a part of a run."""
-        c = motion.curve
+        c = motion.rows
         self.add_segments(c.start, c.start_low, c.duration, c.turns, c.coefficients, motion.modes)
         for i in impacts:
             values = (

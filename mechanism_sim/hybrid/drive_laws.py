@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import insort
 from collections import deque
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
@@ -13,6 +14,7 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import base_at, horner, take_off_turns
 from mechanism_sim.hybrid.present_state import PresentState
 from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.endless_laws import LawSource
 
 
 class DriveLaws:
@@ -38,6 +40,7 @@ class DriveLaws:
         self._present, self._system = present, system
         self.laws = list(laws)
         self.coming: deque[Law] = deque()
+        self._sources: dict[str, LawSource] = {}
         self.directions = directions
         self._turning = [system.prescribed.index(c) for c in system.turning]
         self.since = 0
@@ -66,7 +69,26 @@ class DriveLaws:
                 f'a law of degree {law.degree} needs equations compiled for it; these are for '
                 f'degree {self._system.degree}'
             )
-        self.coming = deque(sorted((*self.coming, law), key=lambda x: x.valid_from))
+        self._enter(law)
+
+    def _enter(self, law: Law) -> None:
+        insort(self.coming, law, key=lambda x: x.valid_from)
+
+    def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
+        """Let laws follow from sources, by coordinate, where no others are announced."""
+        self._sources = dict(sources)
+        for c in sources:
+            self._continue(c)
+
+    def _continue(self, coordinate: str) -> None:
+        """Enter the law that follows the last known one of a coordinate, from its source."""
+        known = [law for law in self.coming if law.coordinate == coordinate]
+        index = [law.coordinate for law in self.laws].index(coordinate)
+        last = known[-1] if known else self.laws[index]
+        if not known and isinstance(last, DriveLaw):
+            following = self._sources[coordinate].after(last)
+            if following:
+                self._enter(following)
 
     @property
     def next_change(self) -> float:
@@ -86,6 +108,8 @@ class DriveLaws:
                 'speed, which no drive can follow; join the laws by a ramp'
             )
         self.laws[index] = law
+        if law.coordinate in self._sources:
+            self._continue(law.coordinate)
         self.rebase()
 
     def rebase(self) -> None:
@@ -105,13 +129,13 @@ class DriveLaws:
 
     def count_from(self, time: Fraction, turns: Mapping[str, int]) -> None:
         """Set the base [s], with whole turns of the free coordinates, and the laws from there."""
-        present, parameters, outside = self._present, self._system.parameters, self._system.outside
+        present, parameters = self._present, self._system.parameters
         present.base = base = base_at(time, self.laws, turns)
         for index, law in zip(parameters.laws, base.laws, strict=True):
             present.set(index, (*law, *[0.0] * len(index))[: len(index)])
         for index, torque in zip(parameters.torques, base.torques, strict=True):
             present.set(index, torque)
-        for name, i in zip(outside, parameters.outside, strict=True):
+        for name, i in parameters.outside.items():
             present.pars[i] = base.high if name == 'time' else base.turns[name.rpartition('.')[0]]
         rates = present.v[list(self._system.angular)]
         self.next_base = base.next_after(float(np.abs(rates).max(initial=0.0)))

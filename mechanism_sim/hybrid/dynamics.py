@@ -37,7 +37,13 @@ from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.joint_friction import JointFriction, Rub, rubs
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import Motor
-from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap, Relation
+from mechanism_sim.planar.protocols import (
+    FirstOrderState,
+    ForceElement,
+    ForceLaw,
+    Gap,
+    Relation,
+)
 from mechanism_sim.planar.virtual_work import generalised
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -121,6 +127,7 @@ class Dynamics:
     free, prescribed, powered : names of coordinates
     flags, contacts, drives : see there
     rubs : friction in ideal joints
+    states, state_rates : of first order, among the elements, and the rates of these
     depths : of compliant contacts, by the symbols that stand for them beside such friction
     reduced : the equations without contact forces
     jam_margin : determinant of the equations of the normal forces over that without the friction
@@ -179,6 +186,10 @@ class Dynamics:
         loads += [load for rub in self.rubs for load in rub.loads]
         self._pushes = generalised(loads, frames, mechanism)
         torque = dict(zip(powered, self.drives.torques, strict=True))
+        self.states = [x for x in applied.elements if isinstance(x, FirstOrderState)]
+        for number in range(len(self.states)):
+            frames.state(number)
+        self.state_rates = [x.rate(frames) for x in self.states]
         self.reduced = Reduction(
             eq,
             prescribed,

@@ -14,7 +14,7 @@ import math
 import sys
 from array import array
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
 from numpy.polynomial.polynomial import polyval
@@ -35,6 +35,7 @@ from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.taylor_steps import PendingStep, TaylorSteps
 from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.endless_laws import LawSource
 from mechanism_sim.tolerances import TOLERANCES
 
 _SINGULAR = TOLERANCES.singular
@@ -77,16 +78,16 @@ class EventLoop:
         known = [fastest] if fastest else driven or turning
         fastest = max((1.0, *map(abs, known)))
         self._ta = system.integrator(rtol, _STEPS.rate * fastest, compact)
-        f = len(system.free)
-        self._state, self._pars = self._ta.state[: 2 * f], floats(self._ta.pars)
-        self._state[:] = [*state.q, *state.v]
+        width = system.width
+        self._state, self._pars = self._ta.state[:width], floats(self._ta.pars)
+        self._state[:] = [*state.q, *state.v, *state.states]
         turns = dict(zip(system.free, state.turns, strict=True))
         self._output = DenseOutput(system, self._ta.order)
         rule = ChatterRule(rtol, atol, system.mechanism.size, system.mechanism.reach)
         self._present = PresentState(system, self._ta, base_at(state.time, laws, turns))
         self._gaps = ContactState(self._present, rule, rtol, fastest * system.mechanism.size)
         self._contacts = Contacts(self._gaps)
-        near = 2 * f + 1 + len(system.guards)  # after the state, the constant, what guards watch
+        near = width + 1 + len(system.guards)  # after the state, the constant, what guards watch
         self._singular = SingularPositions(system, self._ta, self._contacts, near)
         directions = floats(self._ta.state)[near + bool(system.relations) :]
         self._laws = DriveLaws(self._present, laws, directions)
@@ -156,6 +157,10 @@ class EventLoop:
             the degree of the law.
         """
         self._laws.announce(law, self.time)
+
+    def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
+        """Let laws of coordinates follow from sources where no others are announced."""
+        self._laws.go_on_by(sources)
 
     def advance(self, until: float, final: bool = False, most: int | None = None) -> None:
         """Add every step to the solution that ends not later than `until` [s].
@@ -295,14 +300,15 @@ class EventLoop:
             self._present.base.time + Fraction(self._ta.time),
             tuple(self._present.base.turns[c] for c in self._system.free),
             tuple(self._state[:f].tolist()),
-            tuple(self._state[f:].tolist()),
+            tuple(self._state[f : 2 * f].tolist()),
             tuple(self._gaps.closed(i) for i in range(len(self._system.gaps))),
+            tuple(self._state[2 * f :].tolist()),
         )
 
     def restart(self, state: State) -> None:
         """Begin anew from another state, under the present laws, without compiling anything."""
         self._output.restart()
-        self._state[:] = [*state.q, *state.v]
+        self._state[:] = [*state.q, *state.v, *state.states]
         self._ta.time = 0.0
         self._pars[self._system.parameters.stabilisation] = 0.0
         self._pending = None

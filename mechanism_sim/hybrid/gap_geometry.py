@@ -30,7 +30,8 @@ class GapGeometry:
     def _values(self) -> SwitchedFunction:
         frames = self._system.equations.frames
         values = [jet.value for jet in self._system.dynamics.contacts.normal]
-        return SwitchedFunction(frames, [values], self._positions)
+        known = [*self._positions, *frames.outside.values()]
+        return SwitchedFunction(frames, [values], known)
 
     @property
     def _positions(self) -> list[hy.expression]:
@@ -56,7 +57,8 @@ class GapGeometry:
             [jet.value for jet in normal],
             *([pair[k].rate for pair in self._system.run.normals] for k in (0, 1)),
         ]
-        return SwitchedFunction(frames, groups, [*frames.q.values(), *frames.v.values()])
+        known = [*frames.q.values(), *frames.v.values(), *frames.outside.values()]
+        return SwitchedFunction(frames, groups, known)
 
     def rates(self, q: Array, v: Array) -> Array:
         """How fast the gaps open (m, N) [m/s] at coordinates and rates (n, N).
@@ -64,7 +66,8 @@ class GapGeometry:
         From the centre of its bushing a pin comes nearer in every direction, as fast as it moves:
         there the normal Q/c turns with Q'/c, and the measure of the gap is c/2.
         """
-        rates, stretch, value, nx, ny = self._rates(np.concatenate([q, v]))
+        none = np.zeros((len(self._system.outside), q.shape[1]))  # no rate depends on it
+        rates, stretch, value, nx, ny = self._rates(np.concatenate([q, v, none]))
         # by rounding it may be the root of less than zero
         central = ~(stretch >= _CONTACTS.central)
         opening: Array = np.where(
@@ -72,6 +75,15 @@ class GapGeometry:
         )
         return opening
 
-    def values(self, q: Array, rows: Array | None = None) -> Array:
-        """The gaps (m, N) [m] in their own measure at coordinates q (n, N); `rows` as above."""
-        return self._values(q, rows)[0] if self._system.gaps else np.zeros((0, q.shape[1]))
+    def values(self, q: Array, outside: Array, rows: Array | None = None) -> Array:
+        """The gaps (m, N) [m] in their own measure at coordinates q (n, N).
+
+        Parameters
+        ----------
+        outside : (k, N) what `Frames.outside` names
+        rows : (r, N) values of the switches, if not those at these places
+        """
+        if not self._system.gaps:
+            return np.zeros((0, q.shape[1]))
+        found: Array = self._values(np.concatenate([q, outside]), rows)[0]
+        return found

@@ -74,8 +74,12 @@ def guard_functions(run: RunExpressions, guards: Sequence[Guard]) -> list[hy.exp
 
 
 def _of_gap(d: Dynamics, gap: int) -> hy.expression:
-    """Positive while an open gap is open, and while a closed one presses."""
-    s, value = d.flags.closed[gap], dense(d.contacts.normal[gap].value)
+    """Positive while an open gap is open, and while a closed one presses.
+
+    One that has a rate only, see `Gap.value`, is open while that is positive.
+    """
+    s, jet = d.flags.closed[gap], d.contacts.normal[gap]
+    value = dense(jet.rate if jet.value is None else jet.value)
     force = (
         d.held(gap) if d.contacts.compliant else _GUARDS.force_scale * dense(d.stabilised.N[gap])
     )

@@ -21,6 +21,7 @@ from mechanism_sim.hybrid.holding_parts import with_holding_parts
 from mechanism_sim.hybrid.runtime_parameters import symbols
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.planar.closures import IndependentRows
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
 from mechanism_sim.planar.joint_friction import with_friction
 from mechanism_sim.planar.reactions import energies, generalized_forces
@@ -114,10 +115,17 @@ class Observer:
                     else None
                 )
                 losses.append(add(lost * rate, neg(slides)))
+        frames = d.equations.frames
+        following = [  # rows that follow from others must vanish with these
+            jet
+            for relation in d.relations
+            if isinstance(relation, IndependentRows)
+            for jet in relation.left_out(frames)
+        ]
         terms: dict[str, list[Term]] = {
             'acceleration': [a[c] for c in self.system.coordinates],
             'gap': [jet.value for jet in d.contacts.normal],
-            'closure': [jet.value for jet in d.equations.relation_jets],
+            'closure': [jet.value for jet in [*d.equations.relation_jets, *following]],
             'normal_force': forces_N,
             'friction_force': list(solved.T),
             'friction_power': [add(*friction, taken)],

@@ -14,6 +14,7 @@ from mechanism_sim.hybrid.crossings import Crossings
 from mechanism_sim.hybrid.dense_output import Motion, instants
 from mechanism_sim.hybrid.observer import Instants, Observer, TouchTerms
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
+from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
 from mechanism_sim.planar.protocols import EndGap
 from mechanism_sim.planar.switched_functions import Edges
@@ -46,6 +47,13 @@ class Physics(Protocol):
     @property
     def unknowns(self) -> Mapping[str, str]:
         """Units of the loads whose sizes follow from the motion, by name."""
+
+    @property
+    def undetermined(self) -> Mapping[str, frozenset[str]]:
+        """Parts of the forces in joints that redundant constraints leave open, by joint.
+
+        Among ``x``, ``y`` and ``moment``; an `Observation` has some value of them.
+        """
 
     @property
     def displacements(self) -> tuple[str, ...]:
@@ -111,8 +119,12 @@ class DynamicPhysics:
     has_forces = True
     unknowns: Mapping[str, str] = MappingProxyType({})
 
-    def __init__(self, observer: Observer) -> None:
-        self.observer = observer
+    def __init__(
+        self,
+        observer: Observer,
+        undetermined: Mapping[str, frozenset[str]] = MappingProxyType({}),
+    ) -> None:
+        self.observer, self.undetermined = observer, undetermined
         self.system = system = observer.system
         self.coordinates = system.coordinates
         self.joints = tuple(joint.name for joint in system.mechanism.joints)
@@ -200,6 +212,7 @@ class DynamicPhysics:
             q, v = curve.at_nodes(segments, dt)
         else:
             q, v = (curve.local(segments, dt, derivative).T for derivative in (0, 1))
+        names = self.system.outside
         steady = self.system.degree <= 1
         powered = self.system.driven_index[len(driven) :]
         torque = np.zeros((0, q.shape[1]))
@@ -215,14 +228,15 @@ class DynamicPhysics:
             motion.modes_at(segments, dt),
             torque,
             motion.approach_at(segments, dt),
-            outside(self.system.outside, self.coordinates, curve, segments, dt),
+            outside(names, self.coordinates, curve, segments, dt, motion.state_curve),
             self._rows(motion, segments, dt),
             self._sides(motion, segments, dt),
         )
 
     def _rows(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array | None:
         """Values of the switches: those of rates as they were, others by their places."""
-        found = rows(self.system.edges, self.coordinates, motion.curve, segments, dt)
+        curve, states = motion.curve, motion.state_curve
+        found = rows(self.system.edges, self.coordinates, curve, segments, dt, states)
         if found is not None and motion.acting.size:
             flags, holds = self.system.set_valued.holding_rows
             acting = np.repeat(motion.acting[segments, : len(flags)], instants(dt), axis=0).T
@@ -245,10 +259,10 @@ class DynamicPhysics:
             q, _ = curve.at_nodes(segments, dt)
         else:
             q = curve.local(segments, dt).T
-        values = self.observer.gaps.values(
-            q, rows(self.system.edges, self.coordinates, curve, segments, dt)
-        )
-        gaps = self.observer.gaps.distances(values)
+        edges, states = self.system.edges, motion.state_curve
+        known = rows(edges, self.coordinates, curve, segments, dt, states)
+        beside = outside(self.system.outside, self.coordinates, curve, segments, dt, states)
+        gaps = self.observer.gaps.distances(self.observer.gaps.values(q, beside, known))
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)
 
     def switch_parts(
@@ -306,6 +320,7 @@ def rows(
     curve: PiecewisePolynomial,
     segments: NDArray[np.intp],
     dt: Array | Nodes,
+    states: PiecewisePolynomial | None = None,
 ) -> Array | None:
     """Values (k, N) of the switches: of the whole segment that an instant is said to belong to.
 
@@ -317,7 +332,7 @@ def rows(
     zero, half = np.zeros(len(segments)), 0.5 * curve.duration[segments]
     begun = curve.coefficients[segments, :, :2]  # values and rates at the start
     start, middle = (
-        np.concatenate([*moved, outside(edges.outside, coordinates, curve, segments, t)])
+        np.concatenate([*moved, outside(edges.outside, coordinates, curve, segments, t, states)])
         for moved, t in (
             ((begun[:, :, 0].T, begun[:, :, 1].T), zero),
             ([curve.local(segments, half, derivative).T for derivative in (0, 1)], half),
@@ -333,8 +348,9 @@ def outside(
     curve: PiecewisePolynomial,
     segments: NDArray[np.intp],
     dt: Array | Nodes,
+    states: PiecewisePolynomial | None = None,
 ) -> Array:
-    """Rows (k, N) of what loads ask for beside the motion: ``time``, ``COORDINATE.turns``.
+    """Rows (k, N) of what loads ask for beside the coordinates, as `Frames.outside` names it.
 
     The instants are those of ``curve.at(segments, dt)``.
     """
@@ -342,9 +358,12 @@ def outside(
         since = np.outer(curve.duration[segments], dt.fractions)
     else:
         since = dt[:, None] if dt.ndim == 1 else dt
-    rows = []
+    rows, values = [], None
     for name in names:
-        if name == 'time':
+        if name.startswith(STATE) and states is not None:
+            values = states.local(segments, dt).T if values is None else values
+            rows.append(values[int(name.removeprefix(STATE))])
+        elif name == 'time':
             rows.append((curve.start[segments, None] + since).ravel())
         else:
             index = list(coordinates).index(name.rpartition('.')[0])

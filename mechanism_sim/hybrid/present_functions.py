@@ -1,6 +1,7 @@
 """Compiled functions of the present state.
 
-Their one argument is a vector: free coordinates, rates, runtime parameters, time.
+Their one argument is a vector: free coordinates, rates, states of first order, runtime parameters,
+time.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class PresentFunctions:
 
     @cached_property
     def watch(self) -> hy.cfunc_dbl:
-        """Values to be watched, at free coordinates, rates, parameters, time.
+        """Values to be watched, at free coordinates, rates, states, parameters, time.
 
         The guards, the rates of the gaps, of compliant contacts their values, the places of the
         switches.
@@ -61,8 +62,12 @@ class PresentFunctions:
 
     @cached_property
     def accelerations(self) -> hy.cfunc_dbl:
-        """Of the free coordinates, as the integrator has them; of the same vector as `watch`."""
-        return self._run.compile_now(self._run.acted(self._dynamics.stabilised.a))
+        """Of the free coordinates, as the integrator has them, then rates of states.
+
+        Of the same vector as `watch`.
+        """
+        rates = [*self._dynamics.stabilised.a, *self._run.state_rates]
+        return self._run.compile_now(self._run.acted(rates))
 
     @cached_property
     def contact_function(self) -> hy.cfunc_dbl:

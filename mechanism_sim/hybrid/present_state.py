@@ -23,7 +23,7 @@ class PresentState:
     ----------
     base : from which the integrator counts time and turns
     x : free coordinates and their rates (2f,), a view of the integrator's
-    state : the same, read and written as plain floats
+    state : the same, and the states of first order, read and written as plain floats
     parameters : runtime parameters, a view of the integrator's; `pars` likewise as floats
     rows : of the switches, set by `Switching`
     rounding : [m] two roundings of a position of the mechanism
@@ -34,14 +34,14 @@ class PresentState:
         self.integrator = integrator
         self.free = len(system.free)
         self.x = integrator.state[: 2 * self.free]
-        self.state = floats(integrator.state)[: 2 * self.free]
+        self.state = floats(integrator.state)[: system.width]
         self.parameters = integrator.pars
         self.pars = floats(self.parameters)
         self.rows: tuple[int, ...] = (0,) * len(system.switches)
         self.rounding = 2.0 * float(np.spacing(system.mechanism.reach))
-        self._now = np.empty(2 * self.free + len(self.pars) + 1)
+        self._now = np.empty(system.width + len(self.pars) + 1)
         now = floats(self._now)
-        self._now_state, self._now_pars = now[: 2 * self.free], now[2 * self.free : -1]
+        self._now_state, self._now_pars = now[: system.width], now[system.width : -1]
 
     @property
     def time(self) -> float:
@@ -92,11 +92,11 @@ class PresentState:
     def project(self) -> None:
         """Bring loops and closed contacts to zero in value and rate."""
         f, system = self.free, self.system
-        self.state[:] = floats(self.evaluate(system.functions.projection))[: 2 * f]
+        self.state[: 2 * f] = floats(self.evaluate(system.functions.projection))[: 2 * f]
         if system.frictional and any(self.pars[i] for i in system.parameters.closed):
             # what moved positions by a rounding turned the normals of fine clearances
             again = floats(self.evaluate(system.functions.projection))
-            self.state[f:] = again[f : 2 * f]
+            self.state[f : 2 * f] = again[f : 2 * f]
 
     def singular_joints(self, distance: float = TOLERANCES.singular.named) -> list[str]:
         """The joints whose closures depend on those before them, to the root of a distance."""

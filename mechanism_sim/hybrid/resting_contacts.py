@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mechanism_sim.contact.problem import Mask, Resting, release, rest_now
+from mechanism_sim.contact.problem import Mask, Resting, push, release, rest_now
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.contact_state import ContactState, chosen
 from mechanism_sim.hybrid.frictional_shocks import shock_contacts
@@ -111,6 +111,13 @@ def separate(state: ContactState, gaps: Sequence[int]) -> None:
     gaps that touch at rest are moved along, lest they are pushed out.
     """
     limits, present = state.limits, state.present
+    for i in (i for i in gaps if state.rated[i]):  # it has no place: a rounding of a rate instead
+        terms = state.terms()
+        faster = limits.bare / _CONTACTS.bare - float(terms.rate[i])
+        push(terms, i, faster / float(terms.compliance[i, i]), 0.0, present.v)
+    gaps = [i for i in gaps if not state.rated[i]]
+    if not gaps:
+        return
     for roundings in (1.0, 2.0, 4.0, 8.0):
         terms = state.terms()
         if roundings > 1.0 and all(terms.value[i] > 0.0 for i in gaps):
@@ -121,6 +128,7 @@ def separate(state: ContactState, gaps: Sequence[int]) -> None:
                 i
                 for i, value in enumerate(terms.value.tolist())
                 if not state.closed(i)
+                and not state.rated[i]
                 and i not in moved
                 and abs(value) <= limits.touching
                 and abs(terms.rate[i]) <= limits.bare

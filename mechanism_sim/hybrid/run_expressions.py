@@ -36,6 +36,17 @@ class RunExpressions:
         self.parameters = lay_out(dynamics, self.set_valued.pins)
 
     @property
+    def scaled_states(self) -> list[hy.expression]:
+        """Symbols of the states of first order, over their scales."""
+        return [hy.make_vars(f'scaled{k}') for k in range(len(self.dynamics.states))]
+
+    @property
+    def state_rates(self) -> list[hy.expression]:
+        """Rates of these."""
+        known = zip(self.dynamics.states, self.dynamics.state_rates, strict=True)
+        return [rate * (1.0 / state.scale) for state, rate in known]
+
+    @property
     def normal_angles(self) -> list[Term]:
         """Directions [rad] of the normals of the gaps, from bushing to pin."""
         return [hy.atan2(dense(y.value), dense(x.value)) for x, y in self.normals]
@@ -68,12 +79,15 @@ class RunExpressions:
                 replace[symbol[name]] = dense(value)
         for known, pars in zip(frames.switches.values(), self.parameters.switches, strict=True):
             replace |= {symbol: hy.par[i] for symbol, i in zip(known.symbols, pars, strict=True)}
-        for (name, symbol), i in zip(frames.outside.items(), self.parameters.outside, strict=True):
+        for name, i in self.parameters.outside.items():
+            symbol = frames.outside[name]
             replace[symbol] = hy.par[i] + hy.time if name == 'time' else hy.par[i]
+        for k, (state, y) in enumerate(zip(self.dynamics.states, self.scaled_states, strict=True)):
+            replace[frames.state(k)] = state.scale * y
         return list(hy.subs(list(expressions), replace))
 
     def compile_now(self, outputs: Sequence[Term]) -> hy.cfunc_dbl:
-        """Compiled function of one vector: free coordinates, rates, parameters and time.
+        """Compiled function of one vector: free coordinates, rates, states, parameters and time.
 
         A call with parameters and time apart takes more than twice as long.
         """
@@ -85,6 +99,7 @@ class RunExpressions:
         state = [
             *(frames.q[c] for c in self.dynamics.free),
             *(frames.v[c] for c in self.dynamics.free),
+            *self.scaled_states,
         ]
         expressions = self.driven([dense(o) for o in outputs])
         return compiled.function(hy.subs(expressions, replace), [*state, *replace.values()])

@@ -10,6 +10,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dynamics import Dynamics
+from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.protocols import Gap
 
 
@@ -31,7 +32,7 @@ class RuntimeParameters:
     sides : of every side of friction in ideal joints, its sign
     switches : of every switch, its present row
     laws, torques : of every prescribed and every powered coordinate the coefficients of its law
-    outside : of the time of the base and of whole turns that loads ask for
+    outside : of the time of the base and of whole turns that loads ask for, by their names
     fired : the last, which guard ended a step, counted from 1
     """
 
@@ -48,7 +49,7 @@ class RuntimeParameters:
     switches: list[list[int]]
     laws: list[list[int]]
     torques: list[list[int]]
-    outside: list[int]
+    outside: dict[str, int]
     fired: int
 
 
@@ -71,7 +72,8 @@ def lay_out(dynamics: Dynamics, pins: int) -> RuntimeParameters:
         for k in range(pins)
         for axis in 'xy'
     ]
-    outside = [reserve(f'now:{name}') for name in frames.outside]
+    known = (name for name in frames.outside if not name.startswith(STATE))
+    outside = {name: reserve(f'now:{name}') for name in known}
     switches = [
         [reserve(f'now:{name}.{k}') for k in range(len(s.symbols))]
         for name, s in frames.switches.items()

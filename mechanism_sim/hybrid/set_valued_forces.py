@@ -131,7 +131,8 @@ class SetValuedForces:
         forces = list(solved.closing_forces)
         for relation in d.relations:
             count = len(relation.values(eq.frames))
-            cut[relation.name] = relation.wrench(eq.frames, forces[:count])
+            held, before = relation.wrench(eq.frames, forces[:count]), cut.get(relation.name)
+            cut[relation.name] = together(before, held) if before else held
             forces = forces[count:]
         return tree_reactions(eq, a, cut, loads)
 
@@ -144,6 +145,8 @@ class SetValuedForces:
         for c in self._dynamics.equations.coordinates:
             rate.append(hy.diff(function, frames.q[c]) * frames.v[c])
             rate.append(hy.diff(function, frames.v[c]) * dense(accelerations.get(c)))
+        for number, own in enumerate(self._dynamics.state_rates):
+            rate.append(hy.diff(function, frames.state(number)) * own)
         if 'time' in frames.outside:
             rate.append(hy.diff(function, frames.outside['time']))
         return hy.sum(rate)

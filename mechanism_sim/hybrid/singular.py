@@ -107,6 +107,8 @@ class SingularPositions:
         self.stride = 0.0
         size = system.mechanism.size
         self._scale = np.array([1.0 if angular else size for angular in system.angular])
+        #: of rates, then of states of first order
+        self._scales = np.append(self._scale, np.ones(len(system.states)))
 
     def approach(
         self, tau: float, h: float, guard: int | None
@@ -141,7 +143,7 @@ class SingularPositions:
                 h = self._ta.step(touch - zone, True)[1]
                 guard = self._system.fired(self._ta.pars)
         elif touch is not None:
-            origin = self._ta.tc[: 2 * len(self._system.free), 0].copy()
+            origin = self._ta.tc[: self._system.width, 0].copy()
             crossed = self._cross(tau, touch)
             if crossed is not None:
                 h, guard, terms = crossed
@@ -173,15 +175,15 @@ class SingularPositions:
         RunError
             If the rates do not decide how the motion goes on.
         """
-        ta, f = self._ta, len(self._system.free)
-        state, now = ta.state[: 2 * f], ta.time
+        ta, f, width = self._ta, len(self._system.free), self._system.width
+        state, now = ta.state[:width], ta.time
         start = state.copy()
-        wanted = start.reshape(2, f)
+        wanted = start[: 2 * f].reshape(2, f)
         speed = float((np.abs(wanted[1]) / self._scale).max())
         before = _SINGULAR.first / speed if speed else math.inf
         while speed and before > _SINGULAR.first * 0.01 / speed:
             try:
-                from_there = self._origin(wanted, before, now)
+                from_there = self._origin(start, before, now)
                 crossed = self._cross(now - before, before, since=before)
             except np.linalg.LinAlgError:
                 crossed = None
@@ -189,9 +191,9 @@ class SingularPositions:
                 before *= 0.5
                 continue
             h, guard, terms = crossed
-            series = np.asarray(terms).reshape(2 * f, -1)
-            series = shift_powers(series, np.full(2 * f, before))
-            reached = series[:, 0].reshape(2, f) - wanted
+            series = np.asarray(terms).reshape(width, -1)
+            series = shift_powers(series, np.full(width, before))
+            reached = series[: 2 * f, 0].reshape(2, f) - wanted
             if from_there and np.abs(reached / self._scale).max() <= _SINGULAR.start * max(
                 speed, 1.0
             ):
@@ -200,24 +202,26 @@ class SingularPositions:
         state[:], ta.time = start, now
         raise self.undecided()
 
-    def _origin(self, wanted: Array, before: float, now: float) -> bool:
-        """Set the state a little earlier from which a motion passes one (2, f) of now."""
-        ta, f = self._ta, len(self._system.free)
+    def _origin(self, start: Array, before: float, now: float) -> bool:
+        """Set the state a little earlier from which a motion passes one (width,) of now."""
+        ta, f, width = self._ta, len(self._system.free), self._system.width
+        wanted, others = start[: 2 * f].reshape(2, f), start[2 * f :].copy()
         guess = np.array([wanted[0] - before * wanted[1], wanted[1]])
         for _ in range(_SINGULAR.start_rounds):
-            ta.state[: 2 * f] = guess.ravel()
+            ta.state[:width] = [*guess.ravel(), *others]
             ta.time = now - before
             for _ in range(2):
                 self._present.project()
             guess = ta.state[: 2 * f].reshape(2, f).copy()
             ta.step(before, True)
-            series = ta.tc[: 2 * f].copy()
+            series = ta.tc[:width].copy()
             self.return_to(now - before)
             if not np.isfinite(series).all():
                 return False
-            truncate(series[f:], _SINGULAR.beyond * before, self._scale)
-            series[:f, 1:] = series[f:, :-1] / np.arange(1.0, series.shape[1])
-            off = polynomial.polyval(before, series.T).reshape(2, f) - wanted
+            truncate(series[f:], _SINGULAR.beyond * before, self._scales)
+            series[:f, 1:] = series[f : 2 * f, :-1] / np.arange(1.0, series.shape[1])
+            missed = polynomial.polyval(before, series.T) - start
+            off, others = missed[: 2 * f].reshape(2, f), others - missed[2 * f :]
             if (np.abs(off) / self._scale).max() <= _SINGULAR.start_newton * (
                 1.0 + np.abs(wanted[1]).max()
             ):
@@ -241,20 +245,20 @@ class SingularPositions:
         """
         h = _SINGULAR.beyond * touch
         ta, system, f = self._ta, self._system, len(self._system.free)
-        state, index = ta.state[: 2 * f], system.parameters.stabilisation
+        state, index = ta.state[: system.width], system.parameters.stabilisation
         self.return_to(tau)
         for _ in range(2):  # the rates are projected where the coordinates were before
             self._present.project()
         alpha, ta.pars[index] = ta.pars[index], 0.0
         ta.step(h, True)
         ta.pars[index], ta.pars[system.parameters.fired] = alpha, 0.0
-        series = ta.tc[: 2 * f].copy()
-        speed = float((np.abs(series[f:, 0]) / self._scale).max())
-        error = truncate(series[f:], h, self._scale)
+        series = ta.tc[: system.width].copy()
+        speed = float((np.abs(series[f : 2 * f, 0]) / self._scale).max())
+        error = truncate(series[f:], h, self._scales)
         if not error <= _SINGULAR.decided * speed:
             self.return_to(tau)
             return None
-        series[:f, 1:] = series[f:, :-1] / np.arange(1.0, series.shape[1])
+        series[:f, 1:] = series[f : 2 * f, :-1] / np.arange(1.0, series.shape[1])
 
         def go_to(s: float) -> None:
             state[:] = polynomial.polyval(s, series.T)

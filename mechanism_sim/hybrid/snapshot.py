@@ -22,6 +22,7 @@ class State:
     q: tuple[float, ...]  #: free coordinates [rad, m]
     v: tuple[float, ...]  #: their rates
     closed: tuple[bool, ...]  #: of every gap
+    states: tuple[float, ...] = ()  #: of first order, over their scales
 
 
 _TIMES = 'tau', 'stabilisation', 'horizon', 'next_base', 'last_event', 'stride'
@@ -39,7 +40,7 @@ class Snapshot:
     base: Fraction  #: [s] from where the integrator counts
     tau: float  #: [s] since then
     turns: dict[str, int]
-    state: tuple[float, ...]  #: free coordinates, and their rates
+    state: tuple[float, ...]  #: free coordinates, their rates, states of first order
     directions: tuple[float, ...]  #: cosine and sine of steady drives, as they were integrated
     since: int  #: steps since these were computed from the angles
     modes: tuple[int, ...]

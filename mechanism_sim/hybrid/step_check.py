@@ -45,6 +45,7 @@ class StepCheck:
     ) -> None:
         self._system, self._steep = system, steep
         size = np.where(system.angular, 1.0, system.mechanism.size)
+        size = np.append(size, np.ones(len(system.states)))
         self._limit = (limit * size)[:, None]
         loads, guards = _STEPS.unfelt * limit * steep.inertia, steep.enclosure.guards
         self._scales = np.append(loads, np.zeros(guards))
@@ -53,19 +54,22 @@ class StepCheck:
         self._near = self._scales[len(loads) :]  # of guards: it grows with the step
         self._series, self._pars = integrator.tc, integrator.pars  # as they are at any time
         self._power = np.arange(integrator.order + 1)
-        f, m = len(system.free), len(system.guards)
-        self._rates, self._watch = slice(f, 2 * f), slice(2 * f + 1, 2 * f + 1 + m)
+        f, m, width = len(system.free), len(system.guards), system.width
+        self._rates, self._watch = slice(f, width), slice(width + 1, width + 1 + m)
         self._guards = m
-        turns = [system.parameters.outside[system.outside.index(name)] for name in steep.outside]
+        turns = [system.parameters.outside[name] for name in steep.outside]
         self._turns = np.array(turns, int)
         self._symbols = np.array([i for index in system.parameters.switches for i in index], int)
         # rows of the series that loads depend on, and of those which laws give their coefficients
-        names = [system.coordinates[i] for _, i in steep.moving]
+        names = [system.variables[i] for _, i in steep.moving]
         free = {c: k for k, c in enumerate(system.free)}
+        free |= {x.label: 2 * f + k for k, x in enumerate(system.states)}
+        scales = {x.label: x.scale for x in system.states}
         orders = [d for d, _ in steep.moving]
         known = list(zip(orders, names, strict=True))
         self._own = [k for k, (_, c) in enumerate(known) if c in free]
         self._states = np.array([free[c] + f * d for d, c in known if c in free], int)
+        self._sizes = np.array([[scales.get(c, 1.0)] for c in names if c in free])
         self._laws = [
             (k, d, system.parameters.laws[system.prescribed.index(c)])
             for k, (d, c) in enumerate(known)
@@ -113,11 +117,11 @@ class StepCheck:
 
         Without limit where a guard has fallen unseen.
         """
-        system, f = self._system, self._rates.start
+        system, width = self._system, self._rates.stop
         powers, sloping = self._few if places is FEW else self._powers(places)
-        given = np.empty((2 * f + len(self._pars) + 1, len(places)))
-        given[: 2 * f] = series[: 2 * f] @ powers
-        given[2 * f : -1] = self._pars[:, None]
+        given = np.empty((width + len(self._pars) + 1, len(places)))
+        given[:width] = series[:width] @ powers
+        given[width:-1] = self._pars[:, None]
         given[-1] = tau + h * places
         wanted = h * system.functions.accelerations(given)
         allowed = self._limit + _ROUNDING.acceleration * np.abs(wanted)
@@ -139,6 +143,8 @@ class StepCheck:
         grown : (n,) powers of `h`
         """
         own: Array = self._series.take(self._states, axis=0) * grown
+        if self._system.states:
+            own *= self._sizes
         if not (self._laws or self._steep.timed):
             return own
         found = np.zeros((len(self._steep.moving) + self._steep.timed, len(grown)))

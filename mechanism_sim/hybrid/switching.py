@@ -88,7 +88,7 @@ class Switching:
         """
         tau, before = float(self._now.integrator.time), self.rows
         rates = [
-            *self._now.state[self._now.free :],
+            *self._now.v,
             *(rate_of(law, tau) for law in self._now.base.laws),
         ]
         fastest = max(map(abs, rates), default=0.0)
@@ -253,7 +253,8 @@ class Switching:
             for k in held:
                 self._now.set(system.parameters.switches[k], (float(k == acting), 0.0))
             rates = self._now.evaluate(self._functions.holding_rates)[functions]
-            return rates, self._now.evaluate(self._functions.accelerations).copy()
+            moved = self._now.evaluate(self._functions.accelerations)[: self._now.free]
+            return rates, moved.copy()
 
         still, a = seen(None)
         ways = [seen(k) for k in held]

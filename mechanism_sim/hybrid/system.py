@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import islice
 
 import heyoka as hy
 
@@ -49,6 +50,8 @@ class System:
     Attributes
     ----------
     set_valued : what steps: loads against a motion, friction in ideal joints
+    states, variables : of first order, and the names of coordinates and states: rows of a motion
+    width : how many numbers the state of a run has
     parameters : indices and values of the runtime parameters ``par[]``
     guards : of the integrator, in the order of its events
     functions : of the present state, compiled when first asked for
@@ -78,7 +81,9 @@ class System:
         self.dynamics = Dynamics(
             mechanism, gaps, prescribed, degree, relations, powered, applied, lent
         )
-        self.elements = self.dynamics.elements
+        self.elements, self.states = self.dynamics.elements, tuple(self.dynamics.states)
+        self.variables = (*self.coordinates, *(x.label for x in self.states))
+        self.width = 2 * len(self.free) + len(self.states)
         self.run = RunExpressions(self.dynamics)
         self.set_valued, self.switches = self.run.set_valued, self.run.switches
         self.parameters = self.run.parameters
@@ -129,7 +134,13 @@ class System:
     @property
     def lone(self) -> bool:
         """True if there is one gap, and no friction in it: the case that is made fastest."""
-        return len(self.guards) == len(self.gaps) == 1 and not self.compliant
+        alone = len(self.guards) == len(self.gaps) == 1
+        return alone and not (self.compliant or any(self.rated))
+
+    @cached_property
+    def rated(self) -> tuple[bool, ...]:
+        """Which gaps (m,) have a rate only, see `Gap.value`."""
+        return tuple(jet.value is None for jet in self.dynamics.contacts.normal)
 
     @property
     def compliant(self) -> bool:
@@ -146,9 +157,10 @@ class System:
     ) -> hy.taylor_adaptive_dbl:
         """Adaptive Taylor integrator with the terminal guards of every gap.
 
-        State: free coordinates, their rates, a constant that only sets the step, states whose
-        derivatives are the guards, with closures one whose derivative is the distance from
-        singular positions, then cosine and sine of the angles in `turning`,
+        State: free coordinates, their rates, states of first order over their scales, a constant
+        that only sets the step, states whose derivatives are the guards, with closures one whose
+        derivative is the distance from singular positions, then cosine and sine of the angles in
+        `turning`,
         which cost less as solutions of a linear equation than as functions. heyoka ties its order
         p to its tolerance, ``tol = exp(-2 (p - 1))``, and steps so that the last term is about
         `tol` of the largest state variable. Four orders more than it would take for `rtol` make
@@ -169,13 +181,15 @@ class System:
         a = [dense(x) for x in self.dynamics.stabilised.a]
         rates = [frames.v[c] for c in self.turning]
         near = [self.dynamics.distance] if self.relations else []
-        known = [*self.run.acted(a), *self.guard_functions, *near]
-        driven = self.run.driven([*self._by_directions(known), *rates])
-        n, m, k = len(a), len(self.guard_functions), len(near)
-        a, guards, near = driven[:n], driven[n : n + m], driven[n + m : n + m + k]
-        rates = driven[n + m + k :]
+        known = [*self.run.acted([*a, *self.run.state_rates]), *self.guard_functions, *near]
+        driven = iter(self.run.driven([*self._by_directions(known), *rates]))
+        a, own, guards, near, rates = (
+            list(islice(driven, len(x)))
+            for x in (a, self.states, self.guard_functions, near, rates)
+        )
         motion = [(frames.q[c], frames.v[c]) for c in self.free]
         motion += [(frames.v[c], a_c) for c, a_c in zip(self.free, a, strict=True)]
+        motion += zip(self.run.scaled_states, own, strict=True)
         # too small to matter: their Taylor series tell what they watch for nothing
         watch = [
             (hy.make_vars(f'watch{k}'), _GUARDS.watch_scale * g) for k, g in enumerate(guards)

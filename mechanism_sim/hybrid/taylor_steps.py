@@ -76,10 +76,10 @@ class TaylorSteps:
             self._check = StepCheck(system, system.steep, self._ta, defect)
         quick = (system.lone or not system.guards) and not system.timed
         self._quick = quick and self._check is None
-        f, width, series = len(system.free), self._ta.order + 1, floats(self._ta.tc)
-        watch = 2 * f + 1  # after the state and the constant
+        width, series = self._ta.order + 1, floats(self._ta.tc)
+        watch = system.width + 1  # after the state and the constant
         near = watch + len(system.guards)  # then the distance from singular positions
-        self._coefficients = series[: 2 * f * width]
+        self._coefficients = series[: system.width * width]
         self._guard_values = series[watch * width + 1 : near * width : width]
         self._nearness = series[near * width :] if system.relations else _UNWATCHED
         self._step = self._ta.step

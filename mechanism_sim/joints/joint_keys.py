@@ -18,7 +18,7 @@ from mechanism_sim.keys.registry import Registry
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
 from mechanism_sim.planar.play import walls
-from mechanism_sim.planar.protocols import ForceElement, Gap
+from mechanism_sim.planar.protocols import Bound, ForceElement, Gap
 from mechanism_sim.planar.rotor import Rotor
 
 Joints: TypeAlias = tuple[Joint, ...]
@@ -45,6 +45,8 @@ class JointKeys(Part):
     last: ClassVar[bool] = False
     #: its friction acts although it is loose
     rubs_loose: ClassVar[bool] = False
+    #: where the contacts of `touches` are given, and the key of their law of force
+    touches_by: ClassVar[tuple[str, str]] = '.stops', 'contact'
     #: lets the axis of a link give way, see `rotor_of`
     gives_way: ClassVar[bool] = False
 
@@ -60,9 +62,9 @@ class JointKeys(Part):
 
     @property
     def points(self) -> list[str]:
-        """Its two references, of points or of gears."""
+        """Its two references, of points or of gears; of a rope through more its ends."""
         points: list[str] = getattr(self, self.kind)
-        return points
+        return [points[0], points[-1]]
 
     def read(self, names: Names, name: str) -> Joint:
         """The joint of that name of a mechanism."""
@@ -71,6 +73,10 @@ class JointKeys(Part):
     def play(self, joint: Any) -> Play | None:
         """Clearance of the joint of a mechanism, if it is loose."""
         return self.clearance
+
+    def touches(self, name: str) -> Play | None:
+        """Contacts of the joint of that name beside its constraint or clearance, such as stops."""
+        return None
 
     @classmethod
     def check_all(cls, names: Names, joints: Joints, closing: Collection[str]) -> None:
@@ -114,12 +120,20 @@ class JointKeys(Part):
         )  # fmt: skip
         return gaps, joint.elements(mechanism)
 
+    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> Sequence[Bound]:
+        """The gaps of these contacts."""
+        return ()
+
     def rotor_of(self, names: Names, name: str) -> tuple[str, Rotor]:
         """The link whose axis it lets give way, and how."""
         raise NotImplementedError
 
     def notes(self, machine: Any, joint: Any) -> list[str]:
         """Remarks on the joint of a machine at rest."""
+        return []
+
+    def doubts(self, machine: Any, joint: Any) -> list[str]:
+        """Warnings about what its keys say, which every command repeats."""
         return []
 
 
@@ -139,6 +153,18 @@ def contacts_of(
         gaps += found[0]
         elements += found[1]
     return gaps, elements
+
+
+def bounds_of(
+    joints: Mapping[str, JointKeys], mechanism: Mechanism, touching: Mapping[str, Play]
+) -> list[Bound]:
+    """The gaps of joints of a mechanism that have some beside their constraint or clearance."""
+    return [
+        gap
+        for name, play in touching.items()
+        for keys in [joints[name]]
+        for gap in keys.kind_keys.bounds(keys, play, mechanism.joint(name), mechanism)
+    ]
 
 
 def keys_of(joint: JointKeys) -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
@@ -46,6 +47,10 @@ class FourBarMotion:
         joined[self.driven] = driven
         return joined, None
 
+    def follow_apart(self, last: Array, driven: Array) -> Array | None:
+        """As `follow`; the closed form gives each instant by itself."""
+        return self.follow(last, driven[0], driven, driven, None)[0]
+
     def motion(
         self,
         near: Array,
@@ -60,6 +65,11 @@ class FourBarMotion:
         q, rates, accelerations = found
         turns = np.round((near - q) / TWO_PI)
         turns[self.driven] = 0.0
+        if along is not None:
+            _, th3, th4 = self._angles(q)
+            limit = np.abs(np.sin(th3 - th4)) < _BRANCHES.limit
+            rates = np.where(limit, along[0], rates)
+            accelerations = np.where(limit, along[1], accelerations)
         return q + TWO_PI * turns, rates, accelerations, None
 
     def _angles(self, q: Array) -> Array:
@@ -129,7 +139,7 @@ class LinkageMotion:
             seen = np.column_stack([last, q])
         except RunError as error:
             q, failed, seen = last[:, None], error, last[:, None]
-        if not self.kinematics.nearly_singular(seen, _BRANCHES.near).any():
+        if not self._branches_meet(seen).any():
             if failed:
                 raise failed
             return q, None
@@ -157,6 +167,28 @@ class LinkageMotion:
             )
         return q, None
 
+    def _branches_meet(self, q: Array) -> NDArray[np.bool_]:
+        """True if positions (n, N) are nearly singular, as where two branches meet.
+
+        At a limit of the drive all closures together are independent: the motion turns back there,
+        and no curve over the drive leads through.
+        """
+        near = self.kinematics.nearly_singular(q, _BRANCHES.near)
+        if near.any():
+            every = self.kinematics.released()
+            near[near] = every.independence(q[:, near]) < _BRANCHES.near
+        return near
+
+    def follow_apart(self, last: Array, driven: Array) -> Array | None:
+        """Coordinates (n, N) a little later, each found apart from the others.
+
+        None near a singular position, or if the loops cannot be closed: see `follow`.
+        """
+        q, left = self.kinematics.positions(self._pointed(last, driven), apart=True)
+        seen = np.column_stack([last, q])
+        near = self.kinematics.nearly_singular(seen, _BRANCHES.near)
+        return None if left.any() or near.any() else q
+
     def _stays(self, q: Array) -> bool:
         """True if positions (n, N) come neither nearer to a singular one nor farther by an octave.
 
@@ -177,13 +209,17 @@ class LinkageMotion:
 
     def _ahead(self, last: Array, driven: Array) -> Array:
         """Coordinates (n, N) that close the loops, from where the last ones (n,) point."""
+        return self._closed(self._pointed(last, driven))
+
+    def _pointed(self, last: Array, driven: Array) -> Array:
+        """Coordinates (n, N) to which the last ones (n,) point."""
         shift = driven - last[self.driven, None]
         slopes = self.kinematics.rates(
             np.repeat(last[:, None], len(self.driven), axis=1), np.eye(len(self.driven))
         )
         near = last[:, None] + np.nan_to_num(slopes) @ shift
         near[self.driven] = driven
-        return self._closed(near)
+        return near
 
     def _parameter(self, driven: Array) -> tuple[Array, Array, Array]:
         """Branches are followed along it: the driven coordinate; time, if there are several.
@@ -244,7 +280,7 @@ class LinkageMotion:
         kinematics, passage = self.kinematics, None
         q, rates, accelerations = near.copy(), np.empty_like(near), np.empty_like(near)
         rest = np.ones(near.shape[1], dtype=bool)
-        near_singular = kinematics.nearly_singular(near, _BRANCHES.near)
+        near_singular = self._branches_meet(near)
         if along is not None and near_singular.any():
             index = np.flatnonzero(near_singular)
             drive, pace, bend = self._parameter(
@@ -271,6 +307,11 @@ class LinkageMotion:
             accelerations[:, rest] = kinematics.accelerations(
                 q[:, rest], rates[:, rest], a[:, rest], held
             )
+        if (
+            along is not None
+            and (limit := ~near_singular & kinematics.nearly_singular(near, _BRANCHES.limit)).any()
+        ):
+            rates[:, limit], accelerations[:, limit] = (x[:, limit] for x in along)
         return q, rates, accelerations, passage
 
     def rounding(self, q: Array) -> float:

@@ -19,6 +19,8 @@ from mechanism_sim.planar.mechanism import HigherPair
 #: singular values of the constraints below this part of the largest count as zero
 RANK_TOLERANCE = 1e-8
 
+_PART = 1e-6  # a row's part in a dependency is either of order one or rounding
+
 _AWAY = 0.05  # how far a motion is followed: in radians, or in lengths of the longest link
 _NEAR = 1e-3  # how far its neighbours are looked for
 _SPREAD = 0.1  # what part of that distance tells a direction from curvature
@@ -76,18 +78,29 @@ def mobility(constraints: Constraints, poses: Array) -> Mobility:
     if not np.all(np.abs(residual) <= 1e-9):
         worst = constraints.rows[int(np.abs(residual).argmax())]
         raise ValueError(f'the mechanism is not assembled: the links of {worst} do not meet')
-    higher = sum(isinstance(j, HigherPair) for j in constraints.joints)
-    lower = len(constraints.joints) - higher
+    pairs = [j for j in constraints.joints if isinstance(j, HigherPair)]
+    lower, higher = len(constraints.joints) - len(pairs), sum(j.equations for j in pairs)
     free, dependent = _null_spaces(jacobian)
-    # 1e-6: a joint's part in a dependency is either of order one or rounding
-    involved = np.abs(dependent).max(axis=1, initial=0.0) > 1e-6
+    parts = np.abs(dependent).max(axis=1, initial=0.0) > _PART
     return Mobility(
         kutzbach(len(constraints.links) + 1, lower, higher),
         free.shape[1],
         _finite(constraints, poses, free, dependent),
-        tuple(dict.fromkeys(np.array(constraints.rows, dtype=object)[involved])),
+        tuple(dict.fromkeys(np.array(constraints.rows, dtype=object)[parts])),
         _extra(constraints.rows, jacobian) if dependent.shape[1] else (),
     )
+
+
+def involved(constraints: Constraints, poses: Array) -> dict[str, list[bool]]:
+    """Rows of each joint that follow from those of others, or others from them, at poses (n, 3).
+
+    Forces along them may be there without any load.
+    """
+    _, dependent = _null_spaces(constraints.normalise(poses)[1])
+    found: dict[str, list[bool]] = {}
+    for name, parts in zip(constraints.rows, np.abs(dependent), strict=True):
+        found.setdefault(name, []).append(bool(parts.max(initial=0.0) > _PART))
+    return found
 
 
 def _extra(rows: Sequence[str], jacobian: Array) -> tuple[str, ...]:

@@ -7,9 +7,11 @@ sixteenth of a turn or less, where the motion is sharp.
 from __future__ import annotations
 
 import math
+from bisect import insort
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from types import MappingProxyType
 
 import numpy as np
 import scipy
@@ -35,6 +37,7 @@ from mechanism_sim.numerics.polynomials import (
 )
 from mechanism_sim.planar.branch import SAMPLES
 from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.endless_laws import LawSource
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.steep_loads import SteepLoads
@@ -59,6 +62,7 @@ _ROUNDS = 4  # in which they are found to rounding
 _SECTIONS = 80  # into thirds, in which the least work of unknown loads is found to rounding
 _LONG = 1e6  # [s] a drive that takes longer through a singular position is at rest
 _AHEAD = 1e-9  # of a piece: where the rows are looked for that begin with it
+_DENSE = 4  # ends of rows in a piece from which on the parts between them are found at once
 _END = 1e-12  # of a piece: what lies no farther beyond its end is at its end
 """[s] Nodes grant each other some seconds in advance, and pieces are handed on whole."""
 
@@ -109,6 +113,7 @@ class NominalRun:
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
         )
         self._coming: deque[DriveLaw] = deque()
+        self._sources: dict[str, LawSource] = {}
         self._pieces: list[tuple[Fraction, float, NDArray[np.int64], Array]] = []
         self._turns = np.array(turns or [0] * len(first), dtype=np.int64)
         self._last = np.array(first, dtype=float)
@@ -138,7 +143,21 @@ class NominalRun:
                 f'a law valid from {law.valid_from:.9g} s comes too late: the motion is known '
                 f'up to {self.time:.9g} s'
             )
-        self._coming = deque(sorted((*self._coming, law), key=lambda x: x.valid_from))
+        insort(self._coming, law, key=lambda x: x.valid_from)
+
+    def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
+        """Let laws of coordinates follow from sources where no others are announced."""
+        self._sources = dict(sources)
+        for law in self._laws:
+            self._continue(law)
+
+    def _continue(self, law: DriveLaw) -> None:
+        """Enter the law that follows one from its source, unless others are announced."""
+        source = self._sources.get(law.coordinate)
+        if source is None or any(x.coordinate == law.coordinate for x in self._coming):
+            return
+        if following := source.after(law):
+            insort(self._coming, following, key=lambda x: x.valid_from)
 
     def advance(self, until: float, final: bool = False, most: int | None = None) -> None:
         """Add every piece that ends not later than `until` [s]; with `final` up to `until`.
@@ -156,6 +175,7 @@ class NominalRun:
                     law = self._coming.popleft()
                     names = [known.coordinate for known in self._laws]
                     self._laws[names.index(law.coordinate)] = law
+                    self._continue(law)
                     self._about = None, []
                 continue
             if end > until:
@@ -181,6 +201,8 @@ class NominalRun:
         while self.time < until:
             changes = (Fraction(law.valid_from) for law in self._coming)
             self._add(min([self._usual_end(), *changes]))
+        while self._pieces[-1][0] >= until:  # several may have been added at once
+            self._pieces.pop()
         start, *_ = self._pieces[-1]
         motion, *_ = self.drain()
         self.restore(here)
@@ -210,7 +232,7 @@ class NominalRun:
     def _add(self, end: Fraction) -> None:
         """A piece up to `end`, or less if that would not be exact."""
         h = whole = float(end - self._time)
-        if h <= 0.0:
+        if h <= 0.0 or self._add_rows(end):
             return
         # [s] from now, where a switch has turned over between nodes, of so long a piece
         seen: list[float] = []
@@ -266,6 +288,58 @@ class NominalRun:
         self._last = coefficients @ h ** np.arange(len(_NODES))
         self._slope = slope
         self._take_off_turns()
+
+    def _add_rows(self, end: Fraction) -> bool:
+        """Add the pieces up to `end` if many short rows of tables follow each other there.
+
+        Each is what `_add` would make of it, but for rounding, and does not depend on the others.
+        False if there are few of them, or one needs more than that; some may be added then.
+        """
+        h = float(end - self._time)
+        edges, driven = self._edges, self._ideal.driven
+        if edges is None or self._hidden or self._loads or self._slope is not None:
+            return False
+        if edges.rated or 'time' in edges.outside or {*edges.coordinates} - {*driven}:
+            return False
+        # where they are looked for does not depend on `end`: what ends earlier has the same pieces
+        usual = self._share * self._width()
+        ends = edges.row_ends(lambda times: self._states(edges, times, follow=False), usual)
+        if ends is None or len(ends) < _DENSE:
+            return False
+        shortest = _AHEAD * usual
+        inner = ends[(np.diff(ends, prepend=0.0) > shortest) & (ends < h - shortest)]
+        cuts = np.concatenate([[0.0], inner, [h]])
+        wide = np.diff(cuts)
+        times = cuts[:-1, None] + wide[:, None] * _ENDED
+        places = self._driven(times.ravel())
+        edges.check(places)
+        q = self._ideal.follow_apart(self._last, places[driven])
+        if q is None:
+            return False
+        values = q.reshape(len(q), *times.shape)[:, :, :-1].transpose(1, 0, 2)
+        last = q.reshape(len(q), *times.shape)[:, :, -1].T
+        terms = np.abs(chebyshev_coefficients(values)) / self._scale[:, None]
+        size = _EPS * np.abs(values).max(axis=2) / self._scale
+        bad = (terms[:, :, -2:] - _ROUNDED * size[:, :, None]).max(axis=(1, 2)) > _TAIL
+        good = int(np.argmax(bad)) if bad.any() else len(bad)
+        powers = fit_powers(values, 1.0) / wide[:, None, None] ** np.arange(len(_NODES))
+        begun = self._turns.copy()
+        for k in range(good):
+            coefficients = powers[k]
+            coefficients[:, 0] -= TWO_PI * (self._turns - begun) * self._turning
+            for (_, local), i in zip(self._local, driven, strict=True):
+                coefficients[i] = 0.0
+                coefficients[i, : len(local)] = local
+            self._pieces.append((self._time, float(wide[k]), self._turns.copy(), coefficients))
+            self.steps += 1
+            whole = k == len(wide) - 1
+            self._time = end if whole else self._time + Fraction(float(wide[k]))
+            self._last = last[k] - TWO_PI * (self._turns - begun) * self._turning
+            self._driven(np.zeros(0))
+            self._take_off_turns()
+        if good == len(bad):
+            self._share, self._short = min(1.0, 2.0 * self._share), 0
+        return good > 0
 
     def _take_off_turns(self) -> None:
         """Keep angles that follow within a turn; those of drives are known by their laws."""
@@ -431,8 +505,13 @@ class NominalPhysics:
     tilting: tuple[str, ...] = ()
 
     def __init__(
-        self, ideal: IdealMotion, mechanism: Mechanism, forces: InverseDynamics | None
+        self,
+        ideal: IdealMotion,
+        mechanism: Mechanism,
+        forces: InverseDynamics | None,
+        undetermined: Mapping[str, frozenset[str]] = MappingProxyType({}),
     ) -> None:
+        self.undetermined = undetermined
         self.coordinates = mechanism.coordinates
         self.joints = tuple(joint.name for joint in mechanism.joints)
         self.driven = tuple(self.coordinates[i] for i in ideal.driven)
@@ -601,7 +680,9 @@ class NominalPhysics:
         seen = self.observe(motion, segments, dt)
         for k in np.argsort(curve.start[segments] + dt):
             forces = zip(self.joints, seen.reaction[:, :, k], strict=True)
-            joints = tuple(j for j, force in forces if np.isnan(force).any())
+            joints = tuple(
+                j for j, force in forces if np.isnan(force).any() and j not in self.undetermined
+            )
             t = float(curve.start[segments[k]] + dt[k])
             one = NoLimit(t, float(seen.position[self._ideal.driven[0], k]), joints)
             if joints and not any(one.is_at(other.t) for other in found):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.planar.branch import SAMPLES, Branch, crossing, limits
+from mechanism_sim.planar.branch import SAMPLES, Branch, crossing, determinants, limits
 from mechanism_sim.planar.inverse_dynamics import Observation, power
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.tolerances import TOLERANCES
@@ -101,7 +101,7 @@ def with_limits(
         around = sampled(passage[left], left, share)
         shape = len(left), len(SAMPLES)
         independence = passage.kinematics.independence(around.position).reshape(shape)
-        determinant = np.linalg.det(passage.kinematics.directions(around.position)).reshape(shape)
+        determinant = determinants(passage.kinematics, around.position)
         found[:, left] = limits(_stacked(around).reshape(-1, *shape), determinant, independence)
         left = left[np.isinf(found[:, left]).any(axis=0)]
         share *= 0.5

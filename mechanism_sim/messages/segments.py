@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
+from mechanism_sim.planar.frames import STATE
 from mechanism_sim.scene.machine import Machine
 from ros_interfaces.classes import (
     float64_array,
@@ -82,14 +83,25 @@ def motion_of(message: Any) -> Motion:
         acting = rows.reshape(m, len(rows) // each)
     except ValueError as error:
         raise InputError(f'a Motion message contradicts its own counts: {error}.') from error
-    return Motion(curve_of(segments), segments.modes, approach, torques, acting)
+    n = sum(not name.startswith(STATE) for name in segments.coordinates)
+    curve, powers = curve_of(segments), segments.coefficients
+    if n == len(segments.coordinates):
+        return Motion(curve, segments.modes, approach, torques, acting)
+    of_links = replace(curve, turns=segments.turns[:, :n], coefficients=powers[:, :n])
+    return Motion(of_links, segments.modes, approach, torques, acting, powers[:, n:, :-1])
+
+
+def row_names(machine: Machine) -> list[str]:
+    """Names of the rows of its Motion messages: coordinates, then ``state:NAME`` of states."""
+    states = (f'{STATE}{x.label}' for x in machine.plan.states)
+    return [*machine.physics.coordinates, *states]
 
 
 def foreign(message: Any, machine: Machine) -> str:
     """Why a Motion message is of no run of a machine; empty if it may be one."""
     joints = tuple(machine.physics.clearances)
     each = max(int(message.segments), 1)
-    if tuple(message.coordinates) != tuple(machine.physics.coordinates):
+    if list(message.coordinates) != row_names(machine):
         return 'it is of another machine'
     if tuple(message.joints) != joints or len(message.approach_speeds) not in {
         0,
@@ -118,7 +130,7 @@ def pack(
     run : number of the run
     after : [s] end of the motion before, which stamps a message without segments
     """
-    curve = motion.curve
+    curve = motion.rows
     message = message_class('mechanism_sim/msg/Motion')(
         run=run,
         known_until=known,

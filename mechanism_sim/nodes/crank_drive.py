@@ -57,8 +57,7 @@ class CrankDrive(Drive):
         self._goal = 0.0  # [s] to which a paused simulation may go
         self._waiting: list[tuple[float, Future]] = []
         self._ending: Future | None = None  # done when partners have finished before another run
-        self._laws = list(self.machine.drive.laws)
-        self._law = 0
+        self._take_laws()
         self._pace = Pace()
         self._drive = self.create_publisher(DriveLaw, 'drive', RESULTS)
         if self.value('publish_clock'):
@@ -77,8 +76,21 @@ class CrankDrive(Drive):
         """The law that holds where it is announced to."""
         return self._laws[self._law]
 
+    def _take_laws(self) -> None:
+        """Begin with the laws of the scene."""
+        self._laws, self._law = list(self.machine.drive.laws), 0
+        self._source = self.machine.drive.source
+
+    def _later(self) -> list[Any]:
+        """The laws behind the present one, as far as they are known; one at least if any comes."""
+        if self._source and self._law + 1 == len(self._laws):
+            following = self._source.after(self.law)
+            self._laws += [following] if following else []
+        return self._laws[self._law + 1 :]
+
     def take_over(self, laws: Sequence[Any]) -> None:
         """Let other laws take over, the first at `announced`."""
+        self._source = None
         self._laws[self._law + 1 :] = laws
         self.extend()
 
@@ -137,7 +149,7 @@ class CrankDrive(Drive):
         await self._ending
         self.begin_run(self.run + 1)
         self.announced = self._goal = 0.0
-        self._laws, self._law = list(self.machine.drive.laws), 0
+        self._take_laws()
         self._commands.begin()
         self._announce(0.0, final=False)
         self.report(0.0)
@@ -213,7 +225,7 @@ class CrankDrive(Drive):
             return
         self.final = final
         while True:
-            later = self._laws[self._law + 1 :]
+            later = self._later()
             change = later[0].valid_from if later else math.inf
             last = final and horizon <= change
             if last or min(horizon, change) > max(self.announced, self.law.valid_from):

@@ -27,7 +27,7 @@ from mechanism_sim.messages import (
     TFMessage,
     events,
 )
-from mechanism_sim.messages.segments import pack
+from mechanism_sim.messages.segments import pack, row_names
 from mechanism_sim.nodes import publications
 from mechanism_sim.nodes.entities import Entities
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
@@ -205,8 +205,8 @@ class Integration:
 
     def _send_motion(self, motion: MotionBatch, end: float) -> None:
         """Publish motion that ends at `end` [s], and up to where it is known."""
-        physics, number = self._machine.physics, self._node.run
-        names = physics.coordinates, physics.clearances
+        number = self._node.run
+        names = row_names(self._machine), self._machine.physics.clearances
         self._node.send(self._motion, pack(motion, *names, self._known, number, end))
         self._published_until = self._known
 

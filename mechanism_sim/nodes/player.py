@@ -82,7 +82,10 @@ class BagPlayer:
         start : [s] after the first message
         clock : Hz of messages on ``/clock`` with the time of the bag, if it has none
         """
-        chosen = list(topics) or [name for name, t in bag.topics.items() if t.type]
+        chosen = list(topics) or [name for name in bag.topics if bag.encoding(name) == 'cdr']
+        for name in chosen:
+            if name in bag.topics and bag.encoding(name) != 'cdr':
+                raise InputError(f'{bag.path}: {name} is {bag.encoding(name)}, not of ROS 2')
         publishers = {
             name: self._node.create_publisher(
                 message_class(bag.topics[name].type), name, _profile(bag.topics[name].qos)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.ideal import WORLD
@@ -30,6 +31,7 @@ from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.quantities.forces import known_reactions
 from mechanism_sim.results.quantities.shafts import bearing_loads as loads_of_bearings
 from mechanism_sim.results.quantities.shafts import shafts_of
 from mechanism_sim.results.view import View
@@ -115,10 +117,11 @@ def reactions(machine: Machine, world: str) -> Callable[[View], list[bytes]]:
 
     def write(view: View) -> list[bytes]:
         o = view.observed
+        forces = known_reactions(physics, o)
         columns = {
-            'force_x': o.reaction[:, 0].T,
-            'force_y': o.reaction[:, 1].T,
-            'moment': o.reaction_moment.T,
+            'force_x': forces[:, 0].T,
+            'force_y': forces[:, 1].T,
+            'moment': forces[:, 2].T,
             'drive_torque': o.drive_torque[0],
         }
         if message.loads:
@@ -191,11 +194,11 @@ def _wrench(
         o = view.observed
         angle = mechanism.angle_all(second, o.local)
         c, s = np.cos(angle), np.sin(angle)
-        x, y = o.reaction[i]
+        x, y, moment = known_reactions(physics, o)[i]
         columns = {
             'wrench.force.x': c * x + s * y,
             'wrench.force.y': c * y - s * x,
-            'wrench.torque.z': o.reaction_moment[i],
+            'wrench.torque.z': moment,
         }
         if joint in physics.tilting:
             force, x, y = (rows[0] for rows in _out_of_plane(view, [joint]).values())
@@ -231,15 +234,18 @@ def joint_transforms(
 
 def transforms(
     mechanism: Mechanism, frame_of: Callable[[str], str]
-) -> Callable[[Array, Array], list[bytes]]:
-    """TFMessages with the frame of every link in the world; angles are (N, n)."""
+) -> Callable[[Array | NDArray[np.int64], Array], list[bytes]]:
+    """TFMessages with the frame of every link in the world; angles are (N, n).
+
+    Instants are (N,) [s], or whole nanoseconds.
+    """
     links = [body.name for body in mechanism.bodies]
     frames = [TransformStamped(child_frame_id=frame_of(link)) for link in links]
     for frame in frames:
         frame.header.frame_id = frame_of(WORLD)
     layout = Layout(TFMessage(transforms=frames))
 
-    def write(t: Array, angles: Array) -> list[bytes]:
+    def write(t: Array | NDArray[np.int64], angles: Array) -> list[bytes]:
         columns: dict[str, Array] = {}
         q: Any = dict(zip(mechanism.coordinates, angles.T, strict=True))
         for i, link in enumerate(links):

@@ -13,6 +13,9 @@ import scipy
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.polynomials import TWO_PI, shift_powers
 
+Interpolation = Literal['linear', 'cubic', 'quintic']
+Ramp = Literal['linear', 'smooth', 'cubic', 'quintic']
+
 _WIDEST = 0.25 * TWO_PI
 """Of the intervals of a curve that repeats every turn."""
 
@@ -26,15 +29,18 @@ class Curve:
     breaks : (k + 1,) between which the polynomials hold; infinite at both ends, or those of a turn
     rows : (k, n) coefficients of powers, rising, of the place from the middle of its interval, or
         from the finite end of an infinite one
-    cyclic : whether it repeats every turn
+    cyclic : whether it repeats every turn of the place times the scale
+    scale : of the places, by which they are multiplied before anything else
     """
 
     breaks: Array
     rows: Array
     cyclic: bool = False
+    scale: float = 1.0
 
     def __call__(self, x: Array) -> Array:
         """Values at places (N,); at a step that behind it."""
+        x = x * self.scale
         if self.cyclic:
             x = self.breaks[0] + (x - self.breaks[0]) % TWO_PI
         row = np.clip(np.searchsorted(self.breaks, x, 'right') - 1, 0, len(self.rows) - 1)
@@ -45,17 +51,37 @@ class Curve:
         powers = (x - origin[row])[:, None] ** np.arange(self.rows.shape[1])
         return np.asarray((self.rows[row] * powers).sum(axis=1))
 
+    def integral(self) -> Curve:
+        """The integral from 0 on, of a curve that does not repeat."""
+        count = self.rows.shape[1]
+        rows = np.pad(self.rows / np.arange(1.0, count + 1.0), ((0, 0), (1, 0)))
+        inner = self.breaks[1:-1]  # where one polynomial follows on another
+        origin = np.append(0.5 * (inner[1:] + inner[:-1]), inner[-1])
+        powers = np.arange(count + 1)
+        for k, (at, place) in enumerate(zip(inner, origin, strict=True)):
+            before = inner[0] if k == 0 else origin[k - 1]
+            ended = (rows[k] * (at - before) ** powers).sum()
+            rows[k + 1, 0] = ended - (rows[k + 1] * (at - place) ** powers).sum()
+        found = Curve(self.breaks, rows)
+        rows[:, 0] -= found(np.zeros(1))
+        return found
+
 
 def through(
     points: Sequence[tuple[float, float]],
-    ramp: Literal['linear', 'smooth'] = 'linear',
+    ramp: Ramp = 'linear',
     cyclic: bool = False,
+    period: float = TWO_PI,
 ) -> Curve:
     """The curve through points (x, y) whose x do not fall; two of the same x are a step.
 
-    Between steps it is straight, or of continuous slope and without extremes of its own (cubic
-    Hermite polynomials with the slopes of Fritsch and Butland, SIAM J. Sci. Stat.
+    Between steps it is straight, a spline, or smooth: of continuous slope and without extremes of
+    its own (cubic Hermite polynomials with the slopes of Fritsch and Butland, SIAM J. Sci. Stat.
     Comput. 5, 1984).
+
+    Parameters
+    ----------
+    cyclic : whether it repeats after the period, which the points must span
 
     Raises
     ------
@@ -65,6 +91,8 @@ def through(
     x, y = (np.array(column, float) for column in zip(*points, strict=True))
     if len(x) < 2 or (np.diff(x) < 0.0).any() or ((x[2:] == x[:-2]) & (x[1:-1] == x[2:])).any():
         raise ValueError('needs two points or more, with rising x; two of the same x are a step')
+    scale = TWO_PI / period if cyclic else 1.0
+    x = x * scale
     steps = np.flatnonzero(np.diff(x) == 0.0) + 1
     if cyclic and abs(x[-1] - x[0] - TWO_PI) > 1e-9:
         raise ValueError(
@@ -77,11 +105,7 @@ def through(
     closes = cyclic and not len(steps) and y[0] == y[-1]
     breaks, rows = [x[0]], []
     for begin, end in parts:
-        own, values = x[begin:end], y[begin:end]
-        if closes and ramp == 'smooth' and len(own) > 2:
-            own = np.concatenate([own[-3:-1] - TWO_PI, own, own[1:3] + TWO_PI])
-            values = np.concatenate([values[-3:-1], values, values[1:3]])
-        for a, b, row in _polynomials(own, values, ramp):
+        for a, b, row in _polynomials(x[begin:end], y[begin:end], ramp, closes):
             if x[begin] <= a < x[end - 1]:
                 parts_of = max(1, int(np.ceil((b - a) / _WIDEST))) if cyclic else 1
                 ends = np.linspace(a, b, parts_of + 1)
@@ -90,18 +114,73 @@ def through(
                 breaks += ends[1:].tolist()
     if cyclic:
         breaks[-1] = breaks[0] + TWO_PI
-        return Curve(np.array(breaks), np.array(rows), cyclic=True)
+        return Curve(np.array(breaks), np.array(rows), cyclic=True, scale=scale)
     still = np.zeros((2, len(rows[0])))
     still[:, 0] = y[[0, -1]]
     return Curve(np.array([-np.inf, *breaks, np.inf]), np.array([still[0], *rows, still[1]]))
 
 
-def _polynomials(
-    x: Array, y: Array, ramp: Literal['linear', 'smooth']
-) -> list[tuple[float, float, Array]]:
-    """From where to where, and coefficients of powers, rising, of the place from there."""
-    if ramp == 'linear':
-        slopes = np.diff(y) / np.diff(x)
-        return [(a, b, np.array(c)) for a, b, *c in zip(x[:-1], x[1:], y, slopes, strict=False)]
+_LEAST = {'linear': 2, 'cubic': 2, 'quintic': 6}
+"""Points that a spline without conditions at its ends needs."""
+
+
+def spline(
+    x: Array, y: Array, interpolation: Interpolation, periodic: bool = False, rest: bool = False
+) -> tuple[Array, Array]:
+    """Breaks (k + 1,) and coefficients (k, n) of powers, rising, of the place from each break.
+
+    The cubic has two continuous derivatives, the quintic four. At the ends, where nothing is said,
+    the last polynomials hold over two intervals (cubic) or three (quintic).
+
+    Parameters
+    ----------
+    x, y : (m,) points with rising x
+    periodic : all derivatives at the ends are the same; the values may differ, as of what turns on
+    rest : derivatives at the ends are zero: the first, and the second of a quintic
+
+    Raises
+    ------
+    ValueError
+        One sentence: what is wrong with the points.
+    """
+    least = 2 if rest else 7 if periodic and interpolation == 'quintic' else _LEAST[interpolation]
+    least = max(least, 3) if periodic else least
+    if len(x) < least:
+        raise ValueError(f'has {len(x)} points: a {interpolation} through them needs {least}')
+    if interpolation == 'linear':
+        return x, np.stack([y[:-1], np.diff(y) / np.diff(x)], axis=1)
+    slope = (y[-1] - y[0]) / (x[-1] - x[0]) if periodic else 0.0
+    level = y - slope * (x - x[0])
+    if periodic:
+        level[-1] = level[0]
+    if interpolation == 'cubic':
+        ends = 'periodic' if periodic else 'clamped' if rest else 'not-a-knot'
+        found = scipy.interpolate.CubicSpline(x, level, bc_type=ends)
+        breaks, rows = found.x, found.c[::-1].T
+    else:
+        still = [(1, 0.0), (2, 0.0)]
+        ends = 'periodic' if periodic else (still, still) if rest else None
+        through = scipy.interpolate.make_interp_spline(x, level, k=5, bc_type=ends)
+        found = scipy.interpolate.PPoly.from_spline(through)
+        inner = np.flatnonzero((np.diff(found.x) > 0.0) & (found.x[:-1] >= x[0])
+                               & (found.x[1:] <= x[-1]))  # fmt: skip
+        breaks, rows = np.append(found.x[inner], x[-1]), found.c[::-1, inner].T
+    rows = np.array(rows)
+    rows[:, 0] += slope * (breaks[:-1] - x[0])
+    rows[:, 1] += slope
+    return breaks, rows
+
+
+def _polynomials(x: Array, y: Array, ramp: Ramp, closes: bool) -> list[tuple[float, float, Array]]:
+    """From where to where, and coefficients of powers, rising, of the place from there.
+
+    Of what closes, those of the turns before and behind it may be among them.
+    """
+    if ramp != 'smooth':
+        breaks, rows = spline(x, y, ramp, closes and ramp != 'linear')
+        return list(zip(breaks[:-1], breaks[1:], rows, strict=True))
+    if closes and len(x) > 2:
+        x = np.concatenate([x[-3:-1] - TWO_PI, x, x[1:3] + TWO_PI])
+        y = np.concatenate([y[-3:-1], y, y[1:3]])
     found = scipy.interpolate.PchipInterpolator(x, y)
     return list(zip(found.x[:-1], found.x[1:], found.c[::-1].T, strict=True))

@@ -23,7 +23,7 @@ from mechanism_sim.numerics.expressions import CORNERED, SMOOTH, ExpressionNode,
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {name: getattr(hy, name) for name in SMOOTH}
 """Smooth ones of one argument."""
 
-_PERIODIC = 'sin', 'cos', 'tan'
+PERIODIC = 'sin', 'cos', 'tan'
 """Those that repeat after a turn of their argument."""
 
 _BINARY: dict[str, Callable[[Any, Any], Any]] = {
@@ -75,7 +75,7 @@ class Words:
     flag : makes the expression that is 1 where another one is positive, and 0 elsewhere
     tables : functions of one argument beside the usual ones
     angles : further names: the expressions of an angle without whole turns, and with them
-    cyclic : which of the tables repeat after a turn
+    cyclic : of the tables that repeat, turns in the one of their argument that they repeat in
     """
 
     variables: Mapping[str, hy.expression]
@@ -85,7 +85,7 @@ class Words:
     angles: Mapping[str, tuple[hy.expression, Callable[[], hy.expression]]] = field(
         default_factory=dict
     )
-    cyclic: Collection[str] = ()
+    cyclic: Mapping[str, float] = field(default_factory=dict)
 
 
 def read(text: str, tables: Collection[str] = ()) -> ExpressionNode:
@@ -96,7 +96,12 @@ def read(text: str, tables: Collection[str] = ()) -> ExpressionNode:
 
 def expression(text: str, words: Words) -> hy.expression:
     """A formula as an expression; `InputError` if it names or calls what is not known."""
-    return hy.expression(0.0) + _Builder(words, text).value(read(text, words.tables))
+    return of_tree(read(text, words.tables), words, text)
+
+
+def of_tree(tree: ExpressionNode, words: Words, text: str) -> hy.expression:
+    """A tree, or a part of one, as an expression; `text` is the whole formula, for messages."""
+    return hy.expression(0.0) + _Builder(words, text).value(tree)
 
 
 class _Builder:
@@ -147,9 +152,13 @@ class _Builder:
         digits; ``sin(crank/2)`` is not.
         """
         name, before = node.name, self._without_turns
-        if name in _PERIODIC or name in self._words.cyclic:
+        if name in PERIODIC or name in self._words.cyclic:
+            often = self._words.cyclic.get(name, 1.0)
             turns = [_coefficients(x, self._words.angles.keys()) for x in node.args]
-            if all(x is not None and all(map(float.is_integer, x.values())) for x in turns):
+            if all(
+                x is not None and all(float.is_integer(often * n) for n in x.values())
+                for x in turns
+            ):
                 self._without_turns = True
         args = [self.value(x) for x in node.args]
         self._without_turns = before

@@ -129,7 +129,7 @@ def _drive(machine: Machine) -> Iterator[Control]:
             'velocity', label, 'rpm', -most, most, most / 500.0, RPM * now, 'now', RPM,
             parameter='velocity',
         )  # fmt: skip
-    elif now and scene and scene.speed is not None and len(machine.drive.laws) == 1:
+    elif now and scene and scene.speed is not None and machine.drive.steady:
         scale, unit, quantity = (1e3, 'mm/s', 'm/s') if straight else (RPM, 'rpm', 'rad/s')
         low, high = sorted((0.1 * scale * now, 3.0 * scale * now))
         yield Control(

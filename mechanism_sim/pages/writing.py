@@ -15,6 +15,7 @@ from mechanism_sim.pages import report as pages
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.recorded import recorded, together
 from mechanism_sim.recording import Bag
+from mechanism_sim.recording.runs import BAG_ENDINGS
 from mechanism_sim.report import measured
 from mechanism_sim.report.charts.chart import ChartSection
 from mechanism_sim.report.charts.overlay import overlaid
@@ -74,7 +75,7 @@ def _record_of(
     source: Any, start: float | None, revolutions: float | None, duration: float | str | None
 ) -> Record:
     """The run of a source, or that part of it which is asked for."""
-    is_file = isinstance(source, str | Path) and Path(source).suffix in ('.mcap', '.db3')
+    is_file = isinstance(source, str | Path) and str(source).endswith(BAG_ENDINGS)
     if is_file or isinstance(source, Piece | Cycle | Bag):
         record = open_run(source)
         if not isinstance(record, Record):

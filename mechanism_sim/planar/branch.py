@@ -119,17 +119,24 @@ def follow(
 def crossing(kinematics: Kinematics, branch: Branch) -> Array:
     """By how much the parameter of the nearest singular position (N,) differs; infinite: none.
 
-    There the determinant of the constraints changes sign. Of redundant ones, what they say in the
-    sample where they are most independent counts.
+    There the determinant of the constraints changes sign.
     """
     q, _, _ = branch.at(branch.width[:, None] * SAMPLES)
-    A = kinematics.directions(q.reshape(len(q), -1))
+    return branch.width * roots(determinants(kinematics, q.reshape(len(q), -1)))
+
+
+def determinants(kinematics: Kinematics, q: Array) -> Array:
+    """Of the constraints (N, K) in the K `SAMPLES` beside N positions, at coordinates (n, N K).
+
+    Of redundant ones, what they say in the sample where they are most independent counts.
+    """
+    A = kinematics.directions(q)
     A = A.reshape(-1, len(SAMPLES), *A.shape[1:])
     if A.shape[2] > A.shape[3]:
         best = np.linalg.svd(A, compute_uv=False).min(axis=2).argmax(axis=1)
         left, _, _ = np.linalg.svd(A[np.arange(len(A)), best], full_matrices=False)
         A = left.transpose(0, 2, 1)[:, None] @ A
-    return branch.width * roots(np.linalg.det(A))
+    return np.linalg.det(A)
 
 
 def _fitted(

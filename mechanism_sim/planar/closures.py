@@ -7,6 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+import numpy as np
+import scipy
+
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
@@ -14,6 +18,9 @@ from mechanism_sim.planar.loads import Wrench
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
 from mechanism_sim.planar.protocols import Relation
 from mechanism_sim.planar.rails import Foot, along, rail_of
+
+_RANK = 1e-9
+"""Of the largest pivot: rows that add less to those before follow from them."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +110,17 @@ class PrismaticClosure:
         return Wrench(mul(forces[0], nx.value), mul(forces[0], ny.value), moment)
 
 
+def slid(mechanism: Mechanism, frames: Frames, guide: Prismatic) -> Jet:
+    """The displacement of a guide [m]: that of the second link's point along its line."""
+    carried = mechanism.tree_joints
+    for link in (guide.second, guide.first):
+        if carried.get(link) == guide:
+            return frames.displacement(link)
+    x, y = frames.position(mechanism.separation(guide.name), guide.name)
+    ux, uy = frames.position(mechanism.direction(guide.first, guide.axis), f'{guide.name}.way')
+    return -(x * ux + y * uy)
+
+
 J = TypeVar('J', bound=HigherPair)
 
 
@@ -123,13 +141,66 @@ class HigherClosure(Generic[J]):
         return []
 
 
+@dataclass(frozen=True)
+class IndependentRows:
+    """A closure without the rows that follow from those of others; these transmit no force."""
+
+    relation: Relation
+    kept: tuple[int, ...]
+
+    @property
+    def name(self) -> str:
+        """The joint's."""
+        return self.relation.name
+
+    def values(self, frames: Frames) -> list[Jet]:
+        """The rows that are kept."""
+        every = self.relation.values(frames)
+        return [every[i] for i in self.kept]
+
+    def left_out(self, frames: Frames) -> list[Jet]:
+        """The rows that follow: they must vanish with the others."""
+        every = enumerate(self.relation.values(frames))
+        return [jet for i, jet in every if i not in self.kept]
+
+    def facing(self, frames: Frames) -> list[Term]:
+        """As the whole closure."""
+        return self.relation.facing(frames)
+
+    def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
+        """Of the forces along the rows that are kept."""
+        count = len(self.relation.values(frames))
+        known = dict(zip(self.kept, forces, strict=True))
+        return self.relation.wrench(frames, [known.get(i) for i in range(count)])
+
+
+def independent(relations: Sequence[Relation], rows: Sequence[str], J: Array) -> list[Relation]:
+    """Relations without the rows that follow from the others.
+
+    Parameters
+    ----------
+    rows : the joint of every row
+    J : (r, u) the rows at a position where their rank is that of the motion, free of units
+    """
+    _, triangle, order = scipy.linalg.qr(J.T, mode='economic', pivoting=True)
+    sizes = np.abs(np.diagonal(triangle))
+    kept = {int(i) for i in order[: int((sizes > _RANK * sizes.max(initial=0.0)).sum())]}
+    found: list[Relation] = []
+    for relation in relations:
+        own = [i for i, row in enumerate(rows) if row == relation.name]
+        of_it = tuple(k for k, i in enumerate(own) if i in kept)
+        whole = len(of_it) == len(own)
+        found.append(relation if whole else IndependentRows(relation, of_it))
+    return found
+
+
 def closures(mechanism: Mechanism, joints: Sequence[str]) -> list[Relation]:
     """The relations of joints that close loops."""
     found: list[Relation] = []
     for name in joints:
         joint = mechanism.joint(name)
         if isinstance(joint, HigherPair):
-            found.append(joint.closure(mechanism))
+            found += [joint.closure(mechanism)] if joint.equations else []
         elif isinstance(joint, Prismatic):
             found.append(PrismaticClosure(name, mechanism))
         else:

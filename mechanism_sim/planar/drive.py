@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
-from itertools import pairwise
+from itertools import chain, islice, pairwise
 from math import comb
 
 import numpy as np
 from numpy.polynomial import Polynomial, polynomial
+
+from mechanism_sim.arrays import Array
 
 #: 2 pi to 60 digits, so that whole turns can be taken off without losing any.
 TWO_PI = Fraction('6.28318530717958647692528676655900576839433879875021164194989')
@@ -161,6 +163,39 @@ def speed_profile(
             if later is None or later.valid_from > law.valid_from]  # fmt: skip
 
 
+def curve_laws(
+    coordinate: str, breaks: Array, rows: Array, start: DriveLaw | None, straight: bool
+) -> list[DriveLaw]:
+    """The laws of a coordinate by polynomials in time: of itself, or of its rate.
+
+    Before the first and after the last the rate stays.
+
+    Parameters
+    ----------
+    breaks, rows : times (k + 1,) [s], and coefficients (k, n) of powers of the time from each
+    start : None for polynomials of the coordinate; for those of the rate, where it is at time zero
+    """
+    times = breaks.tolist()
+    if start:
+        rows = np.concatenate(
+            [np.zeros((len(rows), 1)), rows / np.arange(1, rows.shape[1] + 1)], 1
+        )
+    laws = []
+    for begin, row in zip(times[:-1], rows.tolist(), strict=True):
+        if start and not laws:  # with the rate of the first break from time zero on
+            laws.append(replace(start, coefficients=(start.coefficients[0], row[1])))
+        elif not start and not laws:
+            before = row[0] - row[1] * begin, row[1]
+            laws.append(DriveLaw(coordinate, before, 0.0, 0.0, straight))
+        turns = 0
+        if start:
+            turns, (row[0], *_) = laws[-1].about(Fraction(begin))
+        laws.append(DriveLaw(coordinate, tuple(row), begin, begin, straight, turns))
+    turns, (value, rate, *_) = laws[-1].about(Fraction(times[-1]))
+    laws.append(DriveLaw(coordinate, (value, rate), times[-1], times[-1], straight, turns))
+    return laws if laws[1].valid_from > 0.0 else laws[1:]
+
+
 def largest_speed(laws: Sequence[Law]) -> float:
     """Largest speed at the ends of consecutive laws [rad/s]; 0 where torques rule."""
     speeds = [0.0]
@@ -172,11 +207,16 @@ def largest_speed(laws: Sequence[Law]) -> float:
     return max(map(abs, speeds))
 
 
-def time_of_angle(laws: Sequence[Law], angle: float) -> float | None:
+_PATIENCE = 100_000
+"""Laws of a motion without end, in which it must have gone as far as is asked."""
+
+
+def time_of_angle(laws: Iterable[Law], angle: float) -> float | None:
     """When consecutive laws have turned their coordinate by `angle` [rad]: [s], None for never."""
     turned = 0.0
-    known = [law for law in laws if isinstance(law, DriveLaw)]
-    for law, later in zip(known, [*known[1:], None], strict=True):
+    known = (law for law in islice(laws, _PATIENCE) if isinstance(law, DriveLaw))
+    for law, later in pairwise(chain(known, [None])):
+        assert law is not None  # noqa: S101 - only the last is none
         end = later.valid_from if later else math.inf
         t = _reached(law, angle - turned, end)
         if t is not None or later is None:

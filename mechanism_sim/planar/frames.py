@@ -14,7 +14,10 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.points import GROUND, Point, Vector2, factors
-from mechanism_sim.planar.switches import Switch, SwitchTable
+from mechanism_sim.planar.switches import Switch, SwitchTable, ToothTable
+
+STATE = 'state:'
+"""With which the names of states of first order begin in `Frames.outside`."""
 
 
 @dataclass
@@ -64,8 +67,8 @@ class Frames:
         Symbols of each coordinate, angle [rad] or displacement [m], its rate and acceleration.
         They are numbered: the names of a scene are no part of its expressions.
     outside : dict
-        Symbols of what loads ask for beside these: ``time`` [s] since the start of the run, and
-        ``COORDINATE.turns``, the whole turns that its symbol leaves out.
+        Symbols of what loads ask for beside these: ``time`` [s] since the start of the run,
+        ``COORDINATE.turns``, the whole turns that its symbol leaves out, and ``state:NUMBER``.
     switches : dict
         What changes from one part of the cycle to another, by name.
     wide : set
@@ -95,6 +98,10 @@ class Frames:
     def time(self) -> hy.expression:
         """The time since the start of the run [s]."""
         return self.outside.setdefault('time', hy.make_vars('time'))
+
+    def state(self, number: int) -> hy.expression:
+        """A state of first order, by its number, in its own unit."""
+        return self.outside.setdefault(f'{STATE}{number}', hy.make_vars(f'state{number}'))
 
     def turns(self, frame: str) -> Term:
         """The whole turns that the symbol of a frame's angle leaves out."""
@@ -151,6 +158,14 @@ class Frames:
         known = self._table(name, dense(along.value), breaks, rows, periodic)
         local = Jet(known.local, along.gradient, along.rate, along.curvature)
         return known.numbers, local
+
+    def past_tooth(self, name: str, along: Jet, count: int) -> Jet:
+        """An angle from the last of so many teeth on a turn that it passed rising [rad]."""
+        known = self.switches.get(name)
+        if not isinstance(known, ToothTable):
+            own = f'row{len(self.switches)}'
+            known = self.switches[name] = ToothTable(name, own, dense(along.value), count)
+        return Jet(known.local, along.gradient, along.rate, along.curvature)
 
     def lookup(
         self, name: str, place: hy.expression, breaks: Array, rows: Array, periodic: bool

@@ -58,11 +58,12 @@ class JointImpulses:
         rubs = {gap.name: T for (gap, _), T in zip(slips, rubbing, strict=True)}
         for gap, N in zip(gaps, sizes, strict=False):
             pressed = gap.wrench(frames, N, rubs.get(gap.name))
-            cut[gap.joint] = together(cut[gap.joint], pressed)
+            cut[gap.joint] = together(cut.get(gap.joint, Wrench(None, None)), pressed)
         closing = sizes[len(gaps) :]
         for relation in relations:
             count = len(relation.values(frames))
-            cut[relation.name] = relation.wrench(frames, closing[:count])
+            held = relation.wrench(frames, closing[:count])
+            cut[relation.name] = together(cut[relation.name], held)
             closing = closing[count:]
         wrenches = tree_reactions(eq, a, cut).values()
         self._driven = np.array([[c == d for d in prescribed] for c in eq.coordinates], float)
@@ -71,7 +72,7 @@ class JointImpulses:
         rows = [x for jet in jets for x in jet.row(eq.coordinates)]
         self._equations = SwitchedFunction(frames, [generalized_forces(eq, a), rows], at)
         self._wrenches = SwitchedFunction(
-            frames, [[x for w in wrenches for x in w]], [*at, *sizes]
+            frames, [[x for w in wrenches for x in w[:3]]], [*at, *sizes]
         )
 
     def __call__(self, q: Array, step: Array, outside: Array) -> Array:

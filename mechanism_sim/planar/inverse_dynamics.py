@@ -102,7 +102,8 @@ class InverseDynamics:
 
     ``M a + bias - Q = J^T lambda + torques`` with the generalised forces Q of loads is linear in
     the forces ``lambda`` of the joints that close loops and in the torques of the driven
-    coordinates; the other joints follow link by link.
+    coordinates; the other joints follow link by link. Of closures that follow from one another the
+    smallest forces are taken: what the equations determine does not depend on that.
 
     Parameters
     ----------
@@ -252,7 +253,7 @@ class InverseDynamics:
         outside : (k, N) what is named by `outside`
         rows : (k, N) values of the switches, if not those at these places
         """
-        n, count = q.shape
+        count = q.shape[1]
         given = np.zeros((len(self.outside), count)) if outside is None else outside
         if count > COLUMNS:
             blocks = [slice(i, i + COLUMNS) for i in range(0, count, COLUMNS)]
@@ -264,7 +265,7 @@ class InverseDynamics:
         motion = np.concatenate([q, v, a, given])
         T = self._rubbed(motion, rows) if self._rubs else np.zeros((0, count))
         unknown, sizes, (forces, moments, balance, *_) = self._solved(motion, T, rows)
-        closures = n - len(self._driven)
+        closures = len(self.equations.relation_jets)
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))
         torque = np.asarray(unknown[closures:], np.float64)
@@ -289,25 +290,23 @@ class InverseDynamics:
     def _solved(
         self, motion: Array, T: Array, rows: Array | None
     ) -> tuple[Any, Array, list[Array]]:
-        """Under frictions T (m, N): forces of closures and drives (n, N), sizes of loads, more."""
+        """Under frictions T (m, N): forces of closures and drives, sizes of loads, more."""
         first, second = self._functions
         n, count = len(self.mechanism.coordinates), motion.shape[1]
         motion = np.concatenate([motion, T])
         supplied, closing, *terms = first(motion, rows)
         matrix = self._matrix(closing, count)
-        singular = np.linalg.det(matrix) == 0.0
-        matrix[singular] = np.eye(n)
-        unknown: Any = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
-        unknown[:, singular] = np.nan
+        unknown = _balanced(matrix, supplied.T)
         sizes = np.zeros((0, count))
         if terms:
             unknown, sizes = self.unknowns.solve(matrix, unknown, *terms)
-        known = [motion, unknown[: n - len(self._driven)], sizes]
+        closures = matrix.shape[2] - len(self._driven)
+        known = [motion, unknown[:closures], sizes]
         found = second(np.concatenate(known), rows)
         if terms:
             v = motion[n : 2 * n]
             fed = self.unknowns.power(v, sizes, *terms)
-            supplying = power(unknown[n - len(self._driven) :], v[self._driven])
+            supplying = power(unknown[closures:], v[self._driven])
             balanced = (v * supplied).sum(axis=0) - supplying  # where they have no size
             found[2][2] -= np.where(np.isnan(fed), balanced, fed)
         return unknown, sizes, found
@@ -374,14 +373,31 @@ class InverseDynamics:
         return np.where(singular, np.inf, self.unknowns.work(matrix, terms))
 
     def _matrix(self, rows: Array, count: int) -> Array:
-        """``J^T`` beside the columns of the drives, (N, n, n)."""
+        """``J^T`` beside the columns of the drives, (N, n, r + p) for r closures and p drives."""
         n = len(self.mechanism.coordinates)
-        closures = n - len(self._driven)
-        matrix = np.zeros((count, n, n))
+        closures = len(self.equations.relation_jets)
+        matrix = np.zeros((count, n, closures + len(self._driven)))
         matrix[:, :, :closures] = rows.reshape(closures, n, count).transpose(2, 1, 0)
         for k, i in enumerate(self._driven):
             matrix[:, i, closures + k] = 1.0
         return matrix
+
+
+def _balanced(matrix: Array, supplied: Array) -> Any:
+    """``A x = b`` (m, N) for N matrices (n, m), m >= n: the shortest; NaN if A is singular."""
+    n, m = matrix.shape[1:]
+    if n < m:  # A^T = Q R: of all solutions, that without a part across the rows of A
+        q, r = np.linalg.qr(matrix.transpose(0, 2, 1))
+        singular = np.abs(np.diagonal(r, axis1=1, axis2=2)).min(axis=1, initial=1.0) == 0.0
+        r[singular] = np.eye(n)
+        found = q @ np.linalg.solve(r.transpose(0, 2, 1), supplied[:, :, None])
+    else:
+        singular = np.linalg.det(matrix) == 0.0
+        matrix[singular] = np.eye(n)
+        found = np.linalg.solve(matrix, supplied[:, :, None])
+    unknown: Any = found[:, :, 0].T
+    unknown[:, singular] = np.nan
+    return unknown
 
 
 def power(torque: Array, speed: Array) -> Array:

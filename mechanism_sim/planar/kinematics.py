@@ -123,7 +123,9 @@ class Kinematics:
         facing = self._closures.facing
         return facing(q)[0].min(axis=0) > 0.0 if facing else np.ones(q.shape[1], bool)
 
-    def positions(self, guess: Array, targets: Array | None = None) -> tuple[Array, Array]:
+    def positions(
+        self, guess: Array, targets: Array | None = None, apart: bool = False
+    ) -> tuple[Array, Array]:
         """Coordinates that close all loops, near a guess whose held rows count.
 
         Where more coordinates are sought than there are equations, the nearest.
@@ -132,6 +134,8 @@ class Kinematics:
         ----------
         guess : (n, N)
         targets : (r,) or (N, r) values of the closures [m] instead of zero
+        apart : whether each position is left as it is once it is found, so that it does not depend
+            on the others
 
         Returns
         -------
@@ -141,6 +145,7 @@ class Kinematics:
         q = np.array(guess, dtype=float)
         goal = 0.0 if targets is None else targets
         least, since = np.full(q.shape[1], np.inf), np.zeros(q.shape[1], dtype=int)
+        done = np.zeros(q.shape[1], dtype=bool)
         for k in range(_MECHANISM.closing):
             off, J = self.closure(q)
             off = off - goal
@@ -151,11 +156,15 @@ class Kinematics:
                 break
             # no step turns a link by more than half a radian: it would leave its branch
             reach = np.abs(step / self.scale[self.sought]).max(axis=1, initial=0.0)
+            if apart:
+                step[done] = 0.0
             q[self.sought] += (step * np.minimum(1.0, 0.5 / np.maximum(reach, 1e-300))[:, None]).T
             size = np.abs(off).max(axis=1, initial=0.0)
             halved = size <= 0.5 * least
             least, since = np.where(halved, size, least), np.where(halved, k, since)
-            if ((reach <= 1e-9) | (k - since >= _MECHANISM.patience)).all():
+            found = (reach <= 1e-9) | (k - since >= _MECHANISM.patience)
+            done = done | found if apart else found
+            if done.all():
                 break
         return q, self.open_beyond_rounding(q, targets=targets)
 

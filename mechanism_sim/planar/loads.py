@@ -24,12 +24,14 @@ class Load:
 class Wrench(NamedTuple):
     """Force and moment of the first-named on the second-named link of a joint.
 
-    The moment is about the joint's point on the second-named link.
+    The moment is about the joint's point on the second-named link. `others` are the loads on all
+    links but the second-named, where they are not just its opposite on the first-named.
     """
 
     x: Term  #: [N]
     y: Term  #: [N]
     moment: Term = None  #: [N m]
+    others: tuple[Load, ...] | None = None
 
 
 def contact_wrench(normal: tuple[Jet, Jet], N: Term, T: Term, arm: Term = None) -> Wrench:
@@ -52,7 +54,8 @@ def contact_wrench(normal: tuple[Jet, Jet], N: Term, T: Term, arm: Term = None) 
 
 def together(a: Wrench, b: Wrench) -> Wrench:
     """The sum of two wrenches about the same point."""
-    return Wrench(add(a.x, b.x), add(a.y, b.y), add(a.moment, b.moment))
+    others = None if a.others is None and b.others is None else (a.others or ()) + (b.others or ())
+    return Wrench(add(a.x, b.x), add(a.y, b.y), add(a.moment, b.moment), others)
 
 
 def moment_of(arm: tuple[Term, Term], force: tuple[Term, Term]) -> Term:

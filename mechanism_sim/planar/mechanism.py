@@ -54,6 +54,11 @@ class Connection:
         return (self.first, self.on_first), (self.second, self.on_second)
 
     @property
+    def links(self) -> tuple[str, ...]:
+        """All links that it connects."""
+        return self.first, self.second
+
+    @property
     def line(self) -> StraightLine | None:
         """The straight line along which it lets one of its links slide."""
         return None
@@ -82,15 +87,24 @@ class Prismatic(Connection):
 
 @dataclass(frozen=True)
 class HigherPair(Connection, ABC):
-    """A joint that takes one degree of freedom: links touch at a point or along a line.
+    """A joint that most often takes one degree of freedom: links touch at a point or on a line.
 
     No tree has it. Every kind is a subclass in the room of its own domain.
     """
 
     #: where it can open: on which sides of its closure there are walls
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
+    #: how many components its closure has
+    equations: ClassVar[int] = 1
+    #: in words, what bounds it
+    beyond: ClassVar[str] = 'into its wall'
     #: in words, what may move between them
     parts: ClassVar[str] = 'pin between the walls of a slot'
+
+    @property
+    def angular_play(self) -> bool:
+        """True if its play is an angle [rad]."""
+        return False
 
     @property
     def bearings(self) -> tuple[str, ...]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import heyoka as hy
 import numpy as np
 
 from mechanism_sim.numerics.curves import Curve
 from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.mechanism import Mechanism
 
 
 @dataclass(frozen=True)
@@ -19,6 +21,10 @@ class PointsOfTorque:
     curve: Curve
 
     name = 'a motor of given torque over speed'
+
+    def on(self, _: Mechanism) -> PointsOfTorque:
+        """Itself: it knows no links."""
+        return self
 
     @property
     def starting(self) -> float:
@@ -43,6 +49,10 @@ class InductionMotor:
     breakdown_slip: float  #: at which it is reached
 
     name = 'an induction motor'
+
+    def on(self, _: Mechanism) -> InductionMotor:
+        """Itself: it knows no links."""
+        return self
 
     @property
     def starting(self) -> float:
@@ -88,12 +98,30 @@ class InductionMotor:
         return 2.0 * largest * slip * critical / (slip * slip + critical * critical)
 
 
+class Characteristic(Protocol):
+    """Torque of a shaft."""
+
+    @property
+    def name(self) -> str:
+        """In words."""
+
+    @property
+    def starting(self) -> float:
+        """Torque at rest [N m]."""
+
+    def torque(self, frames: Frames, key: str, speed: hy.expression) -> hy.expression:
+        """Torque [N m] at a speed [rad/s]; `key` begins the names of its parameters."""
+
+    def on(self, mechanism: Mechanism) -> Characteristic:
+        """Itself in another tree of the mechanism."""
+
+
 @dataclass(frozen=True)
 class Motor:
     """A motor that turns a link through a gear without losses."""
 
     coordinate: str
-    characteristic: PointsOfTorque | InductionMotor  #: torque over speed of its shaft
+    characteristic: Characteristic  #: torque over speed of its shaft
     ratio: float = 1.0  #: turns of its shaft in one of the link
 
     @property

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import heyoka as hy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.numerics.symbolic import Term, dense, neg
+from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, together
@@ -20,6 +20,7 @@ from mechanism_sim.planar.mechanism import (
     Prismatic,
     Revolute,
 )
+from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.planar.protocols import ForceLaw, Rubbing
 from mechanism_sim.planar.view import Side
 
@@ -136,9 +137,44 @@ def end_name(mechanism: Mechanism, joint: Revolute, end: str) -> str:
     return _name_of(mechanism, joint, end)
 
 
+BOUNDS = 'lower', 'upper'
+"""Limits of the motion of a joint."""
+
+
+def bound_name(mechanism: Mechanism, joint: Joint, bound: str) -> str:
+    """Of the gap at a limit of a joint: ``JOINT_lower`` and so on."""
+    return _name_of(mechanism, joint, bound)
+
+
 def is_stop(gap: str) -> bool:
-    """True if a gap of a bearing is one along its axis."""
-    return gap.endswith(STOPS)
+    """True if a gap of a bearing is one along its axis, or a limit of its angle."""
+    return gap.endswith((*STOPS, *BOUNDS))
+
+
+def with_turning(
+    slip: Jet,
+    frames: Frames,
+    mechanism: Mechanism,
+    name: str,
+    ends: Sequence[LinkPoint],
+    arms: Sequence[float],
+    still: Collection[str] = (),
+) -> Jet:
+    """A slip [m/s] of points, and what links add that turn with surfaces at arms [m] from them.
+
+    Parameters
+    ----------
+    name : of the gap
+    still : coordinates that do not count
+    """
+    for (link, at), arm in zip(ends, arms, strict=True):
+        for c, turn in mechanism.turns(link, at).items():
+            if c in still:
+                continue
+            r = frames.parameters(f'{name}.slip:{link}@{c}', arm * turn)
+            if r is not None:
+                slip += Jet(None, {c: r}, mul(r, frames.v[c]), None)
+    return slip
 
 
 def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
@@ -150,7 +186,7 @@ def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
         If there is none.
     """
     for joint in mechanism.joints:
-        own = [joint.name]
+        own = [joint.name, *(bound_name(mechanism, joint, bound) for bound in BOUNDS)]
         if isinstance(joint, HigherPair):
             own += [wall_name(mechanism, joint, side) for side in joint.sides]
         if isinstance(joint, Prismatic):

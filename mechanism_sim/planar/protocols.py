@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
+import heyoka as hy
+
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
@@ -52,6 +54,29 @@ class ForceElement(Protocol):
 
     def energy(self, frames: Frames) -> Term:
         """Energy that it stores [J]."""
+
+
+@runtime_checkable
+class FirstOrderState(ForceElement, Protocol):
+    """A variable of a machine with a rate but no inertia: a pressure, a current, an integral.
+
+    As a force element it acts on nothing; what acts are loads that name it.
+    """
+
+    @property
+    def label(self) -> str:
+        """Its name without that of its section."""
+
+    @property
+    def start(self) -> float:
+        """Its value at the start, in its own unit."""
+
+    @property
+    def scale(self) -> float:
+        """The size to which its errors are relative: a power of two, so that nothing rounds."""
+
+    def rate(self, frames: Frames) -> hy.expression:
+        """Its rate [1/s in its own unit]."""
 
 
 @runtime_checkable
@@ -156,7 +181,9 @@ class Gap(Protocol):
     def value(self, frames: Frames) -> Jet:
         """The distance [m] for small distances; smooth wherever the motion can go.
 
-        Its Jacobian times the normal force is the generalised force of the contact.
+        Its Jacobian times the normal force is the generalised force of the contact. A contact that
+        bounds a rate only, as a freewheel does, has no value: it closes when its rate falls to
+        zero.
         """
 
     def slip(self, frames: Frames) -> Jet:
@@ -178,6 +205,15 @@ class Gap(Protocol):
 
     def distance(self, value: Array) -> Array:
         """The distance in metres that belongs to values of `value`."""
+
+
+@runtime_checkable
+class Bound(Gap, Protocol):
+    """A gap of a joint beside its constraint or clearance: a stop, or links that touch."""
+
+    @property
+    def overlap(self) -> str:
+        """In words, what is where it cannot be if the gap is negative."""
 
 
 @runtime_checkable

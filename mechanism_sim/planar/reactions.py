@@ -13,7 +13,7 @@ import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import Term, Vector, add, dot, mul, neg
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.loads import Load, Wrench, moment_of
+from mechanism_sim.planar.loads import Load, Wrench, moment_of, together
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND, Vector2
 
@@ -29,17 +29,22 @@ def tree_reactions(
     Parameters
     ----------
     a : accelerations by coordinate [rad/s^2, m/s^2]; None leaves inertia out
-    cut : the same in the joints that are cut
+    cut : the same in the joints that are cut; of others, that of their stops
     loads : on the links
     """
     mechanism = equations.mechanism
-    found = dict(cut)
+    tree = {joint.name for joint in mechanism.tree_joints.values()}
+    beside = [joint.name for joint in mechanism.joints if joint.name not in tree]
+    found = {name: cut.get(name, Wrench(None, None)) for name in beside}
+    loads = [*loads, *(load for w in cut.values() for load in w.others or ())]
     for link, carrier in reversed(mechanism.tree_joints.items()):
         needed = _inertia_force(equations, a, link)
         hanging: list[tuple[str, Vector2, str, Wrench]] = []
         for joint in mechanism.joints:
             if joint.name in found and link in (joint.first, joint.second):
                 w, sign = found[joint.name], neg if joint.first == link else _same
+                if w.others is not None and joint.first == link:
+                    continue
                 wrench = Wrench(sign(w.x), sign(w.y), sign(w.moment))
                 hanging.append((joint.second, joint.on_second, f'{joint.name}.second', wrench))
         hanging += [
@@ -51,17 +56,19 @@ def tree_reactions(
             add(needed[0], *(neg(w.x) for *_, w in hanging)),
             add(needed[1], *(neg(w.y) for *_, w in hanging)),
         )
+        sign = neg if carrier.first == link else _same
         moment: Term = None
         if isinstance(carrier, Prismatic):
-            moment = _moment_missing(equations, a, link, needed, hanging)
-        sign = neg if carrier.first == link else _same
-        found[carrier.name] = Wrench(sign(force[0]), sign(force[1]), sign(moment))
-    return {
-        joint.name: _across(equations, joint, found[joint.name])
-        if isinstance(joint, Prismatic) and joint.name not in cut
-        else found[joint.name]
-        for joint in mechanism.joints
-    }
+            moment = sign(_moment_missing(equations, a, link, needed, hanging))
+        elif carrier.name in cut:  # a pin passes on no other moment than that of its stops
+            moment = cut[carrier.name].moment
+        found[carrier.name] = Wrench(sign(force[0]), sign(force[1]), moment)
+    for joint in mechanism.tree_joints.values():
+        if isinstance(joint, Prismatic):
+            across = _across(equations, joint, found[joint.name])
+            stopped = cut.get(joint.name)
+            found[joint.name] = together(across, stopped) if stopped else across
+    return {joint.name: found[joint.name] for joint in mechanism.joints}
 
 
 def _across(equations: Equations, joint: Prismatic, total: Wrench) -> Wrench:

@@ -13,9 +13,9 @@ from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.enclosure import Enclosure, MotionSeries, Reach
 from mechanism_sim.numerics.polynomials import chebyshev_coefficients
 from mechanism_sim.numerics.symbolic import Term
-from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.frames import STATE, Frames
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.protocols import ForceElement
+from mechanism_sim.planar.protocols import FirstOrderState, ForceElement
 from mechanism_sim.planar.switches import Switch
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -34,7 +34,8 @@ class SteepLoads:
 
     Attributes
     ----------
-    moving : derivative (0 or 1) and index of each coordinate that the loads depend on
+    moving : derivative (0 or 1) and index of each coordinate that the loads depend on, then of
+        states of first order, which are counted after these
     timed : whether they depend on the time, too
     outside : names of turns that they ask for
     symbols : (w,) indices of those of all switches that they depend on
@@ -55,11 +56,13 @@ class SteepLoads:
         for element in elements:
             if element.name not in frames.formulas:
                 continue
-            load = element.loads(frames)[0]
-            loads += [*load.force, load.moment]
-            scales += [light, light, slow]
+            for load in element.loads(frames)[:1]:
+                loads += [*load.force, load.moment]
+                scales += [light, light, slow]
+            if isinstance(element, FirstOrderState):
+                loads, scales = [*loads, element.rate(frames)], [*scales, element.scale]
         known = [(x, s) for x, s in zip(loads, scales, strict=True) if x is not None]
-        own = {e.name.replace('.', ':', 1) for e in elements if e.name in frames.formulas}
+        own = {name.replace('.', ':', 1) for name in frames.formulas}
         guards = [s.guard for name, s in frames.switches.items() if _is_of_formula(name, own)]
         expressions = [x for x, _ in known]
         named = {v for x in [*expressions, *guards] for v in hy.get_variables(x)}
@@ -67,9 +70,13 @@ class SteepLoads:
         moving = [
             (d, i, x) for d, of in both for i, x in enumerate(of.values()) if str(x) in named
         ]
+        states = [(n, x) for n, x in frames.outside.items() if n.startswith(STATE)]
+        for n, x in (pair for pair in states if str(pair[1]) in named):
+            moving.append((0, len(frames.q) + int(n.removeprefix(STATE)), x))
         self.moving = [(d, i) for d, i, _ in moving]
         self.timed = str(frames.outside.get('time')) in named
-        turns = {n: x for n, x in frames.outside.items() if n != 'time' and str(x) in named}
+        others = {'time', *(n for n, _ in states)}
+        turns = {n: x for n, x in frames.outside.items() if n not in others and str(x) in named}
         self.outside = tuple(turns)
         every = [(s, x) for s in frames.switches.values() for x in s.symbols]
         used = [(k, s, x) for k, (s, x) in enumerate(every) if str(x) in named]

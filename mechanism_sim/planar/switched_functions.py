@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import heyoka as hy
@@ -18,6 +18,9 @@ from mechanism_sim.planar.switches import Switch, SwitchTable, by_level
 from mechanism_sim.tolerances import TOLERANCES
 
 _SWITCHES = TOLERANCES.switches
+_LOOKS = np.linspace(0.0, 1.0, 9)
+_APPROACHES = 8  # of ends of rows, by the mean slope beside them
+_NEAR = 1e-14  # of the time looked at: then the last of them was a rounding
 
 
 class SwitchedFunction:
@@ -200,7 +203,9 @@ class Edges:
             if str(x) in named
         ]
         timed = str(frames.outside.get('time')) in named
-        turns = {n: x for n, x in frames.outside.items() if n != 'time' and str(x) in named}
+        turns = {
+            n: x for n, x in frames.outside.items() if n.endswith('.turns') and str(x) in named
+        }
         moves = [x for *_, x in moving] + ([frames.outside['time']] if timed else [])
         ranges = FunctionRanges(guards, moves, [*turns.values(), *self._switches.symbols])
         return GuardRanges([(d, i) for d, i, _ in moving], timed, tuple(turns), ranges)
@@ -218,6 +223,41 @@ class Edges:
         placed, _ = self._switches(np.concatenate([q, rest]))
         for table in self._bounded:
             table.check(placed[id(table)])
+
+    def row_ends(self, states: Callable[[Array], Array], h: float) -> Array | None:
+        """Times (k,) within (0, h) [s] at which rows of tables end, in their order.
+
+        None if they cannot be told all at once: there are switches other than tables, or a place
+        turns back, or is not nearly proportional to time.
+
+        Parameters
+        ----------
+        states : (2n + k, N) at times (N,)
+        """
+        if not all(isinstance(s, SwitchTable) for s in self._every) or self._switches.depth != 1:
+            return None
+        times = h * _LOOKS
+        placed, found = self._switches(states(times))[0], [np.zeros(0)]
+        for table in self._every:
+            assert isinstance(table, SwitchTable)  # noqa: S101 - as asked above
+            x = placed[id(table)]
+            ways = np.sign(np.diff(x))
+            if (ways != ways[0]).any():
+                return None
+            ends = table.ends_between(float(x[0]), float(x[-1]))
+            if not ends.size:
+                continue
+            rising = ways[0] * x
+            k = np.searchsorted(rising, ways[0] * ends).clip(1, len(x) - 1)
+            low, slope = times[k - 1], (x[k] - x[k - 1]) / (times[k] - times[k - 1])
+            t = low + (ends - x[k - 1]) / slope
+            for _ in range(_APPROACHES):
+                off = self._switches(states(t))[0][id(table)] - ends
+                t = t - off / slope
+            if (np.abs(off) > _NEAR * np.abs(slope) * h).any():
+                return None
+            found.append(t)
+        return np.unique(np.concatenate(found))
 
     def present(self, state: Array) -> Array:
         """The values (r, 1) of the switches in a state (2n + k,)."""
@@ -255,6 +295,6 @@ def _with_all_turns(
     turns = {
         x: hy.expression(0.0)
         for name, x in frames.outside.items()
-        if name != 'time' and str(x) not in known
+        if name.endswith('.turns') and str(x) not in known
     }
     return list(hy.subs(list(expressions), turns)) if turns else list(expressions)

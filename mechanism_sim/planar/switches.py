@@ -57,6 +57,16 @@ class Switch(NamedTuple):
         """Value from which the present row follows."""
         return self.inside
 
+    def ends_between(self, start: float, end: float) -> Array:
+        """Places (N,) in the order in which rows end on the way from one place to another."""
+        low, high, ends = min(start, end), max(start, end), self._breaks[1:-1]
+        if self._periodic:
+            period, ends = 2.0 * math.pi, self._breaks[:-1]
+            laps = np.arange(math.floor((low - ends[-1]) / period), (high - ends[0]) / period + 1)
+            ends = (ends + period * laps[:, None]).ravel()
+        inside = ends[(low < ends) & (ends < high)]
+        return inside if start <= end else inside[::-1]
+
     def row_at(self, place: float) -> int:
         """1 inside, else 0."""
         return int(place > 0.0)
@@ -170,6 +180,16 @@ class SwitchTable:
             places = first + (places - first) % (2.0 * math.pi)
         return np.searchsorted(self._breaks[1:-1], places, 'right')
 
+    def ends_between(self, start: float, end: float) -> Array:
+        """Places (N,) in the order in which rows end on the way from one place to another."""
+        low, high, ends = min(start, end), max(start, end), self._breaks[1:-1]
+        if self._periodic:
+            period, ends = 2.0 * math.pi, self._breaks[:-1]
+            laps = np.arange(math.floor((low - ends[-1]) / period), (high - ends[0]) / period + 1)
+            ends = (ends + period * laps[:, None]).ravel()
+        inside = ends[(low < ends) & (ends < high)]
+        return inside if start <= end else inside[::-1]
+
     def row_at(self, place: float) -> int:
         """The row at a place [rad, m]."""
         return int(self.rows_at(np.array(place)))
@@ -228,6 +248,38 @@ class SwitchTable:
         """Of the n symbols at places (N,): (n, N)."""
         found: Array = self._values[self.rows_at(places)].T
         return found
+
+
+class ToothTable(SwitchTable):
+    """The teeth that a pawl passes one way: a row for each, which ends at the next one only.
+
+    A pawl that rests on a tooth is at the beginning of its row.
+
+    Parameters
+    ----------
+    place : angle of the pawl [rad], of any number of turns; a tooth is at zero
+    count : of teeth on a turn, at least 3
+    """
+
+    def __init__(self, name: str, symbol: str, place: hy.expression, count: int) -> None:
+        self.name, self.place = name, place
+        self._count, self._periodic, self._endless = count, True, False
+        angles = 2.0 * math.pi / count * np.arange(count)
+        self._values = np.column_stack([np.cos(angles), np.sin(angles)])
+        self._rows = np.zeros((count, 0))
+        self.symbols = c, s = tuple(hy.make_vars(f'{symbol}_{k}') for k in range(2))
+        x, y = hy.cos(place), hy.sin(place)
+        self.local = hy.atan2(y * c - x * s, x * c + y * s)
+        self.guard = 1.0 - self.local * (0.5 * count / math.pi)
+
+    def rows_at(self, places: Array) -> NDArray[np.intp]:
+        """The teeth (N,) that pawls at places (N,) [rad] have passed last."""
+        passed = (places + _SWITCHES.tooth) * (0.5 * self._count / math.pi)
+        return np.floor(passed).astype(np.intp) % self._count
+
+    def row_after(self, row: int, place: float) -> int:
+        """The next one."""
+        return (row + 1) % self._count
 
 
 def by_level(

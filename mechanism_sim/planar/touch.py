@@ -90,7 +90,7 @@ class Touch:
 
     def loads(self, frames: Frames, T: Term) -> list[Load]:
         """Opposite forces at the contact."""
-        x, y, moment = self.wrench(frames, T)
+        x, y, moment, _ = self.wrench(frames, T)
         (x1, y1), (x2, y2) = self._points(frames)
         between = add(x2.value, neg(x1.value)), add(y2.value, neg(y1.value))
         back = neg(x), neg(y)

@@ -62,7 +62,7 @@ def info(path: Path | str) -> BagInfo:
     topics = tuple(bag.topics.values())
     return BagInfo(
         path=str(bag.path),
-        size=bag.path.stat().st_size,
+        size=bag.size,
         complete=bag.complete,
         library=bag.library,
         start=bag.start / 1e9,
@@ -150,6 +150,8 @@ def _state(bag: BagInfo) -> str:
     """State of the file, and what to do if it is not whole."""
     if bag.complete:
         return 'yes, but its recorder was killed' if bag.recovered else 'yes'
+    if Path(bag.path).is_dir():
+        return 'NO: a file of it is cut short; what could be read is listed'
     with Path(bag.path).open('rb') as stream:
         if not lock(stream):
             return 'NO: it is still being recorded; what could be read is listed'

@@ -1,31 +1,25 @@
-"""Reading bags: any MCAP of ROS 2 messages, whole or cut short, in bounded memory."""
+"""Reading bags of any storage, whole or cut short, in bounded memory."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from mcap.records import Channel
+
 from mechanism_sim import documents
 from mechanism_sim.errors import InputError
-from mechanism_sim.messages import MessageError, deserialize, type_hash
+from mechanism_sim.messages import MessageError
+from mechanism_sim.recording.decoding import decoder
 from mechanism_sim.recording.rosbag2 import Qos
-from mechanism_sim.recording.scan import (
-    DamagedBagError,
-    FileLayout,
-    blocks,
-    messages,
-    sound,
-    survey,
-)
+from mechanism_sim.recording.scan import DamagedBagError, FileLayout, sound
+from mechanism_sim.recording.storage import Part, parts
 from mechanism_sim.recording.writer import RECORDING, VERSION
 from ros_interfaces.checks import impossible_number
-
-_IN_SQLITE = (
-    '{} is a bag in SQLite (.db3), and only MCAP is read: "ros2 bag convert" makes an MCAP of it'
-)
 
 READABLE = frozenset(map(str, range(VERSION + 1)))
 """Versions of bags, 0 for bags without one: read as far as their types are known."""
@@ -47,12 +41,13 @@ class Bag:
     No file stays open between calls, and every iteration starts at the beginning.
 
     Attributes:
-        path: The file.
-        complete: False if the file ends before its end: what is there is read.
+        path: The file, or the folder of several.
+        complete: False if a file ends before its end: what is there is read.
         topics: What is known of each topic, by name.
         start: Smallest log time [ns].
         end: Largest log time [ns].
         compression: Of its chunks, as `zstd`.
+        size: Of its files [bytes].
         library: What wrote it.
         version: Of its content; '0' where it has none.
         package: Version of this package that wrote it; empty where it is missing.
@@ -63,49 +58,60 @@ class Bag:
     """
 
     def __init__(
-        self, path: Path, layout: FileLayout, progress: Callable[[float], None] | None = None
+        self,
+        path: Path,
+        files: Sequence[Part],
+        progress: Callable[[float], None] | None = None,
     ) -> None:
-        self.path = path
+        self.path, self._parts = path, files
         self._progress = progress
-        self.complete = layout.complete
-        self.start, self.end = layout.start, layout.end
-        self.compression = ', '.join(sorted(filter(None, layout.compression))) or 'none'
-        self.library = layout.library
-        recording = layout.metadata.get(RECORDING, {})
+        layouts = [part.layout for part in files]
+        first, held = layouts[0], [x for x in layouts if x.counts] or layouts[:1]
+        self.complete = all(layout.complete for layout in layouts)
+        self.start, self.end = min(x.start for x in held), max(x.end for x in held)
+        used = {name for layout in layouts for name in layout.compression if name}
+        self.compression = ', '.join(sorted(used)) or 'none'
+        self.size = sum(part.path.stat().st_size for part in files)
+        self.library = first.library
+        recording = first.metadata.get(RECORDING, {})
         self.version = recording.get('version', '0')
         self.package = recording.get('package', '')
         self.recovered = recording.get('recovered') == 'yes'
-        taken = recording.get('wall_time') if layout.complete else None
+        taken = recording.get('wall_time') if self.complete else None
         with sound(path, 'its metadata of the recording'):
             self.wall_time = None if taken is None else float(taken)
-        self.topics = _topics(layout)
-        self._layout = layout
+        self.topics = topics_of(layouts)
 
     def contents(self) -> str:
         """Return which topics hold messages, for sentences that refuse them; at most three."""
         held = [topic for topic in self.topics.values() if topic.count]
         if not held:
             return 'it has no messages'
-        encodings = {c.topic: c.message_encoding for c in self._layout.channels.values()}
-        named = [f'{t.name} [{t.type or "no type"}, {encodings[t.name]}]' for t in held[:3]]
+        named = [f'{t.name} [{t.type or "no type"}, {self.encoding(t.name)}]' for t in held[:3]]
         more = f' and {len(held) - 3} more' if len(held) > 3 else ''
         return f'it has {", ".join(named)}{more}'
 
+    def encoding(self, topic: str) -> str:
+        """Return the encoding of a topic, which is `cdr` in ROS 2."""
+        return next(c.message_encoding for _, c in self._channels(topic))
+
     def unreadable(self) -> list[str]:
         """Return the topics with messages whose type or encoding cannot be read here."""
-        found = []
-        for channel in self._layout.channels.values():
+        found = set()
+        for part, channel in self._channels(None):
             try:
-                self._checked_type(channel.id)
+                self._decoder(part, channel)
             except InputError:
-                if self._layout.counts[channel.id]:
-                    found.append(channel.topic)
-        return sorted(set(found))
+                if part.layout.counts[channel.id]:
+                    found.add(channel.topic)
+        return sorted(found)
 
     def messages(
         self, topics: str | Iterable[str] | None = None
     ) -> Iterator[tuple[str, Any, int]]:
-        """Return an iterator over (topic, message, log time [ns]) in the order of the file.
+        """Return an iterator over (topic, message, log time [ns]) in the order of the files.
+
+        A message of ROS is an object with its fields; of JSON and protobuf a dictionary.
 
         Args:
             topics: Name or names of the topics wanted; all of them by default.
@@ -118,77 +124,70 @@ class Bag:
         return self._read_decoded(self._channels(topics))
 
     def raw(self, topics: str | Iterable[str] | None = None) -> Iterator[tuple[str, bytes, int]]:
-        """Return an iterator like that of `messages`, over the messages as CDR."""
-        return self._read_serialized(self._channels(topics))
+        """Return an iterator like that of `messages`, over the messages as they are recorded."""
+        return ((channel.topic, data, t) for _, channel, data, t in
+                self._payloads(self._channels(topics)))  # fmt: skip
 
-    def _channels(self, topics: str | Iterable[str] | None) -> dict[int, str]:
-        """Return the names of the topics wanted by channel."""
-        names = {channel.id: channel.topic for channel in self._layout.channels.values()}
+    def _channels(self, topics: str | Iterable[str] | None) -> list[tuple[Part, Channel]]:
+        """Return the channels of the topics wanted, file by file."""
+        channels = [(part, c) for part in self._parts for c in part.layout.channels.values()]
         if topics is None:
-            return names
+            return channels
         wanted = {topics} if isinstance(topics, str) else set(topics)
         for name in sorted(wanted - self.topics.keys()):
             near = difflib.get_close_matches(name, self.topics, n=1, cutoff=0.5)
             hint = f'did you mean {near[0]}?' if near else f'it has {", ".join(self.topics)}.'
             raise InputError(f'{self.path} has no topic {name}; {hint}')
-        return {channel: name for channel, name in names.items() if name in wanted}
+        return [(part, channel) for part, channel in channels if channel.topic in wanted]
 
-    def _read_serialized(self, channels: dict[int, str]) -> Iterator[tuple[str, bytes, int]]:
-        for channel, cdr, log_time in self._payloads(channels):
-            yield channels[channel], cdr, log_time
+    def _payloads(
+        self, channels: list[tuple[Part, Channel]]
+    ) -> Iterator[tuple[Part, Channel, bytes, int]]:
+        for k, part in enumerate(self._parts):
+            wanted = {channel.id: channel for own, channel in channels if own is part}
+            told = self._progress and partial(self._tell, k)
+            for number, data, log_time in part.payloads(wanted, told) if wanted else ():
+                yield part, wanted[number], data, log_time
 
-    def _read_decoded(self, channels: dict[int, str]) -> Iterator[tuple[str, Any, int]]:
-        types: dict[int, str] = {}
-        for channel, cdr, log_time in self._payloads(channels):
-            if channel not in types:
-                types[channel] = self._checked_type(channel)
+    def _tell(self, k: int, share: float) -> None:
+        """Say how much of all files is read, of which this is file `k`."""
+        assert self._progress is not None  # noqa: S101 - it is asked for then only
+        self._progress((k + share) / len(self._parts))
+
+    def _read_decoded(
+        self, channels: list[tuple[Part, Channel]]
+    ) -> Iterator[tuple[str, Any, int]]:
+        decoders: dict[int, tuple[Callable[[bytes], Any], bool]] = {}
+        for part, channel, data, log_time in self._payloads(channels):
+            if id(channel) not in decoders:
+                own = self.topics[channel.topic].type.startswith('mechanism_sim/msg/')
+                decoders[id(channel)] = self._decoder(part, channel), own
+            decode, own = decoders[id(channel)]
             try:
-                message = deserialize(cdr, types[channel])
+                message = decode(data)
             except MessageError as error:
-                raise InputError(f'{self.path}, topic {channels[channel]}: {error}.') from error
-            if types[channel].startswith('mechanism_sim/msg/'):
-                field = impossible_number(message)
-                if field:
-                    raise DamagedBagError(
-                        f'{self.path}, topic {channels[channel]}: {field} of the message at '
-                        f'{log_time / 1e9:.9g} s holds a number that no machine has.'
-                    )
-            yield channels[channel], message, log_time
+                raise InputError(f'{self.path}, topic {channel.topic}: {error}.') from error
+            if own and (field := impossible_number(message)):
+                raise DamagedBagError(
+                    f'{self.path}, topic {channel.topic}: {field} of the message at '
+                    f'{log_time / 1e9:.9g} s holds a number that no machine has.'
+                )
+            yield channel.topic, message, log_time
 
-    def _payloads(self, channels: dict[int, str]) -> Iterator[tuple[int, bytes, int]]:
-        with self.path.open('rb') as stream:
-            for block in blocks(self.path, stream, self._layout, channels):
-                if self._progress:
-                    self._progress(stream.tell() / self._layout.readable)
-                with sound(self.path, 'a chunk'):
-                    held = list(messages(block))
-                for channel, log_time, start, stop in held:
-                    if channel in channels:
-                        yield channel, block[start:stop], log_time
-
-    def _checked_type(self, channel_id: int) -> str:
-        """Return the type of a channel, once sure that it means here what it meant then."""
-        channel = self._layout.channels[channel_id]
-        schema = self._layout.schemas.get(channel.schema_id)
-        where = f'{self.path}, topic {channel.topic}'
-        if channel.message_encoding != 'cdr' or schema is None:
-            raise InputError(f'{where}: {channel.message_encoding!r} is not an encoding of ROS 2.')
-        if schema.name.startswith('mechanism_sim/') and self.version not in READABLE:
+    def _decoder(self, part: Part, channel: Channel) -> Callable[[bytes], Any]:
+        """Return what decodes a channel, once sure that it means here what it meant then."""
+        schema = part.layout.schemas.get(channel.schema_id)
+        own = schema is not None and schema.name.startswith('mechanism_sim/')
+        if own and self.version not in READABLE:
             raise InputError(
                 f'{self.path} is a bag of version {self.version}; this version of mechanism_sim '
                 f'reads those up to {VERSION}; {self.writer} reads it.'
             )
-        recorded = channel.metadata.get('topic_type_hash', '')
         try:
-            known = type_hash(schema.name)
+            return decoder(channel, schema)
         except MessageError as error:
-            raise InputError(f'{where}: {error}.') from error
-        if recorded.startswith('RIHS') and recorded != known:
-            raise InputError(
-                f'{where}: {schema.name} was another type when this was recorded; '
-                f'{self.writer} reads it.'
-            )
-        return schema.name
+            hint = f'; {self.writer} reads it' if 'another type' in str(error) else ''
+            raise InputError(f'{self.path}, topic {channel.topic}: {error}{hint}.') from error
 
     @property
     def writer(self) -> str:
@@ -197,41 +196,26 @@ class Bag:
 
 
 def read_bag(path: Path | str, progress: Callable[[float], None] | None = None) -> Bag:
-    """Open a bag for reading: a file, or a folder that `ros2 bag record -s mcap` made.
+    """Open a bag for reading: a file, or a folder of files that follow each other.
 
     Args:
-        path: Of the file or folder.
-        progress: Called with the part of the file that is read, whenever messages are.
+        path: Of the file (.mcap or .db3, also compressed as .zstd) or folder.
+        progress: Called with the part of the bag that is read, whenever messages are.
 
     Raises:
-        InputError: No such file, not an MCAP, or its index is damaged; a folder with other than
-            one file.
+        InputError: No such file, not a bag, or its index is damaged.
 
     """
-    file = file_of(path)
-    return Bag(file, survey(file), progress)
-
-
-def file_of(path: Path | str) -> Path:
-    """Return the file that is meant: `path` itself, or the one in a folder; else InputError."""
     path = Path(path)
-    if path.suffix == '.db3':
-        raise InputError(_IN_SQLITE.format(path))
-    if not path.is_dir():
-        return path
-    found = sorted(path.glob('*.mcap'))
-    if not found and any(path.glob('*.db3')):
-        raise InputError(_IN_SQLITE.format(path))
-    if len(found) != 1:
-        names = ', '.join(file.name for file in found) or 'none'
-        raise InputError(f'{path} is a folder, which has to hold one MCAP file: {names}.')
-    return found[0]
+    found = parts(path)
+    return Bag(found[0].path if len(found) == 1 and not found[0].holder else path, found, progress)
 
 
-def _topics(layout: FileLayout) -> dict[str, BagTopic]:
+def topics_of(layouts: Iterable[FileLayout]) -> dict[str, BagTopic]:
     """Return the topics by name; several channels of one topic (publishers) count as one."""
+    channels = [(layout, c) for layout in layouts for c in layout.channels.values()]
     topics: dict[str, BagTopic] = {}
-    for channel in sorted(layout.channels.values(), key=lambda channel: channel.topic):
+    for layout, channel in sorted(channels, key=lambda pair: pair[1].topic):
         schema = layout.schemas.get(channel.schema_id)
         known = topics.get(channel.topic)
         topics[channel.topic] = BagTopic(

@@ -11,10 +11,11 @@ from mcap.writer import Writer
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.output import beside
-from mechanism_sim.recording.reader import Bag, file_of
+from mechanism_sim.recording.reader import topics_of
 from mechanism_sim.recording.rosbag2 import METADATA_NAME, Qos, TopicRecord, bag_metadata
 from mechanism_sim.recording.rosbag2 import qos_profile as profile_of
 from mechanism_sim.recording.scan import MESSAGE, FileLayout, attachments, blocks, messages, survey
+from mechanism_sim.recording.storage import file_of
 from mechanism_sim.recording.writer import LIBRARY, RECORDING, lock
 
 
@@ -117,7 +118,7 @@ def _own_metadata(path: Path, layout: FileLayout) -> dict[str, dict[str, str]]:
     hashes = {c.topic: c.metadata.get('topic_type_hash', '') for c in layout.channels.values()}
     topics = (
         TopicRecord(t.name, t.type, hashes[t.name], profile_of(t.qos or Qos()), t.count)
-        for t in Bag(path, layout).topics.values()
+        for t in topics_of([layout]).values()
     )
     text = bag_metadata(path.name, layout.start, layout.end, topics)
     return {

@@ -6,6 +6,9 @@ from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 
+BAG_ENDINGS = '.mcap', '.db3', '.mcap.zstd', '.db3.zstd'
+"""Of the files of bags."""
+
 
 def realtime_factor(simulated: float, wall_time: float | None) -> float | None:
     """Simulated seconds per second.

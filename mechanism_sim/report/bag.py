@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from mechanism_sim.analysis.delivery_audit import Ledger
 from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
+from mechanism_sim.analysis.fields import FieldRange
 from mechanism_sim.analysis.impacts import ImpactSummary
 from mechanism_sim.analysis.loads import LoadPeak, LoadSummary
 from mechanism_sim.analysis.modes import JointModes
@@ -53,6 +54,8 @@ def sections(s: Summary) -> Iterator[Section]:
         yield _vibration(s.vibration)
     if s.ledger is not None:
         yield _ledger(s.ledger)
+    if s.fields:
+        yield _fields(s.fields)
     if s.absent:
         yield Section('not in this bag', notes=s.absent)
 
@@ -163,6 +166,15 @@ def _parts(title: str, parts: tuple[PartSummary, ...]) -> Iterator[Section]:
         share = ', '.join(f'{name} {100 * x:.4g} %' for name, x in p.share.items())
         rows = [(r.quantity, r.lowest, r.lowest_time, r.highest, r.highest_time) for r in p.ranges]
         yield Section(rows=[SummaryRow(p.joint, share)], table=[head, *rows])
+
+
+def _fields(fields: tuple[FieldRange, ...]) -> Section:
+    head = 'field', 'unit', 'samples', 'lowest', 'at [s]', 'highest', 'at [s]'
+    rows = [
+        (f.quantity, f.unit, f.samples, f.lowest, f.lowest_time, f.highest, f.highest_time)
+        for f in fields
+    ]
+    return Section('numbers in its messages', table=[head, *rows], left=2)
 
 
 def _vibration(sensors: tuple[SensorSummary, ...]) -> Section:

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from mechanism_sim import strict_json
 from mechanism_sim.report.sections import Section, text
-from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
+from mechanism_sim.report.summary import (
+    describe_no_limits,
+    no_limits_to_json,
+    undetermined_to_json,
+)
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.ranges import Extreme
 from mechanism_sim.results.strokes import Swing
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.load import RAMP
 from mechanism_sim.units import for_people
 
 _SHORT = 0.05  # of the cycle
-_SWING = ('size', 'turns', 'period', 'rising', 'falling', 'standing', 'time_ratio')
+_SWING = ('size', 'turns', 'period', 'rising', 'falling', 'standing', 'time_ratio', 'ripple')
 
 _NOTHING = 1e-8  # of the other end of a range, which is shown with six digits
 
@@ -37,7 +43,32 @@ def sections(cycle: Cycle) -> Iterator[Section]:
     """Extremes, strokes and means of a cycle."""
     yield extremes(cycle)
     limits = describe_no_limits(cycle.machine, cycle.no_limits)
-    yield Section(notes=[*_peaks(cycle), *_swings(cycle), *_drive(cycle), *limits])
+    notes = [*_peaks(cycle), *_swings(cycle), *_drive(cycle), *limits, *_range(cycle)]
+    yield Section(notes=notes)
+
+
+def position(machine: Machine, value: float, found: Mapping[str, float]) -> Section:
+    """Quantities of a machine at one position of its drive [rad, m]."""
+    known, main = catalogue(machine), machine.plan.main
+    shown, scale = for_people('m' if main in machine.mechanism.displacements else 'rad')
+    rows = []
+    for name, x in found.items():
+        unit, factor = for_people(known[name].unit)
+        rows.append((name, unit, f'{factor * x:.9g}' if math.isfinite(x) else 'not determined'))
+    head = ('', 'unit', 'value')
+    return Section(f'at {main} = {scale * value:.9g} {shown}', table=[head, *rows], left=2)
+
+
+def _range(cycle: Cycle) -> Iterator[str]:
+    """How the drive moves between limits, and what has no extremes there."""
+    if not cycle.ranges:
+        return
+    yield (
+        f'{cycle.drive} goes from one of its limits to the other; it starts and stops there within'
+        f' {100.0 * RAMP:g} % of the way: at constant speed links would be infinitely fast at them'
+    )
+    if cycle.unbounded:
+        yield f'at a limit these grow beyond all bounds: {", ".join(sorted(cycle.unbounded))}'
 
 
 def extremes(cycle: Cycle) -> Section:
@@ -97,7 +128,8 @@ def _swings(cycle: Cycle) -> Iterator[str]:
                 for x in swing.strokes
             )
         if swing.dwells and swing.size:
-            line += '; stands ' + ', '.join(
+            within = f' within {scale * swing.ripple:.3g} {shown}' if swing.ripple else ''
+            line += f'; stands{within} ' + ', '.join(
                 f'at {scale * x.position:.6g} {shown} for {x.duration:.6g} s' for x in swing.dwells
             )
         yield line
@@ -108,6 +140,8 @@ def _drive(cycle: Cycle) -> Iterator[str]:
     if not machine.physics.has_forces:
         return
     for name in cycle.drive_torques:
+        if name in cycle.unbounded and cycle.ranges:
+            continue
         yield f'{name}: root mean square {cycle.rms(name):.6g} {catalogue(machine)[name].unit}'
     power = cycle.mean_power
     if abs(power) <= 1e-12 * cycle.rms('drive_power'):
@@ -141,6 +175,7 @@ def to_json(cycle: Cycle) -> dict[str, object]:
         'mean_power': strict_json.plain(cycle.mean_power) if forces else None,
         'efficiency': cycle.efficiency if forces else None,
         'no_limits': no_limits_to_json(cycle.no_limits),
+        **undetermined_to_json(machine),
         'unbounded': sorted(cycle.unbounded),
     }
 

@@ -80,6 +80,7 @@ def to_json(
         'per_revolution': _per_revolution(turns),
         **events,
         'no_limits': no_limits_to_json(run.no_limits),
+        **undetermined_to_json(run.machine),
         'max_penetration': run.max_penetration,
         'max_closure_error': run.max_closure_error,
         'energy': energy and {k: getattr(energy, k) for k in _ENERGY_KEYS},
@@ -103,11 +104,19 @@ def no_limits_to_json(found: list[NoLimit]) -> list[dict[str, object]]:
     ]
 
 
+def undetermined_to_json(machine: Machine) -> dict[str, list[str]]:
+    """What redundant constraints leave open, if anything."""
+    open_ = machine.physics.undetermined
+    return {'undetermined': machine.nominal.undetermined_names} if open_ else {}
+
+
 def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
     """A sentence for each instant at which forces have no limit, of many for the first ones.
 
     Before them one for each joint whose motion leaves the run without forces.
     """
+    if machine.physics.undetermined:
+        yield machine.nominal.undetermined_text
     for joint, why in machine.without_forces.items():
         yield f'{joint}: {why}; this run is kinematics, forces are left out'
     for x in found[:_SENTENCES]:
@@ -149,6 +158,9 @@ def _final(run: Stream) -> dict[str, Any]:
         'velocity': by_name(o.velocity),
         'acceleration': by_name(o.acceleration),
     }
+    if states := run.machine.plan.states:
+        values = run.final.states()[:, 0].tolist()
+        final['states'] = {x.label: z for x, z in zip(states, values, strict=True)}
     others: dict[str, dict[str, float]] = {}
     for quantity in catalogue(run.machine).values():
         if quantity.shown is Shown.RUN and quantity.kind in _COMPLIANCE:
@@ -156,12 +168,18 @@ def _final(run: Stream) -> dict[str, Any]:
             others.setdefault(quantity.kind, {})[link] = float(quantity.evaluate(run.final)[0])
     final |= others
     if physics.has_forces:
+        open_ = physics.undetermined
         final['reactions'] = {
             joint: plain(force[:, 0].tolist())
             for joint, force in zip(physics.joints, o.reaction, strict=True)
+            if not {'x', 'y'} & open_.get(joint, frozenset())
         }
         moments = zip(physics.joints, o.reaction_moment[:, 0].tolist(), strict=True)
-        final['reaction_moments'] = {joint: plain(m) for joint, m in moments if m}
+        final['reaction_moments'] = {
+            joint: plain(m)
+            for joint, m in moments
+            if m and 'moment' not in open_.get(joint, frozenset())
+        }
         final['drive_torque'] = plain(float(o.drive_torque[0, 0]))
         torques = zip(physics.driven, o.drive_torque[:, 0].tolist(), strict=True)
         final['drive_torques'] = plain(dict(torques))
@@ -324,6 +342,10 @@ def _end(run: Stream) -> Iterator[Section]:
         unit = 'm' if c in physics.displacements else 'rad'
         rows.append((c, *(f'{data[kind][c]:.10g} {unit}{per}' for kind, per in kinds)))
     yield Section(f'at the end, t = {run.duration:.9g} s', table=rows)
+    if states := data.get('states'):
+        units = {x.label: x.unit for x in run.machine.plan.states}
+        sizes = [(name, f'{z:.10g} {units[name]}') for name, z in states.items()]
+        yield Section(table=[('state', 'value'), *sizes])
     if reactions := data.get('reactions'):
         moments = data['reaction_moments']
         carried = [('joint', 'force x', 'force y', *(['moment'] if moments else []))]

@@ -18,6 +18,7 @@ from sympy.simplify.fu import TR8
 
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.rotor import Rotor, disk_of
 from mechanism_sim.planar.switches import SwitchTable
 from mechanism_sim.planar.tilt import Tilt
@@ -94,7 +95,11 @@ class Symbols:
         self.time = self.make('t', (), 'time', 'time', 's')
         for name, variable in frames.outside.items():
             known = self.time
-            if name != 'time':
+            if name.startswith(STATE):
+                number = name.removeprefix(STATE)
+                words = f'state of first order, number {number}'
+                known = self.make('z', (number,), f'state.{number}', words, '')
+            elif name != 'time':
                 c = name.removesuffix('.turns')
                 known = self.make('n', (c,), name, f'whole turns that theta_{c} leaves out', '')
             self._variables[_sympy_symbol(str(variable))] = known

@@ -12,6 +12,7 @@ from mechanism_sim.results.quantities.compliance import (
     of_tilting_joints,
 )
 from mechanism_sim.results.quantities.contacts import of_contacts
+from mechanism_sim.results.quantities.force_elements import of_force_elements, of_states
 from mechanism_sim.results.quantities.forces import of_drives, of_energy, of_joints, of_links
 from mechanism_sim.results.quantities.motion import of_coordinates, of_mass_centre, of_points
 from mechanism_sim.results.quantities.readings import of_readings
@@ -23,9 +24,9 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
 
 SOURCES: tuple[Callable[[Machine], Iterator[Quantity]], ...] = (
-    of_coordinates, of_elastic_links, of_tilting_joints, of_contacts, of_joints, of_drives,
-    of_energy, of_points_of_elastic_links, of_readings, of_shafts, of_mass_centre, of_frame,
-    of_points, of_links,
+    of_coordinates, of_states, of_elastic_links, of_tilting_joints, of_contacts, of_joints,
+    of_drives, of_energy, of_points_of_elastic_links, of_readings, of_shafts, of_mass_centre,
+    of_frame, of_points, of_links, of_force_elements,
 )  # fmt: skip
 """In the order of tables; where two tell a quantity of the same name, the first does."""
 
@@ -85,8 +86,9 @@ class Catalogue(Mapping[str, Quantity]):
         return [*found]
 
     def find(self, name: str) -> Quantity:
-        """The quantity of a name; the size of a vector goes by its name without ``.size``."""
-        found = self._known.get(name) or self._known.get(f'{name}.size')
+        """The quantity of a name; of a vector without ``.size``, of a state without ``state.``."""
+        known = self._known
+        found = known.get(name) or known.get(f'{name}.size') or known.get(f'state.{name}')
         if found is None:
             raise self.unknown(name)
         return found
@@ -100,6 +102,9 @@ class Catalogue(Mapping[str, Quantity]):
                 f'velocity.{machine.plan.main} are those of any drive'
             )
         kinds = dict.fromkeys(q.kind for q in self._known.values())
+        kind, _, joint = name.partition('.')
+        if kind == 'reaction' and joint.partition('.')[0] in machine.physics.undetermined:
+            return InputError(f"{machine.name}: '{name}': {machine.nominal.undetermined_text}")
         short = [*(known.removesuffix('.size') for known in self._known), *kinds]
         why = '' if machine.physics.has_forces else '; its forces are not computed'
         return InputError(

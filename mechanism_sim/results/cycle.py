@@ -13,6 +13,7 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
@@ -33,13 +34,14 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Solution
 from mechanism_sim.results.strokes import Swing, find_swings
 from mechanism_sim.results.view import View
-from mechanism_sim.scene import Level, Machine, Source, load_scene, span
+from mechanism_sim.scene import Level, Machine, Source, load_scene, over_range, placed, span
 from mechanism_sim.tables import Table
 from mechanism_sim.units import argument
 
 _OF_MOTION = 'energy.kinetic', 'energy.drive_work', 'energy.dissipated'
 _MOMENT = 1e-6
 """[s] that is run where only the start is wanted."""
+_NEAR = 1e-4  # of the way between limits of a drive: what is so near to one is told by its growth
 
 # eight instants, in steps, and the weights with which a polynomial through them gives what is
 # between the middle ones, or one step before the first
@@ -63,6 +65,8 @@ class Cycle(plotting.Rich):
     t : (N + 1,) [s] evenly spaced
     repeats : whether it is a whole number of turns of a drive at constant speed
     static : whether forces are without those of inertia
+    ranges : whether it goes from one limit to the other of a drive that cannot turn round, which
+        starts and stops there
     """
 
     machine: Machine
@@ -72,6 +76,7 @@ class Cycle(plotting.Rich):
     points: Mapping[str, LinkPoint]
     local: bool
     static: bool = False
+    ranges: bool = False
 
     def __repr__(self) -> str:
         span = f'{self.t[0]:.6g} s to {self.t[-1]:.6g} s'
@@ -141,6 +146,10 @@ class Cycle(plotting.Rich):
                 'leave out: ask a cycle that is not static'
             )
         columns = self._columns(t, names)
+        if self.ranges:
+            ends = (t <= self.t[0]) | (t >= self.t[-1])
+            for name in self._growing.intersection(names):
+                columns[name] = np.where(ends, np.nan, columns[name])
         on_frame = [name for name in names if name.startswith('shaking_')]
         lost = np.flatnonzero(np.isnan(columns[on_frame[0]])) if on_frame else np.zeros(0, int)
         if (
@@ -186,8 +195,26 @@ class Cycle(plotting.Rich):
         return [x for x in found if begin <= x.t <= end or x.is_at(begin) or x.is_at(end)]
 
     @cached_property
+    def _growing(self) -> set[str]:
+        """The columns that grow beyond all bounds towards a limit of the drive.
+
+        Halfway to it they have at least 1.6 times the value, and halfway again.
+        """
+        known = catalogue(self.machine)
+        names = [name for name in self.names if not known[name].cumulative]
+        near, found = _NEAR * self.duration * np.array([1.0, 2.0, 4.0]), set()
+        for t in (self.t[0] + near, self.t[-1] - near):
+            for name, x in self._columns(t, names).items():
+                first, second, third = np.abs(x)
+                if first > 1.6 * second > 1.6**2 * third:
+                    found.add(name)
+        return found
+
+    @cached_property
     def unbounded(self) -> set[str]:
         """The columns that have no value at these instants, and therefore no extremes."""
+        if self.ranges:
+            return self._growing
         if not self.no_limits:
             return set()
         at = np.clip([x.t for x in self.no_limits], self.t[0], self.t[-1])
@@ -352,9 +379,11 @@ def cycle(
             f'scene is one of {machine.level.value}'
         )
     chosen = choose_points(machine, points)
+    ranged = over_range(machine) if duration is None and not machine.scene.duration else None
+    machine = ranged or machine
     steady = is_steady(machine)
     begin = 0.0
-    if start is not None:
+    if start is not None and ranged is None:
         if not steady:
             raise InputError(f'{machine.name}: only a drive at constant speed has a start angle')
         angle, speed = machine.drive.start
@@ -366,7 +395,22 @@ def cycle(
         end = begin + span(machine, periods if periods != 1 else None, duration)
     solution = simulate(machine, duration=end)
     t = np.linspace(begin, end, samples * (periods if steady else 1) + 1)
-    return Cycle(machine, solution, t, steady and duration is None, chosen, local, static)
+    repeats = steady and duration is None
+    return Cycle(machine, solution, t, repeats, chosen, local, static, ranged is not None)
+
+
+def at_position(machine: Machine, value: float, found: Cycle) -> dict[str, float]:
+    """Quantities by name when the drive is at a position [rad, m], also beside its cycle.
+
+    Where a turn begins there, they are those of the run; else of a machine that is placed there,
+    which without clearance follow from position and speed alone.
+    """
+    if not found.repeats:
+        there, asked = placed(machine, value), ([*found.points], found.local, found.static)
+        found = cycle(there, 2, None, 1, _MOMENT, *asked)
+    known = catalogue(found.machine)
+    names = [name for name in found.names if name != 't' and not known[name].cumulative]
+    return {name: float(x[0]) for name, x in found.at(found.t[:1], names).items()}
 
 
 def instant(
@@ -393,6 +437,12 @@ def instant(
         raise InputError(f'a run begins at 0 s: there is nothing at {t:g} s')
     if duration is not None:
         duration = span(machine, None, duration)
+    elif t is None and (ranged := over_range(machine)):
+        if still:
+            here = placed(machine, machine.drive.start[0] if angle is None else angle)
+            return cycle(here, duration=_MOMENT, points=points), 0.0
+        found = cycle(ranged, points=points)
+        return found, _time_at(found, machine.drive.start[0] if angle is None else angle)
     if is_steady(machine):
         if t is not None:
             duration = max(t, duration or machine.drive.period)
@@ -403,6 +453,23 @@ def instant(
         duration = max(t or 0.0, duration)
     found = cycle(machine, start=angle, duration=duration, points=points)
     return found, float(found.t[0]) if t is None else t
+
+
+def _time_at(cycle: Cycle, value: float) -> float:
+    """When a drive that goes from limit to limit is at a position [rad, m], or nearest to it."""
+    name = f'position.{cycle.drive}'
+    ends = np.sort(cycle.at(cycle.t[[0, -1]], [name])[name])
+    if cycle.drive not in cycle.machine.mechanism.displacements:
+        value += 2.0 * math.pi * math.ceil((ends[0] - value) / (2.0 * math.pi) - 1e-9)
+
+    def off(t: float) -> float:
+        return float(cycle.at(np.array([t]), [name])[name][0]) - value
+
+    if not ends[0] < value < ends[1]:
+        raise InputError(
+            f'{cycle.machine.name}: {cycle.drive} does not come there: it stays between its limits'
+        )
+    return float(scipy.optimize.brentq(off, cycle.t[0], cycle.t[-1]))
 
 
 def is_steady(machine: Machine) -> bool:

@@ -75,11 +75,17 @@ def search_of(wanted: Sequence[Quantity], size: float) -> ExtremeSearch:
     """The search for extremes of quantities of a machine of some size [m].
 
     Rounding is measured by the largest value of a kind in one unit; that of gaps and the like,
-    which are differences of lengths, by the size of the machine.
+    which are differences of lengths, by the size of the machine; that of what the frame gets by
+    the forces in joints, whose sum it is.
     """
     groups = [(quantity.kind, quantity.unit) for quantity in wanted]
     differences: dict[Hashable, float] = {(q.kind, q.unit): size for q in wanted if q.difference}
-    return ExtremeSearch(groups, differences, [quantity.part == 'size' for quantity in wanted])
+    sums = {
+        ('shaking_force', 'N'): (('reaction', 'N'), 1.0),
+        ('shaking_moment', 'N m'): (('reaction', 'N'), size),
+    }
+    sizes = [quantity.part == 'size' for quantity in wanted]
+    return ExtremeSearch(groups, differences, sizes, sums)
 
 
 def search(
@@ -200,7 +206,8 @@ class LoadPeaks:
     ) -> None:
         self.machine, physics = machine, machine.physics
         self._physics, self._since = physics, since
-        self._joints = {f'reaction.{joint}.size': joint for joint in physics.joints}
+        known = [joint for joint in physics.joints if joint not in physics.undetermined]
+        self._joints = {f'reaction.{joint}.size': joint for joint in known}
         self._drives = {f'drive_torque.{c}': c for c in physics.driven}
         self._loads = [*self._joints, *self._drives] if physics.has_forces else []
         self._loads += _bearing_loads(machine) if bearings else []

@@ -43,7 +43,7 @@ class SensorRecord:
     @property
     def steady(self) -> bool:
         """True if the main drive has one speed."""
-        return len(self.machine.drive.laws) == 1 and not self.machine.torque_driven
+        return self.machine.drive.steady and not self.machine.torque_driven
 
     @property
     def features(self) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,8 @@ from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 _WAY = 1e-9
 #: of the greatest speed: a segment of the motion in which it is lower all along is a standstill
 _SPEED = 1e-9
+#: of the range: shorter ways to and fro are ripples of a standstill, as those of measured laws are
+_RIPPLE = 1e-3
 #: of the period: shorter standstills are the instant of a reversal
 _BRIEF = 1e-7
 #: of the range, or of the greatest speed: by so much an end may differ from the start of a period
@@ -71,6 +74,7 @@ class Swing:
     period : after which the motion repeats itself [s], but for whole turns; None if it does not,
         and then nothing is known of strokes
     strokes, dwells : in a period, in the order of time
+    ripple : how far it moves while it is said to stand [rad or m], 0 for a true standstill
     """
 
     size: float
@@ -79,6 +83,7 @@ class Swing:
     period: float | None = None
     strokes: tuple[Stroke, ...] = ()
     dwells: tuple[Dwell, ...] = ()
+    ripple: float = 0.0
 
     @property
     def comes_back(self) -> bool:
@@ -160,8 +165,10 @@ def find_swings(
             continue
         own = _period(curve, i, span, _REPEATS * size, period)
         runs = _runs(curve, i, (span[0], span[0] + own), size, float(speeds[i]))
-        strokes, dwells = _strokes(runs, own, float(curve(np.array([span[0] + own]))[0, i]))
-        found[name] = Swing(size, turns, gained, own, strokes, dwells)
+        each = float(curve(np.array([span[0] + own]))[0, i]) - runs[0].start
+        runs, ripple = _without_ripples(runs, _RIPPLE * size, own, each)
+        strokes, dwells = _strokes(runs, own, each)
+        found[name] = Swing(size, turns, gained, own, strokes, dwells, ripple)
     return found
 
 
@@ -257,18 +264,64 @@ def _merged(runs: list[_Run], way: float, brief: float) -> list[_Run]:
     return runs
 
 
+def _without_ripples(
+    runs: list[_Run], most: float, period: float, gained: float
+) -> tuple[list[_Run], float]:
+    """Runs in which short ways to and fro are standstills, and how far the longest of these go.
+
+    Those between two parts of a motion the same way are no standstill but belong to it.
+
+    Parameters
+    ----------
+    most : what a short way is [rad or m]
+    gained : by how much it is farther after a period [rad or m]
+    """
+
+    def later(run: _Run) -> _Run:
+        begin, end = run.begin + period, run.end + period
+        return run._replace(begin=begin, end=end, start=run.start + gained, stop=run.stop + gained)
+
+    around = list(runs)
+    if len(around) > 1 and around[0].way == around[-1].way:  # the period ends within a run
+        first, last = later(around.pop(0)), around.pop()
+        around.append(last._replace(end=first.end, stop=first.stop))
+    small = [not run.way or abs(run.stop - run.start) <= most for run in around]
+    if all(small) or not any(run.way and s for run, s in zip(around, small, strict=True)):
+        return runs, 0.0
+    k = small.index(False)  # from a motion on, so that no standstill is cut in two
+    around, small = [*around[k:], *map(later, around[:k])], [*small[k:], *small[:k]]
+    found: list[_Run] = []
+    ripple, k = 0.0, 0
+    for flat, group in groupby(range(len(around)), key=small.__getitem__):
+        part = [around[n] for n in group]
+        places = [x for run in part for x in (run.start, run.stop)]
+        reach, k = max(places) - min(places), k + len(part)
+        if not flat or reach > most:
+            found += part
+            continue
+        before, after = found[-1].way, around[k % len(around)].way
+        stands = [run for run in part if not run.way]
+        way = before if before == after and not stands else 0
+        at = 0.5 * (max(places) + min(places))
+        if stands:
+            at = max(stands, key=lambda run: run.end - run.begin).start
+        start, stop = (part[0].start, part[-1].stop) if way else (at, at)
+        found.append(_Run(way, part[0].begin, part[-1].end, start, stop))
+        ripple = ripple if way else max(ripple, reach)
+    return _merged(found, 0.0, 0.0), ripple
+
+
 def _strokes(
-    runs: list[_Run], period: float, last: float
+    runs: list[_Run], period: float, gained: float
 ) -> tuple[tuple[Stroke, ...], tuple[Dwell, ...]]:
     """Strokes and dwells of a motion that repeats itself.
 
     Parameters
     ----------
-    last : position at the end of the period; what differs from that at the start are whole turns
+    gained : by how much it is farther after a period: whole turns
     """
     if not any(run.way for run in runs):
         return (), tuple(Dwell(run.begin, run.end, run.start) for run in runs)
-    gained = last - runs[0].start
     if len(runs) > 1 and runs[0].way == runs[-1].way:
         # what goes on beyond the end of the period is one run
         first, *middle, tail = runs

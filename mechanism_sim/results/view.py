@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
 from typing import Any, Self, TypeVar
 
@@ -14,6 +14,7 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.energy_terms import EnergyTerms, energy_so_far
 from mechanism_sim.hybrid.physics import each_instant
 from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint
 from mechanism_sim.scene import Machine
@@ -81,6 +82,20 @@ class View:
     def observed(self) -> Observation:
         """Accelerations, forces and energies."""
         return self._physics.observe(self._motion, self._segments, self._dt)
+
+    def states(self, derivative: int = 0) -> Array:
+        """The states of first order (k, N), or their rates."""
+        curve = self._motion.state_curve
+        if not curve.turns.shape[1]:
+            return np.zeros((0, len(self.t)))
+        return np.asarray(curve.local(self._segments, self._dt, derivative).T)
+
+    def outside(self, names: Sequence[str]) -> Array:
+        """Rows (k, N) of what loads ask for beside the coordinates, see `Frames.outside`."""
+        turns = zip(self._physics.coordinates, self.observed.turns, strict=True)
+        known = {'time': self.t, **{f'{c}.turns': n for c, n in turns}}
+        known |= {f'{STATE}{k}': x for k, x in enumerate(self.states())}
+        return np.reshape([known[name] for name in names], (len(names), len(self.t)))
 
     @cached_property
     def modes(self) -> NDArray[np.uint8]:

@@ -41,6 +41,7 @@ class Assembly(NamedTuple):
     redundant: int  #: closure equations that follow from the others, elastic joints left out
     slope: Array | None = None  #: (n,) direction of the motion, if the position is singular
     loop: FourBarLoop | None = None  #: the four-bar that it is, if its motion has a closed form
+    dependent: int = 0  #: as `redundant`, with elastic and loose joints as if they were ideal
 
 
 def assemble(plan: ScenePlan) -> Assembly:
@@ -89,7 +90,38 @@ def assemble(plan: ScenePlan) -> Assembly:
                 f'{", ".join(driven)} starts at rest in a singular position: nothing decides '
                 'which way the links go on: start beside it, or with a speed'
             )
-    return Assembly(q, v, freedom, overdriven, hard - int(ranks[2]), slope, four_bar)
+    q, v = _hung(plan, q, v)
+    dependent = len(moving.rows) - int(ranks[1])
+    return Assembly(q, v, freedom, overdriven, hard - int(ranks[2]), slope, four_bar, dependent)
+
+
+def _hung(plan: ScenePlan, q: Array, v: Array) -> tuple[Array, Array]:
+    """The start with links that hang on bushings alone where the points of these coincide.
+
+    What the scene says of their places stays.
+    """
+    ideal, q, v = plan.ideal, q.copy(), v.copy()
+    index = {c: i for i, c in enumerate(ideal.coordinates)}
+    left = [*ideal.floating]
+    for _ in ideal.floating:  # one hangs on the other
+        for bushing in plan.scene.bushings.values():
+            ends = [plan.find('bushings', point) for point in bushing.between]
+            for held, (link, at) in (ends, ends[::-1]):
+                if link not in left or held[0] in left:
+                    continue
+                left.remove(link)
+                states = (
+                    ideal.trace(place, q[:, None], v[:, None])[:, :, 0]
+                    for place in (held, (link, at))
+                )
+                shift = np.subtract(*states)
+                for axis, (place, rate) in zip('xy', shift.T, strict=True):
+                    c = f'{link}.{axis}'
+                    if c not in plan.guess.keys() | plan.given[0].keys():
+                        q[index[c]] += place
+                    if c not in plan.given[1]:
+                        v[index[c]] += rate
+    return q, v
 
 
 def _apart(loop: FourBarLoop, angle: float) -> str:

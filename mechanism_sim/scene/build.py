@@ -11,11 +11,11 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.joints.contact_keys import Clearance, Contact, Play
 from mechanism_sim.keys.names import scene_errors
-from mechanism_sim.linkages.mobility import mobility
 from mechanism_sim.linkages.nominal import NominalPhysics
-from mechanism_sim.planar.configuration import Constraints, converted, poses
+from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
+from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.level import Level
@@ -37,6 +37,7 @@ def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
         check_scenes_way(machine)
         _check_unknowns(machine)
         _check_joints(machine)
+        _check_redundant(machine)
         _check_oscillators(machine)
         _check_sensors(machine)
     return machine
@@ -62,12 +63,6 @@ def _check_freedom(machine: Machine) -> None:
         raise InputError(
             'the mechanism cannot move: its joints and drives leave it no degree of freedom; it '
             'is a structure'
-        )
-    if assembly.redundant and (machine.level.dynamic or machine.level is Level.INVERSE_DYNAMICS):
-        raise InputError(
-            f'{assembly.redundant} of the closure equations follow from the others, so that the '
-            "joint forces are not determined; set 'outputs.forces: false' for kinematics, or make "
-            f'a redundant joint a slot{_redundant(machine)}'
         )
     given = [n for n, link in machine.links.items() if link.mass is not None or link.elastic]
     if machine.level is Level.SMOOTH and not given:
@@ -133,8 +128,7 @@ def _check_unknowns(machine: Machine) -> None:
     if duration == math.inf:
         return
     run = machine.nominal.run([plan.laws[c][0] for c in plan.prescribed])
-    for later in (law for c in plan.prescribed for law in plan.laws[c][1:]):
-        run.change_law(later)
+    plan.announce(run, {c: plan.laws[c] for c in plan.prescribed})
     motion = run.motion(duration)
     physics = machine.physics
     assert isinstance(physics, NominalPhysics)  # noqa: S101 - its level says so
@@ -197,45 +191,65 @@ def _without_mass(loops: Kinematics, q: Array) -> Array | None:
 
 
 def _check_joints(machine: Machine) -> None:
-    loose = machine.plan.rigid
+    loose, touching = machine.plan.rigid, machine.plan.touching
     places: dict[str, list[tuple[float, float]]] = {}  # of joints, by link
     for link, at in (point for j in machine.plan.joints for point in j.points):
         places.setdefault(link, []).append(at)
     between = [math.dist(a, b) for p in places.values() for a, b in combinations(p, 2)]
     shortest = min((x for x in between if x > 0.0), default=math.inf)
+    soft = any(c.wall == 'soft' for c in (*loose.values(), *touching.values()))
     for joint, clearance in loose.items():
         given = machine.scene.joints[joint]
         keys = (k for k in ('lift_off', 'groove', 'backlash') if getattr(given, k))
         where = f'joints.{joint}.{next(keys, "clearance")}'
-        if clearance.radial >= shortest:
+        if clearance.radial >= shortest and not _is_angular(machine, joint):
             raise InputError(
                 f'{where}.radial = {clearance.radial:g} m is larger than the shortest link '
                 f'({shortest:g} m)'
             )
-        if clearance.wall == 'rigid' and any(c.wall == 'soft' for c in loose.values()):
-            key = 'contact.stiffness' if clearance.film else 'contact'
-            raise InputError(
-                f"{where} has no '{key}', but another joint has: either all loose joints are "
-                'compliant or none is'
-            )
-        _check_contact(where, clearance)
-        if clearance.wall == 'soft' and math.isinf(clearance.friction):
-            raise InputError(f'{where}.friction = rough is for rigid contacts only')
-        axial = clearance.axial if isinstance(clearance, Clearance) else None
-        dead = not clearance.restitution or (axial and axial.restitution == 0.0)
-        if clearance.contact and clearance.contact.law == 'flores' and dead:
-            raise InputError(f'{where}: the law of Flores needs a restitution above 0')
+        _check_play(where, 'contact', clearance, soft)
         of_materials = clearance.contact and clearance.contact.materials
         if clearance.pin_radius and not clearance.friction and not of_materials:
             raise InputError(
                 f'{where}.pin_radius = {clearance.pin_radius:g} m has no effect without friction: '
                 'give friction too, or leave it out'
             )
-        if clearance.friction > 10.0 and not math.isinf(clearance.friction):
-            raise InputError(
-                f'{where}.friction = {clearance.friction:g} is more than 10: for contacts that '
-                "never slip write 'friction: rough'"
-            )
+    for joint, contact in touching.items():
+        key, law = machine.scene.joints[joint].kind_keys.touches_by
+        _check_play(f'joints.{joint}{key}', law, contact, soft)
+
+
+def _check_play(where: str, law: str, play: Play, soft: bool) -> None:
+    """Refuse contacts of a joint that do not go together, or not with those of others.
+
+    Parameters
+    ----------
+    law : the key of their law of force
+    soft : whether any contact of the machine gives way
+    """
+    if soft and play.wall == 'rigid':
+        key = f'{law}.stiffness' if play.film else law
+        raise InputError(
+            f"{where} has no '{key}', but another joint has: either all loose joints and stops "
+            'are compliant or none is'
+        )
+    _check_contact(f'{where}.{law}', where, play)
+    if play.wall == 'soft' and math.isinf(play.friction):
+        raise InputError(f'{where}.friction = rough is for rigid contacts only')
+    axial = play.axial if isinstance(play, Clearance) else None
+    dead = not play.restitution or (axial and axial.restitution == 0.0)
+    if play.contact and play.contact.law == 'flores' and dead:
+        raise InputError(f'{where}: the law of Flores needs a restitution above 0')
+    if play.friction > 10.0 and not math.isinf(play.friction):
+        raise InputError(
+            f'{where}.friction = {play.friction:g} is more than 10: for contacts that never slip '
+            "write 'friction: rough'"
+        )
+
+
+def _is_angular(machine: Machine, name: str) -> bool:
+    joint = machine.mechanism.joint(name)
+    return isinstance(joint, HigherPair) and joint.angular_play
 
 
 _OF_FILMS = (
@@ -244,7 +258,7 @@ _OF_FILMS = (
 )  # fmt: skip
 
 
-def _check_contact(where: str, clearance: Play) -> None:
+def _check_contact(law: str, where: str, clearance: Play) -> None:
     """Refuse contacts without a key that their law needs, or with one that it does not know."""
     contact = clearance.contact
     if contact is None:
@@ -252,28 +266,26 @@ def _check_contact(where: str, clearance: Play) -> None:
     film, thin = clearance.film, contact.roughness
     for key in ('viscosity', 'width', 'radius') if film else ('stiffness',):
         if getattr(clearance if key == 'stiffness' else contact, key) is None:
-            raise InputError(
-                f"{where}.contact: '{key}' is missing: the law {contact.law} needs it"
-            )
+            raise InputError(f"{law}: '{key}' is missing: the law {contact.law} needs it")
     for key in _OF_FILMS:
         if key == 'radius' and contact.materials:
             continue
         if getattr(contact, key) != Contact.model_fields[key].default and not film:
-            raise InputError(f'{where}.contact.{key} is for the law film: there is no oil')
+            raise InputError(f'{law}.{key} is for the law film: there is no oil')
     supply, lowest = contact.supply_pressure, contact.cavitation_pressure
     if supply < lowest:
         raise InputError(
-            f'{where}.contact.supply_pressure = {supply:g} Pa is less than cavitation_pressure, '
+            f'{law}.supply_pressure = {supply:g} Pa is less than cavitation_pressure, '
             f'{lowest:g} Pa: oil that ruptures where it comes in fills nothing'
         )
     if supply > lowest and contact.cavitation == 'none':
         raise InputError(
-            f'{where}.contact.cavitation = none: the film is whole whatever the pressure of its '
+            f'{law}.cavitation = none: the film is whole whatever the pressure of its '
             "supply: leave it out, or 'supply_pressure' and 'cavitation_pressure'"
         )
     if thin and thin >= clearance.radial:
         raise InputError(
-            f'{where}.contact.roughness = {thin:g} m must be less than radial, '
+            f'{law}.roughness = {thin:g} m must be less than radial, '
             f'{clearance.radial:g} m: there is no room for oil'
         )
     if film and not thin and (clearance.friction or clearance.stiffness):
@@ -283,17 +295,36 @@ def _check_contact(where: str, clearance: Play) -> None:
             'its walls touch'
         )
     if not clearance.stiffness and contact.exponent != Contact.model_fields['exponent'].default:
-        raise InputError(f"{where}.contact.exponent has no meaning without a 'stiffness' of walls")
+        raise InputError(f"{law}.exponent has no meaning without a 'stiffness' of walls")
     if film and clearance.pin_radius:
         raise InputError(f'{where}.pin_radius: with a film it is contact.radius; leave it out')
 
 
-def _redundant(machine: Machine) -> str:
-    """Which joints are redundant, if the start tells."""
-    mechanism = machine.plan.ideal
-    start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
-    extra = mobility(Constraints.of(mechanism), poses(mechanism, start)).repeating
-    return f': {", ".join(extra)} is one' if extra else ''
+def _check_redundant(machine: Machine) -> None:
+    """Refuse what needs forces that redundant constraints leave open."""
+    if not (machine.level.dynamic or machine.level is Level.INVERSE_DYNAMICS):
+        return
+    open_ = machine.nominal.undetermined
+    count = machine.assembly.redundant
+    why = (
+        f'{count} of the closure equations follow{"s" * (count == 1)} from the others, so that '
+        'this force is not determined; make a joint that is redundant a slot, or an elastic one'
+    )
+    rubbing = [f.name for f in machine.plan.frictions(machine.mechanism) if f.name in open_]
+    if rubbing:
+        raise InputError(f'joints.{rubbing[0]}.friction follows from its force, but {why}')
+    for name, sensor in machine.scene.sensors.items():
+        if sensor.kind == 'load_cell' and sensor.joint in open_:
+            raise InputError(f'sensors.{name}.joint = {sensor.joint}: {why}')
+    for name, part in machine.scene.oscillators.items():
+        if joints := [joint for joint in part.joints or () if joint in open_]:
+            raise InputError(f'oscillators.{name}.joints: {joints[0]}: {why}')
+    if open_ and machine.plan.efforts:
+        raise InputError(
+            'loads of unknown size and redundant constraints exclude each other: '
+            f'{count} of the closure equations follow{"s" * (count == 1)} from the others; make '
+            'a joint that is redundant a slot'
+        )
 
 
 def _check_oscillators(machine: Machine) -> None:

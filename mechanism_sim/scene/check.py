@@ -13,9 +13,14 @@ from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.elastic_links import elastic_notes
-from mechanism_sim.scene.gate import admit
+from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.motion_accuracy import (
+    acceleration_notes,
+    undetermined_accelerations,
+)
+from mechanism_sim.scene.motion_keys import CoursePart
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.remarks import doubts, unused
 from mechanism_sim.scene.schema import SensorPart
@@ -71,10 +76,13 @@ class Report:
     left_out: list[str]
     notes: list[str]
     questions: list[str] = field(default_factory=list)  #: values about a thousand times off
+    range: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Limits [rad, m] of a drive at constant speed that comes to one on either side"""
 
     def to_json(self) -> dict[str, object]:
         """As a plain dictionary."""
-        return asdict(self)
+        found = asdict(self)
+        return found if self.range else {k: x for k, x in found.items() if k != 'range'}
 
 
 def check(machine: Machine) -> Report:
@@ -89,9 +97,10 @@ def check(machine: Machine) -> Report:
     coordinates |= {c: _drive(machine, c) for c in plan.laws}
     relations = []
     for name in mechanism.cut:
-        if name not in machine.plan.clearances:
-            single = isinstance(mechanism.joint(name), HigherPair)
-            relations.append(f'{name}: closes a loop, {"1 equation" if single else "2 equations"}')
+        joint = mechanism.joint(name)
+        count = joint.equations if isinstance(joint, HigherPair) else 2
+        if count and name not in machine.plan.clearances:
+            relations.append(f'{name}: closes a loop, {count} equation{"s" * (count > 1)}')
     loose = {n: c for n, c in machine.plan.clearances.items() if n not in plan.elastic}
     gaps = [f'{name}: {_gap(mechanism.joint(name), c, machine)}' for name, c in loose.items()]
     notes = _notes(machine, loose)
@@ -107,8 +116,17 @@ def check(machine: Machine) -> Report:
         [note for note in notes if isinstance(note, Limit)],
         _left_out(machine, len(gaps)),
         notes,
-        doubts(machine),
+        [*doubts(machine), *undetermined_accelerations(machine)],
+        _range(machine),
     )
+
+
+def _range(machine: Machine) -> dict[str, tuple[float, float]]:
+    """Limits of the drive, all turns counted, if it has no full turn."""
+    if (found := between_limits(machine)) is None:
+        return {}
+    turned = TURN * machine.plan.turned.get(machine.plan.main, 0)
+    return {machine.plan.main: (found.low + turned, found.high + turned)}
 
 
 def _gap(joint: Joint, c: Play, machine: Machine) -> str:
@@ -118,8 +136,12 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
     if c.contact and c.contact.materials:
         contact += f', stiffness {c.stiffness:.6g} N/m^{c.contact.exponent:g} of its materials'
     if isinstance(joint, HigherPair):
-        room = f'play {c.radial:g} m to either side' if len(joint.sides) > 1 else 'may lift off'
-        return f'{joint.parts}, {room}, {contact}'
+        unit = 'rad' if joint.angular_play else 'm'
+        room = (
+            f'play {c.radial:g} {unit} to either side' if len(joint.sides) > 1 else 'may lift off'
+        )
+        room = f'{room}, ' if joint.equations else ''
+        return f'{joint.parts}, {room}{contact}'
     block = isinstance(joint, Prismatic)
     kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
     if c.film:
@@ -164,7 +186,9 @@ def _starts(machine: Machine) -> dict[str, GapStart]:
     place = dict(zip(system.free, zip(state.q, state.v, strict=True), strict=True))
     place |= {c: machine.plan.held[c] for c in system.prescribed}
     q, v = np.array([place[c] for c in system.coordinates]).T[:, :, None]
-    opened = seen.gaps.distances(seen.gaps.values(q))[:, 0].tolist()
+    turns = dict(zip(system.free, state.turns, strict=True))
+    outside = machine.plan.outside_at_start(system.outside, turns=turns)
+    opened = seen.gaps.distances(seen.gaps.values(q, outside))[:, 0].tolist()
     closed = (-seen.gaps.rates(q, v)[:, 0]).tolist() if system.gaps else []
     size = machine.mechanism.size
     pace = max(1.0, float(np.abs(v).max(initial=0.0)))
@@ -200,10 +224,16 @@ def _drive(machine: Machine, coordinate: str) -> str:
     effort = given.effort if given else None
     shown = f'{effort.value:g} {force}' if isinstance(effort, QuantityValue) else effort
     with_effort = '' if effort is None else f', with {shown}'
-    if len(laws) > 1:
-        return f'prescribed, a profile of speeds in {len(laws)} pieces{with_effort}'
+    course = given and (given.position or given.profile or given.speed)
+    if isinstance(course, CoursePart):
+        return f'prescribed, {course.words}{with_effort}'
+    if given and given.moves:
+        again = ', again and again' if given.moves.repeat else ''
+        return f'prescribed, {len(given.moves.steps)} moves and dwells{again}{with_effort}'
     speed = law.coefficients[1] if law.degree else 0.0
-    changing = ' at the start, and then another' if law.degree > 1 else ''
+    changing = ''
+    if law.degree > 1:
+        changing = f' at the start and {2.0 * law.coefficients[2]:g} {pace[:-2]}/s^2'
     return f'prescribed, {speed:g} {pace}{changing}{with_effort}'
 
 
@@ -217,7 +247,16 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
         if c.friction and c.restitution and c.hypothesis == 'newton'
     ]
     start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
+    if between_limits(machine):
+        stays = (
+            f"{limits_text(machine)}: 'cycle' goes from one limit to the other; a run that is to "
+            "stay between them needs a 'duration'"
+        )
+        notes.append(Limit(stays))
     notes += motion_notes(mechanism, start, plan.laws)
+    notes += acceleration_notes(machine)
+    if machine.physics.undetermined:
+        notes.append(machine.nominal.undetermined_text)
     for joint in plan.joints:
         keys = machine.scene.joints[joint.name]
         notes += keys.kind_keys.notes(keys, machine, joint)

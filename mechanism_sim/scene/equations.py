@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,21 +11,30 @@ import numpy as np
 from mechanism_sim.hybrid.dynamics import AppliedForces
 from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.system import System
-from mechanism_sim.joints.joint_keys import contacts_of
+from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
 from mechanism_sim.keys.names import SceneError
-from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.closures import closures, independent
 from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.massless import inertial_motion, without_mass
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.switches import SwitchTable
 from mechanism_sim.scene.assembly import Assembly
 from mechanism_sim.scene.plan import ScenePlan
+from mechanism_sim.scene.singular_start import neighbours
+from mechanism_sim.tolerances import TOLERANCES
 
 _BESIDE = 0.3
 """[rad, m] from the start, where it is looked whether links without mass make a difference."""
+
+
+def moving(gap: Gap, frames: Frames) -> set[str]:
+    """The coordinates that open or close a gap."""
+    return {c for c, slope in gap.value(frames).gradient.items() if slope is not None}
+
 
 _COMPACT_FROM = 8
 """Free coordinates, contacts and closures from which on compact code pays: it compiles faster.
@@ -55,12 +64,16 @@ class EquationsOfMotion:
         gaps, films = contacts_of(plan.scene.joints, mechanism, plan.clearances)
         frames = Frames(mechanism.coordinates, Parameters())
         for gap in gaps:
-            if all(slope is None for slope in gap.value(frames).gradient.values()):
+            if not moving(gap, frames):
                 raise SceneError(
                     f'{self.name}: joints.{gap.joint} has a clearance that never opens nor '
                     'closes: its links move along it only; leave the joint out'
                 )
-        return self._compiled(mechanism, plan.loop_closures, gaps, films)
+        # the gate has seen to what drives alone move
+        bounds = bounds_of(plan.scene.joints, mechanism, plan.touching)
+        gaps += [gap for gap in bounds if not moving(gap, frames) <= {*plan.prescribed}]
+        closing = self._independent(plan.loop_closures, plan.loops(plan.prescribed))
+        return self._compiled(mechanism, closing, gaps, films)
 
     @cached_property
     def observer(self) -> Observer:
@@ -70,10 +83,28 @@ class EquationsOfMotion:
     @cached_property
     def ideal_observer(self) -> Observer:
         """`observer` of the mechanism without clearance."""
-        if not self.plan.clearances:
+        if not self.plan.clearances and not self.plan.touching:
             return self.observer
-        ideal = self.plan.ideal
-        return Observer(self._compiled(ideal, closures(ideal, ideal.cut), [], []))
+        plan, ideal = self.plan, self.plan.ideal
+        loops = plan.kinematics(plan.prescribed)
+        closing = self._independent(closures(ideal, ideal.cut), loops)
+        return Observer(self._compiled(ideal, closing, [], []))
+
+    def _independent(self, closing: Sequence[Relation], loops: Kinematics) -> Sequence[Relation]:
+        """Closures without the rows that follow from others, where there may be such rows.
+
+        They are those that are most independent at a position beside the start where the rank is
+        that of the motion; the audit looks whether those left out vanish with them.
+        """
+        if not (closing and self.assembly.dependent):
+            return closing
+        q, _ = converted(self.plan.ideal, loops.mechanism, self.assembly.q, self.assembly.v)
+        near = np.column_stack([q, neighbours(loops, q)])
+        rows = loops.directions(near)
+        sizes = np.linalg.svd(rows, compute_uv=False)
+        ranks = (sizes > TOLERANCES.branches.singular).sum(axis=1)
+        least = np.where(ranks == ranks.max(), sizes[:, ranks.max() - 1], 0.0)
+        return independent(closing, loops.rows, rows[int(least.argmax())])
 
     def _compiled(
         self,
@@ -86,6 +117,7 @@ class EquationsOfMotion:
         drive = plan.scene.drive
         laws = [law for laws in plan.laws.values() for law in laws]
         degree = max(law.degree if isinstance(law, DriveLaw) else 1 for law in laws)
+        degree = max(degree, *(x.degree for x in plan.sources.values()), 1)
         if drive and drive.commands:
             degree = max(degree, 2)  # commanded speeds are joined by ramps
         return System(
@@ -96,7 +128,9 @@ class EquationsOfMotion:
             closing,
             plan.powered,
             AppliedForces(
-                [*films, *plan.elements(mechanism)], plan.motors, plan.frictions(mechanism)
+                [*films, *plan.elements(mechanism)],
+                [replace(m, characteristic=m.characteristic.on(mechanism)) for m in plan.motors],
+                plan.frictions(mechanism),
             ),
             self._lent(mechanism) if closing else 0.0,
         )

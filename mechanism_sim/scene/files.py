@@ -27,11 +27,15 @@ _DOCS = {'scene': 'scenes.md', 'sweep': 'studies.md'}
 
 
 class SceneContent(NamedTuple):
-    """Keys and values of a scene, unchecked, the file that errors name, and its own name."""
+    """Keys and values of a scene, unchecked, the file that errors name, and its own name.
+
+    Files that it names are below the folder.
+    """
 
     file: str
     name: str
     data: dict[str, Any]
+    folder: Path
 
 
 def content_of(
@@ -44,23 +48,25 @@ def content_of(
     name : of one that has none; files that it names are beside the current folder
     """
     if isinstance(source, Scene | FourBarScene):
-        return SceneContent(name, name, {'mechanism': source.mechanism, **_plain(source)})
+        return SceneContent(
+            name, name, {'mechanism': source.mechanism, **_plain(source)}, Path.cwd()
+        )
     if isinstance(source, Mapping):
         data = with_files(name, Path.cwd(), _plain(source))
-        return SceneContent(name, name, data)
+        return SceneContent(name, name, data, Path.cwd())
     if isinstance(source, str) and ('\n' in source or source.lstrip().startswith('{')):
         try:
             data = with_files(name, Path.cwd(), documents.parse(source))
         except documents.DocumentError as error:
             raise InputError(f'{name}:{error}') from error
-        return SceneContent(name, name, _keys_and_values(name, data, 'scene'))
+        return SceneContent(name, name, _keys_and_values(name, data, 'scene'), Path.cwd())
     if not isinstance(source, str | Path):
         raise InputError(
             f'{quoted(source)} is no scene: give a name, a path, YAML as text, a dictionary, a '
             'Scene or a machine'
         )
     path = find_scene(str(source))
-    return SceneContent(path.name, path.stem, read_yaml(path, 'scene'))
+    return SceneContent(path.name, path.stem, read_yaml(path, 'scene'), path.parent)
 
 
 def _plain(data: Any) -> Any:
@@ -117,10 +123,13 @@ def _keys_and_values(file: str, data: Any, kind: str) -> dict[str, Any]:
 
 
 def check_scene(
-    file: str, data: Mapping[str, Any], overrides: Mapping[str, Any] | Iterable[str] = ()
+    file: str,
+    data: Mapping[str, Any],
+    overrides: Mapping[str, Any] | Iterable[str] = (),
+    folder: Path | None = None,
 ) -> Scene:
-    """The scene that a file's keys and values make, some of them overridden, in SI units."""
-    content = overridden(file, data, overrides)
+    """The scene that a file's keys and values make, some `overridden`, in SI units."""
+    content = overridden(file, data, overrides, folder)
     scene = as_given(file, content)
     if isinstance(scene, FourBarScene):
         return checked(file, Scene, expanded(scene, content))
@@ -142,9 +151,17 @@ def as_given(file: str, content: Mapping[str, Any]) -> AnyScene:
 
 
 def overridden(
-    file: str, data: Mapping[str, Any], overrides: Mapping[str, Any] | Iterable[str] = ()
+    file: str,
+    data: Mapping[str, Any],
+    overrides: Mapping[str, Any] | Iterable[str] = (),
+    folder: Path | None = None,
 ) -> dict[str, Any]:
-    """A file's keys and values, some of them replaced, unchecked."""
+    """A file's keys and values, some of them replaced, unchecked.
+
+    Parameters
+    ----------
+    folder : where files of tables are that overrides name; their points replace others
+    """
     content = copy.deepcopy(dict(data))
     try:
         pairs = _pairs(overrides)
@@ -154,7 +171,8 @@ def overridden(
             _override(content, key, copy.deepcopy(value), file)  # a later one may change its parts
     except documents.DocumentError as error:
         raise InputError(f'{file}: {error}') from error
-    return content
+    found: dict[str, Any] = with_files(file, folder, content, instead=True) if folder else content
+    return found
 
 
 def checked(file: str, model: type[Model], data: Mapping[str, Any]) -> Model:

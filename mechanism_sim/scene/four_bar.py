@@ -24,6 +24,7 @@ from mechanism_sim.scene.schema import (
     PointMass,
     SensorPart,
 )
+from mechanism_sim.units import QuantityValue
 
 JOINTS = {
     'ground_crank': ['ground', 'crank'],
@@ -136,16 +137,22 @@ def expanded(scene: FourBarScene, content: Mapping[str, Any]) -> dict[str, Any]:
     given, drive = content.get('joints') or {}, scene.drive
     driven = {key: x for key, x in content['drive'].items() if x is not None}
     said = scene.initial.position.get('crank')
-    start = said.value if said else drive.start_angle or 0.0
+    start, speed = said.value if said else drive.start_angle or 0.0, 0.0
+    if drive.position:
+        start, speed = drive.position.at_start
+    elif isinstance(drive.speed, QuantityValue):
+        speed = drive.speed.value
     l = scene.links  # noqa: E741
     linkage = FourBar(
         l.ground.length, l.crank.length, l.coupler.length, l.rocker.length, scene.branch
     )
-    angle = beside_change_point(linkage, start, drive.speed.value if drive.speed else 0.0)
+    angle = beside_change_point(linkage, start, speed)
     th3, th4 = (float(x) for x in linkage.positions(np.array(angle)))
     written = {
         'joints': {n: {'revolute': ends, **(given.get(n) or {})} for n, ends in JOINTS.items()},
-        'drive': {'coordinate': 'crank', 'start_angle': 0.0} | driven,
+        'drive': {'coordinate': 'crank'}
+        | ({} if drive.position else {'start_angle': 0.0})
+        | driven,
         # where it cannot be assembled there is nothing to be near to
         'guess': {} if np.isnan(th3) else {'coupler': th3, 'rocker': th4},
     }

@@ -14,22 +14,24 @@ from numpy.polynomial import polynomial
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.keys.names import scene_errors
+from mechanism_sim.linkages.drive_range import DriveRange
 from mechanism_sim.linkages.grashof import crank_limits
 from mechanism_sim.linkages.loops import FourBarLoop
 from mechanism_sim.linkages.nominal import NominalRun
 from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.planar.endless_laws import ends
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.assembly import closed_near
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import between
+from mechanism_sim.scene.stops import check_stops
 
 TURN = 2.0 * math.pi
 _PACE = 2.0 * TURN
 """[rad/s] of the drive where it is tried out; in sizes of the machine if it slides."""
 
 _MOST = 16
-"""Turns from the start that are tried of a machine that need not come back after one."""
+"""Turns of the drive for which several drives are tried together."""
 
 _STEP = 0.05
 """[rad], or sizes of the machine, after which it is tried whether loops can still be closed."""
@@ -63,17 +65,62 @@ def admit(machine: Machine, duration: float | None = None) -> Machine:
 
 
 def check_scenes_way(machine: Machine) -> None:
-    """Refuse drives that it cannot follow for a turn, or for as long as the scene says."""
-    law = machine.drive.law
-    steady = (
-        isinstance(law, DriveLaw)
-        and not law.straight
-        and len(machine.drive.laws) == 1
-        and not machine.rigid.torque_driven
+    """Refuse drives that it cannot follow for a turn, or for as long as the scene says.
+
+    A scene that says no duration is for a machine in all its positions, too: if its drive cannot
+    turn round, only a run that asks it to is refused.
+    """
+    duration = machine.scene.duration or (
+        machine.drive.period if _turns_steadily(machine) else math.inf
     )
-    duration = machine.scene.duration or (machine.drive.period if steady else math.inf)
-    if duration < math.inf:
+    if duration < math.inf and not between_limits(machine):
         check_way(machine, duration)
+
+
+def _turns_steadily(machine: Machine) -> bool:
+    """True if the main drive turns at constant speed, whatever else is driven."""
+    turns = machine.plan.main not in machine.mechanism.displacements
+    return turns and machine.drive.steady and not machine.rigid.torque_driven
+
+
+def between_limits(machine: Machine) -> DriveRange | None:
+    """The limits of a machine whose only drive, at constant speed, comes to one on either side.
+
+    None where the scene says how long it runs: then it stays within, or is refused; and where
+    clearances take part, for then the limits are not those of the links alone.
+    """
+    drive, nominal = machine.drive, machine.rigid.nominal
+    law = drive.law
+    steady = isinstance(law, DriveLaw) and law.degree == 1 and law.coefficients[1]
+    alone = len(machine.plan.laws) == len(drive.laws) == 1 and not machine.level.dynamic
+    if machine.scene.duration or not alone or not steady:
+        return None
+    if _turns_steadily(machine):
+        try:
+            check_way(machine, drive.period)
+        except InputError:
+            pass
+        else:
+            return None
+    found = nominal.drive_range
+    return found if found and math.isfinite(found.low) and math.isfinite(found.high) else None
+
+
+def limits_text(machine: Machine) -> str:
+    """Between which limits a machine with a single drive moves, for people; or nothing."""
+    machine = machine.rigid
+    found, main = machine.nominal.drive_range, machine.plan.main
+    if not found or not found.limited:
+        return ''
+    shown, scale, turned = 'mm', 1e3, 0.0
+    if main not in machine.plan.ideal.displacements:
+        shown, scale, turned = 'deg', 180.0 / math.pi, TURN * machine.plan.turned.get(main, 0)
+    low, high = (f'{scale * (x + turned):.9g} {shown}' for x in (found.low, found.high))
+    if not math.isfinite(found.low):
+        return f'{main} comes to a limit at {high}, and to none before'
+    if not math.isfinite(found.high):
+        return f'{main} comes to a limit at {low}, and to none beyond'
+    return f'{main} moves from {low} to {high}'
 
 
 def check_way(machine: Machine, duration: float) -> None:
@@ -83,48 +130,51 @@ def check_way(machine: Machine, duration: float) -> None:
     all is as before after one. Several drives are tried together, at their own pace.
     """
     machine = machine.rigid
+    tried = machine.ways
+    check_stops(machine, duration)
     if machine.torque_driven:
-        if machine.plan.prescribed and duration not in machine.ways:
-            machine.ways.add(duration)
+        if machine.plan.prescribed and duration not in tried:
+            tried[duration] = ''
             _try_loops(machine, duration)
         return
-    plan, tried = machine.plan, machine.ways
-    moving = {c: w for c in plan.prescribed if (w := way_of(plan.laws[c], duration))[0] < w[1]}
+    plan = machine.plan
+    moving = {
+        c: w
+        for c in plan.prescribed
+        if (w := way_of(plan.laws_until(c, duration), duration))[0] < w[1]
+    }
     if len(moving) > 1 or (moving and len(plan.prescribed) > 1):
         if duration not in tried:
-            laws = list(plan.laws.values())
-            run = machine.nominal.run([each[0] for each in laws])
-            for later in (law for each in laws for law in each[1:]):
-                run.change_law(later)
+            run = machine.nominal.run([each[0] for each in plan.laws.values()])
+            plan.announce(run, plan.laws)
             _advance(run, min(duration, _MOST * machine.drive.period))
-            tried.add(duration)
+            tried[duration] = ''
         return
     for c, way in moving.items():
         start = _value(plan.laws[c][0], 0.0)
-        reach = math.inf
-        if c not in plan.ideal.displacements:
-            again = not any(isinstance(j, HigherPair) for j in plan.joints)
-            reach = TURN if again else _MOST * TURN
+        straight = c in plan.ideal.displacements
+        reach = math.inf if straight else machine.nominal.reach
         ends = max(way[0], start - reach), min(way[1], start + reach)
         if loop := machine.assembly.loop:
-            _check_four_bar(loop, ends)
+            _check_four_bar(machine, loop, ends)
             continue
         for end in ends:
-            if end != start and (start, end) not in tried:
-                straight = c in plan.ideal.displacements
+            if end == start:
+                continue
+            if (start, end) not in tried:
                 pace = _PACE * (plan.ideal.size if straight else 1.0)
                 pace = math.copysign(pace, end - start)
                 run = machine.nominal.run([DriveLaw(c, (start, pace), straight=straight)])
-                _advance(run, (end - start) / pace)
-                tried.add((start, end))
+                tried[start, end] = _stopped(machine, run, (end - start) / pace)
+            if tried[start, end]:
+                raise InputError(tried[start, end])
 
 
 def way_of(laws: Sequence[Law], duration: float) -> Way:
     """Where prescribed laws lead from the start of a run to its end."""
     seen = []
-    for law, later in zip(laws, [*laws[1:], None], strict=True):
-        begin, end = law.valid_from, min(duration, later.valid_from if later else math.inf)
-        if isinstance(law, DriveLaw) and begin <= end:
+    for law, begin, end in ends(laws, duration):
+        if begin <= end:
             rate = np.trim_zeros(polynomial.polyder(law.coefficients), 'b')
             turning = polynomial.polyroots(rate) if len(rate) > 1 else np.zeros(0)
             real = law.reference_time + turning[np.abs(turning.imag) < 1e-9].real
@@ -140,7 +190,7 @@ def _value(law: Law, t: float) -> float:
     return value + law.turns * TURN
 
 
-def _check_four_bar(loop: FourBarLoop, way: Way) -> None:
+def _check_four_bar(machine: Machine, loop: FourBarLoop, way: Way) -> None:
     """Refuse a crank that with the ground leaves no triangle to coupler and rocker on its way."""
     linkage, crank = loop.linkage, loop.links[0]
     low, high = crank_limits(linkage)
@@ -152,18 +202,20 @@ def _check_four_bar(loop: FourBarLoop, way: Way) -> None:
             limits = between(math.degrees(low), math.degrees(high))
             named = zip((GROUND, *loop.links), linkage.lengths, strict=True)
             said = ', '.join(f'{n} {x:g} m' for n, x in named)
+            own = f'; {limits_text(machine)}' if loop.turned[0] else ''
             raise InputError(
                 f'the {crank} cannot make a full turn at constant speed ({said}): ground and '
                 f'{crank} in line must leave a triangle with {loop.links[1]} and {loop.links[2]}; '
                 f'shorten the {crank}, or keep it between {limits} deg from the line of the '
-                "ground joints by a 'profile' and 'duration'"
+                f"ground joints by a 'profile' and 'duration'{own}"
             )
 
 
 def _try_loops(machine: Machine, duration: float) -> None:
     """Refuse drives along which loops without clearance cannot close, wherever other links go."""
-    mechanism, laws = machine.mechanism, machine.plan.laws
-    prescribed = machine.plan.prescribed
+    mechanism, plan = machine.mechanism, machine.plan
+    prescribed = plan.prescribed
+    laws = {c: plan.laws_until(c, duration) for c in prescribed}
     loops = machine.plan.loops(prescribed)
     if not loops.rows:
         return
@@ -188,6 +240,16 @@ def _try_loops(machine: Machine, duration: float) -> None:
                 f'the machine cannot follow its drive beyond t = {t:.6g} s: {error}; change the '
                 "lengths, or keep the drive within limits by a 'profile' and 'duration'"
             ) from error
+
+
+def _stopped(machine: Machine, run: NominalRun, duration: float) -> str:
+    """Why a single drive cannot go on for so long, and its limits; nothing if it can."""
+    try:
+        _advance(run, duration)
+    except InputError as error:
+        limits = limits_text(machine)
+        return f'{error}; {limits}' if limits else str(error)
+    return ''
 
 
 def _advance(run: NominalRun, duration: float) -> None:

@@ -8,19 +8,27 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.names import SceneError
+from mechanism_sim.linkages.drive_range import placed_at
+from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene, content_of, overridden
 from mechanism_sim.scene.four_bar import FourBarScene
-from mechanism_sim.scene.gate import admit
+from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.motion_keys import SpeedPart
 from mechanism_sim.scene.remarks import length_questions
-from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.schema import DrivePart, InitialPart, Scene
 from mechanism_sim.units import QuantityValue, argument
 
 Source: TypeAlias = str | Path | Mapping[str, Any] | Scene | FourBarScene | Machine
 """All from which `load_scene` makes a machine."""
+
+RAMP = 0.01  # of the way between limits, on which a drive comes to its speed
+_BESIDE = 1e-12  # of the way: so near to a limit, links stand where they do at it, to 1e-6
+_MOMENT = 1e-6  # [s] of which no more than the start is looked at
 
 
 def load_scene(
@@ -51,7 +59,7 @@ def load_scene(
             return source
         source, name = source.scene, source.name
     given = content_of(source, name)
-    content = overridden(given.file, given.data, overrides)
+    content = overridden(given.file, given.data, overrides, given.folder)
     questions = tuple(length_questions(content))
     try:
         return build(given.name, check_scene(given.file, content), questions)
@@ -79,7 +87,7 @@ def span(machine: Machine, revolutions: float | None, duration: float | str | No
     return duration
 
 
-def run_length(machine: Machine, revolutions: float | None, duration: float | None) -> float:
+def run_length(machine: Machine, revolutions: float | None, duration: float | str | None) -> float:
     """`span` for commands and nodes, which refuse what cannot be run for so long."""
     end = span(machine, revolutions, duration)
     admit(machine, end)
@@ -91,6 +99,8 @@ def started_at(machine: Machine, angle: float) -> Machine:
     scene = machine.scene
     if not scene.drive:
         raise SceneError(f"{machine.name}: there is no 'drive' to start at an angle")
+    if scene.drive.position:
+        raise SceneError(f"{machine.name}: 'drive.position' says where its main drive starts")
     position = {c: x for c, x in scene.initial.position.items() if c != machine.plan.main}
     changed: dict[str, Any] = {
         'drive': scene.drive.model_copy(update={'start_angle': angle}),
@@ -100,4 +110,91 @@ def started_at(machine: Machine, angle: float) -> Machine:
         near = zip(loop.links[1:], loop.positions(angle), strict=True)
         found = {c: QuantityValue(float(x), 'rad') for c, x in near if math.isfinite(x)}
         changed['guess'] = {**scene.guess, **found}
+    return replace(machine, scene=scene.model_copy(update=changed))
+
+
+def placed(machine: Machine, value: float) -> Machine:
+    """Copy of a machine with its prescribed drive elsewhere at the start, on the same branch.
+
+    It runs for a moment only: for what the machine is like at that position.
+
+    Parameters
+    ----------
+    value : of the drive [rad, m]; an angle without its turns will do
+    """
+    plan, main = machine.plan, machine.plan.main
+    straight, turned = main in plan.ideal.displacements, TURN * plan.turned.get(main, 0)
+    law = plan.laws[main][0]
+    steady = isinstance(law, DriveLaw) and law.degree <= 1 and len(plan.laws[main]) == 1
+    if machine.level.dynamic or len(plan.laws) > 1 or machine.assembly.freedom or not steady:
+        raise SceneError(
+            f'{machine.name}: its state does not follow from the position of {main} alone: that '
+            'needs a single drive, at constant speed, and no clearance'
+        )
+    q, start = machine.assembly.q, plan.held[main][0]
+    goal = value if straight else start + math.remainder(value - start, TURN)
+    goals = [goal] if straight else [goal, goal - math.copysign(TURN, goal - start)]
+    kinematics = plan.kinematics(plan.prescribed)
+    place = next((p for x in goals if (p := placed_at(kinematics, q, x)) is not None), None)
+    if place is None:
+        shown = f'{1e3 * value:.9g} mm' if straight else f'{math.degrees(value):.9g} deg'
+        raise SceneError(f'{machine.name}: {main} cannot be at {shown}: {limits_text(machine)}')
+    speed = plan.held[main][1]
+    return _moved(machine, place, turned, speed, None, _MOMENT)
+
+
+def over_range(machine: Machine) -> Machine | None:
+    """Copy of a machine whose drive cannot turn round, that goes from one limit to the other.
+
+    At the speed of its drive, but for the beginning and the end of the way: there the drive starts
+    and stops, for at constant speed links would be infinitely fast at the limits. None if it can
+    turn round.
+    """
+    limits = between_limits(machine)
+    if limits is None or machine.level.dynamic:
+        return None
+    plan, main = machine.plan, machine.plan.main
+    speed, size = plan.held[main][1], limits.high - limits.low
+    beside = _BESIDE * max(size, abs(limits.low), abs(limits.high))
+    first = limits.low + beside if speed > 0.0 else limits.high - beside
+    place = placed_at(plan.kinematics(plan.prescribed), machine.assembly.q, first)
+    if place is None:
+        return None
+    ramp = 2.0 * RAMP * size / abs(speed)
+    # as if it came from the very limit: there all links move as smoothly as elsewhere
+    begun = ramp * math.sqrt(beside / (RAMP * size))
+    slow, steady = speed * begun / ramp, ramp - begun + (1.0 - 2.0 * RAMP) * size / abs(speed)
+    unit = 'm/s' if main in plan.ideal.displacements else 'rad/s'
+    end = steady + ramp - begun
+    points = [(0.0, slow), (ramp - begun, speed), (steady, speed), (end, slow)]
+    profile = SpeedPart(points=[(t, QuantityValue(x, unit)) for t, x in points])
+    turned = TURN * plan.turned.get(main, 0)
+    return _moved(machine, place, turned, None, profile, end)
+
+
+def _moved(
+    machine: Machine,
+    q: Array,
+    turned: float,
+    speed: float | None,
+    profile: SpeedPart | None,
+    duration: float,
+) -> Machine:
+    """Copy of a machine that starts at coordinates (n,), with another motion of its drive."""
+    scene, plan, main = machine.scene, machine.plan, machine.plan.main
+    straight = plan.ideal.displacements
+    known = dict(zip(plan.ideal.coordinates, q.tolist(), strict=True))
+    units = {c: 'm' if c in straight else 'rad' for c in known}
+    where = 'start_position' if main in straight else 'start_angle'
+    pace = None if speed is None else QuantityValue(speed, f'{units[main]}/s')
+    update = dict.fromkeys(('position', 'moves', 'acceleration')) | {
+        where: known[main] + turned, 'speed': pace, 'profile': profile,
+    }  # fmt: skip
+    own = DrivePart.model_copy(scene.drive or scene.drives[main], update=update)
+    changed = {
+        'drive' if scene.drive else 'drives': own if scene.drive else {main: own},
+        'guess': {c: QuantityValue(x, units[c]) for c, x in known.items() if c != main},
+        'initial': InitialPart(),
+        'duration': duration,
+    }
     return replace(machine, scene=scene.model_copy(update=changed))

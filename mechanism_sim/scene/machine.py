@@ -25,7 +25,8 @@ from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
 from mechanism_sim.hybrid.plotting import Rich
 from mechanism_sim.hybrid.snapshot import Snapshot, State
-from mechanism_sim.joints.joint_keys import contacts_of
+from mechanism_sim.joints.contact_keys import Play
+from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
 from mechanism_sim.keys.names import SceneError, scene_errors
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
@@ -66,13 +67,13 @@ class Machine(Rich):
     name : of the scene
     scene : its content, in SI units
     questions : about what its file says and its content in SI units does not, as units
-    ways : of the drives, those that were tried and found free, see `mechanism_sim.scene.gate`
+    ways : of drives that were tried, with why one cannot be gone: see `mechanism_sim.scene.gate`
     """
 
     name: str
     scene: Scene
     questions: tuple[str, ...] = field(default=(), compare=False)
-    ways: set[object] = field(default_factory=set, init=False, compare=False)
+    ways: dict[object, str] = field(default_factory=dict, init=False, compare=False)
 
     def __repr__(self) -> str:
         return f'<{type(self).__name__} {self.name}: {self.scene.title}>'
@@ -126,15 +127,30 @@ class Machine(Rich):
         return bool(self.plan.powered) or self.assembly.freedom > 0
 
     @cached_property
+    def touching(self) -> dict[str, Play]:
+        """Contacts of joints beside constraints and clearances, where they can act.
+
+        None where drives and closed loops say all of the motion.
+        """
+        acts = self.torque_driven or self.plan.clearances
+        return self.plan.touching if acts else {}
+
+    @property
+    def has_contacts(self) -> bool:
+        """True if parts may part and meet."""
+        return bool(self.plan.clearances or self.touching)
+
+    @cached_property
     def level(self) -> Level:
         """The cheapest level that is exact for the scene."""
-        if self.plan.clearances:
-            rigid = any(c.wall == 'rigid' for c in self.plan.rigid.values())
+        if contacts := {**self.plan.clearances, **self.touching}:
+            own = {**self.plan.rigid, **self.touching}
+            rigid = any(c.wall == 'rigid' for c in own.values())
             slipping = {j.name for j in self.plan.joints if isinstance(j, HigherPair) and j.slips}
-            if rigid or self.plan.clearances.keys() - slipping:
+            if rigid or contacts.keys() - slipping:
                 return Level.NONSMOOTH if rigid else Level.COMPLIANT
             return Level.SMOOTH
-        if self.torque_driven:
+        if self.torque_driven or self.plan.states:
             return Level.SMOOTH
         wanted = self.scene.outputs.forces and self.plan.weighed and not self.without_forces
         return Level.INVERSE_DYNAMICS if wanted else Level.KINEMATIC
@@ -167,11 +183,12 @@ class Machine(Rich):
     @cached_property
     def physics(self) -> Physics:
         """Forces, gaps and energies along a motion of this machine."""
-        if self.level.dynamic:
-            return DynamicPhysics(self.equations.observer)
         nominal = self.nominal
+        if self.level.dynamic:
+            return DynamicPhysics(self.equations.observer, nominal.undetermined)
         forces = nominal.inverse_dynamics if nominal.forces else None
-        return NominalPhysics(nominal.motion, self.mechanism, forces)
+        open_ = nominal.undetermined if forces else {}
+        return NominalPhysics(nominal.motion, self.mechanism, forces, open_)
 
     def initial_state(self) -> State:
         """Start of the equations of motion."""
@@ -205,9 +222,7 @@ class Machine(Rich):
             )
         else:
             run = self.nominal.run(first, loads=True)
-        following = (x for c in system_order for x in laws[c][1:])
-        for later in sorted(following, key=lambda x: x.valid_from):
-            run.change_law(later)
+        self.plan.announce(run, {c: laws[c] for c in system_order})
         return run
 
     def snapshot(self, run: Run) -> Snapshot:
@@ -275,4 +290,5 @@ class Machine(Rich):
         with scene_errors(self.name):
             check_impulses(self)
         gaps, _ = contacts_of(self.scene.joints, self.mechanism, self.plan.clearances)
+        gaps += bounds_of(self.scene.joints, self.mechanism, self.touching)
         return JointImpulses(self.mechanism, gaps, self.plan.loop_closures, self.plan.prescribed)

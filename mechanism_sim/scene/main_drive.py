@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice, takewhile
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.drive import DriveLaw, Law, largest_speed, time_of_angle
+from mechanism_sim.planar.endless_laws import LawSource
 from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.scene.schema import Commands
 
@@ -26,6 +29,11 @@ class MainDrive:
     def law(self) -> Law:
         """The first of its laws."""
         return self.laws[0]
+
+    @property
+    def source(self) -> LawSource | None:
+        """What goes on behind the last of its laws."""
+        return self.plan.sources.get(self.plan.main)
 
     @property
     def start(self) -> tuple[float, float]:
@@ -51,6 +59,23 @@ class MainDrive:
         fastest = self.fastest / (mechanism.size if straight else 1.0)
         return 2.0 * math.pi / fastest if fastest else math.inf
 
+    @property
+    def steady(self) -> bool:
+        """True if it is prescribed one constant speed for ever."""
+        return len(self.laws) == 1 and isinstance(self.law, DriveLaw) and self.law.degree <= 1
+
+    def laws_until(self, end: float) -> list[Law]:
+        """The laws that take over before a time [s], and the first in any case."""
+        later = islice(self._all_laws(), 1, None)
+        return [self.law, *takewhile(lambda law: law.valid_from < end, later)]
+
+    def _all_laws(self) -> Iterator[Law]:
+        """Its laws, one after the other, without end if they have none."""
+        yield from self.laws
+        law: Law | None = self.laws[-1]
+        while self.source and isinstance(law, DriveLaw) and (law := self.source.after(law)):
+            yield law
+
     def time_of(self, revolutions: float) -> float:
         """When it has turned so far [s]."""
         main, cure = self.plan.main, "--duration, or 'duration' in the scene"
@@ -64,7 +89,7 @@ class MainDrive:
                 f'{main} is driven straight, it makes no revolutions: give a duration in '
                 f'seconds: {cure}'
             )
-        t = time_of_angle(self.laws, 2.0 * math.pi * revolutions)
+        t = time_of_angle(self._all_laws(), 2.0 * math.pi * revolutions)
         if t is None:
             raise InputError(
                 f'{main} is at rest: give a duration in seconds, not revolutions: {cure}'

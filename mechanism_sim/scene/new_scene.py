@@ -48,7 +48,7 @@ def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[st
         raise InputError(f"'{file}' exists already; choose another name")
     path = find_scene(source)
     source_data = read_yaml(path, 'scene')
-    data = overridden(path.name, source_data, overrides)
+    data = overridden(path.name, source_data, overrides, path.parent)
     if data.get('title') == source_data.get('title'):
         data = {**data, 'title': file.stem.replace('_', ' ').strip().capitalize() or file.stem}
     build(path.stem, check_scene(path.name, data))

@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
+from mechanism_sim.arrays import Array
 from mechanism_sim.keys.names import SceneError
+from mechanism_sim.linkages.drive_range import DriveRange, drive_range
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
+from mechanism_sim.linkages.mobility import involved
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
+from mechanism_sim.planar.mechanism import HigherPair, Prismatic, Revolute
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly
 from mechanism_sim.scene.plan import ScenePlan
+from mechanism_sim.scene.singular_start import neighbours
+from mechanism_sim.tolerances import TOLERANCES
+
+_PARTS = {Revolute: (('x',), ('y',)), Prismatic: (('x', 'y'), ('moment',))}
+"""Parts of the force in a joint that its rows transmit, see `planar.configuration.Constraints`."""
+
+_TURNS = 16
+"""Turns from the start that are tried of a machine that need not come back after one."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +72,55 @@ class Nominal:
         return LinkageMotion(self.plan.kinematics(self.plan.prescribed))
 
     @cached_property
+    def reach(self) -> float:
+        """How far from its start a single drive is followed [rad, m].
+
+        A turn where all is as before after one; a slider as far as it never goes between links.
+        """
+        if self.plan.main in self.plan.ideal.displacements:
+            return 2.0 * math.pi * _TURNS * self.plan.ideal.size
+        again = not any(isinstance(j, HigherPair) for j in self.plan.joints)
+        return 2.0 * math.pi * (1 if again else _TURNS)
+
+    @cached_property
+    def generic(self) -> Array:
+        """Coordinates (n, N) of positions where the closures have the rank of the motion."""
+        moving, q = self.plan.kinematics(self.plan.prescribed), self.assembly.q
+        near = np.column_stack([q, neighbours(moving, q)])
+        ranks = np.linalg.matrix_rank(moving.directions(near), tol=TOLERANCES.branches.singular)
+        return np.asarray(near[:, ranks == ranks.max()])
+
+    @cached_property
+    def undetermined(self) -> dict[str, frozenset[str]]:
+        """Parts of the forces in joints, by joint, that redundant constraints leave open.
+
+        Among ``x``, ``y`` and ``moment``: what some forces of the joints alone, without any load,
+        may be. Of a guide, what is not its moment is along its normal.
+        """
+        if not self.assembly.redundant:
+            return {}
+        plan, ideal = self.plan, self.plan.ideal
+        soft = {*plan.elastic, *plan.clearances}
+        firm = tuple(joint for joint in ideal.joints if joint.name not in soft)
+        constraints = Constraints(tuple(body.name for body in ideal.bodies), firm)
+        found: dict[str, frozenset[str]] = {}
+        for q in self.generic.T:
+            at = poses(ideal, dict(zip(ideal.coordinates, q.tolist(), strict=True)))
+            for joint, rows in involved(constraints, at).items():
+                parts = _PARTS.get(type(ideal.joint(joint)), (('x', 'y', 'moment'),) * len(rows))
+                named = (part for row, part in zip(rows, parts, strict=True) if row)
+                found[joint] = found.get(joint, frozenset()).union(*named)
+        return {joint: parts for joint, parts in found.items() if parts}
+
+    @cached_property
+    def drive_range(self) -> DriveRange | None:
+        """Between which limits the drive moves all links; None if not a single one does."""
+        prescribed, at = self.plan.prescribed, self.assembly
+        if len(self.plan.laws) != 1 or len(prescribed) != 1 or at.freedom or at.overdriven:
+            return None
+        return drive_range(self.plan.kinematics(prescribed), at.q, self.reach)
+
+    @cached_property
     def inverse_dynamics(self) -> InverseDynamics:
         """Forces of the ideal mechanism."""
         return self._inverse_dynamics(inertia=True)
@@ -63,7 +128,30 @@ class Nominal:
     @cached_property
     def statics(self) -> NominalPhysics:
         """The ideal mechanism with the forces that it has without inertia, at actual speeds."""
-        return NominalPhysics(self.motion, self.plan.loose, self._inverse_dynamics(inertia=False))
+        dynamics = self._inverse_dynamics(inertia=False)
+        return NominalPhysics(self.motion, self.plan.loose, dynamics, self.undetermined)
+
+    @property
+    def undetermined_names(self) -> list[str]:
+        """`undetermined` as quantities are named; whole joints where all of the force is."""
+        return [
+            name
+            for joint, parts in self.undetermined.items()
+            for name in (
+                [f'reaction.{joint}']
+                if {'x', 'y'} <= parts
+                else [f'reaction.{joint}.{part}' for part in sorted(parts)]
+            )
+        ]
+
+    @property
+    def undetermined_text(self) -> str:
+        """What redundant constraints leave open, for people."""
+        count = self.assembly.redundant
+        return (
+            f'not determined, for {count} of the closure equations follow{"s" * (count == 1)} '
+            f'from the others: {", ".join(self.undetermined_names)}'
+        )
 
     def _inverse_dynamics(self, inertia: bool) -> InverseDynamics:
         plan, ideal = self.plan, self.plan.ideal

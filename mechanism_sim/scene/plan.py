@@ -16,12 +16,17 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.clock import take_off_turns
+from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.keys.names import Names, kind_of
 from mechanism_sim.linkages.forces import DriveEffort, UnknownForce
+from mechanism_sim.linkages.formulas import FormulaState
+from mechanism_sim.linkages.nominal import NominalRun
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
+from mechanism_sim.planar.endless_laws import LawSource, laws_until
+from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import (
     HigherPair,
@@ -46,6 +51,9 @@ from mechanism_sim.scene.reading import (
 from mechanism_sim.scene.schema import DrivePart, Scene
 from mechanism_sim.scene.tilted_links import check_tilts, without_mass
 
+_AHEAD = 4096
+"""Pieces of a motion without end that are looked at beforehand."""
+
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
 
@@ -58,7 +66,9 @@ class ScenePlan(Names):
     joints : between them
     closing : which of them are cut to make a tree if none is loose
     clearances : of the loose ones
+    touching : contacts of those that have some beside their constraint or clearance, as stops
     laws : of the driven coordinates, in the order in which they take over
+    sources : what goes on behind the last of these, for motions without end
     begins : of the coordinates moved by a torque or a force, and of the elastic ones, value and
         rate at the start
     given : values and rates of coordinates that the scene sets outright
@@ -66,6 +76,7 @@ class ScenePlan(Names):
     assumed : of `begins`, the coordinates of whose values and of whose rates nobody said anything
     guess : rough values of coordinates
     frictions : of ideal joints, of a tree of the mechanism
+    states : of first order
     efforts : what prescribed drives supply, where it is given
     motors : of the driven coordinates that have one whose torque is no straight line over speed
     weighed : whether every link has the mass properties that forces need
@@ -105,7 +116,13 @@ class ScenePlan(Names):
             for keys in [scene.joints[joint.name]]
             if (play := keys.kind_keys.play(keys, joint)) is not None
         }
+        self.touching: dict[str, Play] = {
+            name: play
+            for name, keys in scene.joints.items()
+            if (play := keys.kind_keys.touches(keys, name)) is not None
+        }
         self._loads = read_loads(self, tree)
+        self.states = [x for x in self._loads(tree) if isinstance(x, FormulaState)]
         self.efforts: dict[str, Callable[[Mechanism], DriveEffort]] = {
             c: read_effort(self, f'{drive_key(self, c)}.effort', c, drive.effort, tree)
             for c, drive in drives.items()
@@ -116,7 +133,9 @@ class ScenePlan(Names):
         self.given = positions, rates
         self.frictions = read_frictions(self, self.clearances)
         self.motors = tuple(
-            motor for c, drive in drives.items() if (motor := read_motor(c, drive)) is not None
+            motor
+            for c, drive in drives.items()
+            if (motor := read_motor(self, c, drive, tree)) is not None
         )
         weighing = {mass.at.partition('.')[0] for mass in scene.masses.values()} | elastic.keys()
         self.weighed = all(scene.links[x].mass is not None or x in weighing for x in self.links)
@@ -130,14 +149,17 @@ class ScenePlan(Names):
         given = read_values(self, 'initial.position', initial, tree, _PLACES)
         self.guess = read_values(self, 'guess', self.scene.guess, tree, _PLACES)
         self.laws: dict[str, tuple[Law, ...]] = {}
+        self.sources: dict[str, LawSource] = {}
         self.begins: dict[str, tuple[float, float]] = {}
         positions, self._turns = dict(given), dict[str, int]()
         for c in given.keys() - straight:  # angles that many turns make lose no digits here
             self._turns[c], positions[c] = take_off_turns(given[c])
         for c, drive in drives.items():
-            self.laws[c], self.begins[c], self._turns[c] = read_laws(
+            self.laws[c], source, self.begins[c], self._turns[c] = read_laws(
                 self, c, drive, c in straight, given.get(c), self.guess.get(c, 0.0)
             )
+            if source:
+                self.sources[c] = source
         if not self.laws:
             free = tree.coordinates[0]
             self.laws = {free: (TorqueLaw(free),)}
@@ -145,7 +167,10 @@ class ScenePlan(Names):
         silent = (
             c
             for c, drive in drives.items()
-            if drive.start_angle is None and drive.start_position is None and c not in said
+            if drive.start_angle is None
+            and drive.start_position is None
+            and drive.position is None
+            and c not in said
         )
         paceless = (c for c, drive in drives.items() if drive.speed is None)
         self.assumed = frozenset(silent), frozenset(paceless)
@@ -271,6 +296,20 @@ class ScenePlan(Names):
         """Whole turns of angles at the start that `held` and `given` leave out."""
         return self._turns | {c: turns for c, (turns, _) in self._local.items()}
 
+    def laws_until(self, c: str, end: float) -> tuple[Law, ...]:
+        """The laws of a coordinate up to a time [s], or as many as are looked at beforehand."""
+        return laws_until(self.laws[c], self.sources.get(c), end, _AHEAD)
+
+    def announce(self, run: EventLoop | NominalRun, laws: Mapping[str, Sequence[Law]]) -> None:
+        """Let a run know what comes behind the first of its laws.
+
+        Nothing of its own follows others than those of the scene.
+        """
+        later = (law for each in laws.values() for law in each[1:])
+        for law in sorted(later, key=lambda x: x.valid_from):
+            run.change_law(law)
+        run.go_on_by({c: x for c, x in self.sources.items() if laws[c] is self.laws[c]})
+
     def law_at(self, c: str, t: float = 0.0) -> tuple[float, float, float]:
         """Value, rate and acceleration, a time [s] from the start, by a coordinate's first law."""
         value, rate, half, third, *_ = *self._local[c][1], 0.0, 0.0, 0.0
@@ -280,9 +319,14 @@ class ScenePlan(Names):
             2.0 * half + 6.0 * third * t,
         )
 
-    def outside_at_start(self, names: Sequence[str], t: float = 0.0) -> Array:
-        """Values (k, 1) of what `Frames.outside` names, at the turns of the start."""
-        found = [t if n == 'time' else self.turned.get(n.removesuffix('.turns'), 0) for n in names]
+    def outside_at_start(
+        self, names: Sequence[str], t: float = 0.0, turns: Mapping[str, int] | None = None
+    ) -> Array:
+        """Values (k, 1) of what `Frames.outside` names, at the turns of the start, or others."""
+        turned = self.turned | dict(turns or {})
+        known = {'time': t, **{f'{c}.turns': n for c, n in turned.items()}}
+        known |= {f'{STATE}{k}': x.start for k, x in enumerate(self.states)}
+        found = [known.get(name, 0.0) for name in names]
         return np.reshape(np.array(found, float), (-1, 1))
 
     @cached_property

@@ -34,9 +34,11 @@ def read_joints(names: Names) -> tuple[Joint, ...]:
             if getattr(joint, key):
                 raise InputError(f'{where}.{key} has no meaning in a {joint.kind} joint')
         joints.append(joint.kind_keys.read(joint, names, name))
+    held = [{*j.links} for j in joints]
+    held += [{p.partition('.')[0] for p in x.between} for x in names.scene.bushings.values()]
     reached, grown = {GROUND}, True
     while grown:
-        ends = [{j.first, j.second} for j in joints if {j.first, j.second} & reached]
+        ends = [x for x in held if x & reached]
         grown = not set().union(*ends) <= reached
         reached |= set().union(*ends)
     if apart := [link for link in names.links if link not in reached]:

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
+from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.loads import LOADS
@@ -38,9 +39,11 @@ _NO_FORCES = 'masses are missing, or forces have no limit, and so none are compu
 
 
 def doubts(machine: Machine) -> list[str]:
-    """A question for every value that is about a thousand times off."""
+    """A question for every value that is about a thousand times off, and warnings of joints."""
+    every = [(machine.scene.joints[joint.name], joint) for joint in machine.plan.joints]
     return [
         *machine.questions,
+        *(text for keys, joint in every for text in keys.kind_keys.doubts(keys, machine, joint)),
         *_inertias(machine),
         *_masses(machine),
         *_plays(machine),
@@ -143,7 +146,9 @@ def _masses(machine: Machine) -> Iterator[str]:
 def _plays(machine: Machine) -> Iterator[str]:
     size = machine.mechanism.size
     for joint, play in machine.plan.clearances.items():
-        radial = play.radial
+        radial, pair = play.radial, machine.mechanism.joint(joint)
+        if isinstance(pair, HigherPair) and pair.angular_play:
+            continue
         if radial and not _LEAST_PLAY <= radial <= _MOST_PLAY * size:
             yield (
                 f'joints.{joint}.clearance.radial = {_length(radial)} in a machine of '

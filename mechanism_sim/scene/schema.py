@@ -30,17 +30,24 @@ from mechanism_sim.keys.quantities import (
     Position,
     Rate,
     Speed,
-    Time,
     Tolerance,
     Torque,
     TorquePerAngle,
     TorquePerSpeed,
     si,
-    si_of,
 )
 from mechanism_sim.planar.motor import InductionMotor
+from mechanism_sim.scene.formula_keys import EffortOrFormula, ForceOrFormula, TorqueOrFormula
 from mechanism_sim.scene.loads import LOADS
-from mechanism_sim.scene.loads.applied import EffortOrFormula
+from mechanism_sim.scene.motion_keys import (
+    AnyAcceleration,
+    MovesPart,
+    Pace,
+    Place,
+    PositionPart,
+    SpeedPart,
+)
+from mechanism_sim.scene.motion_keys import Speed as MotionSpeed
 from mechanism_sim.scene.sensor_keys import SensorKeys, seated, sensor_keys_of
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
@@ -50,18 +57,19 @@ from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import SensorSource
 from mechanism_sim.sensing.imu import InertialUnit
 from mechanism_sim.sensing.presets import PRESETS
-from mechanism_sim.units import QuantityValue, plain
+from mechanism_sim.units import plain
 from mechanism_sim.vibration.frame import Frame
 
-Place = Annotated[QuantityValue, si_of('rad', 'm')]
-Pace = Annotated[QuantityValue, si_of('rad/s', 'm/s')]
 PerSpeed = Annotated[float, si('N s/m')]
 PerPosition = Annotated[float, si('N/m')]
 Vector = Annotated[tuple[Position, Position], BeforeValidator(plain)]
 
 
 class AffineTorque(Part):
-    """``constant + per_angle * angle + per_speed * speed``; all zero is a free crank."""
+    """``constant + per_angle * angle + per_speed * speed``; all zero is a free crank.
+
+    A text or a number alone is a formula, or the constant.
+    """
 
     constant: Torque = 0.0
     """Whatever angle and speed are."""
@@ -69,6 +77,13 @@ class AffineTorque(Part):
     """Times the angle of the link."""
     per_speed: TorquePerSpeed = 0.0
     """Times its speed; negative brakes."""
+    formula: TorqueOrFormula | None = None
+    """More torque by a formula, as "0.2*current": of t, links, LINK_rate, states, springs."""
+
+    @model_validator(mode='before')
+    @classmethod
+    def _alone(cls, data: Any) -> Any:
+        return {'formula': data} if isinstance(data, str | int | float) else data
 
 
 class InductionPart(Part):
@@ -113,7 +128,8 @@ class MotorPart(Part):
             raise ValueError('has ratio = 0: it must not be zero')
         if self.curve:
             units = [points[0].unit for points in zip(*self.curve.points, strict=True)]
-            if units[0] not in ('', 'rad/s') or units[1] not in ('', 'N m') or self.curve.cyclic:
+            repeats = self.curve.curve.cyclic
+            if units[0] not in ('', 'rad/s') or units[1] not in ('', 'N m') or repeats:
                 raise ValueError(
                     "has a curve that is not of speeds and torques, 'rad/s' and 'N m'"
                 )
@@ -342,17 +358,11 @@ def _merged(preset: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
-class ProfilePart(Part):
-    """Speeds at given times, joined by ramps; the last one stays."""
-
-    points: list[tuple[Time, Pace]] = Field(min_length=1)
-    """List of [time, speed]; before the first and after the last the speed stays."""
-    ramp: Literal['linear', 'smooth'] = 'linear'
-    """Between two points; smooth has no jumps of acceleration."""
-
-
 class AffineForce(Part):
-    """``constant + per_position * displacement + per_speed * speed``."""
+    """``constant + per_position * displacement + per_speed * speed``.
+
+    A text or a number alone is a formula, or the constant.
+    """
 
     constant: Annotated[float, si('N')] = 0.0
     """Wherever and however fast it is."""
@@ -360,17 +370,32 @@ class AffineForce(Part):
     """Times the displacement of the link."""
     per_speed: PerSpeed = 0.0
     """Times its speed; negative brakes."""
+    formula: ForceOrFormula | None = None
+    """More force by a formula, as "area*p": of t, links, LINK_rate, states, springs."""
+
+    @model_validator(mode='before')
+    @classmethod
+    def _alone(cls, data: Any) -> Any:
+        return {'formula': data} if isinstance(data, str | int | float) else data
 
 
 class DrivePart(Part):
-    """Motion of a coordinate by a speed, a profile of speeds, a torque, a force, or a motor."""
+    """Motion of a coordinate by position, speed, moves, a torque, a force, or a motor."""
 
     coordinate: str | None = None
     """The driven link; the crank if there is one of that name."""
-    speed: Pace | None = None
-    """Constant; with a torque, a force or a motor that at the start."""
-    profile: ProfilePart | None = None
-    """Speeds over time, instead of a constant one."""
+    speed: MotionSpeed | None = None
+    """Constant, or over time: a formula of t, or points; with a torque, a force or a motor that at
+    the start.
+    """
+    acceleration: AnyAcceleration | None = None
+    """Constant, with the speed at the start."""
+    position: PositionPart | None = None
+    """Over time, instead of speeds: a formula of t, as "90 deg + 60 deg*sin(pi*t)", or points."""
+    moves: MovesPart | None = None
+    """Moves from rest to rest, as fast as limits allow, instead of speeds."""
+    profile: SpeedPart | None = None
+    """Speeds over time, as `speed` takes them, too."""
     torque: AffineTorque | None = None
     """On a link that turns: an affine law of angle and speed; {} moves freely."""
     force: AffineForce | None = None

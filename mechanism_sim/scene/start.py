@@ -28,14 +28,15 @@ from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.joints.revolute.bearing_ends import AxialStop, BearingEnd, seat
 from mechanism_sim.joints.revolute.keys import leaning
+from mechanism_sim.linkages.mobility import involved
 from mechanism_sim.planar.closures import closures
-from mechanism_sim.planar.configuration import converted
+from mechanism_sim.planar.configuration import Constraints, converted, poses
 from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import Mechanism, Revolute
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Revolute
 from mechanism_sim.planar.points import rotate
-from mechanism_sim.planar.protocols import Gap
+from mechanism_sim.planar.protocols import Bound, Gap
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
 from mechanism_sim.scene.equations import EquationsOfMotion
 from mechanism_sim.scene.nominal import Nominal
@@ -49,6 +50,7 @@ _SEATED = 1e-16
 _STEPS = 30
 _SHIFT = 1e-6  # of the lengths of links: of coordinates, and of their way in a turn
 _MOMENT = 1e-4  # of a turn of the drive, or [s]: before and after the start
+_ROUNDING = 1e-12  # of the size of the machine
 _SETTLED = 1e-11  # of the size of the machine
 
 
@@ -81,9 +83,14 @@ class Start:
             whole, q[c] = take_off_turns(q[c])
             turns[c] = whole + plan.turned.get(c, 0)
         seated = plan.scene.start == 'seated' and not plan.placed_outright
-        values = observer.gaps.values(np.array([[q[c]] for c in system.coordinates]))
+        outside = plan.outside_at_start(system.outside, turns=turns)
+        values = observer.gaps.values(np.array([[q[c]] for c in system.coordinates]), outside)
         closed = []
         for gap, value in zip(system.gaps, values, strict=True):
+            if isinstance(gap, Bound):  # what touches is resolved as the run begins
+                check_apart(gap, float(gap.distance(value)[0]), self._loose.size)
+                closed.append(False)
+                continue
             self._check_inside(gap, value, seated)
             closed.append(seated and self._starts_closed(gap, value))
         return State(
@@ -92,11 +99,14 @@ class Start:
             tuple(q[c] for c in system.free),
             tuple(v[c] for c in system.free),
             tuple(closed),
+            tuple(x.start / x.scale for x in system.states),
         )
 
     def _starts_closed(self, gap: Gap, value: Array) -> bool:
         """Pins are on their bushings but in oil, and what can only lift off is in contact."""
-        play = self.plan.clearances[gap.joint]
+        play, joint = self.plan.clearances[gap.joint], self._loose.joint(gap.joint)
+        if isinstance(joint, HigherPair) and not joint.equations:
+            return False  # that depends on what pulls
         if not isinstance(gap, BearingClearance) or play.film:
             return play.radial == 0.0
         near = max(1e-9 * play.radial, 1e-14 * self._loose.size)
@@ -107,12 +117,14 @@ class Start:
         radial = self.plan.clearances[gap.joint].radial
         clearance = gap.play if isinstance(gap, AxialStop) else radial
         distance = float(gap.distance(value)[0])
-        rounding = 1e-12 * self._loose.size
+        rounding = _ROUNDING * self._loose.size
         if distance >= -max(1e-6 * clearance, rounding) or (seated and gap.law):
             return
         into, place = f'{-distance:.6g} m into', 'initial.position puts'
-        if not isinstance(self._loose.joint(gap.joint), Revolute):
-            raise InputError(f'{place} {gap.joint} {into} its wall')
+        joint = self._loose.joint(gap.joint)
+        if not isinstance(joint, Revolute):
+            beyond = joint.beyond if isinstance(joint, HigherPair) else 'into its wall'
+            raise InputError(f'{place} {gap.joint} {-distance:.6g} m {beyond}')
         if isinstance(gap, AxialStop):
             raise InputError(
                 f'at the start the links of {gap.joint} are {into} each other at {gap.name}: give '
@@ -243,10 +255,13 @@ class Start:
         """
         plan, mechanism = self.plan, self._loose
         found: dict[str, Array] = {}
+        held = {relation.name for relation in closures(mechanism, mechanism.cut)}
         pressed = {
             name: isinstance(mechanism.joint(name), Revolute)
             for name, c in plan.clearances.items()
-            if not c.film and (isinstance(mechanism.joint(name), Revolute) or not c.radial)
+            if not c.film
+            and name in held
+            and (isinstance(mechanism.joint(name), Revolute) or not c.radial)
         }
         if not pressed:
             return found  # pins start in the middle of their slots
@@ -303,7 +318,7 @@ class Start:
         plan, nominal = self.plan, self.nominal
         if plan.powered or nominal.assembly.freedom:
             none = np.zeros((len(plan.prescribed), 1))
-            return self._seen(q, v, none, 0.0).reaction[:, :, 0]
+            return self._known(self._seen(q, v, none, 0.0).reaction[:, :, 0])
         if nominal.assembly.loop is None and nominal.assembly.slope is not None:
             raise InputError(
                 'start = seated, but the forces that press pins on bushings are not determined: '
@@ -315,7 +330,18 @@ class Start:
         _, _, a, _ = motion.motion(q, *rates[:, :, None])
         dynamics = nominal.inverse_dynamics
         outside = plan.outside_at_start(dynamics.outside)
-        return dynamics(q, v, a, outside).reaction[:, :, 0]
+        return self._known(dynamics(q, v, a, outside).reaction[:, :, 0])
+
+    def _known(self, forces: Array) -> Array:
+        """Forces (j, 2), NaN where redundant constraints leave them open without clearance."""
+        if self.nominal.assembly.dependent:
+            found = Constraints.of(self.plan.ideal)
+            ideal, q = self.plan.ideal, self.nominal.assembly.q
+            at = poses(ideal, dict(zip(ideal.coordinates, q.tolist(), strict=True)))
+            rows = involved(found, at)
+            forces = forces.copy()
+            forces[[any(rows.get(joint.name, ())) for joint in self._loose.joints]] = np.nan
+        return forces
 
     def _seen(self, q: Array, v: Array, a: Array, t: float) -> Observation:
         """The ideal machine under its first laws, a time [s] from the start.
@@ -397,3 +423,12 @@ class Start:
         guess[kinematics.held] = [known[c][0] for c in order]
         places, _ = kinematics.positions(guess)
         return places, kinematics.rates(places, np.array([known[c][1] for c in order]))
+
+
+def check_apart(gap: Bound, distance: float, size: float) -> None:
+    """Refuse a start at which a distance [m] in a machine of a size [m] is negative."""
+    if distance < -_ROUNDING * size:
+        raise InputError(
+            f"the start puts {gap.overlap}, by {-distance:.6g} m: give another 'initial', "
+            f"'guess' or start of the drive, or change 'joints.{gap.joint}'"
+        )

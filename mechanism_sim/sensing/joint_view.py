@@ -133,7 +133,7 @@ class JointView:
         return Course(place, o.velocity[i], o.acceleration[i], o.position[i] - place)
 
     def _of_forces(self, rows: Array, shape: Sequence[int]) -> Array:
-        if not self.physics.has_forces:
+        if not self.physics.has_forces or self.joint.name in self.physics.undetermined:
             return np.full((*shape, self.observed.position.shape[1]), np.nan)
         chosen: Array = rows[self.physics.joints.index(self.joint.name)]
         return chosen

@@ -7,7 +7,6 @@ receptance, and that to the machine follows from the forces of the steady motion
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from mechanism_sim.numerics.fourier import PeriodicSpectrum, spectrum
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.ideal import without_clearance
 from mechanism_sim.vibration.periodic_forces import SteadyVibration, known_harmonics
 from mechanism_sim.vibration.shaking import Shaking
 
@@ -30,7 +30,6 @@ _PLAIN, _LOADED = 32, 512
 """Parts of a period, without and with loads, in each of which forces are looked at 16 times."""
 
 PARTS = 'x', 'y', 'angle'
-_PLAYS = 'clearance', 'lift_off', 'groove', 'backlash'
 
 
 def coordinates_of(machine: Machine) -> dict[str, tuple[str, int]]:
@@ -127,7 +126,7 @@ def harmonics_of(
 
     Places count from where the mounts carry the frame alone.
     """
-    ideal = without_play(machine)
+    ideal = without_clearance(machine)
     if ideal.torque_driven:
         raise InputError(
             f'{machine.name}: the vibration of the frame {names[0]} is known where drives '
@@ -171,16 +170,3 @@ def _edges(curve: PiecewisePolynomial, period: float, loaded: bool, count: int) 
     ends = np.append(curve.start[curve.start < period], period)
     parts = max(_LOADED if loaded else _PLAIN, 2 * count)
     return np.union1d(ends, period * np.arange(parts + 1) / parts)
-
-
-def without_play(machine: Machine) -> Machine:
-    """Copy of a machine without play."""
-    if not machine.plan.clearances:
-        return machine
-    joints = {
-        name: joint.model_copy(update=dict.fromkeys(_PLAYS))
-        if name in machine.plan.clearances
-        else joint
-        for name, joint in machine.scene.joints.items()
-    }
-    return replace(machine, scene=machine.scene.model_copy(update={'joints': joints}))

@@ -15,7 +15,6 @@ from mechanism_sim.joints.cam.constraint import CamPair, GroovePair
 from mechanism_sim.linkages.nominal import NominalPhysics
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.numerics.symbolic import dense
-from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.switched_functions import SwitchedFunction
@@ -59,8 +58,8 @@ def lift_offs(machine: Machine, progress: Callable[[str], None] = lambda _: None
     if not pairs:
         raise InputError(f'{machine.name}: there is no cam that its follower could leave')
     drive = machine.drive
-    steady = isinstance(drive.law, DriveLaw) and not drive.law.straight
-    if machine.torque_driven or len(drive.laws) > 1 or not steady or not drive.fastest:
+    slides = machine.plan.main in machine.mechanism.displacements
+    if machine.torque_driven or slides or not drive.steady or not drive.fastest:
         raise InputError(
             f'{machine.name}: the lift-off speed is that of a drive that turns at a constant '
             "speed: give 'drive.speed'"

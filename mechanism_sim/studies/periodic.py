@@ -58,7 +58,7 @@ class PoincareMap:
 
     def __init__(self, machine: Machine) -> None:
         law = machine.drive.law
-        if len(machine.drive.laws) > 1 or not isinstance(law, DriveLaw) or not law.coefficients[1]:
+        if not machine.drive.steady or not isinstance(law, DriveLaw) or not machine.drive.fastest:
             raise InputError(
                 f'{machine.name}: a periodic response needs a crank at constant speed'
             )

@@ -232,7 +232,7 @@ def read_plan(
                 bases[named] = content_of(str(path.parent / named) if _is_path(named) else named)
             base = bases[named]
             overrides = {k: v for k, v in {**file.set, **given}.items() if k != SCENE}
-            checked_scene = check_scene(base.file, base.data, overrides)
+            checked_scene = check_scene(base.file, base.data, overrides, base.folder)
             for repetition in range(file.repeat):
                 machine = build(base.name, checked_scene)
                 if repetition * file.nudge:  # the drive a little further at the start

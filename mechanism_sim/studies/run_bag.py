@@ -14,7 +14,7 @@ from typing import Any, Self
 from mechanism_sim.hybrid import events as happened
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import events, message_class, serialize
-from mechanism_sim.messages.segments import pack
+from mechanism_sim.messages.segments import pack, row_names
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies.runs import file_errors
@@ -46,13 +46,13 @@ class RunBag:
     def __init__(self, file: Path, machine: Machine, end: float) -> None:
         with file_errors():
             self._writer = BagWriter(file, overwrite=True)
-        self._names = (machine.physics.coordinates, machine.physics.clearances)
+        self._names = (row_names(machine), machine.physics.clearances)
         self._impacts = 0
         for topic, (kind, qos) in _TOPICS.items():
             self._writer.add_topic(topic, kind, qos)
         scene = message_class('std_msgs/msg/String')(data=events.describe(machine))
         self._write('/scene', scene, 0.0)
-        laws = machine.drive.laws
+        laws = machine.drive.laws_until(end)
         for n, (law, later) in enumerate(zip_longest(laws, laws[1:]), 1):
             until = min(later.valid_from if later else math.inf, end)
             if law.valid_from < end or n == 1:

@@ -312,7 +312,7 @@ def _condition(bag: Path, machine: Machine) -> Condition:
             'clearance'
         )
     play = machine.plan.clearances[JOINT]
-    if len(machine.drive.laws) > 1 or machine.torque_driven:
+    if machine.torque_driven or not machine.drive.steady:
         raise InputError(f'{bag}: the experiment is that of a crank at constant speed')
     viscosity = 0.0
     if play.contact and play.film:

@@ -40,8 +40,9 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
 
     The criteria of the clearance link are known for the joint between coupler and rocker only.
     """
-    (angle, speed), several = machine.drive.start, len(machine.drive.laws) > 1
-    if machine.torque_driven or several or not speed or not machine.plan.clearances:
+    angle, speed = machine.drive.start
+    steady = machine.drive.steady and not machine.torque_driven
+    if not steady or not speed or not machine.plan.clearances:
         raise InputError(f'{machine.name}: criteria need clearance and a crank at constant speed')
     linkage = machine.nominal.linkage
     solution = simulate(machine, revolutions=revolutions)

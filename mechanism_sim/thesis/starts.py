@@ -51,7 +51,7 @@ def starts(
     show: Show | None = None,
 ) -> list[StartAngle]:
     """Seated starts at so many crank angles around the turn, in the order of the angles."""
-    if machine.torque_driven or len(machine.drive.laws) > 1 or not machine.plan.clearances:
+    if machine.torque_driven or not machine.drive.steady or not machine.plan.clearances:
         raise InputError(f'{machine.name}: this needs clearance and a crank at constant speed')
     if angles < 1:
         raise InputError('at least one start angle is needed')

@@ -48,7 +48,8 @@ class JointForces:
         """Their integrals (3, N) [N s, N m s] where the rates make a `step` (n, N)."""
         dt, names = np.zeros(len(segments)), self._mechanism.coordinates
         q = motion.curve.local(segments, dt).T
-        known = outside(self._impulses.outside, names, motion.curve, segments, dt)
+        curve, states = motion.curve, motion.state_curve
+        known = outside(self._impulses.outside, names, curve, segments, dt, states)
         return self._on_ground(q, self._impulses(q, step, known))
 
     def _on_ground(self, q: Array, wrenches: Array) -> Array:

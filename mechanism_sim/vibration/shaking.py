@@ -55,7 +55,8 @@ class WholeMachine:
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Force and moment."""
         q, v, a = (motion.curve.local(segments, dt, d).T for d in (0, 1, 2))
-        known = rows(self._force.edges, self._coordinates, motion.curve, segments, dt)
+        curve, states = motion.curve, motion.state_curve
+        known = rows(self._force.edges, self._coordinates, curve, segments, dt, states)
         if known is not None:
             for name, part in self._physics.switch_parts(motion, segments, dt).items():
                 if name in self._force.flags:
@@ -69,7 +70,8 @@ class WholeMachine:
         return self._force.impulse(q, step, self._outside(motion, segments, dt))
 
     def _outside(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        return outside(self._force.outside, self._coordinates, motion.curve, segments, dt)
+        curve, states = motion.curve, motion.state_curve
+        return outside(self._force.outside, self._coordinates, curve, segments, dt, states)
 
 
 class VelocitySteps:

@@ -245,7 +245,7 @@ def test_formulas_do_without_turns_where_they_repeat(text, whole):
     a, t, k, total = hy.make_vars('a', 't', 'k', 'total')
     tables = {'wave': hy.cos, 'line': lambda x: 2.0 * x}
     words = Words({'t': t, 'k': k}, tables=tables, angles={'a': (a, lambda: total)},
-                  cyclic=['wave'])  # fmt: skip
+                  cyclic={'wave': 1.0})  # fmt: skip
     named = hy.get_variables(expression(text, words))
     assert ('total' not in named) is whole
 

@@ -281,8 +281,8 @@ def test_a_signal_that_is_too_short_is_named(states):
 # --- bags of others -----------------------------------------------------------------------------
 
 
-def in_json(path, also=()):
-    """A bag of ROS-like topics whose messages are JSON, as PlotJuggler's users have them.
+def in_flatbuffers(path, also=()):
+    """A bag of ROS-like topics whose messages are in an encoding that is not read here.
 
     Parameters
     ----------
@@ -291,10 +291,10 @@ def in_json(path, also=()):
     with path.open('wb') as stream:
         writer = Writer(stream)
         writer.start()
-        schema = writer.register_schema('need_ack', 'jsonschema', b'{"type": "object"}')
-        channel = writer.register_channel('/msg/rx/need_ack', 'json', schema)
+        schema = writer.register_schema('need_ack', 'flatbuffer', b'')
+        channel = writer.register_channel('/msg/rx/need_ack', 'flatbuffer', schema)
         for k in range(3):
-            writer.add_message(channel, k * 10**7, b'{"speed": 1.5}', k * 10**7)
+            writer.add_message(channel, k * 10**7, b'\0\0', k * 10**7)
         for topic in also:
             schema = writer.register_schema('std_msgs/msg/Float64', 'ros2msg', b'float64 data')
             channel = writer.register_channel(topic, 'cdr', schema)
@@ -306,8 +306,8 @@ def in_json(path, also=()):
 @pytest.mark.network
 @pytest.mark.parametrize('options', [(), ('--json',)])
 def test_a_bag_without_anything_that_can_be_plotted_is_named(states, tmp_path, options):
-    path = in_json(tmp_path / 'json.mcap')
-    for bag, why in ((path, '/msg/rx/need_ack [need_ack, json]'),
+    path = in_flatbuffers(tmp_path / 'other.mcap')
+    for bag, why in ((path, '/msg/rx/need_ack [need_ack, flatbuffer]'),
                      (states['empty'], 'it has no messages')):  # fmt: skip
         done = command('plot', str(bag), *options)
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
@@ -316,13 +316,13 @@ def test_a_bag_without_anything_that_can_be_plotted_is_named(states, tmp_path, o
 
 
 def test_topics_that_cannot_be_read_are_said_beside_those_that_can(tmp_path):
-    done = command('plot', str(in_json(tmp_path / 'both.mcap', ['/speed'])))
+    done = command('plot', str(in_flatbuffers(tmp_path / 'both.mcap', ['/speed'])))
     assert (done.returncode, done.stdout.split()) == (0, ['/speed.data'])
     assert 'topics that cannot be read are left out: /msg/rx/need_ack' in done.stderr
 
 
 @pytest.mark.parametrize('reader', [*READERS, 'bag recover', 'bag play'])
-def test_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
+def test_damaged_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
     """SQLite, alone and in its folder; what is refused is not taken for a scene."""
     file = tmp_path / 'bag' / 'bag_0.db3'
     file.parent.mkdir()
@@ -331,7 +331,8 @@ def test_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
     for source in (file, file.parent):
         done = command(*reader.split(), str(source), *_within(tmp_path, READERS.get(reader, [])))
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
-        assert 'is a bag in SQLite (.db3)' in done.stderr or reader == 'thesis experiment'
+        words = {'thesis experiment': '', 'bag recover': 'is no MCAP file: ros2 bag itself'}
+        assert words.get(reader, 'is no SQLite bag, or damaged') in done.stderr
 
 
 @pytest.mark.network

@@ -510,7 +510,7 @@ def test_files_of_others_are_read(tmp_path, options):
 
 @pytest.mark.parametrize(
     ('encoding', 'name', 'reason'),
-    [('json', STRING, 'is not an encoding of ROS 2'), ('cdr', 'other/msg/X', 'is unknown')],
+    [('cbor', STRING, 'is not an encoding that is read'), ('cdr', 'other/msg/X', 'is unknown')],
 )
 def test_what_is_not_known_here_is_listed_but_not_decoded(tmp_path, encoding, name, reason):
     path = tmp_path / 'foreign.mcap'
@@ -548,7 +548,7 @@ def test_paths_that_cannot_be_written_or_read(tmp_path):
         read_bag(tmp_path / 'a.mcap')
     with pytest.raises(InputError, match='is not an MCAP file'):
         read_bag(tmp_path / 'text')
-    with pytest.raises(InputError, match='has to hold one MCAP file: none'):
+    with pytest.raises(InputError, match='is a folder without a bag'):
         read_bag(tmp_path)
 
 

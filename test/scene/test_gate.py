@@ -71,8 +71,11 @@ STUCK = LINKAGE.replace(', clearance: {radial: 2 mm, restitution: 0.5}', '').rep
 
 
 def test_a_crank_that_cannot_go_the_way_asked_for_is_an_error() -> None:
+    whole = made(STUCK, **{'drive.start_angle': '60 deg'})
     with pytest.raises(InputError, match='the crank cannot make a full turn'):
-        made(STUCK, **{'drive.start_angle': '60 deg'})
+        run_length(whole, None, None)
+    with pytest.raises(InputError, match='the crank cannot make a full turn'):
+        ms.simulate(whole)
     # within limits it may go; the limits come first in what `check` prints
     short = made(STUCK, duration='20 ms', **{'drive.start_angle': '60 deg'})
     report = check(short)
@@ -153,7 +156,7 @@ def test_what_cannot_be_followed_is_given_up_soon(
 
     monkeypatch.setattr(Kinematics, 'closure', counted)
     with pytest.raises(InputError, match=said):
-        ms.load_scene(scene, change)
+        run_length(ms.load_scene(scene, change), None, None)
     assert 10 < tried < most
 
 

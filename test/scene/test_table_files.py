@@ -12,9 +12,9 @@ from running import TIMEOUT, command
 from mechanism_sim import documents
 from mechanism_sim.catalogue import TABLE_FOLDERS
 from mechanism_sim.cli import main
+from mechanism_sim.csv_tables import LARGEST, MOST
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import load_scene
-from mechanism_sim.scene.table_keys import LARGEST, MOST
 
 SCENE = {
     'title': 'An arm',

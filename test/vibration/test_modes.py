@@ -14,9 +14,9 @@ from two_masses import TwoMasses
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.observer import Instants
+from mechanism_sim.scene.ideal import without_clearance
 from mechanism_sim.scene.start import Start
 from mechanism_sim.studies.floquet import repeated, station
-from mechanism_sim.studies.frames import without_play
 from mechanism_sim.studies.harmonics import harmonics
 from mechanism_sim.studies.modes import (
     about,
@@ -609,7 +609,7 @@ def test_a_machine_shakes_its_frame_as_simulated(joints):
     overrides = {f'oscillators.frame.mounts.{x}.damping': damped for x in ('left', 'right')}
     loose = ms.load_scene('four_bar_on_frame', overrides | {'oscillators.frame.joints': joints})
     found = harmonics(loose, [], 25).series
-    ideal = without_play(loose)
+    ideal = without_clearance(loose)
     t = 6.0 * loose.drive.period + loose.drive.period * np.arange(20) / 20
     motion = ms.simulate(ideal, duration=7.0 * loose.drive.period).motion
     seen = ideal.oscillator('frame').take(motion)(t).position

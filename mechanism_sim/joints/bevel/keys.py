@@ -21,19 +21,29 @@ from mechanism_sim.planar.joint_friction import FlankFriction
 from mechanism_sim.planar.mechanism import Mechanism
 
 _Count = Annotated[int, Field(ge=1, le=MOST_TEETH)]
+Teeth = tuple[_Count, _Count] | _Count
 
 
 class SpatialKeys(CarrierKeys):
     """Gears on shafts at an angle."""
 
-    teeth: tuple[_Count, _Count] | None = None
-    """Of a bevel pair; of a worm pair threads of the worm and teeth of the wheel. Required."""
+    teeth: Teeth | None = None
+    """Of a bevel pair; of a worm pair threads of the worm and teeth of the wheel; of a ratchet one
+    number, those on a turn. Required."""
     pressure_angle: Angle | None = None
     """Of a bevel pair; of a worm pair in the plane normal to the thread; 20 deg without it."""
     facing: tuple[Angle, Angle] | None = None
     """Where each of such a pair has its mate, seen from its shaft; without it 0 and 180 deg."""
     along: tuple[Position, Position] | None = None
     """Where both of such a pair lie along their shafts; in the plane of the machine without it."""
+
+    def both_teeth(self, name: str) -> tuple[int, int]:
+        """Those of both links."""
+        if isinstance(self.teeth, tuple):
+            return self.teeth
+        raise InputError(
+            f'joints.{name}.teeth = {self.teeth}: it must be a list of two, such as [20, 40]'
+        )
 
 
 @KINDS.add('bevel')
@@ -58,7 +68,7 @@ class BevelKeys(SpatialKeys):
         where = f'joints.{name}'
         (a, on_a), (b, on_b) = names.ends(name)
         module, width = self.module or 0.0, self.face_width or 0.0
-        one, two = self.teeth or (1, 1)
+        one, two = self.both_teeth(name)
         angle = 0.5 * math.pi if self.shaft_angle is None else self.shaft_angle
         if not 0.0 < angle < math.pi:
             raise InputError(f'{where}.shaft_angle must lie between 0 and 180 deg')

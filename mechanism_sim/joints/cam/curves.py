@@ -10,6 +10,7 @@ CYCLOIDAL            2          2 pi       4 pi^2     jerk at the ends
 HARMONIC             pi/2       pi^2/2     pi^3/2     acceleration at the ends
 HALF_HARMONIC        pi/2       pi^2/4     pi^3/8     velocity at the upper end
 FOUR_SPLINE          3          12         24         acceleration in the middle
+CONSTANT_ACCEL.      2          4          0          acceleration at the ends, in the middle
 MODIFIED_TRAPEZOID   2          4.888      61.43      jerk at the ends
 MODIFIED_SINE        1.760      5.528      69.47      jerk at the ends
 POLYNOMIAL_345       1.875      5.774      60         jerk at the ends
@@ -21,6 +22,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -71,6 +74,14 @@ FOUR_SPLINE = Piecewise(
         LawPiece(0.5, Polynomial([0.5, 3, -6, 4])),
     ],
 )
+#: two parabolas, the least peak of acceleration there is
+CONSTANT_ACCELERATION = Piecewise(
+    0.0,
+    [
+        LawPiece(0.5, Polynomial([0, 0, 2])),
+        LawPiece(0.5, Polynomial([0.5, 2, -2])),
+    ],
+)
 #: constant accelerations, joined by quarters and a half of a sine
 MODIFIED_TRAPEZOID = _from_acceleration(
     [
@@ -115,3 +126,52 @@ def spline_curve(x: ArrayLike, y: ArrayLike, ends: Ends = 'clamped') -> Piecewis
         return from_spline(scipy.interpolate.CubicSpline(x, y, bc_type=ends))
     except ValueError as error:
         raise InputError(f'no spline goes through these points: {error}') from error
+
+
+class Condition(NamedTuple):
+    """A value that a derivative of a curve has at a place."""
+
+    at: float  #: from the beginning of the curve
+    order: int  #: 0 for the displacement
+    value: float
+
+
+MOST_CONDITIONS = 40
+_PER_PIECE = 8  # conditions: powers of a shorter part round less than those of a longer one
+
+
+def polynomial_curve(length: float, conditions: Sequence[Condition]) -> Piecewise:
+    """The polynomial of least degree that meets conditions, no normalised rise: over `length`.
+
+    As many conditions as coefficients, in exact arithmetic, for powers of high degree are nearly
+    dependent; one of many conditions stands as several pieces, of the same polynomial.
+    """
+    n = len(conditions)
+    rows = []
+    for at, order, value in conditions:
+        x = Fraction(at) / Fraction(length)
+        powers = [Fraction(math.perm(k, order)) * x ** (k - order) if k >= order else 0
+                  for k in range(n)]  # fmt: skip
+        rows.append([*powers, Fraction(value) * Fraction(length) ** order])
+    for k in range(n):  # elimination
+        pivot = next((i for i in range(k, n) if rows[i][k]), None)
+        if pivot is None:
+            raise InputError(
+                'its conditions do not determine a polynomial: one follows from the others, or '
+                'contradicts them'
+            )
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        for i in range(n):
+            if i != k and rows[i][k]:
+                share = rows[i][k] / rows[k][k]
+                rows[i] = [a - share * b for a, b in zip(rows[i], rows[k], strict=True)]
+    exact = [rows[k][n] / rows[k][k] for k in range(n)]
+    count, pieces = -(-n // _PER_PIECE), []
+    for i in range(count):
+        x = Fraction(i, count)  # powers of what goes on from there
+        shifted = [
+            sum(math.comb(j, k) * exact[j] * x ** (j - k) for j in range(k, n)) for k in range(n)
+        ]
+        scaled = [float(c / Fraction(length) ** k) for k, c in enumerate(shifted)]
+        pieces.append(LawPiece(length / count, Polynomial(scaled)))
+    return Piecewise(0.0, pieces)

@@ -32,6 +32,14 @@ class _Rolling(ABC):
     def motion(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
         """Direction of motion (2, N) of the roller's centre; rate (N,) of the follower's angle."""
 
+    @abstractmethod
+    def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
+        """Where the follower touches a profile at points (2, N) [m] with these outward normals.
+
+        Cam angles (N,) [rad], whose whole turns do not count, and displacements (N,) from the base
+        circle: what `touch` gives, from the other side.
+        """
+
     def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> CamTouch:
         """Contact with a cam of this base radius [m] at angles (N,) [rad] or displacements [m].
 
@@ -92,6 +100,15 @@ class Translating(_Rolling):
         _require(bool((lowest + u > 0).all()), 'the law takes the follower below the camshaft')
         return np.array([(lowest + u, nothing + self.offset), (u1, nothing), (u2, nothing)])
 
+    def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
+        """As of any follower: the roller's centre is on its line."""
+        centre = point + self.roller * normal
+        square = (centre**2).sum(axis=0) - self.offset**2
+        _require(bool((square > 0).all()), 'the line of the follower misses the profile')
+        reach, prime = np.sqrt(square), base_radius + self.roller
+        angle = np.arctan2(centre[1], centre[0]) - np.arctan2(self.offset, reach)
+        return angle, reach - np.sqrt(prime**2 - self.offset**2)
+
     def motion(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
         """Outwards, without turning."""
         return np.array([np.ones_like(angle), np.zeros_like(angle)]), np.zeros_like(angle)
@@ -146,6 +163,16 @@ class Oscillating(_Rolling):
             ]
         )
 
+    def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
+        """As of any follower: camshaft, pivot and the roller's centre make a triangle."""
+        centre, a, b = point + self.roller * normal, self.pivot_distance, self.arm
+        cosine = (a**2 + b**2 - (centre**2).sum(axis=0)) / (2.0 * a * b)
+        _require(bool((np.abs(cosine) < 1.0).all()), 'the arm does not reach all of the profile')
+        psi = np.arccos(cosine)
+        bearing = np.arctan2(-self.side * b * np.sin(psi), a - b * cosine)
+        angle = np.arctan2(centre[1], centre[0]) - bearing
+        return angle, psi - self.lowest(base_radius)
+
     def motion(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
         """Across the arm."""
         psi = self.lowest(base_radius, law.reciprocating) + law(angle)
@@ -166,6 +193,14 @@ class _Flat(ABC):
     @abstractmethod
     def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
         """Direction of motion and velocity by the angle of a point of the follower, (2, N)."""
+
+    @abstractmethod
+    def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
+        """Where the follower touches a profile at points (2, N) [m] with these outward normals.
+
+        Cam angles (N,) [rad], whose whole turns do not count, and displacements (N,) from the base
+        circle: what `touch` gives, from the other side.
+        """
 
     def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> CamTouch:
         """Contact with a cam of this base radius [m] at angles (N,) [rad] or displacements [m].
@@ -233,6 +268,11 @@ class FlatFaced(_Flat):
         nothing = np.zeros_like(angle)
         return h, np.array([nothing + self.tilt, nothing, nothing])
 
+    def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
+        """As of any follower: by the distance of the tangent from the camshaft."""
+        away = (point * normal).sum(axis=0) - base_radius
+        return np.arctan2(normal[1], normal[0]) - self.tilt, away / np.cos(self.tilt)
+
     def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
         """Outwards."""
         outwards = np.array([np.ones_like(rate), np.zeros_like(rate)])
@@ -276,6 +316,15 @@ class OscillatingFlat(_Flat):
         c, s = a * np.cos(psi), a * np.sin(psi)
         h = np.array([s + self.face_offset, c * u1, c * u2 - s * u1**2])
         return h, self.side * np.array([psi - np.pi / 2, u1, u2])
+
+    def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
+        """As of any follower: by the distance of the tangent from the camshaft."""
+        away = (point * normal).sum(axis=0) - self.face_offset
+        sine = away / self.pivot_distance
+        _require(bool((np.abs(sine) < 1.0).all()), 'the profile reaches the pivot')
+        psi = np.arcsin(sine)
+        angle = np.arctan2(normal[1], normal[0]) - self.side * (psi - 0.5 * np.pi)
+        return angle, psi - self.lowest(base_radius)
 
     def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
         """Across the line from the pivot."""

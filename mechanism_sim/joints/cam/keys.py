@@ -21,6 +21,7 @@ from mechanism_sim.joints.cam.followers import (
 from mechanism_sim.joints.cam.guides import Guide, along, around, find_guide
 from mechanism_sim.joints.cam.interference import find_cut_away
 from mechanism_sim.joints.cam.laws import (
+    TURN,
     Diagram,
     Eccentric,
     Law,
@@ -30,6 +31,8 @@ from mechanism_sim.joints.cam.laws import (
     check_smoothness,
     spelled,
 )
+from mechanism_sim.joints.cam.outlines import Edge, edge_cam, nose_cam, radii_cam
+from mechanism_sim.joints.cam.piecewise import Piecewise
 from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.joints.contact_keys import Contact, Friction, Play, play_of
 from mechanism_sim.joints.joint_keys import KINDS, Reference
@@ -46,6 +49,7 @@ from mechanism_sim.keys.quantities import (
     si_of,
 )
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
+from mechanism_sim.numerics.sampled import describe_peaks, determined
 from mechanism_sim.planar.joint_friction import ContactFriction
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import Vector2, rotate
@@ -57,6 +61,8 @@ Way = Annotated[QuantityValue, si_of('rad', 'm')]
 Rise = Annotated[QuantityValue, si_of('m', 'rad')]
 """A displacement of the follower: an angle if it swings."""
 
+_WAYS = 'segments', 'points', 'eccentric', 'tangent', 'arcs', 'profile'
+
 Curve = Literal[
     'cycloidal',
     'harmonic',
@@ -66,8 +72,25 @@ Curve = Literal[
     'modified_sine',
     'polynomial_345',
     'polynomial_4567',
+    'constant_acceleration',
+    'polynomial',
     'spline',
 ]
+
+
+class ConditionPart(Part):
+    """What a polynomial is to be at a place of its segment."""
+
+    at: Way
+    """Place, counted as `from` and `to`."""
+    lift: Rise | None = None
+    """Displacement of the follower since the beginning of the segment."""
+    velocity: Rise | None = None
+    """Derivative of the displacement by the angle, such as 5 mm/rad."""
+    acceleration: Rise | None = None
+    """Second derivative."""
+    jerk: Rise | None = None
+    """Third derivative."""
 
 
 class SegmentPart(Part):
@@ -80,10 +103,12 @@ class SegmentPart(Part):
     """Angle of the cam, or its displacement if it slides."""
     end: Way = Field(alias='to')
     """Likewise."""
-    rise: Rise
+    rise: Rise = QuantityValue(0.0, '')
     """Of the follower, negative for a return; 0 is a dwell."""
     curve: Curve = 'cycloidal'
     """How it gets there."""
+    conditions: tuple[ConditionPart, ...] = ()
+    """Of a polynomial: its degree is one less than their number, with those of its two ends."""
     points: tuple[tuple[float, float], ...] = ()
     """Of a spline, from [0, 0] to [1, 1]."""
     ends: Literal['clamped', 'natural', 'not-a-knot'] = 'clamped'
@@ -95,11 +120,81 @@ class SegmentPart(Part):
             raise ValueError(
                 "needs 'points' from [0, 0] to [1, 1] if its curve is a spline, and only then"
             )
+        if bool(self.conditions) != (self.curve == 'polynomial'):
+            raise ValueError(
+                "needs 'conditions', such as {at: 0 deg, velocity: 0}, if its curve is "
+                "'polynomial', and only then"
+            )
+        return self
+
+
+class NosePart(Part):
+    """A cam of a base circle and a round nose, joined by tangents."""
+
+    nose: Length
+    """Radius of the nose."""
+    lift: Length
+    """How far the nose stands out beyond the base circle."""
+    at: Angle | None = None
+    """Angle of the cam at the nose; without it the rise begins at 0."""
+
+
+class FlankPart(NosePart):
+    """A cam of a base circle and a round nose, joined by arcs."""
+
+    flank: Position
+    """Radius of the flanks; negative if they are hollow."""
+
+
+Point = tuple[Position, Position]
+
+
+class EdgePart(Part):
+    """A line, or an arc counterclockwise from one angle to another, as it is drawn."""
+
+    line: tuple[Point, Point] | None = None
+    """Its ends, in the frame of the cam's link."""
+    arc: Point | None = None
+    """Its centre, in the frame of the cam's link."""
+    radius: Length | None = None
+    """Of the arc."""
+    begin: Angle = Field(0.0, alias='from')
+    """Where the arc begins, seen from its centre."""
+    end: Angle = Field(TURN, alias='to')
+    """Where it ends, counterclockwise."""
+
+    @model_validator(mode='after')
+    def _line_or_arc(self) -> EdgePart:
+        if (self.line is None) == (self.arc is None) or (self.arc is None) != (
+            self.radius is None
+        ):
+            raise ValueError("needs either 'line', two points, or 'arc', a centre, and 'radius'")
+        return self
+
+
+class ProfilePart(Part):
+    """The shape of the cam, from which the motion of its follower follows."""
+
+    points: tuple[tuple[Angle, Length], ...] = ()
+    """Pairs of an angle and the distance of the profile from the camshaft; angles count as those
+    of the law do, from the line of the follower on.
+    """
+    degree: Literal[3, 5, 7] = 5
+    """Of the spline through these points."""
+    error: Displacement = 0.0
+    """Standard deviation of measured distances: the spline is smooth, and so far off."""
+    edges: tuple[EdgePart, ...] = ()
+    """Instead: lines and arcs, which meet without corners; in any order."""
+
+    @model_validator(mode='after')
+    def _points_or_edges(self) -> ProfilePart:
+        if bool(self.points) == bool(self.edges):
+            raise ValueError("needs either 'points' or 'edges'")
         return self
 
 
 class LawPart(Part):
-    """The displacement of the follower over the place of the cam, in one of three ways."""
+    """The displacement of the follower over the place of the cam, in one of six ways."""
 
     segments: tuple[SegmentPart, ...] = ()
     """Rises and returns, between which the follower dwells."""
@@ -107,14 +202,31 @@ class LawPart(Part):
     """Instead: measured pairs of the cam's angle and the follower's displacement."""
     degree: Literal[1, 3, 5, 7] = 5
     """Of the spline through these points."""
+    error: Rise | None = None
+    """Standard deviation of measured displacements: the spline is smooth, and so far off."""
     eccentric: Length | None = None
     """Instead: the cam is a circle, so far off the camshaft."""
+    tangent: NosePart | None = None
+    """Instead: a base circle and a round nose, joined by tangents."""
+    arcs: FlankPart | None = None
+    """Instead: a base circle and a round nose, joined by arcs."""
+    profile: ProfilePart | None = None
+    """Instead: the shape of the cam; `base_radius` follows from it."""
 
     @model_validator(mode='after')
     def _one_way(self) -> LawPart:
-        if sum(map(bool, (self.segments, self.points, self.eccentric))) != 1:
-            raise ValueError("needs exactly one of 'segments', 'points' and 'eccentric'")
+        if sum(bool(getattr(self, way)) for way in _WAYS) != 1:
+            raise ValueError(
+                f'needs exactly one of {", ".join(map(repr, _WAYS[:-1]))} and {_WAYS[-1]!r}'
+            )
+        if self.error and not self.points:
+            raise ValueError("has an 'error', which is one of measured 'points'")
         return self
+
+    @property
+    def shape(self) -> NosePart | ProfilePart | None:
+        """The cam, if it is given instead of the motion of its follower."""
+        return self.tangent or self.arcs or self.profile
 
 
 class LiftOffPart(Part):
@@ -158,7 +270,7 @@ class CamKeys(PhaseKeys):
     follower: Literal['knife', 'roller', 'flat'] | None = None
     """Its tip; required for a cam."""
     base_radius: Length | None = None
-    """Of the cam's base circle, without the roller; required."""
+    """Of the cam's base circle, without the roller; required, but for a profile."""
     roller: Radius = 0.0
     """Radius of the roller; required for one."""
     tilt: Angle = 0.0
@@ -232,9 +344,28 @@ class CamKeys(PhaseKeys):
             f'the force {"jumps" if jump.order > 1 else "has no limit"}'
             for jump in jumps
         ]
+        if (peaks := _peaks(machine, joint)) and determined(joint.cam.law.peaks):
+            notes.append(peaks)
         if cam.corners:
             notes += [f'{name}: {flaw}' for flaw in (*find_flaws(cam), *find_cut_away(cam))]
         return notes
+
+    def doubts(self, machine: Any, joint: CamPair) -> list[str]:
+        """Accelerations that measured points do not determine."""
+        peaks = _peaks(machine, joint)
+        return [peaks] if peaks and not determined(joint.cam.law.peaks) else []
+
+
+def _peaks(machine: Any, joint: CamPair) -> str:
+    """The accelerations of measured points, at the speed of the cam if that is known."""
+    law = joint.cam.law
+    if not isinstance(law, MeasuredLaw) or law.degree == 1:
+        return ''
+    drive, unit = machine.drive, 'm' if not joint.distance.swings else 'rad'
+    scale, per = 1.0, 'm' if joint.distance.slides else 'rad'
+    if joint.first == machine.plan.main and math.isfinite(drive.period):
+        scale, per = drive.fastest**2, 's'
+    return f'{joint.name}: {describe_peaks(law.peaks, f"{unit}/{per}^2", scale)}'
 
 
 Place = tuple[str, Vector2]
@@ -274,6 +405,8 @@ class _CamReader:
         else:
             centre, direction, sense = around(carrier, guide, joint.sense == 'clockwise')
         beside = 0.0
+        #: from the frame of the cam's link to that of its follower
+        self._frame = at, direction + sense * phase, sense
         if not guide.swings:
             away = guide.at[0] - centre[0], guide.at[1] - centre[1]
             beside = -sense * rotate(away, -direction)[1]
@@ -299,9 +432,14 @@ class _CamReader:
 
     def _cam(self, guide: Guide, touching: Follower) -> Cam:
         """The profile; one that was found right is known for a while, for that takes long."""
-        key = self.joint.model_dump_json(), guide.swings, self._slides, touching
+        key = self.joint.model_dump_json(), guide.swings, self._slides, touching, self._frame
         if key not in _RIGHT:
-            cam = Cam(self._law(guide, touching), touching, self.joint.base_radius or 0.0)
+            shape = self.joint.law.shape if self.joint.law else None
+            cam = (
+                self._shaped(touching)
+                if shape
+                else Cam(self._law(guide, touching), touching, self.joint.base_radius or 0.0)
+            )
             self._check_cam(cam)
             if len(_RIGHT) >= _MOST:
                 _RIGHT.pop(next(iter(_RIGHT)), None)
@@ -317,8 +455,10 @@ class _CamReader:
                 'base_radius',
                 "the radius of the base circle, or the height of a base line, such as '20 mm'",
             ),
-            ('law', "its displacement by 'segments', 'points' or 'eccentric'"),
+            ('law', f'its displacement by {", ".join(map(repr, _WAYS))}'),
         ):
+            if key == 'base_radius' and joint.law and joint.law.profile:
+                continue
             if getattr(joint, key) is None:
                 raise InputError(f"{where}: '{key}' is missing: {what}")
         if (joint.follower == 'roller') != bool(joint.roller):
@@ -405,12 +545,16 @@ class _CamReader:
                 ]
                 for k, straight in enumerate((self._slides, not guide.swings))
             )
-            return MeasuredLaw(ways, rises, given.degree, self._slides)
-        if self._slides:
-            raise InputError(
-                "law.eccentric is for cams that turn: describe this one's by 'segments' or "
-                "'points'"
-            )
+            error = 0.0
+            if given.error:
+                error = self.names.measure(f'{where}.error', given.error, not guide.swings, _UNITS)
+                if error < 0.0 or given.degree == 1:
+                    raise InputError(
+                        f'law.error = {error:g} is a standard deviation, not negative, and needs '
+                        "'degree' 3, 5 or 7"
+                    )
+            return MeasuredLaw(ways, rises, given.degree, self._slides, error)
+        self._must_turn('eccentric')
         e, radius = given.eccentric or 0.0, self.joint.base_radius or 0.0
         if follower == FlatFaced():
             return Raised(e)
@@ -420,6 +564,50 @@ class _CamReader:
             'law.eccentric is for followers that slide on a line through the camshaft, or with a '
             "face across it: describe this one's law by 'points'"
         )
+
+    def _must_turn(self, way: str) -> None:
+        if self._slides:
+            raise InputError(
+                f"law.{way} is for cams that turn: describe this one's by 'segments' or 'points'"
+            )
+
+    def _shaped(self, follower: Follower) -> Cam:
+        """A cam whose shape is given, and the law that follows."""
+        law, base = self.joint.law, self.joint.base_radius
+        assert law is not None  # noqa: S101 - checked
+        way = next(way for way in _WAYS if getattr(law, way))
+        self._must_turn(way)
+        given = law.profile
+        if given is None:
+            part = law.tangent or law.arcs
+            assert part is not None and base is not None  # noqa: S101, PT018 - checked
+            flank = part.flank if isinstance(part, FlankPart) else math.inf
+            outline = nose_cam(base, part.nose, part.lift, flank, part.at)
+        elif given.points:
+            angles, radii = np.transpose(given.points)
+            outline = radii_cam(angles, radii, given.degree, given.error)
+        else:
+            outline = edge_cam([self._edge(edge) for edge in given.edges])
+        if given is not None:
+            found = outline.base_radius
+            if base is not None and abs(base - found) > 1e-5 * found:
+                raise InputError(
+                    f'base_radius = {base:g} m is not the least distance of the profile from the '
+                    f'camshaft, {found:.9g} m: leave it out'
+                )
+            base = found
+        return Cam(outline.law(follower, base), follower, base)
+
+    def _edge(self, part: EdgePart) -> Edge:
+        """A line or an arc of the cam's link, in the frame of the follower."""
+        (x, y), angle, sense = self._frame
+        ends = part.line
+        if ends is not None:
+            edge = Edge(complex(*ends[0]), complex(*ends[1]))
+        else:
+            assert part.arc is not None and part.radius is not None  # noqa: S101, PT018
+            edge = Edge.arc(complex(*part.arc), part.radius, part.begin, part.end)
+        return edge.moved(complex(x, y), -angle, mirrored=sense > 0)
 
     def _segment(self, where: str, part: SegmentPart, swings: bool) -> Segment:
         begin, end = (
@@ -442,12 +630,50 @@ class _CamReader:
                 f'{said} positive length; past a full turn count on, to {turned:g} deg'
             )
         rise = self.names.measure(f'{where}.rise', part.rise, not swings, _UNITS)
+        if part.curve == 'polynomial':
+            curve = self._polynomial(where, part, (begin, end, rise), swings)
+            return Segment(begin, end, rise, curve, own=True)
         if part.curve == 'spline':
             x, y = zip(*part.points, strict=True)
             curve = curves.spline_curve(x, y, part.ends)
         else:
             curve = getattr(curves, part.curve.upper())
         return Segment(begin, end, rise, curve)
+
+    def _polynomial(
+        self, where: str, part: SegmentPart, size: tuple[float, float, float], swings: bool
+    ) -> Piecewise:
+        """The polynomial that meets the conditions of a segment of (begin, end, rise)."""
+        begin, end, rise = size
+        found = {(0.0, 0): 0.0, (end - begin, 0): rise}
+        for i, condition in enumerate(part.conditions):
+            place = f'{where}.conditions.{i}'
+            at = self.names.measure(f'{place}.at', condition.at, self._slides, _UNITS) - begin
+            nearest = min((0.0, end - begin), key=lambda x, at=at: abs(x - at))
+            at = nearest if abs(nearest - at) <= 1e-9 * (end - begin) else at
+            if not 0.0 <= at <= end - begin:
+                raise InputError(
+                    f'{place}.at = {spelled(at + begin, reciprocating=self._slides)} lies beyond '
+                    f'its segment, {spelled(begin, end, reciprocating=self._slides)}'
+                )
+            for order, key in enumerate(('lift', 'velocity', 'acceleration', 'jerk')):
+                if (value := getattr(condition, key)) is None:
+                    continue
+                number = self.names.measure(f'{place}.{key}', value, not swings, _UNITS)
+                if found.get((at, order), number) != number:
+                    raise InputError(
+                        f'{place}.{key} = {number:g} contradicts the {found[at, order]:g} that '
+                        "another condition, or 'rise', gives there"
+                    )
+                found[at, order] = number
+        if len(found) > curves.MOST_CONDITIONS:
+            raise InputError(
+                f'{where}.conditions are {len(found)} with those of the ends: at most '
+                f'{curves.MOST_CONDITIONS} are allowed'
+            )
+        return curves.polynomial_curve(
+            end - begin, [curves.Condition(*key, value) for key, value in found.items()]
+        )
 
     def _check_cam(self, cam: Cam) -> None:
         """Refuse what no follower can follow."""

@@ -10,16 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, TypeAlias
 
 import numpy as np
-import scipy
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.piecewise import LawPiece, Piecewise, from_spline
+from mechanism_sim.numerics.sampled import SampledPeak, acceleration_peaks, spline_through
 
 TURN = 2.0 * math.pi
 DERIVATIVES = ('displacement', 'velocity', 'acceleration', 'jerk')
@@ -34,20 +35,23 @@ class Segment:
     start, end : [rad], less than a turn apart; of a reciprocating cam [m]
     rise : [m] or [rad]; zero is a dwell
     curve : the normalised rise; a return runs it backwards
+    own : the curve is no normalised rise but the displacement itself, over the angle [rad]
     """
 
     start: float
     end: float
     rise: float
     curve: Piecewise
+    own: bool = False
 
     def pieces(self, level: float) -> list[LawPiece]:
         """The segment from a displacement on."""
-        curve = self.curve if self.rise >= 0 else self.curve.mirrored()
-        foot = min(level, level + self.rise)
+        curve = self.curve if self.own or self.rise >= 0 else self.curve.mirrored()
+        foot = level if self.own else min(level, level + self.rise)
+        span, height = (1.0, 1.0) if self.own else (self.end - self.start, abs(self.rise))
         raised = []
         for piece in curve.pieces:
-            part = piece.scaled(self.end - self.start, abs(self.rise))
+            part = piece.scaled(span, height)
             higher = part.polynomial + Polynomial([foot])
             raised.append(
                 LawPiece(part.length, higher, part.amplitude, part.frequency, part.phase)
@@ -55,7 +59,32 @@ class Segment:
         return raised
 
 
-class Diagram:
+class PiecewiseLaw:
+    """A law made of pieces.
+
+    Attributes
+    ----------
+    function : over a turn, or the stroke of a cam that slides
+    reciprocating : the cam slides
+    """
+
+    function: Piecewise
+    reciprocating: bool = False
+
+    @property
+    def breaks(self) -> Array:
+        """Angles (n,) where derivatives may jump, over a turn or stroke, both ends among them."""
+        return self.function.breaks
+
+    def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
+        """The displacement (order 0) or a derivative by the angle at angles of any shape.
+
+        At a break it is the limit from the right, or from the left if `left`.
+        """
+        return self.function(_within(self, angle, left), order, left)
+
+
+class Diagram(PiecewiseLaw):
     """The displacement diagram of segments; between them the follower dwells.
 
     The lowest of the levels between segments is the zero of the displacement.
@@ -104,28 +133,17 @@ class Diagram:
                 pieces.append(LawPiece(dwell, Polynomial([float(high)])))
         self.function = Piecewise(first, pieces)
 
-    @property
-    def breaks(self) -> Array:
-        """Angles (n,) where derivatives may jump, over a turn or stroke, both ends among them."""
-        return self.function.breaks
-
-    def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
-        """The displacement (order 0) or a derivative by the angle at angles of any shape.
-
-        At a break it is the limit from the right, or from the left if `left`.
-        """
-        return self.function(_within(self, angle, left), order, left)
-
     def _span(self, segment: Segment) -> str:
         ends = spelled(segment.start, segment.end, reciprocating=self.reciprocating)
         return f'from {ends}'
 
 
-class MeasuredLaw:
+class MeasuredLaw(PiecewiseLaw):
     """The spline through measured points: periodic, or for a reciprocating cam with free ends.
 
     Of odd degree; the default 5 leaves the jerk smooth. Free ends are those of the spline that has
-    no knot at the outermost points inside ("not-a-knot").
+    no knot at the outermost points inside ("not-a-knot"). With an error of measurement it is the
+    smoothest spline whose distance from the points has that root mean square.
 
     Parameters
     ----------
@@ -133,6 +151,11 @@ class MeasuredLaw:
         cam [m]
     displacement : [m] or [rad], shape (n,)
     reciprocating : the cam slides; its stroke is from the first point to the last
+    error : standard deviation of the displacements [m] or [rad]; 0 goes through the points
+
+    Attributes
+    ----------
+    degree : as given
     """
 
     def __init__(
@@ -141,6 +164,7 @@ class MeasuredLaw:
         displacement: ArrayLike,
         degree: int = 5,
         reciprocating: bool = False,
+        error: float = 0.0,
     ) -> None:
         x, y = np.asarray(angle, dtype=float), np.asarray(displacement, dtype=float)
         if x.ndim != 1 or x.shape != y.shape or len(x) <= degree:
@@ -154,24 +178,16 @@ class MeasuredLaw:
             raise InputError('measured angles and displacements are finite numbers')
         if not (np.diff(x) > 0).all() or (x[-1] - x[0] >= TURN and not reciprocating):
             raise InputError('measured angles increase, and end before the turn is full')
-        self.reciprocating = reciprocating
         if not reciprocating:
             x, y = np.append(x, x[0] + TURN), np.append(y, y[0])
-        spline = scipy.interpolate.make_interp_spline(
-            x, y, k=degree, bc_type=None if reciprocating else 'periodic'
-        )
-        whole = scipy.interpolate.PPoly.from_spline(spline)
-        inside = slice(degree, -degree)
-        self.function = from_spline(scipy.interpolate.PPoly(whole.c[:, inside], whole.x[inside]))
+        self.degree, self._samples = degree, (x, y, degree, not reciprocating, error)
+        self.reciprocating = reciprocating
+        self.function = from_spline(spline_through(*self._samples))
 
-    @property
-    def breaks(self) -> Array:
-        """The knots of the spline."""
-        return self.function.breaks
-
-    def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
-        """As `Diagram`."""
-        return self.function(_within(self, angle, left), order, left)
+    @cached_property
+    def peaks(self) -> tuple[SampledPeak, SampledPeak]:
+        """Least and greatest second derivative, and how far they may be off."""
+        return acceleration_peaks(*self._samples)
 
 
 @dataclass(frozen=True)
@@ -241,7 +257,7 @@ class Raised:
         return np.asarray(self.eccentricity * (wave + (order == 0)))
 
 
-Law: TypeAlias = Diagram | MeasuredLaw | Eccentric | Raised
+Law: TypeAlias = PiecewiseLaw | Eccentric | Raised
 """A displacement as a function of the cam angle: periodic, unless the cam reciprocates."""
 
 

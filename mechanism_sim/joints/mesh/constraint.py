@@ -22,7 +22,7 @@ import heyoka as hy
 
 from mechanism_sim.joints.mesh.placement import Harmonic, PlacedMesh
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.closures import HigherClosure
+from mechanism_sim.planar.closures import HigherClosure, slid
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, moment_of
@@ -41,11 +41,7 @@ class MeshClosure(HigherClosure[PlacedMesh]):
     def _place(self, frames: Frames, link: str, at: Vector2) -> Jet:
         m, guide = self.mechanism, self.joint.guide
         if guide is not None and guide.second == link:
-            if m.tree_joints.get(link) == guide:
-                return frames.displacement(link)
-            x, y = frames.position(m.separation(guide.name), guide.name)
-            ux, uy = frames.position(m.direction(guide.first, guide.axis), f'{guide.name}.way')
-            return -(x * ux + y * uy)
+            return slid(m, frames, guide)
         offset = m.frame(link)[1]
         carrier, carried = m.frame(self.joint.carrier)
         turned = m.turning(frames, link, at, f'{self.name}:{link}') - frames.angle(carrier)

@@ -70,7 +70,7 @@ class GearMesh(PlacedMesh):
     @property
     def toothed(self) -> tuple[str, ...]:
         """All but a rack."""
-        return tuple(link for link in self.ends if not self.is_rack(link))
+        return tuple(link for link in self.links if not self.is_rack(link))
 
     def tooth_loads(self, view: PairView) -> Sequence[ToothLoad]:
         """At the pitch point; axial against the tangential force of right-handed teeth.
@@ -146,7 +146,7 @@ class GearMesh(PlacedMesh):
     def places(self, tree: Mechanism, q: Mapping[str, float]) -> tuple[float, float]:
         """Angles [rad] against the carrier, of a rack the displacement [m], at coordinates."""
         found = []
-        for link in self.ends:
+        for link in self.links:
             if self.is_rack(link) and self.guide:
                 g = self.guide
                 a, b = tree.locate(g.first, q, g.on_first), tree.locate(link, q, g.on_second)
@@ -158,4 +158,4 @@ class GearMesh(PlacedMesh):
 
     def bears(self, link: str) -> bool:
         """A gear turns with the cross-section at its centre."""
-        return link in self.ends and not self.is_rack(link)
+        return link in self.links and not self.is_rack(link)

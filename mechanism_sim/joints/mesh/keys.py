@@ -42,7 +42,10 @@ class BacklashPart(Part):
     """Free way of the teeth, and what happens at its ends."""
 
     width: Length | None = None
-    """Free way along the working pitch circle; else what the centre distance leaves."""
+    """Free way along the working pitch circle; else what the centre distance leaves. Of a
+    transmission of links that slide, that of the second."""
+    angle: Annotated[float, si('rad'), Field(gt=0.0)] | None = None
+    """Of a transmission of links that turn: free angle of the second from stop to stop."""
     restitution: Coefficient | None = None
     """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
@@ -82,7 +85,8 @@ class MeshKeys(JointKeys):
     mesh: Reference | None = None
     """Two gears, by their names; a rack is named second."""
     backlash: BacklashPart | None = None
-    """Free way of the teeth; without it they never part."""
+    """Free way of teeth, or between the stops of a transmission, as of dogs on coaxial shafts;
+    without it they never part."""
     elasticity: ElasticityPart | None = None
     """Teeth that give way."""
     error: ErrorPart | None = None
@@ -212,6 +216,8 @@ class MeshKeys(JointKeys):
                     "or give them a 'backlash'"
                 )
             return 0.0
+        if backlash.angle is not None:
+            raise InputError("'backlash.angle' is of a transmission: teeth have a 'width'")
         width = backlash.width if backlash.width is not None else placed.backlash
         if not width:
             raise InputError(

@@ -65,11 +65,6 @@ class PlacedMesh(HigherPair):
     elasticity: Elasticity | None = None
 
     @property
-    def ends(self) -> tuple[str, str]:
-        """The two links."""
-        return self.first, self.second
-
-    @property
     def per_phase(self) -> float:
         """Way along the line of action by phase of the teeth [m/rad]."""
         return self.base_pitch / (2.0 * math.pi)
@@ -78,7 +73,7 @@ class PlacedMesh(HigherPair):
     def sign(self) -> float:
         """-1 if one of the two has internal teeth, else 1."""
         teeth = [
-            w for w, link in zip(self.waves, self.ends, strict=True) if not self.is_rack(link)
+            w for w, link in zip(self.waves, self.links, strict=True) if not self.is_rack(link)
         ]
         return -1.0 if min(teeth) < 0.0 else 1.0
 

@@ -73,11 +73,21 @@ def read_mesh(joint: PlacedMesh, view: PairView) -> GearReading:
     return _reading(joint, view, joint.per_phase * ahead, force, efforts, passing, flanks)
 
 
-def read_ratio(joint: HigherPair, ratio: float, view: PairView) -> GearReading:
-    """A ratio without teeth, of which the torques are known: they neither take nor give power."""
+def read_ratio(
+    joint: HigherPair, ratio: float, view: PairView, effort: Array | None = None
+) -> GearReading:
+    """A ratio without teeth, of which the torques are known: they neither take nor give power.
+
+    Parameters
+    ----------
+    effort : on the second (N,) [N m], or of one that slides [N]; else the moment of the joint
+    """
     unknown = np.full(view.count, np.nan)
-    efforts = -ratio * view.moment, view.moment
-    mode = np.full(view.count, MeshMode.MESHED, np.uint8)
+    second = view.moment if effort is None else effort
+    efforts = -ratio * second, second
+    mode = _walls(view)
+    if mode is None:
+        mode = np.full(view.count, MeshMode.MESHED, np.uint8)
     none = _Force(unknown, unknown, unknown)
     return _reading(joint, view, unknown, none, efforts, unknown, mode)
 
@@ -124,14 +134,21 @@ def _place(joint: PlacedMesh, view: PairView, link: str, at: Vector2) -> tuple[A
 
 def _flanks(joint: PlacedMesh, view: PairView, tangential: Array) -> NDArray[np.uint8]:
     """Which flanks carry: by the walls of rigid teeth, by the force of elastic ones."""
-    count, left, right = len(tangential), view.gap('left'), view.gap('right')
-    if left and right:
-        closed = left[1], right[1]
-    elif joint.elasticity is not None:
-        row = -joint.sign * tangential  # see `MeshClosure.wrench`
-        closed = row < 0.0, row > 0.0
-    else:
-        return np.full(count, MeshMode.MESHED, np.uint8)
-    mode = np.full(count, MeshMode.FREE, np.uint8)
-    mode[closed[0]], mode[closed[1]] = MeshMode.LEFT, MeshMode.RIGHT
+    if (found := _walls(view)) is not None:
+        return found
+    if joint.elasticity is None:
+        return np.full(len(tangential), MeshMode.MESHED, np.uint8)
+    row = -joint.sign * tangential  # see `MeshClosure.wrench`
+    return _one_of(row < 0.0, row > 0.0)
+
+
+def _walls(view: PairView) -> NDArray[np.uint8] | None:
+    """Which stops of teeth or dogs carry; None if there are none."""
+    left, right = view.gap('left'), view.gap('right')
+    return _one_of(left[1], right[1]) if left and right else None
+
+
+def _one_of(left: NDArray[np.bool_], right: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    mode = np.full(len(left), MeshMode.FREE, np.uint8)
+    mode[left], mode[right] = MeshMode.LEFT, MeshMode.RIGHT
     return mode

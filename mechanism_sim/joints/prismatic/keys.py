@@ -7,13 +7,14 @@ from typing import Any
 from mechanism_sim.joints.contact_keys import Clearance, Friction, Play
 from mechanism_sim.joints.joint_keys import KINDS, Contacts, JointKeys, Reference
 from mechanism_sim.joints.prismatic.contact import corners
+from mechanism_sim.joints.stops import StopKeys
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Angle
 from mechanism_sim.planar.joint_friction import ContactFriction, LineFriction
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 
 
-class AxisKeys(JointKeys):
+class AxisKeys(StopKeys):
     """Joints that slide along a line."""
 
     axis: Angle = 0.0

@@ -14,6 +14,7 @@ from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load, Wrench, contact_wrench
 from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.play import with_turning
 from mechanism_sim.planar.points import Point
 from mechanism_sim.planar.protocols import ForceLaw
 
@@ -70,15 +71,8 @@ class BearingClearance:
         x, y = self._pin_in_bushing(frames)
         tangential: Jet = -(x.across(y) * self._minus_curvature(frames))
         joint = self.mechanism.joint(self.joint)
-        radius = self.pin_radius
-        ends = (joint.first, joint.on_first, radius), (joint.second, joint.on_second, -self.arm)
-        for link, at, arm in ends:
-            for c, turn in self.mechanism.turns(link, at).items():
-                own = link if turn == 1.0 else f'{link}@{c}'
-                r = frames.parameters(f'{self.name}.slip:{own}', arm * turn)
-                if r is not None:
-                    tangential += Jet(None, {c: r}, mul(r, frames.v[c]), None)
-        return tangential
+        arms = self.pin_radius, -self.arm
+        return with_turning(tangential, frames, self.mechanism, self.name, joint.points, arms)
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """``Q/c``: the direction from bushing centre to pin centre."""

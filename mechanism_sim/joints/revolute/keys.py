@@ -11,9 +11,10 @@ from pydantic import Field
 from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import AxialPlay, Clearance, Friction, Misalignment, Play
-from mechanism_sim.joints.joint_keys import KINDS, Contacts, JointKeys, Reference
+from mechanism_sim.joints.joint_keys import KINDS, Contacts, Reference
 from mechanism_sim.joints.revolute.bearing import BearingClearance, FilmBearing
 from mechanism_sim.joints.revolute.bearing_ends import axial_stops, bearing_ends
+from mechanism_sim.joints.stops import StopKeys
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Position
 from mechanism_sim.planar.joint_friction import JournalFriction
@@ -25,7 +26,7 @@ _IN_LINE = 1e-5
 
 
 @KINDS.add('revolute')
-class RevoluteKeys(JointKeys):
+class RevoluteKeys(StopKeys):
     """A pin, or a shaft."""
 
     revolute: Reference | None = None

@@ -12,7 +12,7 @@ from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, StraightLine
-from mechanism_sim.planar.play import Wall
+from mechanism_sim.planar.play import Wall, with_turning
 from mechanism_sim.planar.rails import Foot, along, rail_of
 from mechanism_sim.planar.view import Draft
 
@@ -113,22 +113,18 @@ class SlotWall(Wall):
         The pin's own along the slot, and its radius times its turning on the slot.
         """
         joint, mechanism = self.closure.joint, self.closure.mechanism
-        first, second = (mechanism.turns(link, at) for link, at in joint.points)
-        if foot := self._foot(frames):
+        ends, arms = joint.points, (self.pin_radius, -self.pin_radius)
+        if foot := self._foot(frames):  # the rail turns with its own slope, not by cross-sections
             slip = -foot.slip if self.side == 'left' else foot.slip
-            second = {c: turn for c, turn in second.items() if c not in mechanism.deformations}
             slip -= foot.turned * dense(frames.parameters(f'{self.name}.slip', self.pin_radius))
-        else:
-            nx, ny = self.normal(frames)
-            x, y = frames.position(mechanism.separation(self.joint), self.joint)
-            along = nx * y - ny * x
-            slip = Jet(None, along.gradient, along.rate, along.curvature)
-        for link, turns, way in ((joint.first, first, 1.0), (joint.second, second, -1.0)):
-            for c, turn in turns.items():
-                r = frames.parameters(f'{self.name}.slip:{link}@{c}', way * turn * self.pin_radius)
-                if r is not None:
-                    slip += Jet(None, {c: r}, mul(r, frames.v[c]), None)
-        return slip
+            bent = frozenset(mechanism.deformations)
+            slip = with_turning(slip, frames, mechanism, self.name, ends[:1], arms[:1])
+            return with_turning(slip, frames, mechanism, self.name, ends[1:], arms[1:], bent)
+        nx, ny = self.normal(frames)
+        x, y = frames.position(mechanism.separation(self.joint), self.joint)
+        along = nx * y - ny * x
+        slip = Jet(None, along.gradient, along.rate, along.curvature)
+        return with_turning(slip, frames, mechanism, self.name, ends, arms)
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """Wrench of the pin on the slot, where it touches."""

@@ -1,32 +1,39 @@
-"""Two links whose angles keep a ratio, by whatever means: a belt, a chain, bevel gears, a box."""
+"""Two links that keep a ratio of angles, or of displacements, by whatever means.
+
+Links that turn: a belt, a chain, bevel gears, a box. Links that slide in guides of the carrier: a
+rope over a pulley that stays taut. With play, as dogs of coaxial shafts have, they keep it between
+two stops only.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from types import MappingProxyType
 from typing import ClassVar
 
 import heyoka as hy
+import numpy as np
 
 from mechanism_sim.joints.mesh.reading import GearReading, read_ratio
-from mechanism_sim.numerics.symbolic import Term, dense, mul
-from mechanism_sim.planar.closures import HigherClosure
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.planar.closures import HigherClosure, slid
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Wrench
-from mechanism_sim.planar.mechanism import Coupling, HigherPair, Mechanism
+from mechanism_sim.planar.loads import Load, Wrench, moment_of
+from mechanism_sim.planar.mechanism import Coupling, HigherPair, Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.view import PairView, Side
 
 
 @dataclass(frozen=True)
 class Transmission(HigherPair):
-    """``second = phase + ratio first``, both angles counted from the carrier.
+    """``second = phase + ratio first``, both counted from the carrier.
 
-    It passes on moments only: what a belt or a mesh does to the shafts is left out.
+    It passes on moments only: what a belt or a mesh does to the shafts is left out. Of links that
+    slide it passes on forces along their guides.
     """
 
     sides: ClassVar[tuple[Side, ...]] = ()
@@ -41,16 +48,25 @@ class Transmission(HigherPair):
     )  # fmt: skip
 
     ratio: Fraction = Fraction(1)
-    phase: float = 0.0  #: [rad]
+    phase: float = 0.0  #: [rad]; of links that slide [m]
     carrier: str = GROUND
+    guides: tuple[Prismatic, ...] = field(default=(), kw_only=True)
+    """Of first and second, if these slide."""
 
     def closure(self, mechanism: Mechanism) -> TransmissionClosure:
         """Without play."""
         return TransmissionClosure(self, mechanism)
 
     def reading(self, view: PairView) -> GearReading:
-        """Motion and torques."""
-        return read_ratio(self, float(self.ratio), view)
+        """Motion and torques; of links that slide the forces along their guides."""
+        effort = None
+        if self.guides:
+            guide = self.guides[1]
+            way = view.turning(guide.first).position + guide.axis
+            fx, fy = view.force
+            effort = fx * np.cos(way) + fy * np.sin(way)
+            effort = effort if guide.second == self.second else -effort
+        return read_ratio(self, float(self.ratio), view, effort)
 
     @property
     def waves(self) -> tuple[int, int]:
@@ -58,19 +74,45 @@ class Transmission(HigherPair):
         return -self.ratio.numerator, self.ratio.denominator
 
     @property
-    def coupling(self) -> Coupling:
+    def coupling(self) -> Coupling | None:
         """Of the angles against the carrier."""
         p, q = self.waves
-        return Coupling(self, self.carrier, (p / q, 1.0))
+        return None if self.guides else Coupling(self, self.carrier, (p / q, 1.0))
 
     def bears(self, link: str) -> bool:
         """A link that turns does so with the cross-section at its point."""
-        return link in (self.first, self.second)
+        return link in (self.first, self.second) and not self.guides
+
+
+@dataclass(frozen=True)
+class LooseTransmission(Transmission):
+    """With play to either side, in the middle of which it starts."""
+
+    sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
+    parts: ClassVar[str] = 'dogs between stops'
+
+    play: float = 0.0  #: [rad] of the second to either side; of links that slide [m]
+
+    @property
+    def coupling(self) -> Coupling:
+        """On the mean."""
+        p, q = self.waves
+        return Coupling(self, self.carrier, (p / q, 1.0), exact=False)
+
+    @property
+    def angular_play(self) -> bool:
+        """True of links that turn."""
+        return not self.guides
 
 
 @dataclass(frozen=True)
 class TransmissionClosure(HigherClosure[Transmission]):
     """A ratio that is kept."""
+
+    @property
+    def lever(self) -> float:
+        """Metres of the row for a radian of the second link, or for a metre."""
+        return 1.0 if self.joint.guides else self.mechanism.size
 
     def values(self, frames: Frames) -> list[Jet]:
         """How far the second is off [rad], times the size of the mechanism [m].
@@ -79,6 +121,8 @@ class TransmissionClosure(HigherClosure[Transmission]):
         """
         joint, m = self.joint, self.mechanism
         p, q = joint.waves
+        if joint.guides:
+            return [self._slid(frames)]
         (_, a), (_, b), (carrier, c) = (
             m.frame(link) for link in (joint.first, joint.second, joint.carrier)
         )
@@ -94,10 +138,36 @@ class TransmissionClosure(HigherClosure[Transmission]):
         size = dense(frames.parameters(f'{self.name}.size', m.size / q))
         return [u.chain(size * hy.atan2(hy.sin(u.value), hy.cos(u.value)), size, None)]
 
+    def _slid(self, frames: Frames) -> Jet:
+        """How far the second is off [m], of links that slide."""
+        first, second = (slid(self.mechanism, frames, guide) for guide in self.joint.guides)
+        off = second - first * float(self.joint.ratio)
+        start = frames.parameters(f'{self.name}.phase', -self.joint.phase)
+        return off if start is None else off + start
+
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """The moment on the second."""
-        return Wrench(
-            None,
-            None,
-            mul(forces[0], frames.parameters(f'{self.name}.lever', self.mechanism.size)),
+        """The moment on the second; or the forces along both guides, and on the carrier."""
+        joint = self.joint
+        if not joint.guides:
+            lever = frames.parameters(f'{self.name}.lever', self.lever)
+            return Wrench(None, None, mul(forces[0], lever))
+        pushed = mul(forces[0], hy.expression(-float(joint.ratio))), forces[0]
+        loads: list[list[Load]] = []
+        for k, (link, guide) in enumerate(zip(joint.links, joint.guides, strict=True)):
+            way = self.mechanism.direction(guide.first, guide.axis)
+            x, y = frames.position(way, f'{guide.name}.way')
+            along = mul(pushed[k], x.value), mul(pushed[k], y.value)
+            back = neg(along[0]), neg(along[1])
+            at, force = dict(guide.points), {guide.second: along, guide.first: back}
+            ends = [link, next(end for end in at if end != link)]
+            loads.append(
+                [Load(f'{self.name}.{k}:{end}', end, at[end], force[end]) for end in ends]
+            )
+        (one, *rest), (own, *more) = loads
+        px, py = frames.position(self.mechanism.point(own.link, own.at), own.name)
+        ox, oy = frames.position(
+            self.mechanism.point(joint.second, joint.on_second), f'{self.name}.second'
         )
+        arm = add(px.value, neg(ox.value)), add(py.value, neg(oy.value))
+        moment = None if own.at == joint.on_second else moment_of(arm, own.force)
+        return Wrench(*own.force, moment, (one, *rest, *more))

@@ -39,7 +39,7 @@ class WormKeys(SpatialKeys):
         """A worm and its wheel."""
         needed(name, self, 'teeth', 'diameter', 'lead_angle')
         (a, on_a), (b, on_b) = names.ends(name)
-        threads, teeth = self.teeth or (1, 1)
+        threads, teeth = self.both_teeth(name)
         try:
             sizes = WormPair(
                 threads,

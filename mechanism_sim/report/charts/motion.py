@@ -90,7 +90,7 @@ def forces(course: ChartedRun) -> ChartSection | None:
     machine = course.record.machine
     if not machine.physics.has_forces:
         return None
-    joints = machine.physics.joints
+    joints = [j for j in machine.physics.joints if j not in machine.physics.undetermined]
     sizes = [f'reaction.{joint}.size' for joint in joints]
     charts = quantities(course, 'forces', 'Force in each joint', sizes, run=True)
     if not charts:
@@ -159,7 +159,8 @@ def drive(course: ChartedRun) -> ChartSection | None:
 def guides(course: ChartedRun) -> ChartSection | None:
     """Forces and moments that guides and slots transmit."""
     machine = course.record.machine
-    joints = [j for j in machine.mechanism.joints if j.line]
+    lines = (j for j in machine.mechanism.joints if j.line)
+    joints = [j for j in lines if j.name not in machine.physics.undetermined]
     if not machine.physics.has_forces or not joints:
         return None
     title, text = 'Force across each guide and slot', ''

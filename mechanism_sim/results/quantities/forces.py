@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.physics import DynamicPhysics
+from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
+from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Revolute
 from mechanism_sim.planar.points import GROUND
@@ -21,7 +22,7 @@ def of_joints(machine: Machine) -> Iterator[Quantity]:
     """``reaction.JOINT.x``, ``.y``, ``.moment``, ``.size``, ``.direction``.
 
     Of the first-named on the second-named link; the moment is about the joint's point on the
-    latter, where the joint can transmit one.
+    latter, where the joint can transmit one. What redundant constraints leave open is left out.
     """
     if not machine.physics.has_forces:
         return
@@ -29,9 +30,22 @@ def of_joints(machine: Machine) -> Iterator[Quantity]:
     for i, joint in enumerate(machine.mechanism.joints):
         friction = rubbing.get(joint.name)
         moment = friction is not None or _transmits_moment(machine, joint)
-        yield from _of_joint(i, joint.name, moment)
+        open_ = machine.physics.undetermined.get(joint.name, frozenset())
+        if {'x', 'y'} & open_:  # nor are size and direction known
+            open_ |= {'size', 'direction'}
+        yield from (q for q in _of_joint(i, joint.name, moment) if q.part not in open_)
         if friction:
             yield _loss(i, friction)
+
+
+def known_reactions(physics: Physics, observed: Observation) -> Array:
+    """Forces x, y and moments (j, 3, N) in joints; NaN where they are not determined."""
+    found = np.concatenate([observed.reaction, observed.reaction_moment[:, None]], axis=1)
+    for joint, parts in physics.undetermined.items():
+        for k, part in enumerate(('x', 'y', 'moment')):
+            if part in parts:
+                found[physics.joints.index(joint), k] = np.nan
+    return found
 
 
 def _of_joint(i: int, joint: str, transmits_moment: bool) -> Iterator[Quantity]:
@@ -80,6 +94,8 @@ def of_links(machine: Machine) -> Iterator[Quantity]:
     if not machine.physics.has_forces:
         return
     for i, joint in enumerate(machine.mechanism.joints):
+        if {'x', 'y'} & machine.physics.undetermined.get(joint.name, frozenset()):
+            continue
         for link, sign in ((joint.first, -1.0), (joint.second, 1.0)):
             if link != GROUND:
                 yield from _on_link(i, joint.name, link, sign)

@@ -20,7 +20,8 @@ def of_readings(machine: Machine) -> Iterator[Quantity]:
             notes = getattr(hint, '__metadata__', ())
             if not (notes and isinstance(told := notes[0], Told)) or field in joint.untold:
                 continue
-            if machine.physics.has_forces or not told.is_force:
+            known = machine.physics.has_forces and joint.name not in machine.physics.undetermined
+            if known or not told.is_force:
                 yield _of_field(machine, joint, field, told)
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import add, dense
 from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.loads import moment_of
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND
@@ -72,7 +71,7 @@ class _Shaking:
         """Force x, y [N] and moment [N m], (3, N)."""
         o = view.observed
         self._springs = self._springs or _OnGround(self._machine)
-        fx, fy, moment = self._springs(view.t, o)
+        fx, fy, moment = self._springs(view)
         thrust: dict[str, Array] = {}
         for name, torque in zip(self._driven, o.drive_torque, strict=True):
             if name in self._mechanism.displacements:
@@ -112,19 +111,15 @@ class _OnGround:
                 ),
             ),
         ]
-        self._coordinates, self._outside = mechanism.coordinates, tuple(frames.outside)
+        self._outside = tuple(frames.outside)
         known = [
             *frames.q.values(), *frames.v.values(), *frames.outside.values(), *unknowns.sizes
         ]  # fmt: skip
         self._function = SwitchedFunction(frames, [terms], known)
 
-    def __call__(self, t: Array, o: Observation) -> Array:
+    def __call__(self, view: View) -> Array:
         """Force x, y [N] and moment [N m], (3, N)."""
-        turns = dict(zip(self._coordinates, o.turns, strict=True))
-        outside = [
-            t if name == 'time' else turns[name.removesuffix('.turns')] for name in self._outside
-        ]
-        (found,) = self._function(
-            np.concatenate([o.local, o.velocity, *(x[None] for x in outside), *o.load[:, None]])
-        )
+        o = view.observed
+        outside = view.outside(self._outside)
+        (found,) = self._function(np.concatenate([o.local, o.velocity, outside, *o.load[:, None]]))
         return found

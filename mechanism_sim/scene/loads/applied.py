@@ -3,59 +3,28 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-import heyoka as hy
 from pydantic import Field
 
-from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.errors import InputError
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import Part, UnitValue, si_of
-from mechanism_sim.linkages.forces import (
-    AppliedForce,
-    CycleRange,
-    DriveEffort,
-    LinkPoint,
-    UnknownForce,
-)
-from mechanism_sim.numerics import formula
-from mechanism_sim.numerics.expressions import parse, unit_hint, unit_of
+from mechanism_sim.keys.quantities import Part, si_of
+from mechanism_sim.linkages.forces import AppliedForce, CycleRange, DriveEffort, UnknownForce
+from mechanism_sim.linkages.formulas import FormulaScope
 from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import LinkPoint
+from mechanism_sim.scene.formula_keys import (
+    ForceOrFormula,
+    TorqueOrFormula,
+    check_formula,
+    scope_of,
+)
 from mechanism_sim.scene.load_keys import LOADS, ElementKeys, Elements
-from mechanism_sim.units import QuantityValue, alike, to_si, to_si_of
+from mechanism_sim.units import QuantityValue
 
 Place = Annotated[QuantityValue, si_of('rad', 'm')]
-
-
-def _or_formula(*units: str) -> UnitValue:
-    """A quantity, or a formula such as ``-5*vx + 3*sin(20*t)``.
-
-    Of one of several units it is a `QuantityValue`.
-    """
-
-    def read(value: Any) -> float | QuantityValue | str:
-        try:
-            return to_si(value, *units) if len(units) == 1 else to_si_of(value, units)
-        except ValueError as error:
-            if not isinstance(value, str):
-                raise
-            try:
-                tree = parse(value, None)
-            except InputError as other:
-                number = re.match(r'\s*[-+]?[\d.]+[^(*+,=^]*$', value) and ' if ' not in value
-                raise (error if number else ValueError(f'cannot be read: {other}')) from other
-            if all(n.kind in ('number', 'negative') for n in tree.walk()):
-                raise
-            return value
-
-    return UnitValue(read, units, 'a formula')
-
-
-ForceOrFormula = Annotated[float | str, _or_formula('N')]
-TorqueOrFormula = Annotated[float | str, _or_formula('N m')]
-EffortOrFormula = Annotated[QuantityValue | str, _or_formula('N m', 'N')]
 
 
 class DuringPart(Part):
@@ -97,21 +66,18 @@ class LoadPart(ElementKeys):
         if other and other[0] == point[0]:
             raise InputError(f'{where}: at and reaction name one link, {other[0]}')
         if self.unknown:
-            unknown = _unknown(name, self, point, other)
+            unknown = _unknown(name, self, point, other, scope_of(places, tree))
             return lambda mechanism: [unknown(mechanism)]
         for part, unit in zip((*self.force, self.torque), ('N', 'N', 'N m'), strict=True):
             if isinstance(part, str):
                 check_formula(places, where, part, unit, tree)
         during = _range(places, f'{where}.during', self.during, tree) if self.during else None
-        guided = {c: tree.tree_joints[c].name for c in tree.sliding}
-        tables = {n: table.curve for n, table in places.scene.tables.items()}
-
+        scope, in_link = scope_of(places, tree), self.frame == 'link'
         return lambda mechanism: [
             AppliedForce(
-                where, mechanism, point, self.force, self.torque, self.frame == 'link', during,
-                guided, tables, other,
+                where, scope(mechanism), point, self.force, self.torque, in_link, during, other
             )
-        ]  # fmt: skip
+        ]
 
 
 @LOADS.add('loads')
@@ -123,7 +89,11 @@ class Loads(Part):
 
 
 def _unknown(
-    name: str, load: LoadPart, point: LinkPoint, other: LinkPoint | None
+    name: str,
+    load: LoadPart,
+    point: LinkPoint,
+    other: LinkPoint | None,
+    scope: Callable[[Mechanism], FormulaScope],
 ) -> Callable[[Mechanism], UnknownForce]:
     """A load whose size is to be found."""
     key = f'loads.{name}'
@@ -146,7 +116,7 @@ def _unknown(
         )
     force = (x / size, y / size) if size else (0.0, 0.0)
     return lambda mechanism: UnknownForce(
-        key, mechanism, point, force, math.copysign(1.0, torque) if torque else 0.0,
+        key, scope(mechanism), point, force, math.copysign(1.0, torque) if torque else 0.0,
         load.frame == 'link', reaction=other,
     )  # fmt: skip
 
@@ -160,46 +130,8 @@ def read_effort(
         size: float | str = effort
     else:
         size = places.measure(where, effort, link in tree.displacements, ('N m', 'N'))
-    guided = {c: tree.tree_joints[c].name for c in tree.sliding}
-    tables = {n: table.curve for n, table in places.scene.tables.items()}
-    return lambda mechanism: DriveEffort(
-        where, mechanism, (link, (0.0, 0.0)), torque=size, guided=guided, tables=tables
-    )
-
-
-def check_formula(places: Names, where: str, text: str, unit: str, tree: Mechanism) -> None:
-    """Refuse a formula that names or calls what is not known, or that is not in `unit`.
-
-    Without any unit in its text but of angles all is taken to be in SI units.
-    """
-    units: dict[str, str | None] = {'t': 's', 'x': 'm', 'y': 'm', 'vx': 'm/s', 'vy': 'm/s'}
-    for link in places.links:
-        units[link] = of = 'm' if link in tree.sliding else 'rad'
-        units[f'{link}_rate'] = f'{of}/s'
-    tables = places.scene.tables
-    try:
-        root = formula.read(text, tables)
-        for other in root.names:
-            if other not in units:
-                raise InputError(
-                    f"the formula {quoted(text)} names '{other}'"
-                    f'{unit_hint(other) or nearest(other, units)}; it may name t, x, y, vx, vy, '
-                    'a link, or LINK_rate'
-                )
-            if other.endswith('_rate') and {other, other.removesuffix('_rate')} <= {*places.links}:
-                raise InputError(
-                    f"'{other}' in the formula {quoted(text)} may be the link {other} or the rate "
-                    f'of {other.removesuffix("_rate")}; call one of the links otherwise'
-                )
-        symbols = {x: hy.expression(x) for x in units}
-        formula.expression(text, formula.Words(symbols, tables=dict.fromkeys(tables, lambda x: x)))
-        if not all(alike(n.unit or '', '') for n in root.walk()):  # degrees are plain numbers
-            units |= {f'{n}()': table.points[0][1].unit or None for n, table in tables.items()}
-            found = unit_of(root, units, text)
-            if found is not None and not alike(found, unit):
-                raise InputError(f'{quoted(text)} is in {found or "no unit"}, not in {unit}')
-    except InputError as error:
-        raise InputError(f'{where}: {error}') from error
+    scope = scope_of(places, tree)
+    return lambda mechanism: DriveEffort(where, scope(mechanism), (link, (0.0, 0.0)), torque=size)
 
 
 def _range(places: Names, where: str, given: DuringPart, tree: Mechanism) -> CycleRange:

@@ -63,7 +63,8 @@ class LoadCell(DirectSource):
         if sudden.size:
             dt, names = np.zeros(len(sudden)), self._mechanism.coordinates
             q = motion.curve.local(sudden, dt).T
-            known = outside(self._impulses.outside, names, motion.curve, sudden, dt)
+            curve, states = motion.curve, motion.state_curve
+            known = outside(self._impulses.outside, names, curve, sudden, dt, states)
             found[sudden, 0] = self._along(q, self._impulses(q, steps[:, sudden], known))
         return found
 

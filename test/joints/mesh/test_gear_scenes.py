@@ -252,8 +252,9 @@ def test_two_planets_fit_only_where_their_teeth_find_spaces():
         }
 
     # 24 + 72 teeth: the angle must be a multiple of 360/96 deg
-    with pytest.raises(InputError, match='1 of the closure equations follow from the others'):
-        loaded('planetary', scene(2.0 * math.pi / 3.0))
+    machine = loaded('planetary', scene(2.0 * math.pi / 3.0))
+    teeth = {'reaction.sun_planet', 'reaction.other_ring', 'reaction.sun_other'}
+    assert teeth <= {*machine.nominal.undetermined_names}
     assert loaded('planetary', scene(math.radians(75.0)) | {'outputs.forces': False})
     with pytest.raises(InputError, match=r'cannot be assembled: .* 0\.4 pitches off'):
         loaded('planetary', scene(math.radians(76.5)))

@@ -1,0 +1,154 @@
+"""Tables in text files: columns by name with the units of their headings, or one sentence.
+
+The only reader of comma-separated values. Commas, semicolons and tabs separate; lines that begin
+with ``#`` are comments; a heading may have its unit in brackets, as ``angle [deg]``. A file
+without headings has the columns ``1``, ``2`` and so on.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mechanism_sim import documents
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError, nearest, quoted
+
+LARGEST, MOST = 1 << 21, 20_000
+"""Bytes and lines of a file; a pressure measured every twentieth of a degree is half of it."""
+
+_SHOWN = 300  # characters of names in a sentence
+_DECIMAL_COMMA = re.compile(r'\s*[-+]?\d+,\d+\s*')
+_SEPARATORS = ';\t,'  # in the order in which they are looked for: commas may be decimal ones
+
+
+@dataclass(frozen=True)
+class CsvTable:
+    """The cells of a file as text, by column.
+
+    Attributes
+    ----------
+    where : begins each sentence about it: file and key that name it, and its own name
+    cells : of each column, from the first row on
+    units : by column as its heading has it; empty for none
+    lines : line of the file that each row is on
+    """
+
+    where: str
+    cells: Mapping[str, Sequence[str]]
+    units: Mapping[str, str]
+    lines: Sequence[int]
+
+    def column(self, name: object) -> Sequence[str]:
+        """Cells of a column; `InputError` names the columns there are."""
+        if not isinstance(name, str) or name not in self.cells:
+            raise InputError(
+                f'{self.where} has no column {quoted(name)}{nearest(str(name), self.cells)}; its '
+                f'columns: {", ".join(self.cells)[:_SHOWN]}'
+            )
+        return self.cells[name]
+
+    def numbers(self, *names: object) -> Array:
+        """Finite numbers of columns (rows, columns), in the units of their headings."""
+        columns = [self.column(name) for name in names]
+        found = [
+            [self._number(cell, names[j], line) for j, cell in enumerate(row)]
+            for line, *row in zip(self.lines, *columns, strict=True)
+        ]
+        return np.array(found, float).reshape(len(found), len(columns))
+
+    def rising(self, name: object, values: Array) -> None:
+        """Refuse numbers of a column that do not rise from row to row."""
+        for line, before, value in zip(self.lines[1:], values[:-1], values[1:], strict=True):
+            if not value > before:
+                raise InputError(
+                    f"{self.where}, line {line}: '{name}' must rise, but {value:g} follows "
+                    f'{before:g}'
+                )
+
+    def _number(self, cell: str, name: object, line: int) -> float:
+        place = f"{self.where}, line {line}: expected a finite number in column '{name}'"
+        if _DECIMAL_COMMA.fullmatch(cell):
+            raise InputError(
+                f'{place}, got {quoted(cell)}: write {cell.replace(",", ".").strip()}'
+            )
+        try:
+            value = float(cell)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise InputError(f'{place}, got {quoted(cell)}')
+        return value
+
+
+def read_csv(path: Path, where: str) -> CsvTable:
+    """The table in a file.
+
+    Parameters
+    ----------
+    where : the file and key that name it, which begin each sentence about it
+    """
+    where = f"{where}: '{path.name}'"
+    rows = _rows(path, where)
+    if len(rows) - 1 > MOST:
+        raise InputError(
+            f'{where} has {len(rows) - 1} points: allowed are {MOST}; take every '
+            f'{math.ceil((len(rows) - 1) / MOST)}th'
+        )
+    if all(map(_is_number, rows[0][1])):
+        names, units = [str(i + 1) for i in range(len(rows[0][1]))], [''] * len(rows[0][1])
+    else:
+        parts = [cell.removeprefix("'").replace('(', '[').partition('[') for cell in rows[0][1]]
+        names, units = [p[0].strip() for p in parts], [p[2].strip(' ])') for p in parts]
+        rows = rows[1:]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f'{where} has several columns {quoted(name)}')
+    for line, row in rows:
+        if len(row) > len(names):
+            halves = len(row) == 2 * len(names) and all(re.fullmatch(r'\s*-?\d+', x) for x in row)
+            cure = ": write decimal points, not commas, or separate by ';'" if halves else ''
+            raise InputError(
+                f'{where}, line {line}: expected {len(names)} cells as in the first line, got '
+                f'{len(row)}{cure}'
+            )
+    missing = [''] * len(names)  # cells of shorter rows
+    columns = zip(*((row + missing)[: len(names)] for _, row in rows), strict=True)
+    cells = dict(zip(names, columns if rows else missing, strict=True))
+    return CsvTable(where, cells, dict(zip(names, units, strict=True)), [n for n, _ in rows])
+
+
+def _rows(path: Path, where: str) -> list[tuple[int, list[str]]]:
+    """Line number and cells of each line with text, at least one."""
+    try:
+        data = documents.bytes_of(path, LARGEST)
+        if len(data) > LARGEST:
+            raise InputError(f'{where} is larger than {LARGEST} bytes: give fewer points')
+        lines = data.decode('utf-8-sig').splitlines()
+        kept = [n for n, line in enumerate(lines) if line.strip() and not line.startswith('#')]
+        mark = next(s for s in _SEPARATORS if s in lines[kept[0]] or s == _SEPARATORS[-1])
+        reader = csv.reader((lines[n] for n in kept), delimiter=mark, skipinitialspace=True)
+        rows = [(kept[min(reader.line_num, len(kept)) - 1] + 1, row) for row in reader]
+    except InputError:
+        raise
+    except (OSError, UnicodeDecodeError, csv.Error, ValueError, IndexError) as error:
+        reason = getattr(error, 'strerror', None) or 'it is empty, or not comma-separated text'
+        raise InputError(f'{where} cannot be read: {reason}') from error
+    # a separator after the last cell, as some programs write it, makes no column
+    if len(rows[0][1]) > 1 and all(row[-1:] == [''] for _, row in rows):
+        rows = [(n, row[:-1]) for n, row in rows]
+    return rows
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return bool(_DECIMAL_COMMA.fullmatch(cell))
+    return True

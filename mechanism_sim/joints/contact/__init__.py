@@ -1,0 +1,1 @@
+"""Links that touch: disc against disc, disc against bar."""

@@ -1,0 +1,240 @@
+"""A disc of one link that may touch a disc or a bar of another.
+
+With Q from the second's point to the first's and the sum R of the radii, the gap of two discs is
+``|Q| - R``. The engine is given ``(Q.Q - R^2)/(2 R)``: equal to it at contact in value and first
+derivative, free of a square root. A bar is all places within its half thickness of a segment:
+along it ``Q.Q`` is the square of the distance from its line, beyond an end that from the end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import heyoka as hy
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.planar.closures import HigherClosure
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet, lift
+from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism
+from mechanism_sim.planar.play import with_turning
+from mechanism_sim.planar.points import LinkPoint, Vector2, rotate
+from mechanism_sim.planar.protocols import ForceLaw
+from mechanism_sim.planar.view import Draft, Side, circle
+
+_ACROSS = 48
+"""Points of a drawn disc."""
+
+
+@dataclass(frozen=True)
+class DiscPair(HigherPair):
+    """A disc of `first` and a disc of `second`, or a bar that goes from there to `end`."""
+
+    sides: ClassVar[tuple[Side, ...]] = ()
+    parts: ClassVar[str] = 'links that touch'
+    equations: ClassVar[int] = 0
+
+    radii: tuple[float, float] = (0.0, 0.0)  #: [m]
+    end: Vector2 | None = None  #: [m] of a bar, in the frame of `second`
+
+    def closure(self, mechanism: Mechanism) -> DiscClosure:
+        """They hold nothing."""
+        return DiscClosure(self, mechanism)
+
+    def bears(self, link: str) -> bool:
+        """Discs are at points; a bar is straight."""
+        return self.end is None or link == self.first
+
+    def draw(self, draft: Draft) -> None:
+        """Both outlines."""
+        for (link, at), radius, end in zip(self.points, self.radii, (None, self.end), strict=True):
+            if draft.first(f'disc {link} {at} {radius:.9g} {end}'):
+                draft.add('wheel', link, _outline(at, radius, end), size=radius)
+            draft.reach((link, at))
+            if end is not None:
+                draft.reach((link, end))
+
+    def discs(self) -> Sequence[tuple[LinkPoint, float]]:
+        """Those of both links, and that at the end of a bar."""
+        found = list(zip(self.points, self.radii, strict=True))
+        return found if self.end is None else [*found, ((self.second, self.end), self.radii[1])]
+
+
+def _outline(at: Vector2, radius: float, end: Vector2 | None) -> Array:
+    """Of a disc, or of a bar (k, 2) [m]."""
+    if end is None:
+        return circle(radius, at)
+    way = math.atan2(end[1] - at[1], end[0] - at[0])
+    arc = circle(radius, points=_ACROSS)
+    order = np.roll(np.arange(_ACROSS), _ACROSS // 4)  # the half at the end comes first
+    turned = np.array([rotate((x, y), way) for x, y in arc[order]])
+    half = _ACROSS // 2 + 1
+    return np.concatenate([turned[:half] + end, np.roll(turned, -half + 1, axis=0)[:half] + at])
+
+
+@dataclass(frozen=True)
+class DiscClosure(HigherClosure[DiscPair]):
+    """No constraint."""
+
+    def values(self, _: Frames) -> list[Jet]:
+        """None."""
+        return []
+
+    def wrench(self, _: Frames, __: Sequence[Term]) -> Wrench:
+        """None."""
+        return Wrench(None, None)
+
+
+@dataclass(frozen=True)
+class DiscGap:
+    """The distance of a disc from a disc or a bar."""
+
+    pair: DiscPair
+    mechanism: Mechanism
+    restitution: float
+    friction: float = 0.0
+    hypothesis: str = 'newton'
+    law: ForceLaw | None = None
+
+    @property
+    def name(self) -> str:
+        """The joint's."""
+        return self.pair.name
+
+    @property
+    def joint(self) -> str:
+        """Name of the joint."""
+        return self.pair.name
+
+    @property
+    def reach(self) -> float:
+        """Sum of the radii [m]."""
+        return sum(self.pair.radii)
+
+    @property
+    def overlap(self) -> str:
+        """One in the other."""
+        return f'{self.pair.first} into {self.pair.second} in the contact {self.name}'
+
+    # --- the measure ----------------------------------------------------------------------------
+
+    def value(self, frames: Frames) -> Jet:
+        """``(Q.Q - R^2)/(2 R)`` [m]."""
+        x, y = self._apart(frames)
+        half = self._square(frames, x, y)
+        reach = dense(frames.parameters(f'{self.name}.reach', self.reach))
+        return half / reach - lift(0.5 * reach)
+
+    def stretch(self, value: Term) -> Term:
+        """``|Q|/R = sqrt(1 + 2 y/R)`` of a value y, over which the value grows faster."""
+        return hy.sqrt(1.0 + (2.0 / self.reach) * dense(value))
+
+    def depth(self, value: Term) -> Term:
+        """``R - |Q| = -2 y/(1 + |Q|/R)`` [m]: no difference of nearly equal numbers."""
+        return -2.0 * dense(value) / (1.0 + dense(self.stretch(value)))
+
+    def distance(self, value: Array) -> Array:
+        """The gap ``|Q| - R`` [m] that belongs to values of ``(Q.Q - R^2)/(2 R)``."""
+        root = np.sqrt(np.maximum(0.0, 1.0 + 2.0 * value / self.reach))
+        return np.asarray(2.0 * value / (1.0 + root))
+
+    def _apart(self, frames: Frames) -> tuple[Jet, Jet]:
+        """From the second's point to the first's."""
+        return frames.position(self.mechanism.separation(self.name), self.name)
+
+    def _square(self, frames: Frames, x: Jet, y: Jet) -> Jet:
+        """Half the square of the distance of middles, or of a middle from a segment."""
+        whole: Jet = x.half_square() + y.half_square()
+        if self.pair.end is None:
+            return whole
+        (_, across), past, flags = self._along(frames, x, y)
+        fx, fy = past
+        beyond: Jet = fx.half_square() + fy.half_square()
+        before, after = flags
+        return across.half_square() * (1.0 - before - after) + whole * before + beyond * after
+
+    def _along(
+        self, frames: Frames, x: Jet, y: Jet
+    ) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet], tuple[hy.expression, hy.expression]]:
+        """Of a bar, the first's middle along and across it; from its end; flags of both ends."""
+        end, m = self.pair.end, self.mechanism
+        assert end is not None  # noqa: S101 - it is a bar
+        start = self.pair.on_second
+        way = math.atan2(end[1] - start[1], end[0] - start[0])
+        ux, uy = frames.position(m.direction(self.pair.second, way), f'{self.name}.bar')
+        along, across = ux * x + uy * y, ux * y - uy * x
+        length = dense(frames.parameters(f'{self.name}.length', math.dist(start, end)))
+        before = frames.switch(f'{self.name}.start', -dense(along.value))
+        after = frames.switch(f'{self.name}.end', dense(along.value) - length)
+        return (along, across), (x - ux * length, y - uy * length), (before, after)
+
+    # --- the force ------------------------------------------------------------------------------
+
+    def _nearest(self, frames: Frames) -> tuple[Jet, Jet]:
+        """From the nearest place of the second's middle or segment to the first's middle."""
+        x, y = self._apart(frames)
+        if self.pair.end is None:
+            return x, y
+        (_, across), (ex, ey), (before, after) = self._along(frames, x, y)
+        ux, uy = self._bar(frames)
+        on = 1.0 - before - after
+        return (
+            -(across * uy) * on + x * before + ex * after,
+            across * ux * on + y * before + ey * after,
+        )
+
+    def _bar(self, frames: Frames) -> tuple[Jet, Jet]:
+        end, start = self.pair.end, self.pair.on_second
+        assert end is not None  # noqa: S101 - it is a bar
+        way = math.atan2(end[1] - start[1], end[0] - start[0])
+        return frames.position(self.mechanism.direction(self.pair.second, way), f'{self.name}.bar')
+
+    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+        """From the first's middle to the second, ``-Q/R``."""
+        x, y = self._nearest(frames)
+        minus = dense(frames.parameters(f'{self.name}.minus_curvature', -1.0 / self.reach))
+        return x * minus, y * minus
+
+    def slip(self, frames: Frames) -> Jet:
+        """Velocity of the first's surface along the second's [m/s], ``Q'.t + r1 w1 + r2 w2``.
+
+        Along a bar it is ``p' + r1 (w1 - w2)`` with the place p along it. Both as rates of what
+        has no value.
+        """
+        x, y = self._apart(frames)
+        minus = dense(frames.parameters(f'{self.name}.minus_curvature', -1.0 / self.reach))
+        (r1, r2), ends = self.pair.radii, self.pair.points
+        m, name = self.mechanism, self.name
+
+        def rolling(slip: Jet, arms: tuple[float, float], part: str) -> Jet:
+            return with_turning(slip, frames, m, f'{name}{part}', ends, arms)
+
+        whole = rolling(x.across(y) * minus, (r1, r2), '')
+        if self.pair.end is None:
+            return whole
+        (along, across), (ex, ey), (before, after) = self._along(frames, x, y)
+        beyond = rolling(ex.across(ey) * minus, (r1, r2), '')
+        # the side on which it lies is the sign of `across`, which in contact is R or -R
+        side = -(across * minus)
+        flat = Jet(
+            None,
+            {c: mul(side.value, g) for c, g in along.gradient.items()},
+            mul(side.value, along.rate),
+            add(mul(side.value, along.curvature), mul(side.rate, along.rate)),
+        )
+        flat = rolling(flat, (r1, -r1), '.flat')
+        return flat * (1.0 - before - after) + whole * before + beyond * after
+
+    def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
+        """On the second-named link, about its point: it acts at the first's surface."""
+        force = contact_wrench(self.normal(frames), N, T)
+        x, y = self._apart(frames)
+        arm = frames.parameters(f'{self.name}.first_radius', self.pair.radii[0])
+        moment = moment_of((x.value, y.value), (force.x, force.y))
+        return Wrench(force.x, force.y, add(moment, neg(mul(arm, T))))

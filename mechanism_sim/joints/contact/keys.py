@@ -1,0 +1,69 @@
+"""Links that touch: round ends, and bars with round ends."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.joints.contact.constraint import DiscGap, DiscPair
+from mechanism_sim.joints.contact_keys import Contact, Play
+from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Reference
+from mechanism_sim.keys.names import Names
+from mechanism_sim.keys.quantities import Coefficient, Length
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.protocols import Bound
+
+
+@KINDS.add('contact')
+class ContactKeys(JointKeys):
+    """Two links that touch, part and strike: detents, latches, bumpers."""
+
+    contact: Reference | None = None
+    """Middles of two discs, at a point of a link each, which touch but do not hold each other."""
+    radii: tuple[Length, Length] | None = None
+    """Of both pulleys, or of both discs, as [40 mm, 60 mm]; required."""
+    to: str | None = None
+    """Of a contact, another point LINK.POINT of its second link: from disc to disc between both
+    points there is a bar, with the second radius as half of its thickness."""
+    restitution: Coefficient = 0.0
+    """Of a contact, its coefficient of restitution: 0 does not bounce, 1 loses nothing."""
+    hypothesis: Literal['newton', 'poisson', 'stronge'] | None = None
+    """Of a contact, quantities that the coefficient relates: speeds (without it), impulses or
+    works."""
+    compliance: Contact | None = None
+    """Of a contact, a law of force instead of rigid surfaces."""
+
+    firm = 'links that touch part by themselves'
+    rubs_by = (), False
+    touches_by = '', 'compliance'
+
+    def read(self, names: Names, name: str) -> DiscPair:
+        """Two discs, or a disc and a bar."""
+        where = f'joints.{name}'
+        if self.radii is None:
+            raise InputError(f"{where}.radii is missing: of both discs, such as '[10 mm, 20 mm]'")
+        (a, on_a), (b, on_b) = names.ends(name)
+        if self.to is None:
+            return DiscPair(name, a, b, on_a, on_b, self.radii)
+        link, end = names.find(f'{where}.to', self.to)
+        if link != b or end == on_b:
+            raise InputError(
+                f'{where}.to = {self.to} must be another point of {b}, from whose point '
+                f'{self.contact[1] if self.contact else b} the bar goes'
+            )
+        return DiscPair(name, a, b, on_a, on_b, self.radii, end)
+
+    def touches(self, name: str) -> Play:
+        """What the surfaces are like."""
+        if self.compliance and self.compliance.law == 'film':
+            raise InputError(f'joints.{name}.compliance.law = film is for pins in bushings')
+        return Play(
+            radial=0.0, restitution=self.restitution, hypothesis=self.hypothesis or 'newton',
+            friction=self.friction.coefficient if self.friction else 0.0, contact=self.compliance,
+        )  # fmt: skip
+
+    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[Bound]:
+        """Their distance."""
+        return [
+            DiscGap(joint, mechanism, play.restitution, play.friction, play.hypothesis, play.law())
+        ]

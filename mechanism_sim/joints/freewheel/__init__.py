@@ -1,0 +1,1 @@
+"""Freewheels and ratchets."""

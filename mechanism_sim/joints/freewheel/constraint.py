@@ -1,0 +1,58 @@
+"""Two links that turn, or slide, one of which drives the other one way and is overrun by it.
+
+With the rate w of the second against the first, counted in the sense in which it is driven, and
+the moment M of the first on the second, a freewheel has
+
+    w >= 0,    M >= 0,    M w = 0
+
+a contact that bounds a rate: it closes without impact where w falls to zero, opens where M does,
+and takes part in every impact. A ratchet with teeth of a pitch bounds the angle: its pawl cannot
+fall back behind the last tooth that it passed, and strikes it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from mechanism_sim.joints.transmission.constraint import Transmission, TransmissionClosure
+from mechanism_sim.numerics.symbolic import dense
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.play import Wall
+from mechanism_sim.planar.view import Side
+
+
+@dataclass(frozen=True)
+class Freewheel(Transmission):
+    """A clutch between two links that holds one way."""
+
+    equations: ClassVar[int] = 0
+    sides: ClassVar[tuple[Side, ...]] = ('right',)
+    parts: ClassVar[str] = 'clutch that holds one way'
+    beyond: ClassVar[str] = 'into its tooth'
+
+    sense: float = 1.0  #: in which the first drives the second: 1 counterclockwise, -1 clockwise
+    teeth: int = 0  #: of a ratchet on a turn; 0 of a freewheel
+
+    def closure(self, mechanism: Mechanism) -> TransmissionClosure:
+        """Held both ways."""
+        return TransmissionClosure(self, mechanism)
+
+
+@dataclass(frozen=True)
+class Overrun(Wall):
+    """How far the second link is ahead of the first; of a freewheel only how fast that grows."""
+
+    def value(self, frames: Frames) -> Jet:
+        """A rate without value, or the way of the pawl from the last tooth that it passed [m]."""
+        joint = self.closure.joint
+        assert isinstance(joint, Freewheel)  # noqa: S101 - it makes this gap
+        (ahead,) = self.closure.values(frames)
+        ahead = ahead if self.side == 'right' else -ahead
+        if not joint.teeth:
+            return Jet(None, ahead.gradient, ahead.rate, ahead.curvature)
+        size = dense(frames.parameters(f'{self.joint}.size', self.closure.mechanism.size))
+        away: Jet = frames.past_tooth(self.joint, ahead / size, joint.teeth) * size
+        return away

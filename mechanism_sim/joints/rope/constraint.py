@@ -1,0 +1,177 @@
+"""A rope through points of any links and over pulleys on them: it pulls, or hangs slack.
+
+Between the centres C of its points, with the radii r of pulleys counted positive where the rope
+passes counterclockwise, an open stretch with the unit vector d and its left normal n has
+
+    C2 - C1 = l d + (r2 - r1) n
+
+and the angle theta of d the arc ``r (theta2 - theta1)`` on a pulley between two stretches. The
+length is the sum of all l and arcs. As stretches are tangents, its derivative is the sum of
+``d . (dC2 - dC1)``: what the turning of a tangent takes from a stretch it gives to the arcs. So
+the tension acts along d at the centres. Pulleys turn as they like and without inertia; the rope
+has neither mass nor stiffness.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import ClassVar, NamedTuple
+
+import heyoka as hy
+
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.planar.closures import HigherClosure
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.loads import Load, Wrench, moment_of
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism
+from mechanism_sim.planar.points import LinkPoint
+from mechanism_sim.planar.view import Draft, Side, circle
+
+
+class Pulley(NamedTuple):
+    """A point of a rope, and the pulley there."""
+
+    place: LinkPoint
+    radius: float = 0.0  #: [m] positive where the rope passes counterclockwise; 0 of a point
+
+
+@dataclass(frozen=True)
+class Rope(HigherPair):
+    """A rope of a length; `first` and `second` are links of two of its points."""
+
+    equations: ClassVar[int] = 0
+    sides: ClassVar[tuple[Side, ...]] = ('left',)
+    parts: ClassVar[str] = 'rope that may hang slack'
+    beyond: ClassVar[str] = 'beyond its length'
+
+    pulleys: tuple[Pulley, ...] = ()
+    length: float = 0.0  #: [m]
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Of all its points."""
+        return tuple(dict.fromkeys(p.place[0] for p in self.pulleys))
+
+    @property
+    def extent(self) -> float:
+        """Its radii."""
+        return max(abs(p.radius) for p in self.pulleys)
+
+    def bears(self, link: str) -> bool:
+        """It is at points."""
+        return link in self.links
+
+    def closure(self, mechanism: Mechanism) -> RopeClosure:
+        """Taut."""
+        return RopeClosure(self, mechanism)
+
+    def covered(self) -> Sequence[LinkPoint]:
+        """All its points."""
+        return [p.place for p in self.pulleys]
+
+    def discs(self) -> Sequence[tuple[LinkPoint, float]]:
+        """The pulleys."""
+        return [(p.place, abs(p.radius)) for p in self.pulleys if p.radius]
+
+    def draw(self, draft: Draft) -> None:
+        """The pulleys, and that links reach to its points."""
+        for (link, at), radius in self.pulleys:
+            draft.reach((link, at))
+            if radius and draft.first(f'{link} {at} {abs(radius):.9g}'):
+                draft.add('wheel', link, circle(abs(radius), at), size=abs(radius))
+
+
+class Stretch(NamedTuple):
+    """An open stretch of a rope."""
+
+    span: tuple[Jet, Jet]  #: [m] between the centres of its ends
+    length: hy.expression  #: [m]
+    way: tuple[hy.expression, hy.expression]  #: unit vector along it
+
+    @property
+    def pulled(self) -> Jet:
+        """``d . span'``, with ``(n . span')^2/l`` for the turning of d."""
+        (x, y), (dx, dy) = self.span, self.way
+        along = x * dx + y * dy
+        across = dense((y * dx - x * dy).rate)
+        turned = across * across / self.length
+        return Jet(None, along.gradient, along.rate, add(along.curvature, turned))
+
+
+@dataclass(frozen=True)
+class RopeClosure(HigherClosure[Rope]):
+    """A rope that is taut."""
+
+    def _stretches(self, frames: Frames) -> list[Stretch]:
+        m, pulleys = self.mechanism, self.joint.pulleys
+        places = [
+            frames.position(m.point(*p.place), f'{self.name}.{k}') for k, p in enumerate(pulleys)
+        ]
+        found = []
+        for k, ((x1, y1), (x2, y2)) in enumerate(pairwise(places)):
+            span = x2 - x1, y2 - y1
+            x, y = dense(span[0].value), dense(span[1].value)
+            far = x * x + y * y
+            off = pulleys[k + 1].radius - pulleys[k].radius
+            across = frames.parameters(f'{self.name}.across.{k}', off)
+            if across is None:
+                length = hy.sqrt(far)
+                way = x / length, y / length
+            else:  # span = l d + c n
+                length = hy.sqrt(far - across * across)
+                way = (length * x + across * y) / far, (length * y - across * x) / far
+            found.append(Stretch(span, length, way))
+        return found
+
+    def values(self, frames: Frames) -> list[Jet]:
+        """How much longer than the rope the way is on which it lies [m]."""
+        stretches = self._stretches(frames)
+        excess = [s.length for s in stretches]
+        for k, (before, after) in enumerate(pairwise(stretches), start=1):
+            if radius := self.joint.pulleys[k].radius:
+                size = dense(frames.parameters(f'{self.name}.radius.{k}', abs(radius)))
+                excess.append(size * _wrap(before.way, after.way, math.copysign(1.0, radius)))
+        total = Jet(None, {}, None, None)
+        for stretch in stretches:
+            total += stretch.pulled
+        own = neg(frames.parameters(f'{self.name}.length', self.joint.length))
+        return [Jet(add(own, *excess), total.gradient, total.rate, total.curvature)]
+
+    def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
+        """The row draws the points together: along the stretches, at the middles of pulleys."""
+        joint, pull = self.joint, neg(forces[0])
+        along = [(mul(pull, x), mul(pull, y)) for _, _, (x, y) in self._stretches(frames)]
+        loads = []
+        for k, p in enumerate(joint.pulleys):
+            out = along[k] if k < len(along) else (None, None)
+            back = along[k - 1] if k else (None, None)
+            force = add(out[0], neg(back[0])), add(out[1], neg(back[1]))
+            loads.append(Load(f'{self.name}.{k}', *p.place, force))
+        x: Term = None
+        y: Term = None
+        moment: Term = None
+        ox, oy = frames.position(
+            self.mechanism.point(joint.second, joint.on_second), f'{self.name}.second'
+        )
+        for load in (load for load in loads if load.link == joint.second):
+            x, y = add(x, load.force[0]), add(y, load.force[1])
+            if load.at != joint.on_second:
+                px, py = frames.position(self.mechanism.point(load.link, load.at), load.name)
+                arm = add(px.value, neg(ox.value)), add(py.value, neg(oy.value))
+                moment = add(moment, moment_of(arm, load.force))
+        others = tuple(load for load in loads if load.link != joint.second)
+        return Wrench(x, y, moment, others)
+
+
+def _wrap(
+    before: tuple[hy.expression, hy.expression],
+    after: tuple[hy.expression, hy.expression],
+    sense: float,
+) -> hy.expression:
+    """The angle [rad] that a rope turns by, counted in a sense (1 counterclockwise), 0 to 2 pi."""
+    (bx, by), (ax, ay) = before, after
+    return math.pi + hy.atan2(sense * (by * ax - bx * ay), -(bx * ax + by * ay))

@@ -1,0 +1,133 @@
+"""Ropes over pulleys."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.joints.contact_keys import Play
+from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Joints
+from mechanism_sim.joints.rope.constraint import Pulley, Rope
+from mechanism_sim.keys.names import Names
+from mechanism_sim.keys.quantities import Coefficient, Length, Part
+from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.switched_functions import SwitchedFunction
+
+_STRAIGHT = 1e-9
+"""Sine of the turn at a pulley below which nothing says on which side the rope passes."""
+
+
+class PulleyPart(Part):
+    """A pulley at a point of a rope."""
+
+    radius: Length
+    """To the middle of the rope."""
+    passes: Literal['counterclockwise', 'clockwise'] | None = None
+    """How the rope goes round, from its first point on; without it as it bends at the start."""
+
+
+@KINDS.add('rope')
+class RopeKeys(JointKeys):
+    """A rope."""
+
+    rope: Annotated[list[str], Field(min_length=2)] | None = None
+    """A rope through points in this order: fixed to the first and the last, free in between. It
+    pulls, or hangs slack, and tightens with an impact."""
+    length: Length | None = None
+    """Of a rope; without it that of its way at the start."""
+    pulleys: dict[str, PulleyPart] | None = None
+    """Of a rope: pulleys at points between its ends, by their names; others have no radius."""
+    restitution: Coefficient = 0.0
+    """Of a ratchet or rope: of the impact at which it holds; 0 without."""
+
+    firm = 'it has no play: give its length'
+
+    def read(self, names: Names, name: str) -> Rope:
+        """Points, and pulleys whose sides are chosen by `assembled`."""
+        where, given, pulleys = f'joints.{name}', self.rope or [], self.pulleys or {}
+        places = [names.find(f'{where}.rope', reference) for reference in given]
+        for reference in pulleys:
+            if reference not in given[1:-1]:
+                between = ', '.join(given[1:-1]) or 'none'
+                raise InputError(
+                    f'{where}.pulleys.{reference}: the rope passes no such point between its '
+                    f'ends{nearest(reference, given[1:-1])}; there are: {between}'
+                )
+        for k, (one, two) in enumerate(pairwise(places)):
+            if one == two:
+                raise InputError(
+                    f'{where}.rope goes from {given[k]} to {given[k + 1]}, which are one point'
+                )
+        (first, on_first), *others = places
+        apart = [place for place in others if place[0] != first]
+        if not apart:
+            raise InputError(f'{where}.rope has points of {first} only: name those of two links')
+        course = tuple(
+            Pulley(place, pulleys[x].radius if x in pulleys else 0.0)
+            for x, place in zip(given, places, strict=True)
+        )
+        second, on_second = apart[-1]
+        return Rope(name, first, second, on_first, on_second, course, self.length or 0.0)
+
+    def play(self, joint: Any) -> Play:
+        """None: it hangs slack instead."""
+        return Play(radial=0.0, restitution=self.restitution)
+
+    @classmethod
+    def assembled(
+        cls, names: Names, joints: Joints, tree: Mechanism, start: Mapping[str, float]
+    ) -> Joints:
+        """Ropes that lie on their pulleys, as long as their ways at the start if nobody says."""
+        q = {c: start.get(c, 0.0) for c in tree.coordinates}
+        return tuple(_laid(names, j, tree, q) if isinstance(j, Rope) else j for j in joints)
+
+
+def _laid(names: Names, rope: Rope, tree: Mechanism, q: Mapping[str, float]) -> Rope:
+    given, where = names.scene.joints[rope.name], f'joints.{rope.name}'
+    places = [np.array(tree.locate(link, q, at)) for (link, at), _ in rope.pulleys]
+    pulleys = [rope.pulleys[0]]
+    for k, reference in enumerate(given.rope[1:-1], start=1):
+        pulley = rope.pulleys[k]
+        if pulley.radius:
+            (ax, ay), (bx, by) = places[k] - places[k - 1], places[k + 1] - places[k]
+            turn = ax * by - ay * bx
+            said = given.pulleys[reference].passes
+            if said is None and abs(turn) <= _STRAIGHT * math.hypot(ax, ay) * math.hypot(bx, by):
+                raise InputError(
+                    f'{where}.pulleys.{reference}.passes is missing: at the start the rope is '
+                    'straight there: counterclockwise or clockwise, from its first point on'
+                )
+            left = turn > 0.0 if said is None else said == 'counterclockwise'
+            pulley = pulley._replace(radius=pulley.radius if left else -pulley.radius)
+        pulleys.append(pulley)
+    rope = replace(rope, pulleys=(*pulleys, rope.pulleys[-1]))
+    if not rope.length and not closures(tree, tree.cut):
+        rope = replace(rope, length=_way(rope, tree, q))
+    if not rope.length:
+        raise InputError(
+            f'{where}.length is missing: in a machine with closed loops it does not follow from '
+            'the start'
+        )
+    return rope
+
+
+def _way(rope: Rope, tree: Mechanism, q: Mapping[str, float]) -> float:
+    """Length of the way on which a rope lies at coordinates [m]."""
+    frames = Frames(tree.coordinates, Parameters())
+    (way,) = rope.closure(tree).values(frames)
+    function = SwitchedFunction(frames, [[way.value]], [*frames.q.values()])
+    length = float(function(np.array([[q[c]] for c in tree.coordinates]))[0][0, 0])
+    if not math.isfinite(length) or length <= 0.0:
+        raise InputError(
+            f'joints.{rope.name}.rope: at the start its pulleys overlap, or its points coincide'
+        )
+    return length

@@ -1,0 +1,280 @@
+"""Stops of joints: a limit of an angle or a displacement is a gap, closed where it is reached.
+
+The joint keeps its constraint, or its clearance. With the angle or displacement s of the second
+link against the first and a limit at u above or l below, the gaps are ``u - s`` and ``s - l``, of
+an angle at the radius where the stop is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import heyoka as hy
+from pydantic import model_validator
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.joints.contact_keys import Contact, Play, play_of
+from mechanism_sim.joints.joint_keys import JointKeys
+from mechanism_sim.keys.quantities import Coefficient, Length, Part, Radius, si_of
+from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.planar.elastic import Beam
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet, lift
+from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.play import BOUNDS, MeasuredGap, bound_name, with_turning
+from mechanism_sim.planar.protocols import Bound, ForceLaw
+from mechanism_sim.planar.rails import along
+from mechanism_sim.units import QuantityValue
+
+Limit = Annotated[QuantityValue, si_of('rad', 'm')]
+"""An angle of a revolute joint, or a displacement."""
+
+
+class StopsPart(Part):
+    """Where a joint stops, and how it bounces there."""
+
+    lower: Limit | None = None
+    """Least angle or displacement of the second link against the first; without it there is no
+    stop on this side. Of a pin in a slot, of the pin from the slot's point."""
+    upper: Limit | None = None
+    """Largest angle or displacement; one of the two is needed."""
+    restitution: Coefficient = 0.0
+    """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
+    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
+    """Quantities that the coefficient relates: speeds, impulses or works; equal if smooth."""
+    radius: Length | None = None
+    """How far from the pin the stops of an angle are: gap, impulse and force are those there; 1 m
+    without."""
+    friction: FrictionCoefficient = 0.0
+    """Coulomb's coefficient at the ends of a slot, on which the pin turns."""
+    pin_radius: Radius = 0.0
+    """Of this pin; required with friction."""
+    contact: Contact | None = None
+    """A law of force instead of rigid stops."""
+
+    @model_validator(mode='after')
+    def _somewhere(self) -> StopsPart:
+        low, high = self.lower, self.upper
+        if not low and not high:
+            raise ValueError("needs 'lower' or 'upper', as {upper: 0.1 m, restitution: 0.6}")
+        for key, limit in (('lower', low), ('upper', high)):
+            if limit and not math.isfinite(limit.value):
+                raise ValueError(f'has {key} = {limit.value}: it must be finite')
+        if low and high and low.value >= high.value:
+            raise ValueError(
+                f'has lower = {low.value:g} {low.unit}, which must be less than upper = '
+                f'{high.value:g} {high.unit}'
+            )
+        return self
+
+
+class StopKeys(JointKeys):
+    """Joints whose motion may have limits."""
+
+    stops: StopsPart | None = None
+    """Limits of its angle or displacement, where it bounces or rests."""
+
+    def touches(self, name: str) -> Play | None:
+        """Contacts of its stops."""
+        if self.stops is None:
+            return None
+        given, where, turns = self.stops, f'joints.{name}.stops', self.kind == 'revolute'
+        unit = 'rad' if turns else 'm'
+        for key in BOUNDS:
+            limit = getattr(given, key)
+            if limit and limit.unit not in ('', unit):
+                raise InputError(
+                    f'{where}.{key} is given in {limit.unit}, but it is '
+                    f'{"an angle" if turns else "a displacement"}, in {unit}'
+                )
+        if given.radius and not turns:
+            raise InputError(f'{where}.radius is for angles: a {self.kind} joint stops in line')
+        if (given.friction or given.pin_radius) and self.kind != 'slot':
+            key = 'friction' if given.friction else 'pin_radius'
+            raise InputError(
+                f'{where}.{key} has no effect: nothing slides along the stops of a {self.kind} '
+                'joint; only the pin of a slot turns on its ends'
+            )
+        if bool(given.friction) != bool(given.pin_radius):
+            raise InputError(f"{where} needs 'friction' and 'pin_radius' together, or neither")
+        if given.contact and given.contact.law == 'film':
+            raise InputError(f'{where}.contact.law = film is for pins in bushings')
+        return play_of(given, 0.0)
+
+    def bounds(self, play: Play, joint: Joint, mechanism: Mechanism) -> list[Bound]:
+        """The gaps of its stops."""
+        given = self.stops
+        assert given is not None  # noqa: S101 - there is a play
+        low, high = (x.value if x else None for x in (given.lower, given.upper))
+        line = joint.line
+        if line and line.link in mechanism.having(Beam):
+            raise InputError(
+                f'joints.{joint.name}.stops: {line.link} is elastic, and stops along a link that '
+                'bends are not known: give the stops to a joint of a rigid link'
+            )
+        found: list[Bound] = []
+        for side, at in zip(BOUNDS, (low, high), strict=True):
+            if at is None:
+                continue
+            name, sign = bound_name(mechanism, joint, side), -1.0 if side == 'upper' else 1.0
+            law = play.law()
+            if isinstance(joint, Revolute):
+                other = high if side == 'lower' else low
+                found.append(AngleStop(
+                    name, joint.name, mechanism, sign, at, play.restitution, play.hypothesis, law,
+                    given.radius or 1.0, other,
+                ))  # fmt: skip
+            else:
+                found.append(EndStop(
+                    name, joint.name, mechanism, sign, at, play.restitution, play.hypothesis, law,
+                    play.friction, play.pin_radius,
+                ))  # fmt: skip
+        return found
+
+
+@dataclass(frozen=True)
+class _Stop(MeasuredGap):
+    """A limit of an angle or a displacement s: the gap is ``sign (s - limit)``."""
+
+    name: str
+    joint: str
+    mechanism: Mechanism
+    sign: float  #: 1 of a lower limit, -1 of an upper one
+    limit: float  #: [rad, m]
+    restitution: float
+    hypothesis: str
+    law: ForceLaw | None
+
+    @property
+    def words(self) -> str:
+        """The limit, with its unit."""
+        raise NotImplementedError
+
+    @property
+    def overlap(self) -> str:
+        """Beyond the stop."""
+        side = 'lower' if self.sign > 0.0 else 'upper'
+        return f'the joint {self.joint} beyond its {side} stop at {self.words}'
+
+
+@dataclass(frozen=True)
+class AngleStop(_Stop):
+    """A stop of a revolute joint, at a radius r: the gap is ``r (u - s)`` or ``r (s - l)``.
+
+    Between two stops less than a turn apart angles count from the middle, without whole turns;
+    else whole turns count.
+    """
+
+    radius: float = 1.0  #: [m]
+    other: float | None = None  #: [rad] the limit on the other side
+
+    @property
+    def words(self) -> str:
+        """The limit, with its unit."""
+        return f'{math.degrees(self.limit):.6g} deg'
+
+    @property
+    def friction(self) -> float:
+        """Nothing slides."""
+        return 0.0
+
+    def value(self, frames: Frames) -> Jet:
+        """The distance at the radius [m]."""
+        joint, m = self.mechanism.joint(self.joint), self.mechanism
+        (first, a), (second, b) = (m.frame(link) for link, _ in joint.points)
+        one, two = (
+            m.turning(frames, link, at, f'{self.joint}:{link}') for link, at in joint.points
+        )
+        r = dense(frames.parameters(f'{self.name}.radius', self.sign * self.radius))
+        if self.other is None or abs(self.other - self.limit) >= 2.0 * math.pi:
+            whole = add(frames.turns(second), neg(frames.turns(first)))
+            limit = frames.parameters(f'{self.name}.limit', b - a - self.limit)
+            return (two - one + lift(dense(add(limit, mul(2.0 * math.pi, whole))))) * r
+        middle, half = 0.5 * (self.other + self.limit), 0.5 * abs(self.other - self.limit)
+        rest = math.remainder(b - a - middle, 2.0 * math.pi)
+        off = two - one + lift(dense(frames.parameters(f'{self.joint}.middle', rest)))
+        u = dense(off.value)
+        off = off.chain(hy.atan2(hy.sin(u), hy.cos(u)), hy.expression(1.0), None)
+        room = frames.parameters(f'{self.name}.half', self.sign * half)
+        return (off + lift(dense(room))) * r
+
+    def slip(self, _: Frames) -> Jet:
+        """There is no friction here.
+
+        Raises
+        ------
+        NotImplementedError
+        """
+        raise NotImplementedError('stops of an angle have no friction')
+
+    def normal(self, _: Frames) -> tuple[Jet, Jet]:
+        """A moment only: nothing in the plane."""
+        return lift(0.0), lift(0.0)
+
+    def wrench(self, frames: Frames, N: Term, _: Term) -> Wrench:
+        """The moment on the second-named link."""
+        arm = frames.parameters(f'{self.name}.radius', self.sign * self.radius)
+        return Wrench(None, None, mul(arm, N))
+
+
+@dataclass(frozen=True)
+class EndStop(_Stop):
+    """An end of a guide, which a block meets, or of a slot, which its pin meets and rolls on."""
+
+    friction: float = 0.0
+    pin_radius: float = 0.0  #: [m] of a pin that rubs
+
+    @property
+    def words(self) -> str:
+        """The limit, with its unit."""
+        return f'{self.limit:.6g} m'
+
+    def _axis(self, frames: Frames, angle: float, label: str) -> tuple[Jet, Jet]:
+        line = self.mechanism.joint(self.joint).line
+        assert line is not None  # noqa: S101 - it has one
+        return along(self.mechanism, frames, line, angle, f'{self.joint}.{label}')
+
+    @property
+    def _way(self) -> float:
+        """1 if s is the way of the first-named link in the second, as of a pin in its slot."""
+        return 1.0 if isinstance(self.mechanism.joint(self.joint), HigherPair) else -1.0
+
+    def value(self, frames: Frames) -> Jet:
+        """The distance from the end [m]."""
+        joint, m = self.mechanism.joint(self.joint), self.mechanism
+        limit = lift(dense(frames.parameters(f'{self.name}.limit', -self.sign * self.limit)))
+        carried = [link for link, j in m.tree_joints.items() if j.name == self.joint]
+        if carried:
+            assert isinstance(joint, Prismatic)  # noqa: S101 - slots are of no tree
+            return frames.displacement(carried[0]) * self.sign + limit
+        ux, uy = self._axis(frames, 0.0, 'way')
+        x, y = frames.position(m.separation(self.joint), self.joint)
+        return (ux * x + uy * y) * (self._way * self.sign) + limit
+
+    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+        """Along the guide or slot, towards the end that presses on the second-named link."""
+        ux, uy = self._axis(frames, 0.0, 'way')
+        sign = -self._way * self.sign
+        return ux * sign, uy * sign
+
+    def slip(self, frames: Frames) -> Jet:
+        """Velocity of the pin's surface along the end of the slot, which is across the slot."""
+        nx, ny = self._axis(frames, 0.5 * math.pi, 'normal')
+        x, y = frames.position(self.mechanism.separation(self.joint), self.joint)
+        across = (nx * x + ny * y) * (-self._way * self.sign)
+        slip = Jet(None, across.gradient, across.rate, across.curvature)
+        ends = self.mechanism.joint(self.joint).points
+        arms = self.pin_radius, -self.pin_radius
+        return with_turning(slip, frames, self.mechanism, self.name, ends, arms)
+
+    def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
+        """On the second-named link, where they touch."""
+        force = contact_wrench(self.normal(frames), N, T)
+        x, y = frames.position(self.mechanism.separation(self.joint), self.joint)
+        arm = frames.parameters(f'{self.name}.pin_radius', self.pin_radius)
+        moment = moment_of((x.value, y.value), (force.x, force.y)) if self._way > 0.0 else None
+        return Wrench(force.x, force.y, add(moment, neg(mul(arm, T))))

@@ -1,0 +1,125 @@
+"""States of all joints of a closed-loop machine, from those of the joints that drive it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.export.urdf import drivers_urdf, to_urdf
+from mechanism_sim.linkages.drive_range import drive_range
+from mechanism_sim.linkages.tracking import Tracker
+from mechanism_sim.messages import DiagnosticStatus, JointState, String, TFMessage, float64_array
+from mechanism_sim.nodes import publications
+from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
+from mechanism_sim.nodes.middleware import Parameter, publish_all
+from mechanism_sim.nodes.qos import LATCHED, RESULTS
+from mechanism_sim.nodes.scene_values import Content
+from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.scene.ideal import without_clearance
+from ros_interfaces.stamps import NANOSECONDS
+
+DRIVERS = 'driver_states'
+"""Topic on which the driving joints are told (sensor_msgs/JointState)."""
+
+
+class LoopRelay(DescribedNode):
+    """Publishes ``joint_states`` of a whole closed-loop machine for every ``driver_states``.
+
+    What drives it is told by a slider of ``joint_state_publisher_gui``, a controller or an
+    encoder: positions [rad, m] by the names of the coordinates that ``drive`` or ``drives`` of the
+    scene name, and rates if they are known. Each message is answered by one with the states of all
+    coordinates, of the machine without clearance, closed to rounding, with the same stamp; rates
+    are there if they were told. ``/tf`` has the frames of the links then, if ``publish_tf``.
+
+    ``robot_description`` is the machine as URDF, ``driver_description`` its driving joints alone,
+    with their limits, for a panel with one slider each.
+    """
+
+    def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
+        super().__init__('loop_relay', parameters)
+        space = self.get_namespace().strip('/')
+        prefix = f'{space}/' if space else ''
+        self.declare('frame_prefix', prefix, 'Before the name of every frame', read_only=True)
+        moves = self.declare('publish_tf', True, 'Publish the frames of the links', read_only=True)
+        self._answered, self._refused = 0, ''
+        machine = without_clearance(Content.declare(self).load())
+        plan, at = machine.plan, machine.assembly
+        self._driven = list(plan.laws)
+        if at.freedom + len(plan.prescribed) != len(self._driven):
+            raise InputError(
+                f'{machine.name}: {len(self._driven)} coordinates are driven, and '
+                f'{at.freedom + len(plan.prescribed)} motions are to be told: give each free '
+                "motion a drive of its own in 'drives'"
+            )
+        kinematics = plan.kinematics(self._driven)
+        self._tracker = Tracker(kinematics, at.q, at.slope)
+        self._names = list(kinematics.coordinates)
+        self._limits = dict[str, tuple[float, float]]()
+        if len(self._driven) == 1:  # of several each has its own wherever the others are
+            reach = TWO_PI * float(kinematics.scale[kinematics.held[0]])
+            found = drive_range(kinematics, at.q, reach)
+            self._limits = {self._driven[0]: (found.low, found.high)} if found.limited else {}
+        self._states = self.create_publisher(JointState, 'joint_states', RESULTS)
+        frames = publications.transforms(plan.ideal, self._frame) if moves else None
+        self._frames = frames
+        self._tf = self.create_publisher(TFMessage, '/tf', RESULTS) if moves else None
+        for topic, text in (
+            ('robot_description', to_urdf(machine, self._frame(''))),
+            ('driver_description', drivers_urdf(machine, self._driven, self._limits)),
+        ):
+            self.create_publisher(String, topic, LATCHED).publish(String(data=text))
+        self.create_subscription(JointState, DRIVERS, self._take, RESULTS)
+        self.publish_diagnostics()
+
+    def _frame(self, link: str) -> str:
+        return f'{self.value("frame_prefix")}{link}'
+
+    def _take(self, message: Any) -> None:
+        """Answer the states of the driving joints with those of all."""
+        places = dict(zip(message.name, message.position, strict=False))
+        if missing := [name for name in self._driven if name not in places]:
+            self.ignore(DRIVERS, f'it has no position of {", ".join(missing)}')
+            return
+        told = [places[name] for name in self._driven]
+        try:
+            q = self._followed(told)
+        except RunError as error:
+            self._refused = str(error)
+            self.ignore(DRIVERS, self._refused)
+            return
+        rates = dict(zip(message.name, message.velocity, strict=False))
+        known = [rates[name] for name in self._driven if name in rates]
+        velocity = self._tracker.rates(known) if len(known) == len(told) else np.zeros(0)
+        answer = JointState(
+            name=self._names, position=float64_array(q), velocity=float64_array(velocity)
+        )
+        told_at = message.header.stamp
+        stamp = told_at if told_at.sec or told_at.nanosec else self.get_clock().now().to_msg()
+        answer.header.stamp = stamp
+        self._states.publish(answer)
+        if self._frames and self._tf:
+            at = np.array([stamp.sec * NANOSECONDS + stamp.nanosec])
+            publish_all(self._tf, self._frames(at, q[None]))
+        self._answered, self._refused = self._answered + 1, ''
+
+    def _followed(self, told: list[float]) -> Array:
+        """Configuration (n,) at positions of the driving joints; RunError if there is none."""
+        if not np.isfinite(told).all():
+            raise RunError('a position is not finite')
+        for name, x in zip(self._driven, told, strict=True):
+            low, high = self._limits.get(name, (-np.inf, np.inf))
+            if not low <= x <= high:
+                raise RunError(
+                    f'{name} = {x:.9g} is beyond its limits, {low:.9g} to {high:.9g} [rad, m]'
+                )
+        return self._tracker.to(told)
+
+    def diagnose(self) -> Diagnosis:
+        """How many states were answered, and why the last one was not."""
+        level = DiagnosticStatus.WARN if self._refused else DiagnosticStatus.OK
+        message = self._refused or ('running' if self._answered else f'waiting for {DRIVERS}')
+        return Diagnosis(level, message, {'states answered': self._answered})

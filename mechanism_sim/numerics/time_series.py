@@ -1,0 +1,278 @@
+"""A formula of the time as polynomials, piece by piece, exact to rounding at any time.
+
+Terms that are polynomials in t, and those in the sines, cosines and tangents of others, are moved
+to the middle of a piece in exact arithmetic, so that no digits are lost after however long. The
+rest is the Taylor series of a heyoka expression there. Where a condition of the formula changes
+(``min``, ``max``, ``abs``, ``sign``, ``if``), a piece ends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import heyoka as hy
+import numpy as np
+from numpy.polynomial import polynomial
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError, quoted
+from mechanism_sim.numerics import compiled, formula
+from mechanism_sim.numerics.expressions import ExpressionNode
+
+#: pi to 60 digits
+PI = Fraction('3.14159265358979323846264338327950288419716939937510582097494')
+
+DEGREE = 12
+"""Of the polynomials; linkages without clearance are interpolated by 15 nodes on a piece."""
+_KNOWN = DEGREE + 3
+_TOLERANCE = math.exp(-2.0 * (_KNOWN - 0.5))  # of heyoka, which makes its order `_KNOWN` + 1
+_TAIL = 2.0**-55
+"""First terms left out, relative to how far a piece goes: an acceleration then has 1e-13."""
+_LEAST = 2.0**-62
+"""[rad, m, and their rates] that is nothing whatever is left out beside it."""
+_LONGEST, _SHORTEST = 0.5, 2.0**-24
+"""[s] half of a piece; what happens in so short a time is a step."""
+_SAMPLES = np.linspace(-1.0, 1.0, 33)
+_ZERO = 1e-12
+"""Below it a guard, which is a difference relative to what is compared, is at its zero."""
+
+Powers = tuple[Fraction, ...]
+"""Coefficients of a polynomial in t, rising."""
+
+
+class SeriesPiece(NamedTuple):
+    """``f(t) = sum_k exact[k] (t - middle)^k + sum_k series[k] (t - middle)^k`` up to `end`."""
+
+    middle: float  #: [s]
+    end: float  #: [s]
+    exact: Powers
+    series: Array
+
+
+class TimeSeries:
+    """A formula that names nothing but ``t`` [s].
+
+    Attributes
+    ----------
+    text : as it is written
+    exact : terms that are polynomials
+    whole : whether there are no others
+    """
+
+    def __init__(self, tree: ExpressionNode, text: str) -> None:
+        self.text = text
+        self.exact: Powers = (Fraction(0),)
+        rest: list[ExpressionNode] = []
+        for sign, term in _terms(tree):
+            if (powers := _powers(term)) is None:
+                rest.append(term if sign > 0 else ExpressionNode('negative', (term,)))
+            else:
+                self.exact = _sum(self.exact, powers, sign)
+        self.whole = not rest
+        self._phases: list[Powers] = []
+        if rest:
+            self._compile([self._with_phases(term) for term in rest])
+
+    def _with_phases(self, node: ExpressionNode) -> ExpressionNode:
+        """A term with names for the polynomials whose sine, cosine or tangent it contains."""
+        powers = _powers(node.args[0]) if node.name in formula.PERIODIC else None
+        if node.kind == 'call' and powers is not None and len(powers) > 1:
+            self._phases.append(powers)
+            name = ExpressionNode('name', name=f'phase {len(self._phases) - 1}')
+            return replace(node, args=(name,))
+        return replace(node, args=tuple(map(self._with_phases, node.args)))
+
+    def _compile(self, rest: Sequence[ExpressionNode]) -> None:
+        """An integrator of the terms and of what decides on conditions: its series is theirs."""
+        known, count = {'t': hy.par[0] + hy.time}, 1
+        for k, powers in enumerate(self._phases):
+            value = hy.expression(0.0)
+            for i in reversed(range(len(powers))):
+                value = value * hy.time + hy.par[count + i]
+            known[f'phase {k}'] = value
+            count += len(powers)
+        guards: list[hy.expression] = []
+
+        def flag(guard: hy.expression) -> hy.expression:
+            guards.append(guard)
+            return hy.par[count + len(guards) - 1]
+
+        words = formula.Words(known, flag=flag)
+        value = sum((formula.of_tree(x, words, self.text) for x in rest), hy.expression(0.0))
+        self._first_flag, self._flags = count, len(guards)
+        last = count + len(guards)
+        rates = [value, *guards]
+        states = [(hy.make_vars(f'integral {k}'), x) for k, x in enumerate(rates)]
+        tiny = (hy.make_vars('last'), hy.par[last] * 0.0 + 0.0 * hy.time + hy.par[last])
+        self._series = compiled.integrator([*states, tiny], [], _TOLERANCE, True, last)
+        local = hy.make_vars('local')
+        values = compiled.function(hy.subs([value], {hy.time: local}), [local])
+
+        def of(at: Array, pars: Array) -> Array:
+            repeated = np.repeat(pars[: values.nparams, None], len(at), axis=1)
+            return np.asarray(values(at[None], **({'pars': repeated} if len(repeated) else {}))[0])
+
+        self._values = of
+
+    # --- pieces ---------------------------------------------------------------------------------
+
+    @lru_cache(maxsize=64)  # noqa: B019 - laws are asked for in turn, by several
+    def piece(self, start: float) -> SeriesPiece:
+        """The piece that begins at a time [s]: it depends on nothing else."""
+        if self.whole:
+            return SeriesPiece(start, math.inf, _moved(self.exact, Fraction(start)), np.zeros(1))
+        flags = self._flags_from(start)
+        half = _LONGEST
+        while True:
+            middle = start + half
+            terms = self._about(middle, flags)
+            if self._converges(terms, half, middle, flags):
+                break
+            half *= 0.75 if math.frexp(half)[0] == 0.5 else 2.0 / 3.0
+            if half < _SHORTEST:
+                raise InputError(
+                    f'{quoted(self.text)} has no value or no derivative at t = {start:.6g} s'
+                )
+        end = self._change(terms[1:], half, flags)
+        exact = _moved(self.exact, Fraction(middle))
+        return SeriesPiece(middle, middle + end, exact, terms[0, : DEGREE + 1])
+
+    def _set(self, t: float, flags: Sequence[float]) -> None:
+        """Parameters of the expression, for times counted from `t` [s]."""
+        found = [t]
+        for powers in self._phases:
+            moved = _moved(powers, Fraction(t))
+            found += [float(moved[0] % (2 * PI)), *map(float, moved[1:])]
+        self._series.pars[:] = [*found, *flags, 0.0]
+
+    def _about(self, t: float, flags: Sequence[float]) -> Array:
+        """Taylor coefficients (1 + guards, `_KNOWN`) at a time [s]."""
+        self._set(t, flags)
+        series = self._series
+        series.time = 0.0
+        series.state[:] = 0.0
+        series.step(max_delta_t=_LONGEST, write_tc=True)
+        orders = np.arange(1.0, _KNOWN + 1.0)
+        return np.asarray(series.tc[:-1, 1 : _KNOWN + 1] * orders)
+
+    def _flags_from(self, t: float) -> list[float]:
+        """1 for each guard that is positive just behind a time [s], after those it depends on."""
+        flags = [0.0] * self._flags
+        for _ in range(self._flags + 1):
+            terms = self._about(t, flags)[1:]
+            before, flags = flags, [_sign(row) for row in terms]
+            if flags == before:
+                break
+        return flags
+
+    def _converges(self, terms: Array, half: float, middle: float, flags: list[float]) -> bool:
+        """True if the series are the functions in a piece of so many seconds to either side."""
+        if not np.isfinite(terms).all():
+            return False
+        sizes = np.abs(terms) * half ** np.arange(_KNOWN)
+        going = sizes[:, 1:].max(axis=1)
+        floor = np.maximum(_LEAST, 2.0**-3 * np.spacing(sizes[:, 0]))
+        allowed = np.maximum(np.array([_TAIL, *[_ZERO] * self._flags]) * going, floor)
+        if not (sizes[:, DEGREE + 1 :].max(axis=1) <= allowed).all():
+            return False
+        # a pulse far from the middle leaves no trace in the series there
+        self._set(middle, flags)
+        at = half * _SAMPLES
+        found = self._values(at, self._series.pars)
+        off = np.abs(found - polynomial.polyval(at, terms[0, : DEGREE + 1]))
+        return bool((off <= 1e-13 * np.abs(found) + 1e-12 * going[0] + 16.0 * floor[0]).all())
+
+    def _change(self, guards: Array, half: float, flags: Sequence[float]) -> float:
+        """Time from the middle [s] at which the first flag changes; `half` if none does."""
+        found = half
+        for row, flag in zip(guards, flags, strict=True):
+            if np.abs(row * half ** np.arange(_KNOWN)).max() <= _ZERO:
+                continue  # both sides are the same throughout
+            roots = polynomial.polyroots(np.trim_zeros(row * half ** np.arange(_KNOWN), 'b'))
+            real = roots[np.abs(roots.imag) <= 1e-7].real
+            inner = np.sort(real[(real > -1.0 + 1e-9) & (real < 1.0)])
+            ends = [-1.0, *inner.tolist(), 1.0]
+            for a, b in pairwise(ends[1:]):  # before its first zero it has its flag
+                value = polynomial.polyval(0.5 * (a + b) * half, row)
+                if (value > 0.0) != bool(flag) and abs(value) > _ZERO**2:
+                    found = min(found, a * half)
+                    break
+        return found
+
+
+def _sign(row: Array) -> float:
+    """1 if a guard of such Taylor coefficients is positive at once, else 0."""
+    first = next((x for x in row if abs(x) > _ZERO), 0.0)
+    return float(first > 0.0)
+
+
+def _terms(node: ExpressionNode, sign: int = 1) -> Iterator[tuple[int, ExpressionNode]]:
+    """The terms of a sum with their signs."""
+    if node.kind in ('+', '-'):
+        yield from _terms(node.args[0], sign)
+        yield from _terms(node.args[1], sign if node.kind == '+' else -sign)
+    elif node.kind == 'negative':
+        yield from _terms(node.args[0], -sign)
+    else:
+        yield sign, node
+
+
+def _powers(node: ExpressionNode) -> Powers | None:
+    """A term as a polynomial in t; None if it is none of low degree."""
+    match node.kind:
+        case 'number':
+            return (Fraction(node.value),)
+        case 'pi':
+            return (PI,)
+        case 'name':
+            return (Fraction(0), Fraction(1))
+        case 'negative' | '+' | '-' | '*' | '/' | '**':
+            parts = [_powers(x) for x in node.args]
+        case _:
+            return None
+    known = [x for x in parts if x is not None]
+    if len(known) < len(parts):
+        return None
+    a, b = known[0], known[-1]
+    if node.kind == 'negative':
+        return tuple(-x for x in a)
+    if node.kind in ('+', '-'):
+        return _sum(a, b, 1 if node.kind == '+' else -1)
+    if node.kind == '*':
+        found = _product(a, b)
+    elif node.kind == '**':
+        found = a
+        for _ in range(int(b[0]) - 1):
+            found = _product(found, a)
+    else:
+        found = tuple(x / b[0] for x in a) if len(b) == 1 and b[0] else ()
+    return found if 0 < len(found) <= DEGREE else None
+
+
+def _sum(a: Powers, b: Powers, sign: int) -> Powers:
+    n = max(len(a), len(b))
+    wide = ((*x, *[Fraction(0)] * (n - len(x))) for x in (a, b))
+    return tuple(x + sign * y for x, y in zip(*wide, strict=True))
+
+
+def _product(a: Powers, b: Powers) -> Powers:
+    found = [Fraction(0)] * (len(a) + len(b) - 1)
+    for i, x in enumerate(a):
+        for j, y in enumerate(b):
+            found[i + j] += x * y
+    return tuple(found)
+
+
+def _moved(powers: Powers, by: Fraction) -> Powers:
+    """The polynomial in powers of the time since `by` [s]."""
+    found = list(powers)
+    for i in range(len(found)):
+        for j in reversed(range(i, len(found) - 1)):
+            found[j] += by * found[j + 1]
+    return tuple(found)

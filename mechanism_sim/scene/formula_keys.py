@@ -1,0 +1,135 @@
+"""Formulas as values of keys: how they are read, what they may name, and their units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any
+
+import heyoka as hy
+
+from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.keys.names import RESERVED, Names
+from mechanism_sim.keys.quantities import UnitValue
+from mechanism_sim.linkages.formulas import FormulaScope
+from mechanism_sim.numerics import formula
+from mechanism_sim.numerics.expressions import parse, unit_hint, unit_of
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.units import QuantityValue, alike, to_si, to_si_of
+
+OF_POINT = {'x': 'm', 'y': 'm', 'vx': 'm/s', 'vy': 'm/s'}
+"""What formulas of loads know of the point at which they act, with units."""
+OF_SPRING = {'length': 'm', 'angle': 'rad', 'rate': ''}
+"""What formulas of springs know of themselves: these are no names of states."""
+
+
+def or_formula(*units: str) -> UnitValue:
+    """A quantity, or a formula such as ``-5*vx + 3*sin(20*t)``.
+
+    Of one of several units it is a `QuantityValue`.
+    """
+
+    def read(value: Any) -> float | QuantityValue | str:
+        try:
+            return to_si(value, *units) if len(units) == 1 else to_si_of(value, units)
+        except ValueError as error:
+            if not isinstance(value, str):
+                raise
+            try:
+                tree = parse(value, None)
+            except InputError as other:
+                number = re.match(r'\s*[-+]?[\d.]+[^(*+,=^]*$', value) and ' if ' not in value
+                raise (error if number else ValueError(f'cannot be read: {other}')) from other
+            if all(n.kind in ('number', 'negative') for n in tree.walk()):
+                raise
+            return value
+
+    return UnitValue(read, units, 'a formula')
+
+
+ForceOrFormula = Annotated[float | str, or_formula('N')]
+TorqueOrFormula = Annotated[float | str, or_formula('N m')]
+EffortOrFormula = Annotated[QuantityValue | str, or_formula('N m', 'N')]
+
+
+def state_units(names: Names) -> dict[str, str]:
+    """The states of first order of a scene in the order of their numbers, with their units."""
+    return {
+        state: unit
+        for section in ('states', 'servos')
+        for name, part in getattr(names.scene, section).items()
+        for state, unit in part.states(name).items()
+    }
+
+
+def check_state_name(names: Names, name: str) -> None:
+    """Refuse names of states that formulas know otherwise."""
+    taken = {*RESERVED, *OF_SPRING, *names.links, *(f'{x}_rate' for x in names.links)}
+    if not name.isidentifier() or name in taken:
+        raise InputError(
+            f"states.{name}: the name '{name}' cannot be used; names are letters, digits and _, "
+            f'but not {", ".join([*RESERVED, *OF_SPRING])}, a link, or LINK_rate, which formulas '
+            'name'
+        )
+
+
+def scope_of(names: Names, tree: Mechanism) -> Callable[[Mechanism], FormulaScope]:
+    """Meanings of names in formulas, for any tree of a mechanism."""
+    guided = {c: tree.tree_joints[c].name for c in tree.sliding}
+    tables = {n: table.curve for n, table in names.scene.tables.items()}
+    states = [*state_units(names)]
+    parts = names.scene.springs | names.scene.servos
+    springs = {n: part.placed(names, n, tree) for n, part in parts.items()}
+    return lambda mechanism: FormulaScope(mechanism, guided, tables, states, springs)
+
+
+def check_formula(
+    places: Names,
+    where: str,
+    text: str,
+    unit: str | None,
+    tree: Mechanism,
+    own: Mapping[str, str] = OF_POINT,
+) -> None:
+    """Refuse a formula that names or calls what is not known, or that is not in `unit`.
+
+    Without any unit in its text but of angles all is taken to be in SI units.
+
+    Parameters
+    ----------
+    unit : wanted; None for any
+    own : names of the place at which it stands, with their units
+    """
+    states = state_units(places)
+    units: dict[str, str | None] = {x: of or None for x, of in states.items()}
+    units |= {'t': 's', **own}
+    for spring, part in (places.scene.springs | places.scene.servos).items():
+        units |= {f'{spring}.{x}': of for x, of in part.measures(places, spring, tree).items()}
+    for link in places.links:
+        units[link] = of = 'm' if link in tree.sliding else 'rad'
+        units[f'{link}_rate'] = f'{of}/s'
+    tables = places.scene.tables
+    try:
+        root = formula.read(text, tables)
+        springs = [x for x in units if '.' in x and x not in states]
+        for other in root.names:
+            if other not in units:
+                raise InputError(
+                    f"the formula {quoted(text)} names '{other}'"
+                    f'{unit_hint(other) or nearest(other, units)}; it may name '
+                    f'{", ".join(["t", *own, *states, *springs, "a link"])}, or LINK_rate'
+                )
+            if other.endswith('_rate') and {other, other.removesuffix('_rate')} <= {*places.links}:
+                raise InputError(
+                    f"'{other}' in the formula {quoted(text)} may be the link {other} or the rate "
+                    f'of {other.removesuffix("_rate")}; call one of the links otherwise'
+                )
+        symbols = {x: hy.expression(x) for x in units}
+        formula.expression(text, formula.Words(symbols, tables=dict.fromkeys(tables, lambda x: x)))
+        if not all(alike(n.unit or '', '') for n in root.walk()):  # degrees are plain numbers
+            units |= {f'{n}()': table.points[0][1].unit or None for n, table in tables.items()}
+            found = unit_of(root, units, text)
+            if unit is not None and found is not None and not alike(found, unit):
+                raise InputError(f'{quoted(text)} is in {found or "no unit"}, not in {unit}')
+    except InputError as error:
+        raise InputError(f'{where}: {error}') from error

@@ -1,0 +1,316 @@
+"""Keys of motions over time: by a formula, by points in a scene or a file, by moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.keys.quantities import Duration, Part, Time, UnitValue, si_of
+from mechanism_sim.numerics import formula
+from mechanism_sim.numerics.curves import Interpolation, spline
+from mechanism_sim.numerics.expressions import (
+    FUNCTIONS,
+    ExpressionNode,
+    parse,
+    unit_hint,
+    unit_of,
+)
+from mechanism_sim.numerics.time_series import TimeSeries
+from mechanism_sim.planar.drive import curve_laws
+from mechanism_sim.planar.endless_laws import FormulaLaws
+from mechanism_sim.scene.formula_keys import or_formula
+from mechanism_sim.units import QuantityValue, alike, to_si_of
+
+Place = Annotated[QuantityValue, si_of('rad', 'm')]
+Pace = Annotated[QuantityValue, si_of('rad/s', 'm/s')]
+AnyAcceleration = Annotated[QuantityValue, si_of('rad/s^2', 'm/s^2')]
+AnyJerk = Annotated[QuantityValue, si_of('rad/s^3', 'm/s^3')]
+
+
+def _positive(value: QuantityValue) -> QuantityValue:
+    if not 0.0 < value.value < math.inf:
+        raise ValueError('is out of bounds: it must be more than 0')
+    return value
+
+
+POSITIVE_VALUE = AfterValidator(_positive)
+
+
+class CoursePart(Part):
+    """A quantity over time: a formula, or points in place or in a file."""
+
+    formula: str | None = None
+    """Of the time t, as "90 deg + 60 deg*sin(pi*t)"; it may stand by itself instead of these keys.
+    A speed must not step, a position not even its speed.
+    """
+    interpolation: Interpolation | None = None
+    """Between points; the default of positions is cubic. Its acceleration does not jump, nor do
+    three derivatives more of a quintic; linear is for speeds.
+    """
+    periodic: bool = False
+    """The points are those of a period, which repeats: it ends where it begins, or whole turns on.
+    """
+    ends: Literal['free', 'rest'] = 'free'
+    """At the first and the last point: as the points have it, or at rest."""
+
+    @model_validator(mode='before')
+    @classmethod
+    def _formula_alone(cls, data: Any) -> Any:
+        """A formula, or a quantity, instead of keys."""
+        if isinstance(data, str | int | float) and not isinstance(data, bool):
+            return {'formula': str(data)}
+        return data
+
+    @property
+    def given(self) -> Sequence[tuple[float, QuantityValue]]:
+        """The points, if there are any."""
+        return getattr(self, 'points', None) or ()
+
+    @classmethod
+    def units(cls) -> tuple[str, str]:
+        """Of what turns, and of what slides."""
+        raise NotImplementedError
+
+    @model_validator(mode='after')
+    def _is_course(self) -> CoursePart:
+        points = self.given
+        if (self.formula is None) == (not points):
+            both = 'both' if points else 'none'
+            raise ValueError(f"has {both} of 'formula' and 'points': give one of them")
+        if self.formula is not None:
+            beside = sorted(self.model_fields_set - {'formula'})
+            if beside and any(
+                getattr(self, k) != type(self).model_fields[k].default for k in beside
+            ):
+                raise ValueError(f"has a formula and '{beside[0]}', which is of points")
+            self.tree()
+            return self
+        if not all(math.isfinite(t) and math.isfinite(x.value) for t, x in points):
+            raise ValueError('has points that are not finite')
+        if len(units := {x.unit for _, x in points if x.unit}) > 1:  # bare numbers fit any
+            raise ValueError(f'has points in {" and in ".join(sorted(units))}: give all in one')
+        if self.periodic and self.ends == 'rest':
+            raise ValueError("is periodic and has 'ends: rest': keep one")
+        self._check_points(points)
+        return self
+
+    def _check_points(self, points: Sequence[tuple[float, QuantityValue]]) -> None:
+        """Refuse points through which no course leads."""
+
+    def check_rising(self) -> None:
+        """Raise a ValueError if the times do not rise."""
+        for (before, _), (after, _) in pairwise(self.given):
+            if after <= before:
+                raise ValueError(
+                    f'has points whose times must rise, but {after:g} s follows {before:g} s'
+                )
+
+    def spline(self) -> tuple[Array, Array]:
+        """Breaks and rows of `numerics.curves.spline` through the points.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        self.check_rising()
+        x, y = np.array([(t, value.value) for t, value in self.given]).T
+        how = self.interpolation or 'cubic'
+        return spline(x, y, how, self.periodic, self.ends == 'rest')
+
+    @property
+    def unit(self) -> str:
+        """In which it is given; empty if nothing says."""
+        if self.given:
+            return next((x.unit for _, x in self.given if x.unit), '')
+        wanted = [
+            u
+            for u in self.units()
+            if alike(_unit_of_formula(self.tree(), str(self.formula), self.units()) or '', u)
+        ]
+        written = any(n.unit for n in self.tree().walk())
+        return wanted[0] if len(wanted) == 1 and written else ''
+
+    @property
+    def words(self) -> str:
+        """What it is, in words."""
+        what = 'positions' if self.units()[0] == 'rad' else 'speeds'
+        if self.formula is not None:
+            return f'{what[:-1]} {self.formula}'
+        how = self.interpolation or ('cubic' if what == 'positions' else '')
+        again = ', periodic' if self.periodic else ''
+        return f'{len(self.given)} {what}{f", {how}" if how else " with ramps"}{again}'
+
+    def tree(self) -> ExpressionNode:
+        """The formula, checked."""
+        text = str(self.formula)
+        try:
+            root = formula.read(text)
+            for name in root.names:
+                if name != 't':
+                    hint = unit_hint(name) or nearest(name, ['t', 'pi', *FUNCTIONS])
+                    raise InputError(f"names '{name}'{hint}; it may name the time t, and pi")
+            _unit_of_formula(root, text, self.units())
+        except InputError as error:
+            raise ValueError(str(error)) from error
+        return root
+
+
+def _unit_of_formula(root: ExpressionNode, text: str, units: tuple[str, str]) -> str | None:
+    """Unit of a formula of t, which is in seconds, or a bare number beside bare numbers."""
+    said: InputError | None = None
+    for time in ('s', None):
+        try:
+            found = unit_of(root, {'t': time}, text)
+        except InputError as error:
+            said = error
+            continue
+        if found is None or any(alike(found, unit) for unit in units):
+            return found
+        said = InputError(
+            f'{quoted(text)} is in {found or "no unit"}, not in {" or ".join(units)}'
+        )
+    if all(alike(n.unit or '', '') for n in root.walk()):  # degrees are plain numbers
+        return None
+    assert said is not None  # noqa: S101 - a way failed
+    raise said
+
+
+class PositionPart(CoursePart):
+    """A position over time: a formula, or points in place or in a file."""
+
+    points: list[tuple[Time, Place]] | None = Field(None, min_length=2)
+    """List of [time, position] with rising times; before the first and after the last the speed
+    stays. Instead of it `file` names a file of comma-separated values beside the scene, and
+    `columns` two of its columns, else the first two: headings may have units in brackets.
+    """
+
+    @classmethod
+    def units(cls) -> tuple[str, str]:
+        """Of what turns, and of what slides."""
+        return 'rad', 'm'
+
+    def _check_points(self, points: Sequence[tuple[float, QuantityValue]]) -> None:
+        first, last = points[0][1].value, points[-1][1].value
+        turns = last - first
+        off = turns if self.unit == 'm' else math.remainder(turns, 2.0 * math.pi)
+        if self.periodic and abs(off) > 1e-9 * max(abs(first), abs(last), abs(turns)):
+            raise ValueError(
+                f'is periodic, but begins at {first:g} and ends at {last:g} {self.unit}: end '
+                'where it begins'
+                f'{"" if self.unit == "m" else ", or whole turns further"}'
+            )
+        if self.interpolation == 'linear' and len(points) > 2:
+            raise ValueError(
+                'has linear interpolation of positions, whose speed would jump at every point, '
+                'which takes infinite forces: choose cubic or quintic'
+            )
+        self.spline()
+
+    @property
+    def at_start(self) -> tuple[float, float]:
+        """Position and speed at time zero, but for whole periods [rad, m]."""
+        if self.formula is not None:
+            law = FormulaLaws('', TimeSeries(self.tree(), self.formula), True, False).first()
+        else:
+            law = curve_laws('', *self.spline(), None, True)[0]
+        value, speed, *_ = *law.about(Fraction(0))[1], 0.0
+        return value, speed
+
+
+class SpeedPart(CoursePart):
+    """Speeds over time: a formula, or points joined by ramps or by a spline."""
+
+    points: list[tuple[Time, Pace]] | None = Field(None, min_length=1)
+    """List of [time, speed] with rising times; before the first and after the last the speed
+    stays. Or `file` and `columns`, as of positions.
+    """
+    ramp: Literal['linear', 'smooth'] | None = None
+    """Between two points, as from one steady speed to another; smooth begins and ends without
+    acceleration at every point: through points of a curve take `interpolation`.
+    """
+
+    @classmethod
+    def units(cls) -> tuple[str, str]:
+        """Of what turns, and of what slides."""
+        return 'rad/s', 'm/s'
+
+    def _check_points(self, points: Sequence[tuple[float, QuantityValue]]) -> None:
+        if self.ramp and self.interpolation:
+            raise ValueError("has 'ramp' and 'interpolation': keep one")
+        first, last = points[0][1].value, points[-1][1].value
+        if self.periodic and (len(points) < 2 or abs(last - first) > 1e-9 * abs(first)):
+            raise ValueError(
+                f'is periodic, but begins at {first:g} and ends at {last:g} {self.unit}: end with '
+                'the speed with which it begins'
+            )
+
+
+def _read_speed(value: Any) -> Any:
+    """A quantity, or the keys of a `SpeedPart`."""
+    if isinstance(value, dict | SpeedPart):
+        return value
+    found = _QUANTITY.read(value)
+    if not isinstance(found, str):
+        return found
+    if (names := parse(found, None).names) and 't' not in names:
+        to_si_of(value, _QUANTITY.units)  # which says what a quantity is
+    return {'formula': found}
+
+
+_QUANTITY = or_formula('rad/s', 'm/s')
+
+Speed = Annotated[
+    Annotated[QuantityValue, Tag('quantity')] | Annotated[SpeedPart, Tag('course')],
+    Discriminator(lambda x: 'course' if isinstance(x, dict | SpeedPart) else 'quantity'),
+    UnitValue(_read_speed, ('rad/s', 'm/s'), 'a formula of t, or points'),
+]
+"""A constant speed, or one over time."""
+
+
+class MovePart(Part):
+    """A move from rest to rest, or a dwell; its own limits go before those of all moves."""
+
+    to: Place | None = None
+    """Where it ends."""
+    by: Place | None = None
+    """How far it goes, with its sign."""
+    dwell: Duration | None = None
+    """How long it rests instead."""
+    speed: Annotated[Pace, POSITIVE_VALUE] | None = None
+    """Largest speed."""
+    acceleration: Annotated[AnyAcceleration, POSITIVE_VALUE] | None = None
+    """Largest acceleration."""
+    jerk: Annotated[AnyJerk, POSITIVE_VALUE] | None = None
+    """Largest rate of the acceleration."""
+
+    @model_validator(mode='after')
+    def _one_step(self) -> MovePart:
+        kinds = [k for k in ('to', 'by', 'dwell') if getattr(self, k) is not None]
+        if len(kinds) != 1:
+            found = ' and '.join(kinds) or 'none'
+            raise ValueError(f"has {found}: it needs one of 'to', 'by' and 'dwell'")
+        return self
+
+
+class MovesPart(Part):
+    """Moves from rest to rest in the least time that limits allow, one after the other."""
+
+    steps: list[MovePart] = Field(min_length=1)
+    """Moves and dwells, as [{to: 90 deg}, {dwell: 0.5 s}, {by: -30 deg}]."""
+    speed: Annotated[Pace, POSITIVE_VALUE]
+    """Largest speed."""
+    acceleration: Annotated[AnyAcceleration, POSITIVE_VALUE]
+    """Largest acceleration."""
+    jerk: Annotated[AnyJerk, POSITIVE_VALUE] | None = None
+    """Largest rate of the acceleration; without it the acceleration steps."""
+    repeat: bool = False
+    """Again and again; then the last move must end where the first begins, or whole turns on."""

@@ -1,0 +1,75 @@
+"""Tables in text files: as programs and people write them, and one sentence for what is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mechanism_sim.csv_tables import read_csv
+from mechanism_sim.errors import InputError
+
+
+@pytest.fixture
+def table(tmp_path):
+    def read(text):
+        (tmp_path / 't.csv').write_text(text, encoding='utf-8')
+        return read_csv(tmp_path / 't.csv', 's.yaml: drive.position')
+
+    return read
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        't [s],x [mm]\n0,1\n0.5,2.25\n',
+        '\ufefft (s);x (mm)\r\n0;1\r\n0.5;2.25\r\n',
+        '# measured\nt [s]\tx [mm]\n0\t1\n\n0.5\t2.25\n',
+        't [s], x [mm],\n0, 1,\n0.5, 2.25,\n',
+        '"t [s]","x [mm]"\n0,1\n0.5,"2.25"\n',
+    ],
+    ids=['commas', 'semicolons', 'tabs', 'last separator', 'quotes'],
+)
+def test_columns_have_names_units_and_numbers(table, text):
+    found = table(text)
+    assert found.units == {'t': 's', 'x': 'mm'}
+    assert np.array_equal(found.numbers('x', 't'), [[1.0, 0.0], [2.25, 0.5]])
+
+
+def test_a_file_without_headings_keeps_its_first_row(table):
+    found = table('0.0,0.5\n1.0,2\n')
+    assert (list(found.cells), found.lines) == (['1', '2'], [1, 2])
+    assert np.array_equal(found.numbers('1', '2'), [[0.0, 0.5], [1.0, 2.0]])
+
+
+def test_cells_may_be_text(table):
+    found = table('joint,x\nA,-3.74\nB,\n')
+    assert found.column('joint') == ('A', 'B')
+    with pytest.raises(InputError, match="line 3: expected a finite number in column 'x', got ''"):
+        found.numbers('x')
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('t;x\n0;1,5\n', "line 2: expected a finite number in column 'x', got '1,5': write 1.5"),
+        ('t,x\n0,5,1,5\n', 'line 2: expected 2 cells as in the first line, got 4: write decimal'),
+        ('0;1,5\n1;2\n', "column '2', got '1,5': write 1.5"),
+        ('t,x\n0,nan\n', "line 2: expected a finite number in column 'x', got 'nan'"),
+        ('t,y\n0,1\n', "has no column 'x'; its columns: t, y"),
+        ('t,x\n0,1\n1,2\n1,3\n', "line 4: 't' must rise, but 1 follows 1"),
+        ('t,x,x\n0,1,2\n', "has several columns 'x'"),
+        ('', 'cannot be read: it is empty'),
+        ('# nothing\n', 'cannot be read: it is empty'),
+    ],
+    ids=range(9),
+)
+def test_mistakes_are_a_sentence_with_file_and_line(table, text, said):
+    def all_of_it():
+        found = table(text)
+        names = ['1', '2'] if '1' in found.cells else ['t', 'x']
+        found.rising('t', found.numbers(*names)[:, 0])
+
+    with pytest.raises(InputError) as error:
+        all_of_it()
+    assert str(error.value).startswith("s.yaml: drive.position: 't.csv'")
+    assert said in str(error.value)

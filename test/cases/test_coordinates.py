@@ -1,0 +1,230 @@
+"""Coordinates without riddles: tasks of people outside, with the right values found otherwise."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from builders import made
+from running import run_json
+
+import mechanism_sim as ms
+from mechanism_sim.editor import background
+from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.drive_range import placed_at
+from mechanism_sim.results.cycle import at_position, cycle, instant
+from mechanism_sim.scene import run_length
+from mechanism_sim.scene.check import check
+
+INPUTS = Path(__file__).parent / 'inputs'
+TURN = 2.0 * math.pi
+
+
+def scene_of(name, **changed):
+    """Keys and values of an input, some of them changed."""
+    return yaml.safe_load((INPUTS / f'{name}.yaml').read_text()) | changed
+
+
+def limits(machine):
+    """Of the drive, as `check` tells them [rad, m]."""
+    (found,) = check(machine).range.values()
+    return np.array(found)
+
+
+# --- machines that cannot turn round ------------------------------------------------------------
+
+BRANCHES = {
+    'as given': {'coupler': '-145.1 deg', 'output': '-124.5 deg'},
+    'the other': {'coupler': '52.6 deg', 'output': '32.1 deg'},
+}
+
+
+def pose_of_double_rocker(angle):
+    """Positions of B [m] and both of C, by two circles: the joints of the task (in cm)."""
+    a, d = 0.01 * np.array([4.1, 3.75]), 0.01 * np.array([0.165, 1.322])
+    b = a + 0.0455934776 * np.array([math.cos(angle), math.sin(angle)])
+    line = d - b
+    far = math.hypot(*line)
+    r, s = 0.04347092937, 0.04386735688
+    along = (far**2 + r**2 - s**2) / (2.0 * far)
+    across = math.sqrt(r**2 - along**2)
+    normal = np.array([-line[1], line[0]]) / far
+    return b, d, [b + along * line / far + side * across * normal for side in (1.0, -1.0)]
+
+
+@pytest.mark.parametrize('branch', BRANCHES)
+def test_a_double_rocker_moves_between_its_limits_on_both_branches(branch):
+    """PMKSWeb issue 91: -144.005 to 144.005 deg from the line of the ground joints."""
+    machine = made(scene_of('double_rocker', guess=BRANCHES[branch]))
+    ground = math.atan2(1.322 - 3.75, 0.165 - 4.1)
+    from_line = np.degrees(limits(machine) - ground)
+    reach, lengths = 0.04347092937 + 0.04386735688, (0.0455934776, math.hypot(0.03935, 0.02428))
+    cosine = (lengths[0] ** 2 + lengths[1] ** 2 - reach**2) / (2.0 * lengths[0] * lengths[1])
+    most = math.degrees(math.acos(cosine))
+    assert most == pytest.approx(144.005, abs=5e-4)
+    assert from_line == pytest.approx([-most, most], abs=1e-8)
+    found = cycle(machine, samples=24)
+    assert found['position.input'][[0, -1]] == pytest.approx(limits(machine), abs=1e-10)
+    sides = set()
+    for q, c in zip(found['position.input'], found['position.coupler'], strict=True):
+        b, _, both = pose_of_double_rocker(q)
+        end = b + 0.04347092937 * np.array([math.cos(c), math.sin(c)])
+        off = [math.dist(end, x) for x in both]
+        if max(off) > 1e-5:  # not at the limits, where they meet
+            assert min(off) < 1e-11
+            sides.add(int(np.argmin(off)))
+    assert len(sides) == 1
+
+
+def test_the_branches_of_a_double_rocker_differ():
+    one, other = (made(scene_of('double_rocker', guess=g)) for g in BRANCHES.values())
+    assert not np.allclose(np.exp(1j * one.assembly.q), np.exp(1j * other.assembly.q), atol=1e-3)
+
+
+def test_a_six_bar_given_by_its_joints_moves_between_its_limits(tmp_path):
+    """PMKSWeb issue 92: 67.2836 to 78.2542 deg; there it moves as its loops say."""
+    file = str(INPUTS / 'six_bar.yaml')
+    report = run_json('check', file)
+    low, high = report['range']['ab']
+    assert np.degrees([low, high]) == pytest.approx([67.2836, 78.2542], abs=1e-4)
+    assert 'ab moves from 67.2836353 deg to 78.2541488 deg' in report['limits'][0]
+    machine = ms.load_scene(file)
+    # inside by 1e-9 rad all loops close, outside none does
+    motion, q = machine.nominal.motion, machine.assembly.q
+    for end, out in ((low, -1e-9), (high, 1e-9)):
+        inside = placed_at(motion.kinematics, q, end - out)
+        assert motion.kinematics.open_beyond_rounding(inside[:, None])[0] == 0.0
+        inside[motion.driven[0]] = end + out
+        assert motion.kinematics.positions(inside[:, None])[1][0] > 0.0
+    found = run_json('cycle', file)
+    seen = found['extremes']['position.ab']
+    assert [seen[x]['value'] for x in ('least', 'greatest')] == pytest.approx(
+        [low, high], abs=1e-10
+    )
+    assert found['unbounded'] == []
+    picture = run_json('draw', file, '-o', str(tmp_path / 'six.svg'), '--positions', '3')
+    assert Path(picture['file']).exists()
+
+
+def test_limits_of_a_six_bar_agree_with_the_determinant_of_its_loops():
+    """Where the Jacobian of the sought angles is singular, by bisection of the determinant."""
+    machine = ms.load_scene(str(INPUTS / 'six_bar.yaml'))
+    ends = machine.nominal.drive_range
+    kinematics = machine.nominal.motion.kinematics
+    for at in (ends.at_low, ends.at_high):
+        assert kinematics.independence(at[:, None])[0] < 1e-7
+        assert kinematics.left_open(at[:, None])[0] < 1e-15
+
+
+def slider(crank, rod, offset=0.0, **keys):
+    """Keys of a slider-crank whose crank is driven."""
+    return {
+        'links': {
+            'ground': {'points': {'rail': [0, f'{offset} m']}},
+            'crank': {'length': f'{crank} m'},
+            'rod': {'length': f'{rod} m'},
+            'block': {},
+        },
+        'joints': {
+            'a': {'revolute': ['ground', 'crank']},
+            'b': {'revolute': ['crank.end', 'rod']},
+            'c': {'revolute': ['rod.end', 'block']},
+            's': {'prismatic': ['ground.rail', 'block'], 'axis': '0 deg'},
+        },
+        'drive': {'coordinate': 'crank', 'speed': '1 rad/s', 'start_angle': '20 deg'},
+        'guess': {'rod': '-20 deg', 'block': f'{crank + rod} m'},
+        **keys,
+    }
+
+
+@pytest.mark.parametrize(
+    ('crank', 'rod', 'offset'), [(0.5, 0.3, 0.0), (0.4, 0.3, 0.1), (1, 0.9, 0.2)]
+)
+def test_a_crank_longer_than_its_rod_turns_to_where_the_rod_is_upright(crank, rod, offset):
+    """The far end reaches the line of the block: crank sin(q) between offset -+ rod."""
+    machine = made(slider(crank, rod, offset))
+    low, above = math.asin((offset - rod) / crank), (offset + rod) / crank
+    high = math.asin(above) if above < 1.0 else math.pi - low  # over the top, if it can
+    assert limits(machine) == pytest.approx([low, high], abs=1e-12)
+
+
+def test_a_driven_slider_has_limits_as_a_crank_has():
+    """The block of a slider-crank goes from rod - crank to rod + crank; no duration is needed."""
+    drive = {'coordinate': 'block', 'speed': '-20 mm/s', 'start_position': '0.6 m'}
+    machine = made(slider(0.2, 0.5, drive=drive, guess={'crank': '50 deg', 'rod': '-20 deg'}))
+    assert limits(machine) == pytest.approx([0.3, 0.7], abs=1e-13)
+    found = cycle(machine, samples=10)
+    assert found['position.block'][[0, -1]] == pytest.approx([0.7, 0.3], abs=1e-12)
+    at = at_position(machine, 0.45, found)
+    crank = math.acos((0.45**2 + 0.2**2 - 0.5**2) / (2 * 0.45 * 0.2))
+    assert at['position.crank'] == pytest.approx(crank, abs=1e-12)
+
+
+def test_runs_are_refused_with_both_limits_and_those_within_are_not():
+    machine = made(scene_of('six_bar'))
+    with pytest.raises(InputError, match=r'ab moves from 67\.2836353 deg to 78\.2541488 deg'):
+        run_length(machine, None, None)
+    with pytest.raises(InputError, match=r'from 67\.2836353 deg to 78\.2541488 deg'):
+        ms.simulate(machine)
+    assert ms.simulate(machine, duration=0.08).duration == 0.08
+    rocker = made(scene_of('double_rocker'))
+    with pytest.raises(InputError, match=r'input moves from -292\.32\d+ deg to -4\.319\d+ deg'):
+        run_length(rocker, None, None)
+    with pytest.raises(InputError, match=r'ab moves from 67\.2836353 deg'):
+        made(scene_of('six_bar', duration='1 s'))
+
+
+def test_pictures_of_a_machine_between_limits():
+    machine = made(scene_of('double_rocker'))
+    found, t = instant(machine, math.radians(-100.0), still=True)
+    assert math.degrees(
+        found.at(np.array([t]), ['position.input']).popitem()[1][0]
+    ) == pytest.approx(-100.0)
+    found, t = instant(machine, math.radians(-100.0))
+    assert math.degrees(
+        found.at(np.array([t]), ['position.input']).popitem()[1][0]
+    ) == pytest.approx(-100.0)
+    with pytest.raises(InputError, match='input cannot be at 31'):
+        instant(machine, math.radians(31.0), still=True)
+
+
+def test_the_editor_shows_a_machine_between_limits():
+    class Link:
+        """One end of a pipe."""
+
+        sent: list = []  # noqa: RUF012 - of this test alone
+
+        def poll(self):
+            return False
+
+        def send(self, message):
+            self.sent.append(message)
+
+    content = scene_of('six_bar')
+    background._work(background.Job(1, 'six_bar', content), Link())
+    kinds = [kind for _, kind, _ in Link.sent]
+    assert kinds[0] == 'checked'
+    assert kinds[-1] == 'run'
+    assert json.loads(Link.sent[0][2])['range']
+
+
+def test_forces_between_limits_have_extremes_but_where_they_grow_beyond_all_bounds():
+    """A weight on the rocker presses the driven link without limit at its limits, as a toggle."""
+    masses = {
+        x: {'mass': '1 kg', 'inertia': '1e-4 kg m^2', 'cog': '2 cm'}
+        for x in ('input', 'coupler', 'output')
+    }
+    scene = scene_of('double_rocker', gravity=[0, '-9.81 m/s^2'])
+    for name, more in masses.items():
+        scene['links'][name] |= more
+    found = cycle(made(scene), samples=36)
+    assert 'drive_torque' in found.unbounded
+    assert not {'position.output', 'velocity.output', 'acceleration.output'} & found.unbounded
+    # work of the drive is that of weights and inertia, limits or not
+    energy = found['energy.kinetic'] + found['energy.potential']
+    work = found['energy.drive_work']
+    assert work - work[0] == pytest.approx(energy - energy[0], abs=1e-7 * np.abs(energy).max())

@@ -1,0 +1,85 @@
+"""Mistakes in keys of motions over time: one sentence with key, value, and what is allowed."""
+
+from __future__ import annotations
+
+import pytest
+from builders import made
+
+from mechanism_sim.errors import InputError
+
+SCENE = {
+    'links': {'ground': {}, 'arm': {'length': '1 m'}, 'block': {}},
+    'joints': {
+        'pivot': {'revolute': ['ground', 'arm']},
+        'guide': {'prismatic': ['ground', 'block']},
+    },
+}
+POINTS = [['0 s', '0 deg'], ['1 s', '50 deg'], ['2 s', '0 deg']]
+LIMITS = {'speed': '2 rad/s', 'acceleration': '8 rad/s^2'}
+
+
+def refusal(drive):
+    with pytest.raises(InputError) as error:
+        made(
+            {
+                **SCENE,
+                'drive': {'coordinate': 'arm', **drive},
+                'drives': {'block': {'speed': '0 m/s'}},
+            }
+        )
+    assert '\n' not in str(error.value)
+    return str(error.value)
+
+
+@pytest.mark.parametrize(
+    ('drive', 'said'),
+    [
+        ({'position': 'sin(omega*t)'}, ["drive.position", "'omega'", 'it may name the time t']),
+        ({'position': '90 deg + 60 mm*sin(t)'}, ['drive.position', 'no like units']),
+        ({'position': '60 mm*sin(pi*t)'}, ['is in m', 'arm turns', 'give it in rad']),
+        ({'position': 'floor(t)'}, ["'floor'", 'is not a function known here']),
+        ({'position': 'abs(t - 1)'}, ['drive.position jumps in place or speed at t = 1 s']),
+        ({'position': 'sqrt(t)'}, ['drive.position', 'no derivative at t = 0 s']),
+        ({'position': '1/(t - 2)'}, ['drive.position', 'no value or no derivative at t = 2 s']),
+        ({'position': {'points': POINTS, 'interpolation': 'linear'}},
+         ['drive.position', 'linear interpolation of positions', 'choose cubic or quintic']),
+        ({'position': {'points': POINTS, 'interpolation': 'qubic'}},
+         ["drive.position.interpolation = 'qubic'", "did you mean 'cubic'", "'quintic'"]),
+        ({'position': {'points': POINTS, 'interpolation': 'quintic'}}, ['3 points', 'needs 6']),
+        ({'position': {'points': POINTS[::-1]}}, ['times must rise, but 1 s follows 2 s']),
+        ({'position': {'points': [*POINTS, ['3 s', '5 deg']], 'periodic': True}},
+         ['is periodic, but begins at 0 and ends at 0.0872665 rad', 'whole turns further']),
+        ({'position': {'points': [['0 s', '0 mm'], ['1 s', '1 deg']]}}, ['in m and in rad']),
+        ({'position': {'points': POINTS, 'formula': 't'}}, ["both of 'formula' and 'points'"]),
+        ({'position': {}}, ["none of 'formula' and 'points'"]),
+        ({'position': {'formula': 't', 'periodic': True}}, ["a formula and 'periodic'"]),
+        ({'position': 't', 'speed': '3 rad/s'}, ['drive.speed and drive.position exclude']),
+        ({'position': 't', 'moves': {**LIMITS, 'steps': [{'to': 0}]}}, ['exclude each other']),
+        ({'position': 't', 'start_angle': '3 deg'}, ["leave out 'start_angle'"]),
+        ({'position': 't', 'commands': {'acceleration': '1 rad/s^2', 'fastest': '9 rad/s'}},
+         ['drive.commands', 'given over time']),
+        ({'speed': '3*cos(x)'}, ["drive.speed = '3*cos(x)'"]),
+        ({'speed': '3 mm/s*cos(t)'}, ['drive.speed is in m/s', 'arm turns']),
+        ({'speed': '3*sign(t - 1)'}, ['drive.speed jumps in place or speed at t = 1 s']),
+        ({'speed': {'points': [['0 s', 1], ['1 s', 2]], 'periodic': True}},
+         ['is periodic, but begins at 1 and ends at 2']),
+        ({'speed': {'points': [['0 s', 1]], 'ramp': 'smooth', 'interpolation': 'cubic'}},
+         ["'ramp' and 'interpolation': keep one"]),
+        ({'speed': '3 rad/s', 'acceleration': '5 m/s^2'}, ['drive.acceleration', 'm/s^2']),
+        ({'moves': {**LIMITS, 'steps': []}}, ['drive.moves.steps', 'must not be empty']),
+        ({'moves': {**LIMITS, 'steps': [{'to': '3 deg', 'by': '3 deg'}]}}, ["one of 'to', 'by'"]),
+        ({'moves': {'steps': [{'to': 1}], 'speed': 1}}, ["'drive.moves.acceleration' is missing"]),
+        ({'moves': {**LIMITS, 'speed': '-2 rad/s', 'steps': [{'to': 1}]}},
+         ['drive.moves.speed', 'more than 0']),
+        ({'moves': {**LIMITS, 'jerk': '5 rad/s^2', 'steps': [{'to': 1}]}},
+         ['drive.moves.jerk', "not a unit of 'rad/s^3'"]),
+        ({'moves': {**LIMITS, 'steps': [{'to': '30 mm'}]}}, ['drive.moves.steps.0.to is given in m', 'an angle, in rad']),
+        ({'moves': {**LIMITS, 'steps': [{'to': '30 deg'}], 'repeat': True}},
+         ['drive.moves.repeat', 'end where they begin']),
+    ],
+    ids=range(33),
+)  # fmt: skip
+def test_a_mistake_is_a_sentence(drive, said):
+    text = refusal(drive)
+    for part in said:
+        assert part in text, text
