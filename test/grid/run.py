@@ -23,6 +23,7 @@ from test.grid import (
     rubbing,
     states,
     stops,
+    spellings,
     tilted,
     trains,
 )
@@ -47,6 +48,7 @@ FAMILIES: tuple[Family, ...] = tuple(
         states,
         stops,
         ropes,
+        spellings,
     )
     for family in module.FAMILIES
 )
