@@ -75,7 +75,8 @@ class _SceneWriter:
     ) -> Iterator[Entry]:
         """A key that is in the file."""
         inner: list[Entry]
-        if facts.part is None or not data:
+        alone = not facts.many and not isinstance(data, dict)  # a part may be a quantity, too
+        if facts.part is None or not data or alone:
             yield from _entry(name, data, note)
             return
         if facts.many == 'dict':
