@@ -67,7 +67,7 @@ class PoincareMap:
                 f'{machine.name}: the state {machine.plan.states[0].label} of first order has no '
                 'part in the section of states here: leave states out'
             )
-        if not machine.plan.clearances and not machine.mechanism.having(Beam):
+        if not machine.has_contacts and not machine.mechanism.having(Beam):
             raise InputError(
                 f'{machine.name}: without clearance every revolution is like the other'
             )

@@ -17,9 +17,13 @@ from test.grid import (
     linkages,
     loads,
     machines,
+    position_laws,
+    ropes,
     rotors,
     rubbing,
+    spellings,
     states,
+    stops,
     tilted,
     trains,
 )
@@ -40,7 +44,11 @@ FAMILIES: tuple[Family, ...] = tuple(
         tilted,
         rubbing,
         loads,
+        position_laws,
         states,
+        stops,
+        ropes,
+        spellings,
     )
     for family in module.FAMILIES
 )
