@@ -411,6 +411,32 @@ def test_bushing_on_a_turning_arm() -> None:
     balanced(solution)
 
 
+@pytest.mark.parametrize('angle', [30.0, 0.0])
+def test_states_beside_singular_positions(angle: float) -> None:
+    """A parallelogram turns steadily through its change points, or starts in one: integrals."""
+    link = {'mass': 1.0, 'inertia': 0.01, 'cog': 0.1, 'length': 0.2}
+    scene = {
+        'links': {
+            'ground': {'points': {'b': [0.5, 0.0]}}, 'crank': link, 'rocker': link,
+            'coupler': {'mass': 1.0, 'inertia': 0.01, 'cog': 0.25, 'length': 0.5},
+        },
+        'joints': {
+            'a': {'revolute': ['ground', 'crank']}, 'b': {'revolute': ['rocker', 'ground.b']},
+            'c': {'revolute': ['crank.end', 'coupler']},
+            'd': {'revolute': ['coupler.end', 'rocker.end']},
+        },
+        'drive': {'coordinate': 'crank', 'torque': {}, 'speed': '5 rad/s',
+                  'start_angle': f'{angle} deg'},
+        'guess': {'rocker': f'{angle} deg', 'coupler': '0 deg'},
+        'states': {'z': {'rate': 'sin(crank) + t'},
+                   'p': {'start': '3 bar', 'rate': '1e5*crank_rate'}},
+    }  # fmt: skip
+    solution, start = ms.simulate(made(scene), duration=2.0), math.radians(angle)
+    z, p = at_end(solution, 'state.z', 'state.p')
+    assert z == pytest.approx((math.cos(start) - math.cos(start + 10.0)) / 5.0 + 2.0, abs=1e-11)
+    assert p == pytest.approx(3e5 + 1e6, rel=1e-12)
+
+
 # --- long runs, snapshots, mistakes --------------------------------------------------------------
 
 
