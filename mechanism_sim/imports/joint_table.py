@@ -2,7 +2,7 @@
 
 PMKS+ (https://github.com/PMKS-Web/PMKSWeb) lists for each joint the links that meet in it. In its
 addresses of today numbers are in base 64 and thousandths; those of before July 2023 are the tables
-themselves, those of its ancestor PMKS have the links of a joint before its place.
+themselves.
 """
 
 from __future__ import annotations
@@ -167,17 +167,12 @@ def read_table(path: Path, text: str, unit: str | None) -> Sketch:
 
 
 def read_address(address: str, unit: str | None) -> Sketch:
-    """An address of PMKS+, or of PMKS before it."""
+    """An address of PMKS+."""
     query = urlsplit(address.strip()).query
     fields = parse_qs(query, keep_blank_values=True)
     try:
-        if 'j' in fields:
-            table = _listed(fields)
-        elif 'mech' in fields:
-            table = _ancestral(fields['mech'][0])
-        else:
-            table = _packed(unquote(query))
-    except (LookupError, StopIteration, ValueError) as error:
+        table = _listed(fields) if 'j' in fields else _packed(unquote(query))
+    except (LookupError, ValueError) as error:
         raise InputError(f'this is no address of a mechanism of PMKS+ ({error!r})') from error
     if unit:
         table.unit = unit
@@ -225,27 +220,6 @@ def _listed(fields: dict[str, list[str]]) -> JointTable:
     speed, clockwise, _, unit, *_ = [*fields.get('s', [''])[0].split(','), '', '', '', '']
     turning = float(speed or 10.0) * (-1.0 if clockwise == 'true' else 1.0)
     return JointTable('PMKS+ mechanism', unit or 'cm', rows, {}, turning)
-
-
-def _ancestral(text: str) -> JointTable:
-    """``LINK,LINK,type,x,y[,angle],flags|...``; the fourth flag is that of the input."""
-    rows = []
-    for k, line in enumerate(filter(None, (x.strip() for x in text.split('|')))):
-        cells = line.split(',')
-        at = next(i for i, cell in enumerate(cells) if cell.upper() in ('R', 'P', 'RP'))
-        x, y, *rest = cells[at + 1 :]
-        angle = math.radians(float(rest[0])) if len(rest) > 1 else 0.0
-        links = tuple(GROUND if c == GROUND else f'link_{c}' for c in cells[:at])
-        is_input = len(rest) > 0 and len(rest[-1]) > 3 and rest[-1][3] == 't'
-        rows.append(
-            JointRow(
-                f'j{k + 1}', (float(x), float(y)), links, cells[at].upper(), GROUND in links,
-                angle, is_input,
-            )
-        )  # fmt: skip
-    if rows and not any(row.input for row in rows):
-        rows[0] = rows[0]._replace(input=True)  # the first joint, as PMKS has it
-    return JointTable('PMKS mechanism', 'mm', rows, {})
 
 
 def _packed(query: str) -> JointTable:

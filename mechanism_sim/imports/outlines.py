@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from io import StringIO
-from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -99,7 +98,9 @@ def sketch(title: str, unit: str, curves: Sequence[Curve]) -> Sketch:
     layers = list(dict.fromkeys(curve.layer for curve in curves))
     if not curves:
         raise InputError(f'{title}: there is no closed curve in the drawing')
-    names = names_of((x for x in layers if x.lower() not in _GROUNDS), 'links')
+    moving = {x: x.lower() if x.isupper() else x for x in layers if x.lower() not in _GROUNDS}
+    named = names_of(moving.values(), 'links')
+    names = {layer: named[x] for layer, x in moving.items()}
     everything = np.concatenate([curve.points for curve in curves])
     size = float(np.ptp(everything, axis=0).max())
     holes: list[tuple[str, str, tuple[float, float]]] = []
@@ -119,9 +120,13 @@ def sketch(title: str, unit: str, curves: Sequence[Curve]) -> Sketch:
                 _area(outer),
                 *(_area(c)._replace(size=-_area(c).size) for c in inner),
             ]
-    for (one, a, at), (other, b, there) in combinations(holes, 2):
-        if one != other and math.dist(at, there) < _SAME * size:
-            made.join(f'{one}_{other}', 'revolute', (one, a), (other, b))
+    while holes:  # the first link in a place holds the others there
+        (one, a, at), *others = holes
+        here = [hole for hole in others if math.dist(at, hole[2]) < _SAME * size]
+        holes = [hole for hole in others if hole not in here]
+        for other, b, _ in here:
+            if other != one:
+                made.join(f'{one}_{other}', 'revolute', (one, a), (other, b))
     return made
 
 

@@ -30,7 +30,7 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
         ('m.csv', 'joint,x [mm],y,links\nA,1e999,0,a b\n', 'needs a name, links and a place'),
         ('m.json', '{"joints": [', 'is not what its ending says'),
         ('m.json', '[' * 100000, 'is not what its ending says'),
-        ('m.json', '{"joints": [{"name": "A"}]}', "KeyError: 'type'"),
+        ('m.json', '{"joints": [{"name": "A"}]}', "KeyError: 'links'"),
         ('m.urdf', '<robot', 'm.urdf is no XML'),
         ('m.urdf', '<sdf/>', 'begins with <sdf>, not with <robot>'),
         ('m.urdf', BOMB, 'a DOCTYPE and entities are not read'),
@@ -61,7 +61,7 @@ def test_what_cannot_be_imported_is_said(tmp_path, name, text, words):
 
 @pytest.mark.parametrize('address', [
     'https://app.pmksplus.com/', 'https://app.pmksplus.com/?0P.TY', 'https://x.org/?j=A,1&l=',
-    'https://x.org/?mech=ground,2', 'https://x.org/?0P.TY.K,0.901.MA,A,0,0,0..YRAB,AB..',
+    'https://x.org/?0P.TY.K,0.901.MA,A,0,0,0..YRAB,AB..',
 ])  # fmt: skip
 def test_other_addresses_are_refused(address):
     with pytest.raises(InputError, match=r'no address of a mechanism of PMKS\+|no joint'):
@@ -89,17 +89,6 @@ def test_bodies_within_bodies_have_an_end(tmp_path):
     (tmp_path / 'm.xml').write_text(f'<mujoco><worldbody>{deep}</worldbody></mujoco>')
     with pytest.raises(InputError, match='more than 200 deep'):
         import_machine(tmp_path / 'm.xml')
-
-
-def test_the_older_addresses_of_pmks_name_links_first():
-    """Pyslvs and the pages of PMKS write them; the first joint drives."""
-    found = import_machine(
-        'https://designengrlab.github.io/PMKS/pmks.html?mech=ground,2,R,0,0,0,ttft|2,3,R,-30,0,0,'
-        'ffff|3,4,R,100,150,0,ffff|4,ground,R,100,0,0,ffff|'
-    )
-    assert [*found.data['links']] == ['ground', 'link_2', 'link_3', 'link_4']
-    assert found.data['links']['link_2']['points'] == {'j2': ['30.0 mm', '0.0 mm']}
-    assert found.data['drive']['coordinate'] == 'link_2'
 
 
 def test_units_of_columns_and_of_the_option(tmp_path):
