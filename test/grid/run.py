@@ -21,6 +21,7 @@ from test.grid import (
     rotors,
     rubbing,
     states,
+    stops,
     tilted,
     trains,
 )
@@ -43,6 +44,7 @@ FAMILIES: tuple[Family, ...] = tuple(
         loads,
         position_laws,
         states,
+        stops,
     )
     for family in module.FAMILIES
 )
