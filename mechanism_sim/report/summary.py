@@ -261,7 +261,7 @@ def head(record: Record, digest: str = '', hardest: int | None = None) -> Iterat
     span = f'{record.start:.9g} s to {record.end:.9g}'
     yield SummaryRow('time', span, 's', _turns_of(record))
     yield SummaryRow('model', machine.level.value)
-    if machine.plan.clearances:
+    if machine.has_contacts:
         fewer = '' if hardest is None else f'the hardest {hardest} shown'
         yield SummaryRow('impacts', f'{len(record.piece.impacts)}', words=fewer)
     yield SummaryRow('tolerances', f'rtol {solver.rtol:g}, atol {solver.atol:g}', 'm')

@@ -70,7 +70,7 @@ GOOD = {
     'find --teeth': ('3.5',),
     'thesis starts': (LOOSE, '--angles', '2', '--revolutions', '0.2'),
     'statistics': (LOOSE, '--revolutions', '21', '--skip', '1'),
-    'periodic': (LOOSE, '--transient', '3', '--longest', '1'),
+    'find --periodic': (LOOSE, '--transient', '3', '--longest', '1'),
     'find': (
         'slider_crank',
         '--vary',

@@ -17,9 +17,11 @@ from test.grid import (
     linkages,
     loads,
     machines,
+    position_laws,
     ropes,
     rotors,
     rubbing,
+    states,
     tilted,
     trains,
 )
@@ -41,6 +43,8 @@ FAMILIES: tuple[Family, ...] = tuple(
         rubbing,
         loads,
         ropes,
+        position_laws,
+        states,
     )
     for family in module.FAMILIES
 )

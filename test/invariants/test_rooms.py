@@ -82,7 +82,17 @@ def test_a_run_is_analysed_reported_and_drawn_without_a_network(words, bag, tmp_
 def test_tests_mirror_the_package_and_import_no_test():
     """What several tests use is a module of its own; folders are rooms, or those listed."""
     rooms = {path.name for path in PACKAGE.iterdir() if path.is_dir()}
-    others = {'base', 'benchmarks', 'docs', 'fuzz', 'grid', 'hard', 'invariants', 'network'}
+    others = {
+        'base',
+        'benchmarks',
+        'cases',
+        'docs',
+        'fuzz',
+        'grid',
+        'hard',
+        'invariants',
+        'network',
+    }
     for file in (ROOT / 'test').rglob('test_*.py'):
         assert file.relative_to(ROOT).parts[1] in rooms | others, file
         assert not re.search(r'^\s*(from|import) test_', file.read_text('utf-8'), re.M), file

@@ -41,7 +41,7 @@ CAMS = [
     (law((0, 90, '8 mm', {'curve': 'spline'}), (90, 180, '-8 mm')), "needs 'points'"),
     (law((0, 90, '8 mm', {'curve': 'spline', 'points': [[0, 0], [0.7, 0.3], [0.5, 0.6], [1, 1]]}),
          (90, 180, '-8 mm')), 'the places of a spline increase'),
-    ({f'{LAW}.segments': []}, "needs exactly one of 'segments', 'points' and 'eccentric'"),
+    ({f'{LAW}.segments': []}, "needs exactly one of 'segments', 'points', "),
     ({LAW: None}, "'law' is missing"),
     ({f'{LAW}.eccentric': '5 mm'}, 'needs exactly one of'),
     (points((0, 0), (180, 8)), 'needs 6 angles at least'),
