@@ -220,7 +220,7 @@ def _sweep(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
     from mechanism_sim.studies.plan import read_plan  # noqa: PLC0415
-    from mechanism_sim.studies.sweep import SweepInterrupted, sweep  # noqa: PLC0415
+    from mechanism_sim.studies.sweep import SweepInterrupted, run_plan  # noqa: PLC0415
     from mechanism_sim.tables import default_ending  # noqa: PLC0415
 
     if options.effects:
@@ -231,7 +231,7 @@ def _sweep(options: argparse.Namespace) -> int:
     asked = report.chart_of(plan, options.plot, options.over)
     try:
         with progress.count('sweep', plan.size, quiet=options.json) as show:
-            summary, rows = sweep(
+            summary, rows = run_plan(
                 plan, table, options.workers, options.dask, options.bags, options.windows,
                 options.restart, show,
             )  # fmt: skip

@@ -310,8 +310,9 @@ class _MjcfWriter:
 
 def _is_linear(element: object) -> TypeGuard[Elongation]:
     """True of springs and dampers by numbers, between points or links."""
-    plain = isinstance(element, Spring | TorsionSpring) and not isinstance(element, GuidedSpring)
-    return plain and element.law.numbers is not None
+    if not isinstance(element, Spring | TorsionSpring) or isinstance(element, GuidedSpring):
+        return False
+    return element.law.numbers is not None
 
 
 def _constant(load: AppliedForce) -> tuple[float, float, float] | None:

@@ -344,8 +344,8 @@ def _end(run: Stream) -> Iterator[Section]:
     yield Section(f'at the end, t = {run.duration:.9g} s', table=rows)
     if states := data.get('states'):
         units = {x.label: x.unit for x in run.machine.plan.states}
-        sizes = [(name, f'{z:.10g} {units[name]}') for name, z in states.items()]
-        yield Section(table=[('state', 'value'), *sizes])
+        known_states = [(name, f'{z:.10g} {units[name]}') for name, z in states.items()]
+        yield Section(table=[('state', 'value'), *known_states])
     if reactions := data.get('reactions'):
         moments = data['reaction_moments']
         carried = [('joint', 'force x', 'force y', *(['moment'] if moments else []))]

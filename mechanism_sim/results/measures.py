@@ -27,8 +27,8 @@ from mechanism_sim.results.measure_text import Bound, Figure, Measure, read_all
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.results.turns import DriveTurns
-from mechanism_sim.scene import Machine
-from mechanism_sim.units import product
+from mechanism_sim.scene import Machine, Source, load_scene
+from mechanism_sim.units import argument, product
 
 
 class Measured(NamedTuple):
@@ -178,21 +178,30 @@ def per_turn(measures: Sequence[Measure], skip: int) -> list[Measure]:
 
 
 def measure(
-    machine: Machine,
+    scene: Source,
     pieces: Iterable[Piece] | Piece,
     *texts: str,
-    since: float = 0.0,
-    until: float = math.inf,
+    since: float | str = 0.0,
+    until: float | str = math.inf,
 ) -> list[Measured]:
-    """Measures of a run of a machine, as ``measure(machine, solution, 'rms(drive_torque)')``.
+    """Measures of a run of a machine.
+
+    >>> import mechanism_sim as ms
+    >>> run = ms.simulate('slider_crank', revolutions=1)
+    >>> (found,) = ms.measure('slider_crank', run, 'range(position.piston)')
+    >>> round(found.value, 9), found.unit
+    (0.1, 'm')
 
     Parameters
     ----------
+    scene : all that `load_scene` takes
     pieces : a `Solution`, or a `stream`
     texts : the measures; those of the scene without any
     since, until : the window [s] of figures that name none
     """
-    taken = Measurement(machine, list(texts) or dict(machine.scene.measures), since, until)
+    machine = load_scene(scene)
+    window = argument('since', since, 's'), argument('until', until, 's')
+    taken = Measurement(machine, list(texts) or dict(machine.scene.measures), *window)
     for piece in [pieces] if isinstance(pieces, Piece) else pieces:
         taken.add(piece)
     return taken.found()

@@ -95,9 +95,6 @@ def check(machine: Machine) -> Report:
         c: ('displacement, ' if c in straight else '') + rest for c in mechanism.coordinates
     }
     coordinates |= {c: _drive(machine, c) for c in plan.laws}
-    coordinates |= {
-        x.label: f'state of first order, from {x.start:g} {x.unit}'.rstrip() for x in plan.states
-    }
     relations = []
     for name in mechanism.cut:
         count = mechanism.joint(name).equations
@@ -165,7 +162,10 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
 def _surfaces(c: Play) -> str:
     """What contacts do in impacts, in words."""
     friction = f', friction {c.friction:g}' if c.friction else ''
-    return f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
+    contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
+    if c.contact and c.contact.materials:
+        contact += f', stiffness {c.stiffness:.6g} N/m^{c.contact.exponent:g} of its materials'
+    return contact
 
 
 def _left_out(machine: Machine, gaps: int) -> list[str]:

@@ -46,12 +46,14 @@ from mechanism_sim.scene.motion_keys import (
     Place,
     PositionPart,
     SpeedPart,
+    SwingPart,
 )
 from mechanism_sim.scene.motion_keys import Speed as MotionSpeed
 from mechanism_sim.scene.sensor_keys import SensorKeys, seated, sensor_keys_of
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.scene.tilted_links import TiltPart
+from mechanism_sim.scene.written import yaml_text
 from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import SensorSource
 from mechanism_sim.sensing.imu import InertialUnit
@@ -393,6 +395,8 @@ class DrivePart(Part):
     """Over time, instead of speeds: a formula of t, as "90 deg + 60 deg*sin(pi*t)", or points."""
     moves: MovesPart | None = None
     """Moves from rest to rest, as fast as limits allow, instead of speeds."""
+    swing: SwingPart | None = None
+    """To and fro between the limits of the linkage, as a sine of the time."""
     profile: SpeedPart | None = None
     """Speeds over time, as `speed` takes them, too."""
     torque: AffineTorque | None = None
@@ -456,6 +460,10 @@ class AnyScene(Part):
     measures: dict[str, str] = {}
     """Figures of a run by name, as largest(reaction.pin) or rms(drive_torque, from 2 s)."""
 
+    def to_yaml(self) -> str:
+        """The scene as a file gives it, which means the same to the last bit."""
+        return yaml_text(self)
+
     @model_validator(mode='before')
     @classmethod
     def _seat_sensors(cls, data: Any) -> Any:
@@ -492,4 +500,17 @@ LOAD_SECTIONS = tuple(LOADS.values())
 
 
 class Scene(*LOAD_SECTIONS, Linkage):  # type: ignore[misc]
-    """A scene that names its links and joints."""
+    """A scene that names its links and joints.
+
+    In Python it is made of parts or of dictionaries; numbers are in SI units, text has units.
+
+    >>> import mechanism_sim as ms
+    >>> bar = ms.LinkPart(length='1 m', mass=1.2, inertia=0.1, cog='50 cm')
+    >>> pivot = ms.JointPart(revolute=['ground', 'bar'])
+    >>> scene = ms.Scene(title='A bar', links={'bar': bar}, joints={'pivot': pivot},
+    ...                  gravity=[0, '-1 g'], initial={'position': {'bar': '30 deg'}})
+    >>> ms.simulate(scene, duration='2 s')
+    <Solution of scene (smooth dynamics): 2 s in 26 steps, 0 impacts>
+    >>> ms.load_scene(scene.to_yaml()).scene == scene
+    True
+    """

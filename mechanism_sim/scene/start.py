@@ -279,7 +279,7 @@ class Start:
                 )
             size = float(np.hypot(*force))
             contact = clearance.contact
-            soft = contact.stiffness if contact and not plan.placed_outright else None
+            soft = clearance.stiffness if contact and not plan.placed_outright else None
             leans = leaning(mechanism, name, clearance)
             alone = leans and any((*leans.pin, *leans.bushing))  # one end of two takes it all
             soft = 0.5 * soft if soft and alone else soft

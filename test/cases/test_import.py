@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -86,7 +87,9 @@ def test_the_six_bar_of_joint_coordinates_is_that_of_the_scene(tmp_path):
     own = places(made, t, B='AB.B', C='CBD.C', D='CBD.D', E='DE.E', F='CFG.F')
     for name in names:
         assert own[name] == pytest.approx(known[name], abs=3e-12)
-    assert any('78.2542 deg' in note for note in found.notes)
+    scene = saved(tmp_path, found.text, 'six.yaml')
+    limits = re.findall(r'[\d.]+(?= deg)', run_json('check', str(scene))['limits'][0])
+    assert [float(x) for x in limits] == pytest.approx([67.2836, 78.2542], abs=1e-4)
 
 
 def test_an_address_of_pmks_is_its_table(tmp_path):

@@ -6,11 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from bags import write_bag
 from builders import made
+from running import run_json
 from scipy.integrate import solve_ivp
 
 import mechanism_sim as ms
+from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.record import Record, read_record
+from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.scene.gate import admit
 
 INPUTS = Path(__file__).parent / 'inputs'
 G = 9.81
@@ -306,3 +312,264 @@ def test_a_ball_leaves_the_round_end_of_a_bar_where_nothing_presses():
     )
     assert place['ball.y'] == pytest.approx(R * cosine, abs=1e-9)
     assert place['ball.x'] == pytest.approx(1.0 + R * math.sqrt(1 - cosine**2), abs=1e-9)
+
+
+# --- welds ---------------------------------------------------------------------------------------
+
+BENT = """
+gravity: [0, -9.81]
+links:
+  ground: {}
+  a: {length: 0.5 m, mass: 1 kg, inertia: 0.02, cog: 0.25 m}
+  b: {length: 0.3 m, mass: 2 kg, inertia: 0.03, cog: 0.15 m}
+joints:
+  p: {revolute: [ground, a]}
+  w: {fixed: [a.end, b], angle: 90 deg}
+"""
+
+
+def test_two_welded_links_move_as_one_and_their_weld_carries_what_newton_says():
+    """A physical pendulum of both, by SciPy; force and moment in the weld by Newton and Euler."""
+    run = ms.simulate(made(BENT), duration=1.0)
+    cog = np.array([(0.25 + 2.0 * 0.5) / 3.0, 2.0 * 0.15 / 3.0])
+    J = 0.02 + 0.25**2 + 0.03 + 2.0 * (0.5**2 + 0.15**2)
+
+    def turn(angle, v):
+        c, s = math.cos(angle), math.sin(angle)
+        return np.array([c * v[0] - s * v[1], s * v[0] + c * v[1]])
+
+    def rates(_, y):
+        return [y[1], -3.0 * G * turn(y[0], cog)[0] / J]
+
+    q, w = solve_ivp(rates, (0, 1.0), [0.0, 0.0], method='DOP853', rtol=1e-13, atol=1e-14).y[:, -1]
+    assert last(run) == pytest.approx([q, w], abs=1e-9)
+    a, arm = rates(0, [q, w])[1], turn(q, [0.0, 0.15])
+    at = turn(q, [0.5, 0.15])
+    force = 2.0 * (a * np.array([-at[1], at[0]]) - w**2 * at + np.array([0.0, G]))
+    seen = run.sample(1.0, 'reaction.w')
+    assert [*seen['reaction.w.x'], *seen['reaction.w.y']] == pytest.approx(force, abs=1e-8)
+    moment = 0.03 * a + arm[0] * force[1] - arm[1] * force[0]
+    assert seen['reaction.w.moment'] == pytest.approx(moment, abs=1e-8)
+
+
+def test_a_weld_to_the_ground_and_a_chain_of_welds_leave_one_coordinate():
+    scene = yaml.safe_load(BENT)
+    scene['links'] |= {'c': {'length': '0.2 m', 'mass': '1 kg', 'inertia': 0.01}, 'wall': {}}
+    scene['links']['wall'] = {'length': '1 m', 'mass': '5 kg', 'inertia': 1.0}
+    scene['joints'] |= {
+        'v': {'fixed': ['b.end', 'c'], 'angle': '-30 deg'},
+        'u': {'fixed': ['ground', 'wall'], 'angle': '45 deg'},
+    }
+    machine = made(scene)
+    assert machine.mechanism.coordinates == ('a',)
+    place = machine.mechanism.locate('c', {'a': 0.0}, (0.2, 0.0))
+    away = [0.5 + 0.2 * math.cos(math.pi / 3), 0.3 + 0.2 * math.sin(math.pi / 3)]
+    assert place == pytest.approx(away, abs=1e-15)
+    assert machine.mechanism.locate('wall', {'a': 0.0}, (1.0, 0.0)) == pytest.approx(
+        [0.5**0.5] * 2
+    )
+
+
+def test_a_weld_within_a_loop_makes_a_bell_crank():
+    """A four-bar with a coupler of two welded links moves as one with a single coupler."""
+    straight = {
+        'links': {
+            'ground': {'points': {'pivot': ['0.4 m', '0 m']}},
+            'crank': {'length': '0.1 m'},
+            'one': {'length': '0.2 m'},
+            'two': {'length': '0.15 m'},
+            'rocker': {'length': '0.3 m'},
+        },
+        'joints': {
+            'a': {'revolute': ['ground', 'crank']},
+            'b': {'revolute': ['crank.end', 'one']},
+            'w': {'fixed': ['one.end', 'two'], 'angle': '20 deg'},
+            'c': {'revolute': ['two.end', 'rocker.end']},
+            'd': {'revolute': ['rocker', 'ground.pivot']},
+        },
+        'drive': {'speed': '10 rad/s'},
+        'guess': {'one': '50 deg', 'rocker': '100 deg'},
+    }
+    run = ms.simulate(made(straight), duration=0.3)
+    end = 0.2 + 0.15 * np.exp(1j * math.radians(20.0))
+    plain = {k: v for k, v in straight['links'].items() if k not in ('one', 'two')}
+    plain['one'] = {'points': {'far': [float(end.real), float(end.imag)]}}
+    joints = {k: v for k, v in straight['joints'].items() if k not in ('w', 'c')}
+    joints['c'] = {'revolute': ['one.far', 'rocker.end']}
+    other = ms.simulate(made({**straight, 'links': plain, 'joints': joints}), duration=0.3)
+    t = np.linspace(0.0, 0.3, 7)
+    for name in ('position.rocker', 'velocity.one', 'acceleration.rocker'):
+        assert run.sample(t, name)[name] == pytest.approx(other.sample(t, name)[name], abs=1e-9)
+
+
+# --- bags, nodes, long runs ----------------------------------------------------------------------
+
+EVERY = """
+title: Stops of every kind
+mechanism: linkage
+gravity: [0, -9.81]
+links:
+  ground: {points: {q: [0 m, -0.6 m], o: [0 m, -1 m], l: [1 m, 0.5 m], r: [2 m, 0.3 m]}}
+  arm: {length: 1 m, mass: 1 kg, inertia: 0.1, cog: 0.5 m}
+  tip: {length: 0.1 m, mass: 0.1 kg, inertia: 0.001}
+  block: {mass: 1 kg}
+  ball: {mass: 1 kg, inertia: 0.01}
+joints:
+  p: {revolute: [ground, arm], stops: {lower: -60 deg, upper: 30 deg, restitution: 0.5}}
+  w: {fixed: [arm.end, tip], angle: 30 deg}
+  g: {prismatic: [ground.q, block], axis: 20 deg, stops: {lower: -0.1 m}}
+  c: {contact: [ball, ground.l], to: ground.r, radii: [0.1 m, 0.03 m], restitution: 0.5}
+initial: {position: {ball.x: 1.2 m, ball.y: 0.7 m}}
+duration: 0.5 s
+"""
+
+
+@pytest.fixture
+def every(tmp_path):
+    path = tmp_path / 'every.yaml'
+    path.write_text(EVERY)
+    return path
+
+
+@pytest.mark.slow
+def test_a_bag_of_stops_and_contacts_is_read_back_as_the_run(tmp_path, every):
+    run = ms.simulate(ms.load_scene(every))
+    assert {hit.joint for hit in run.impacts} == {'p_lower', 'g_lower', 'c'}
+    record = read_record(write_bag(tmp_path / 'run.mcap', Record(run.machine, run, {})))
+    assert record.digest() == run.digest()
+    names = 'gap.c', 'normal_force.g_lower', 'reaction.p.moment', 'reaction.w.moment'
+    t = np.linspace(0.0, 0.5, 11)
+    for name in names:
+        assert record.piece.sample(t, name)[name].tolist() == run.sample(t, name)[name].tolist()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures('backend')
+def test_nodes_move_stops_and_contacts_as_the_solution_does(tmp_path, every):
+    bag = tmp_path / 'nodes.mcap'
+    assert run_json('run', str(every), '--record', str(bag))['code'] == 0
+    assert analyze(bag).digest == run_json('solve', str(every))['digest']
+
+
+def test_ten_thousand_bounces_between_stops_on_a_wheel_lose_no_digits():
+    """Elastic stops, 30 deg to either side on a wheel at constant speed: a bounce takes 2 h/v."""
+    h, v, count = math.radians(30.0), 4.0, 10_000
+    machine = made({
+        'links': {'ground': {}, 'wheel': {'mass': '1 kg', 'inertia': 1.0},
+                  'hand': {'mass': '1 kg', 'inertia': 0.1}},
+        'joints': {'a': {'revolute': ['ground', 'wheel']},
+                   'b': {'revolute': ['wheel', 'hand'],
+                         'stops': {'lower': '-30 deg', 'upper': '30 deg', 'restitution': 1}}},
+        'drive': {'coordinate': 'wheel', 'speed': '7 rad/s'},
+        'initial': {'velocity': {'hand': f'{7.0 + v} rad/s'}},
+    })  # fmt: skip
+    run = ms.simulate(machine, duration=(2.0 * count + 0.5) * h / v)
+    assert len(run.impacts) == count
+    n = np.arange(count)
+    at = np.array([float(hit.t) for hit in run.impacts])
+    assert at == pytest.approx((2 * n + 1) * h / v, rel=1e-12)
+    assert [hit.joint for hit in run.impacts[-2:]] == ['b_upper', 'b_lower']
+
+
+def test_a_stop_behind_ten_thousand_turns_is_met_where_it_is():
+    machine = made({
+        'links': {'ground': {}, 'wheel': {'mass': '1 kg', 'inertia': 1.0}},
+        'joints': {'a': {'revolute': ['ground', 'wheel'],
+                         'stops': {'upper': '3600090 deg', 'restitution': 0.5}}},
+        'initial': {'velocity': {'wheel': '100 rad/s'}},
+    })  # fmt: skip
+    (hit,) = ms.simulate(machine, duration=700.0).impacts
+    assert float(hit.t) == pytest.approx((2e4 * math.pi + math.pi / 2) / 100.0, rel=1e-14)
+
+
+# --- mistakes ------------------------------------------------------------------------------------
+
+TWO_LINKS = """
+links:
+  ground: {points: {o: [0 m, 1 m]}}
+  arm: {length: 1 m, mass: 1 kg, inertia: 0.1, cog: 0.5 m}
+  block: {length: 0.1 m, mass: 1 kg, inertia: 0.1}
+joints:
+  p: {revolute: [ground, arm]}
+  g: {prismatic: [ground.o, block]}
+"""
+DISCS = {'contact': ['arm.end', 'block'], 'radii': ['10 mm', '10 mm']}
+HELD = {'fixed': ['arm.end', 'block']}
+
+
+@pytest.mark.parametrize(
+    ('given', 'said'),
+    [
+        ({'joints.p.stops': {'restitution': 0.5}}, "joints.p.stops needs 'lower' or 'upper'"),
+        (
+            {'joints.g.stops': {'lower': '1 m', 'upper': '0 m'}},
+            'joints.g.stops has lower = 1 m, which must be less than upper = 0 m',
+        ),
+        (
+            {'joints.g.stops': {'upper': '30 deg'}},
+            'joints.g.stops.upper is given in rad, but it is a displacement, in m',
+        ),
+        (
+            {'joints.p.stops': {'upper': '30 deg', 'friction': 0.2}},
+            'joints.p.stops.friction has no effect: nothing slides along the stops of a revolute',
+        ),
+        (
+            {'joints.g.stops': {'upper': '30 mm', 'radius': '10 mm'}},
+            'joints.g.stops.radius is for angles: a prismatic joint stops in line',
+        ),
+        ({'joints.p.stops': {'uper': '30 deg'}}, "'joints.p.stops.uper'; did you mean 'upper'?"),
+        (
+            {'joints.p.stops': {'upper': '30 deg', 'restitution': 1.5}},
+            'joints.p.stops.restitution = 1.5 is out of bounds: it must be at most 1',
+        ),
+        (
+            {'joints.p.stops': {'upper': '-30 deg'}},
+            'the start puts the joint p beyond its upper stop at -30 deg, by 0.523599 m',
+        ),
+        (
+            {'joints.p.stops': {'upper': '80 deg'}, 'drive': {'coordinate': 'arm', 'speed': 1.0}},
+            'the drive takes the joint p beyond its upper stop at 80 deg, before t = 1.39',
+        ),
+        (
+            {'joints.p.stops': {'upper': '30 deg', 'contact': {'law': 'hertz'}}},
+            "joints.p.stops.contact: 'stiffness' is missing: the law hertz needs it",
+        ),
+        ({'joints.c': {'contact': ['arm.end', 'block']}}, 'joints.c.radii is missing'),
+        ({'joints.c': {**DISCS, 'to': 'arm'}}, 'joints.c.to = arm must be another point of block'),
+        (
+            {'joints.c': {**DISCS, 'radii': ['1 m', '1 m']}},
+            'the start puts arm into block in the contact c, by 0.585786 m',
+        ),
+        (
+            {'joints.c': {**DISCS, 'clearance': {'radial': '1 mm', 'restitution': 0.5}}},
+            'joints.c cannot have a clearance: links that touch part by themselves',
+        ),
+        (
+            {
+                'joints.c': {**DISCS, 'compliance': {'law': 'hertz', 'stiffness': 1e6}},
+                'joints.p.stops': {'upper': '30 deg'},
+            },
+            'either all loose joints and stops are compliant or none is',
+        ),
+        ({'joints.g': HELD, 'guess': {'block': 0.1}}, 'guess.block: block is welded and moves'),
+        (
+            {'joints.g': HELD, 'drive': {'coordinate': 'block', 'speed': 1.0}},
+            'block is welded and moves with arm: name that',
+        ),
+        (
+            {'joints.g': HELD, 'joints.p': {'fixed': ['ground', 'arm']}},
+            'all links are welded to the ground: nothing can move',
+        ),
+    ],
+)
+def test_a_mistake_is_answered_by_a_sentence(given, said):
+    scene = yaml.safe_load(TWO_LINKS)
+    for path, value in given.items():
+        *parts, key = path.split('.')
+        place = scene
+        for part in parts:
+            place = place[part]
+        place[key] = value
+    with pytest.raises(InputError) as refused:
+        admit(made(scene), 1.5)
+    assert said in str(refused.value)

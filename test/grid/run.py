@@ -22,6 +22,8 @@ from test.grid import (
     rotors,
     rubbing,
     states,
+    stops,
+    spellings,
     tilted,
     trains,
 )
@@ -42,9 +44,11 @@ FAMILIES: tuple[Family, ...] = tuple(
         tilted,
         rubbing,
         loads,
-        ropes,
         position_laws,
         states,
+        stops,
+        ropes,
+        spellings,
     )
     for family in module.FAMILIES
 )
