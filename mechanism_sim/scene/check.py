@@ -201,8 +201,7 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
         room = (
             f'play {c.radial:g} {unit} to either side' if len(joint.sides) > 1 else 'may lift off'
         )
-        room = f'{room}, ' if joint.equations else ''
-        return f'{joint.parts}, {room}{contact}'
+        return f'{joint.parts}, {room}, {contact}'
     block = isinstance(joint, Prismatic)
     kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
     if c.film:
