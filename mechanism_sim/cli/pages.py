@@ -64,7 +64,8 @@ def add(command: Command) -> None:
     sub = command('edit', _edit, 'draw and change a machine by touch, in a browser')
     sub.add_argument(
         'scene', metavar='SCENE', nargs='?',
-        help='a scene of the package, of which a copy is edited, or a file; without: a new one',
+        help='a scene of the package, of which a copy is edited, a file, also one that `import` '
+        'reads; without: a new one',
     )  # fmt: skip
     tables_option(sub)
     option(sub, '--port', 'N', 'of the page on this machine, 8080 if not given; 0: any', int)

@@ -14,11 +14,13 @@ from mechanism_sim.export.bending import bendings
 from mechanism_sim.export.scale import round_below, scale_bar
 from mechanism_sim.export.shapes import BOX, Shape, inside
 from mechanism_sim.joints.contact_keys import Clearance, Play
+from mechanism_sim.joints.joint_keys import bounds_of
 from mechanism_sim.linkages.springs import Spring
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.poses import Poses
+from mechanism_sim.planar.protocols import Bound
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.planar.view import Kind, circle
 from mechanism_sim.scene import Machine
@@ -317,6 +319,16 @@ class Skeleton:
         if link != GROUND:
             self._rails.append((link, start, end))
 
+    def wall(self, link: str, start: Vector2, end: Vector2) -> None:
+        """A wall of a link, solid to the left of the way from start to end [m]."""
+        self.add('rail', link, np.array([start, end]), label='left wall')
+
+    def bound(self, gaps: Iterable[Bound]) -> None:
+        """Add what joints meet at the limits of their motion."""
+        for gap in gaps:
+            gap.draw(self)
+        self.shapes.sort(key=_order)
+
     def _mark(self, points: Mapping[str, LinkPoint], known: Sequence[LinkPoint]) -> None:
         """Points without joints, and centres of gravity away from joints."""
         for place in points.values():
@@ -412,6 +424,7 @@ def skeleton_of(
     }
     clearances = machine.plan.clearances
     found = Skeleton(mechanism, q, points, springs, clearances, drives, magnified, size)
+    found.bound(bounds_of(machine.scene.joints, mechanism, machine.plan.touching))
     for name, part in machine.scene.oscillators.items():
         found.mount(name, [*ground, part.cog], [mount.at for mount in part.mounts.values()])
     return found

@@ -22,6 +22,7 @@ from mechanism_sim.hybrid.present_functions import PresentFunctions
 from mechanism_sim.hybrid.run_expressions import RunExpressions
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.symbolic import Term, dense
+from mechanism_sim.planar.closures import IndependentRows
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Gap, Relation
@@ -71,7 +72,10 @@ class System:
         self.mechanism = mechanism
         self.lent = lent
         self.gaps = tuple(gaps)
-        self.relations = tuple(relations)
+        # one without a row of its own holds nothing, but its joint is cut
+        self.relations = tuple(
+            r for r in relations if not isinstance(r, IndependentRows) or r.kept
+        )
         self.coordinates = mechanism.coordinates
         self.prescribed = tuple(prescribed)
         self.powered = tuple(powered)

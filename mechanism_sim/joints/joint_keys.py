@@ -120,6 +120,10 @@ class JointKeys(Part):
         )  # fmt: skip
         return gaps, joint.elements(mechanism)
 
+    def describe(self, joint: Any) -> str:
+        """These contacts in words."""
+        raise NotImplementedError
+
     def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> Sequence[Bound]:
         """The gaps of these contacts."""
         return ()

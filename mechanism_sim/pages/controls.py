@@ -122,7 +122,7 @@ def _drive(machine: Machine) -> Iterator[Control]:
             )  # fmt: skip
         return
     label = f'Speed of {_words(machine.plan.main)}'
-    now = law.coefficients[1] if law.degree else 0.0
+    now = machine.drive.start[1]
     if commands:
         most = RPM * commands.fastest
         yield Control(

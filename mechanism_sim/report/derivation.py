@@ -15,6 +15,9 @@ import heyoka as hy
 import sympy
 
 from mechanism_sim.hybrid.system import System
+from mechanism_sim.numerics import formula
+from mechanism_sim.numerics.expressions import CORNERED
+from mechanism_sim.numerics.formula import Words
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.planar.jet import Jet
@@ -25,7 +28,11 @@ from mechanism_sim.report.equations import Equation, EquationGroup, MachineEquat
 from mechanism_sim.report.symbols import Expression, Symbol, Symbols
 from mechanism_sim.report.vectors import Vectors
 from mechanism_sim.scene import Level, Machine
+from mechanism_sim.scene.motion_keys import CoursePart, SpeedPart
 
+_TIME = 'now'
+_MOST_LAWS = 24
+"""Laws of a drive, one after the other, that are written."""
 _LONG = 30
 """Operations from which on forces are written with intermediate quantities."""
 
@@ -267,8 +274,12 @@ class _Derivation:
         symbols = self._symbols
         for c, laws in self._machine.plan.laws.items():
             motor = self._motors.get(c)
-            for law in () if self._idle(c) else laws:
+            by_formula = self._formula(c)
+            lines += by_formula
+            for law in () if self._idle(c) or by_formula else laws[:_MOST_LAWS]:
                 since = f'for t >= {law.valid_from!r} s' if len(laws) > 1 else ''
+                if len(laws) > _MOST_LAWS and law is laws[_MOST_LAWS - 1]:
+                    since += '; and so on'
                 if isinstance(law, TorqueLaw):
                     factors = (sympy.Integer(1), symbols.q[c], symbols.v[c])
                     given = _sum(law, factors) if any(law.coefficients) or not motor else ()
@@ -286,6 +297,24 @@ class _Derivation:
                 given = self._terms(self._efforts[c].effort(self._vectors.frames))
                 lines.append(Equation(c, (self._on[c][-1],), given or (sympy.Integer(0),)))
         return tuple(lines)
+
+    def _formula(self, c: str) -> list[Equation]:
+        """Motion of a drive by its own formula of the time, if it has one without conditions."""
+        drive = self._machine.scene.drives.get(c, self._machine.scene.drive)
+        course = drive and (drive.position or drive.profile or drive.speed)
+        if not isinstance(course, CoursePart) or course.formula is None:
+            return []
+        tree, symbols = course.tree(), self._symbols
+        if any(n.kind == 'if' or n.name in CORNERED for n in tree.walk()):
+            return []
+        value = symbols.translate(formula.of_tree(tree, Words({'t': hy.make_vars(_TIME)}), ''))
+        value = value.xreplace({x: symbols.time for x in value.free_symbols if str(x) == _TIME})
+        by_rate = isinstance(course, SpeedPart)
+        lines = [Equation(c, ((symbols.v if by_rate else symbols.q)[c],), (value,))]
+        if self._machine.level is not Level.KINEMATIC:
+            more = sympy.diff(value, symbols.time, 1 if by_rate else 2)
+            lines.append(Equation(c, (symbols.a[c],), (more,)))
+        return lines
 
     def _idle(self, c: str) -> bool:
         """True if law and motor of a coordinate leave it free."""

@@ -99,6 +99,13 @@ _MEANINGS = (
     (r'(.+)\.halfway\.x', 'hx', 'x of the direction at half the angle of {0}', ''),
     (r'(.+)\.halfway\.y', 'hy', 'y of the direction at half the angle of {0}', ''),
     (r'(.+)\.half', 'w', 'cosine of half the part of the cycle in which {0} acts', ''),
+    (r'(.+)\.stop_radius', 'rs', 'radius at which {0} stops', 'm'),
+    (r'(.+)\.stop_at', 's', 'limit at which {0} stops', 'rad or m'),
+    (r'(.+)\.stop_half', 's', 'half of the angle between the stops of {0}', 'rad'),
+    (r'(.+)\.stop_middle', 'sm', 'minus the angle in the middle between the stops of {0}', 'rad'),
+    (r'(.+)\.stop_offset', 'sm', 'angle of the frames of {0} against each other', 'rad'),
+    (r'(.+)\.reach', 'R', 'sum of the radii of {0}', 'm'),
+    (r'(.+)\.bar_length', 'L', 'length of the bar of {0}', 'm'),
     (r'(.+)\.x', 'Fx', 'x of the force {0}', 'N'),
     (r'(.+)\.y', 'Fy', 'y of the force {0}', 'N'),
 )

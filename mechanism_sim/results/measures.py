@@ -137,8 +137,7 @@ class Measurement:
     def _half_width(self, measure: Measure) -> float:
         """Of the 95 % confidence interval of a mean over the revolutions of a loose machine."""
         windows = [self._figures[f] for f in measure.figures]
-        loose = self._machine.plan.clearances
-        if not (loose and windows and all(w.per_revolution for w in windows)):
+        if not (self._machine.has_contacts and windows and all(w.per_revolution for w in windows)):
             return math.nan
         turns = zip(*(self._figures[f].each_turn(f) for f in measure.figures), strict=False)
         values = [_of_turn(measure, turn) for turn in turns]

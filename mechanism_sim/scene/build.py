@@ -23,6 +23,7 @@ from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.sensor_keys import check_impulses
 from mechanism_sim.scene.singular_start import neighbours
+from mechanism_sim.scene.swing import with_swing
 from mechanism_sim.tolerances import TOLERANCES
 
 _MECHANISM = TOLERANCES.mechanism
@@ -30,8 +31,8 @@ _MECHANISM = TOLERANCES.mechanism
 
 def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
     """The machine of a scene; `questions` are doubts about what its file says."""
-    machine = Machine(name, scene, questions)
     with scene_errors(name):
+        machine = Machine(name, with_swing(scene), questions)
         _check_freedom(machine)
         _check_mass(machine)
         check_scenes_way(machine)

@@ -34,9 +34,9 @@ _WHY = {
     'asked for: loop closure and a linear solve for the forces',
     Level.SMOOTH: 'every joint is ideal, or a belt that may slip, and the drives leave a motion '
     'free: equations of motion with closed loops',
-    Level.NONSMOOTH: 'joints have clearance: equations of motion with gaps, and an event loop for '
-    'free flight, impact and following',
-    Level.COMPLIANT: 'joints have clearance and a law of contact force, or teeth or belts give '
+    Level.NONSMOOTH: '{contacts}: equations of motion with gaps, and an event loop for free '
+    'flight, impact and following',
+    Level.COMPLIANT: '{contacts} and a law of contact force, or teeth or belts give '
     'way: equations of motion with forces where parts overlap',
 }
 
@@ -97,24 +97,28 @@ def check(machine: Machine) -> Report:
     coordinates |= {c: _drive(machine, c) for c in plan.laws}
     relations = []
     for name in mechanism.cut:
-        joint = mechanism.joint(name)
-        count = joint.equations if isinstance(joint, HigherPair) else 2
+        count = mechanism.joint(name).equations
         if count and name not in machine.plan.clearances:
             relations.append(f'{name}: closes a loop, {count} equation{"s" * (count > 1)}')
     loose = {n: c for n, c in machine.plan.clearances.items() if n not in plan.elastic}
     gaps = [f'{name}: {_gap(mechanism.joint(name), c, machine)}' for name, c in loose.items()]
-    notes = _notes(machine, loose)
+    gaps += [
+        f'{name}: {keys.kind_keys.describe(keys, mechanism.joint(name))}, {_surfaces(c)}'
+        for name, c in plan.touching.items()
+        for keys in [machine.scene.joints[name]]
+    ]
+    notes = _notes(machine, {**loose, **machine.touching})
     return Report(
         machine.name,
         machine.scene.title,
         level.value,
-        _WHY[level],
+        _WHY[level].format(contacts=_contacts(machine)),
         coordinates,
         relations,
         gaps,
         _starts(machine),
         [note for note in notes if isinstance(note, Limit)],
-        _left_out(machine, len(gaps)),
+        _left_out(machine, len(loose)),
         notes,
         [*doubts(machine), *undetermined_accelerations(machine)],
         _range(machine),
@@ -129,12 +133,15 @@ def _range(machine: Machine) -> dict[str, tuple[float, float]]:
     return {machine.plan.main: (found.low + turned, found.high + turned)}
 
 
+def _contacts(machine: Machine) -> str:
+    """Where parts may part and meet, in words."""
+    said = ['joints have clearance'] if machine.plan.clearances else []
+    return ', '.join([*said, *(['links meet stops or each other'] if machine.touching else [])])
+
+
 def _gap(joint: Joint, c: Play, machine: Machine) -> str:
     """The clearance of a joint, in words."""
-    friction = f', friction {c.friction:g}' if c.friction else ''
-    contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
-    if c.contact and c.contact.materials:
-        contact += f', stiffness {c.stiffness:.6g} N/m^{c.contact.exponent:g} of its materials'
+    contact = _surfaces(c)
     if isinstance(joint, HigherPair):
         unit = 'rad' if joint.angular_play else 'm'
         room = (
@@ -151,6 +158,15 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
     start = 'centred' if c.film else machine.scene.start
     side = ' to either side' if block else ''
     return f'{kind} {c.radial:g} m{side}, {contact}, start {start}'
+
+
+def _surfaces(c: Play) -> str:
+    """What contacts do in impacts, in words."""
+    friction = f', friction {c.friction:g}' if c.friction else ''
+    contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
+    if c.contact and c.contact.materials:
+        contact += f', stiffness {c.stiffness:.6g} N/m^{c.contact.exponent:g} of its materials'
+    return contact
 
 
 def _left_out(machine: Machine, gaps: int) -> list[str]:
@@ -230,7 +246,7 @@ def _drive(machine: Machine, coordinate: str) -> str:
     if given and given.moves:
         again = ', again and again' if given.moves.repeat else ''
         return f'prescribed, {len(given.moves.steps)} moves and dwells{again}{with_effort}'
-    speed = law.coefficients[1] if law.degree else 0.0
+    speed = machine.plan.held[coordinate][1]
     changing = ''
     if law.degree > 1:
         changing = f' at the start and {2.0 * law.coefficients[2]:g} {pace[:-2]}/s^2'
@@ -260,6 +276,10 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
     for joint in plan.joints:
         keys = machine.scene.joints[joint.name]
         notes += keys.kind_keys.notes(keys, machine, joint)
+    notes += [
+        f'{name}: never reached: drives and loops say all of the motion'
+        for name in plan.touching.keys() - machine.touching.keys()
+    ]
     notes += dict.fromkeys(f'{f.name}: friction, {f.words}' for f in plan.frictions(mechanism))
     notes += elastic_notes(machine.mechanism, machine.drive.period, bool(machine.plan.clearances))
     notes += tilt_notes(machine.mechanism)

@@ -314,3 +314,12 @@ class MovesPart(Part):
     """Largest rate of the acceleration; without it the acceleration steps."""
     repeat: bool = False
     """Again and again; then the last move must end where the first begins, or whole turns on."""
+
+
+class SwingPart(Part):
+    """To and fro between the limits of the linkage of a single drive."""
+
+    period: Duration
+    """Of the way there and back."""
+    margin: Annotated[Place, POSITIVE_VALUE] | None = None
+    """Distance that it keeps from each limit; without it a hundredth of the way between them."""

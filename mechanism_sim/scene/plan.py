@@ -41,6 +41,7 @@ from mechanism_sim.scene.loads import read_loads
 from mechanism_sim.scene.loads.applied import read_effort
 from mechanism_sim.scene.reading import (
     Values,
+    check_coordinate,
     floats,
     read_bodies,
     read_frictions,
@@ -155,12 +156,15 @@ class ScenePlan(Names):
         for c in given.keys() - straight:  # angles that many turns make lose no digits here
             self._turns[c], positions[c] = take_off_turns(given[c])
         for c, drive in drives.items():
+            check_coordinate(drive_key(self, c), c, tree)
             self.laws[c], source, self.begins[c], self._turns[c] = read_laws(
                 self, c, drive, c in straight, given.get(c), self.guess.get(c, 0.0)
             )
             if source:
                 self.sources[c] = source
         if not self.laws:
+            if not tree.coordinates:
+                raise InputError('joints: all links are welded to the ground: nothing can move')
             free = tree.coordinates[0]
             self.laws = {free: (TorqueLaw(free),)}
         said = positions | self.guess

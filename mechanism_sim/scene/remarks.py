@@ -183,7 +183,7 @@ def _solver(machine: Machine) -> Iterator[str]:
                     f'solver.{key} has no effect: the motion follows from closed loops, and '
                     'nothing is integrated'
                 )
-    elif solver.atol and not machine.plan.clearances:
+    elif solver.atol and not machine.has_contacts:
         yield 'solver.atol has no effect: no joint has a clearance in which impacts could chatter'
 
 

@@ -76,7 +76,7 @@ class _SceneWriter:
     ) -> Iterator[Entry]:
         """A key that is in the file."""
         inner: list[Entry]
-        if facts.part is None or not data:
+        if facts.part is None or not isinstance(data, Mapping | list) or not data:
             yield from _entry(name, data, note)
             return
         if facts.many == 'dict':

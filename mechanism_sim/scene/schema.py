@@ -46,6 +46,7 @@ from mechanism_sim.scene.motion_keys import (
     Place,
     PositionPart,
     SpeedPart,
+    SwingPart,
 )
 from mechanism_sim.scene.motion_keys import Speed as MotionSpeed
 from mechanism_sim.scene.sensor_keys import SensorKeys, seated, sensor_keys_of
@@ -394,6 +395,8 @@ class DrivePart(Part):
     """Over time, instead of speeds: a formula of t, as "90 deg + 60 deg*sin(pi*t)", or points."""
     moves: MovesPart | None = None
     """Moves from rest to rest, as fast as limits allow, instead of speeds."""
+    swing: SwingPart | None = None
+    """To and fro between the limits of the linkage, as a sine of the time."""
     profile: SpeedPart | None = None
     """Speeds over time, as `speed` takes them, too."""
     torque: AffineTorque | None = None

@@ -228,3 +228,174 @@ def test_forces_between_limits_have_extremes_but_where_they_grow_beyond_all_boun
     energy = found['energy.kinetic'] + found['energy.potential']
     work = found['energy.drive_work']
     assert work - work[0] == pytest.approx(energy - energy[0], abs=1e-7 * np.abs(energy).max())
+
+
+# --- redundant constraints that agree -----------------------------------------------------------
+
+OPEN = [
+    'reaction.a', 'reaction.m', 'reaction.s', 'reaction.sb.y', 'reaction.t.x',
+    'reaction.carriage_guide', 'reaction.cg.x',
+]  # fmt: skip
+"""Of the scissor lift: its self-stress presses the carriage on its guide, and that on the bars."""
+
+
+def force_of_lift(x, raised, v=0.05):
+    """Virtual work: h = sqrt(1 - x^2); all that is `raised` [kg] rises by h, the bars by half."""
+    h = math.sqrt(1.0 - x * x)
+    slope, bend = -x / h, -(v**2) / h**3
+    own = raised * (9.81 + bend) * slope + 2.0 * 4.0 * (9.81 + 0.5 * bend) * 0.5 * slope
+    turned = 2.0 * 0.333 * (-x * v**2 / h**3) * (-1.0 / h)  # th = acos(x)
+    return own + turned
+
+
+def without_the_guide(scene):
+    """The lift with its carriage as a point mass on the table: nothing is redundant."""
+    mass = scene['links'].pop('carriage')['mass']
+    for joint in ('carriage_guide', 'cg'):
+        scene['joints'].pop(joint)
+    scene['guess'].pop('carriage')
+    return scene | {'masses': {'carriage': {'at': 'table.l', 'mass': mass}}}
+
+
+@pytest.mark.parametrize('carriage', [0.0, 1.0])
+def test_the_force_of_a_scissor_lift_with_a_guide_too_many(carriage):
+    """Exudyn issue 39. Without the weight of the carriage -326.635 and -183.851 N."""
+    scene = scene_of('scissor_lift_redundant')
+    scene['links']['carriage']['mass'] = carriage
+    machine = made(scene)
+    found = cycle(machine, samples=4)
+    for x in (0.8, 0.6):
+        at = at_position(machine, x, found)
+        assert at['drive_torque'] == pytest.approx(force_of_lift(x, 21.0 + carriage), abs=1e-10)
+    if not carriage:
+        assert found['drive_torque'][[0, -1]] == pytest.approx([-326.635, -183.851], abs=1e-3)
+
+
+def test_what_a_redundant_guide_leaves_open_is_named_and_the_rest_given(tmp_path):
+    file = tmp_path / 'lift.yaml'
+    file.write_text(yaml.safe_dump(scene_of('scissor_lift_redundant'), sort_keys=False))
+    solved, turned = run_json('solve', str(file)), run_json('cycle', str(file), '--at', '0.7 m')
+    assert solved['undetermined'] == turned['undetermined'] == OPEN
+    assert any(', '.join(OPEN) in note for note in run_json('check', str(file))['notes'])
+    known = {name.partition('.')[2] for name in turned['at'] if name.startswith('reaction.')}
+    assert {'carriage_guide.moment', 't.y', 'cg.y', 'sb.x', 'ts.size'} <= known
+    assert not {'a.x', 'm.size', 's.y', 't.x', 't.size', 'carriage_guide.x'} & known
+    assert None not in turned['at'].values()
+    # and what is given is that of the lift without the guide
+    plain = made(without_the_guide(scene_of('scissor_lift_redundant')))
+    expected = at_position(plain, 0.7, cycle(plain, samples=4))
+    for name in ('reaction.ts.y', 'reaction.tb.y', 'reaction.sb.x', 'drive_torque'):
+        assert turned['at'][name] == pytest.approx(expected[name], abs=1e-9), name
+    with pytest.raises(
+        InputError, match=r"'reaction\.t\.x': not determined, for 1 of the closure"
+    ):
+        cycle(made(scene_of('scissor_lift_redundant')), samples=4)['reaction.t.x']
+
+
+def test_a_redundant_guide_does_not_change_a_motion_by_forces():
+    """Equations of motion keep the rows that are independent; the audit looks at the others."""
+    fall = {
+        'drive': {
+            'coordinate': 'shoe',
+            'force': {'constant': '-300 N'},
+            'start_position': '0.8 m',
+        },
+        'duration': '0.3 s',
+    }
+    one = ms.simulate(made(scene_of('scissor_lift_redundant', **fall)))
+    other = ms.simulate(made(without_the_guide(scene_of('scissor_lift_redundant', **fall))))
+    t = np.linspace(0.0, 0.3, 31)
+    a, b = one.sample(t), other.sample(t)
+    for name in ('position.shoe', 'velocity.bar1', 'acceleration.shoe', 'reaction.ts.y'):
+        assert np.abs(a[name] - b[name]).max() < 1e-10 * np.abs(b[name]).max(), name
+    assert one.max_closure_error < 1e-14
+
+
+def guided_block(**more):
+    """A block on two guides alike, driven by a crank through a rod."""
+    return {
+        'links': {
+            'ground': {'points': {'rail': [0, 0], 'other': ['0 m', '0.1 m']}},
+            'crank': {
+                'length': '0.1 m',
+                'mass': '1 kg',
+                'inertia': '1e-3 kg m^2',
+                'cog': '0.05 m',
+            },
+            'rod': {'length': '0.3 m', 'mass': '1 kg', 'inertia': '8e-3 kg m^2', 'cog': '0.15 m'},
+            'block': {
+                'points': {'top': ['0 m', '0.1 m']},
+                'mass': '2 kg',
+                'inertia': '1e-3 kg m^2',
+            },
+        },
+        'joints': {
+            'a': {'revolute': ['ground', 'crank']},
+            'b': {'revolute': ['crank.end', 'rod']},
+            'c': {'revolute': ['rod.end', 'block']},
+            'low': {'prismatic': ['ground.rail', 'block'], 'axis': '0 deg'},
+            'high': {'prismatic': ['ground.other', 'block.top'], 'axis': '0 deg'},
+        },
+        'drive': {'coordinate': 'crank', 'speed': '20 rad/s', 'start_angle': '30 deg'},
+        'guess': {'rod': '-10 deg', 'block': '0.38 m'},
+        'gravity': [0, '-9.81 m/s^2'],
+        **more,
+    }
+
+
+def test_two_guides_of_one_block_share_a_force_that_is_given_for_neither():
+    """Any share holds; torque and pins are those of one guide."""
+    both = made(guided_block())
+    one = guided_block()
+    one['joints'].pop('high')
+    a, b = cycle(both, samples=36), cycle(made(one), samples=36)
+    assert both.nominal.undetermined_names == ['reaction.low', 'reaction.high']
+    assert not any(name.startswith(('reaction.low', 'reaction.high')) for name in a.names)
+    for name in ('drive_torque', 'reaction.c.size', 'shaking_force.y', 'shaking_moment'):
+        assert a[name] == pytest.approx(b[name], abs=1e-9), name
+    assert a.mean_power == pytest.approx(b.mean_power, abs=1e-9)
+
+
+def test_two_guides_and_a_loose_pin():
+    """The block strikes as with one guide: redundant rows change no bit of what is struck."""
+    loose = guided_block(duration='50 ms', start='centred')
+    loose['joints']['c']['clearance'] = {'radial': '0.1 mm', 'restitution': 0.5}
+    one = guided_block(duration='50 ms', start='centred')
+    one['joints']['c']['clearance'] = {'radial': '0.1 mm', 'restitution': 0.5}
+    one['joints'].pop('high')
+    a, b = (ms.simulate(made(x)) for x in (loose, one))
+    assert len(a.impacts) == len(b.impacts) > 1
+    assert [i.t for i in a.impacts][:2] == pytest.approx([i.t for i in b.impacts][:2], rel=1e-9)
+
+
+def test_guides_that_do_not_agree_are_refused():
+    """The carriage's guide leans by a degree: then the table cannot rise."""
+    scene = scene_of('scissor_lift_redundant')
+    scene['joints']['carriage_guide']['axis'] = '89 deg'
+    scene['links']['ground']['points']['wall'] = [-0.6 * math.tan(math.radians(1.0)), 0]
+    with pytest.raises(InputError) as refused:
+        made(scene)
+    assert str(refused.value).count('\n') == 0
+    block = guided_block()
+    block['links']['ground']['points']['other'] = ['0 m', '0.101 m']
+    with pytest.raises(InputError, match='cannot be assembled'):
+        made(block)
+
+
+MISTAKES = {
+    'friction in a joint whose force is open': (
+        {'joints.low.friction': {'coefficient': 0.1, 'length': '20 mm'}},
+        r'joints\.low\.friction follows from its force, but 2 of the closure equations follow',
+    ),
+    'a load cell in it': (
+        {'sensors': {'cell': {'kind': 'load_cell', 'joint': 'low', 'sample_rate': '1 kHz'}}},
+        r'sensors\.cell\.joint = low: 2 of the closure equations follow',
+    ),
+}
+
+
+@pytest.mark.parametrize('mistake', MISTAKES)
+def test_what_needs_a_force_that_is_open_is_refused(mistake):
+    change, said = MISTAKES[mistake]
+    with pytest.raises(InputError, match=said):
+        made(guided_block(), **change)

@@ -8,6 +8,7 @@ from pathlib import Path
 import mpmath as mp
 import numpy as np
 import pytest
+import yaml
 from builders import made
 from running import run_json
 from scipy.integrate import solve_ivp
@@ -15,6 +16,7 @@ from scipy.integrate import solve_ivp
 import mechanism_sim as ms
 from mechanism_sim.analysis.open_run import open_run
 from mechanism_sim.analysis.summary import analyze
+from mechanism_sim.errors import InputError
 from mechanism_sim.planar.drive import TWO_PI
 
 INPUTS = Path(__file__).parent / 'inputs'
@@ -332,3 +334,36 @@ def test_nodes_follow_as_the_solution_does_and_the_bag_is_readable_alone(drive, 
     assert analyze(bag).digest == alone['digest']
     motion = open_run(bag)
     assert motion.machine.scene.drive.position is not None
+
+
+# --- between limits ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ('file', 'low', 'high', 'margin'),
+    [
+        # the line of the ground joints is at -148.3246 deg: 144.005 to either side of it
+        ('double_rocker', -292.3296, -4.3196, None),
+        ('six_bar', 67.2836, 78.2542, 0.5),
+    ],
+)
+def test_a_drive_swings_between_the_limits_of_its_linkage(file, low, high, margin):
+    """PMKSWeb, issues 91 and 92; the limits from the README of these cases."""
+    scene = yaml.safe_load((INPUTS / f'{file}.yaml').read_text())
+    swing = {'period': '2 s'} | ({} if margin is None else {'margin': f'{margin} deg'})
+    scene['drive'] = {k: v for k, v in scene['drive'].items() if k != 'speed'} | {'swing': swing}
+    machine = made(scene)
+    found = ms.simulate(machine, duration=2.0).sample(np.linspace(0.0, 2.0, 2001))
+    angle = np.degrees(found[f'position.{machine.plan.main}'])
+    aside = 0.01 * (high - low) if margin is None else margin
+    assert (angle.min(), angle.max()) == pytest.approx((low + aside, high - aside), abs=2e-3)
+    with pytest.raises(InputError, match=r'drive.swing and drive.position exclude each other'):
+        made(scene, **{'drive.position': 't'})
+    with pytest.raises(InputError, match=r'starts at .* rad, which is not between'):
+        made(scene, **{'drive.swing.margin': f'{0.499 * (high - low)} deg'})
+
+
+def test_what_turns_round_does_not_swing():
+    scene = {**ARM, 'drive': {'coordinate': 'arm', 'swing': {'period': '1 s'}}}
+    with pytest.raises(InputError, match='arm has no limits on both sides to swing between'):
+        made(scene)

@@ -234,14 +234,14 @@ def test_an_impact_goes_through_a_freewheel_one_way():
         driven = 2.5 if way > 0.0 else 0.5
         impulse = 1.4 * driven / (1.0 + driven)
         t = math.radians(10.0)
-        assert [i.joint for i in solution.impacts if i.approach_speed] == [
+        assert [i.joint for i in solution.impacts if i.approach_speed > 1e-9] == [
             f'dogs_{"right" if way > 0.0 else "left"}'
         ]
         assert solution.impacts[0].t == pytest.approx(t, rel=1e-12)
         rates = final(solution, 'hub', 'middle', 'wheel')[3:]
         after = [way * (1.0 - impulse), way * impulse / driven, way * impulse / driven]
         after[2] *= way > 0.0
-        assert rates == pytest.approx(after, rel=1e-12, abs=1e-15)
+        assert rates == pytest.approx(after, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize('ratio', [1, '-1/2'])
@@ -320,7 +320,7 @@ joints:
   rope: {rope: [arm.end, ground.p, b], restitution: 0.4, pulleys: {ground.p: {radius: 50 mm}}}
   sprag: {freewheel: [arm, hub]}
   pawl: {ratchet: [ground, hub], teeth: 30, restitution: 0.2}
-loads: {push: {at: arm, torque: "15*sin(9*t)"}, back: {at: hub, torque: -3 N m}}
+loads: {push: {at: arm, torque: "15*sin(9*t)"}, back: {at: hub, torque: -9 N m}}
 gravity: [0, -9.81 m/s^2]
 duration: 1 s
 """
@@ -337,8 +337,8 @@ def test_ropes_and_freewheels_run_as_nodes_to_the_bit(tmp_path):
     assert {c.joint for c in alone.modes if c.t} == {'rope', 'pawl', 'sprag'}
     again = open_run(bag)
     t = np.linspace(0.0, 1.0, 41)
-    names = 'gap.rope', 'normal_force.rope', 'reaction.pivot', 'torque'
-    one, two = (x.sample(t, *names) for x in (alone, again))
+    names = 'gap.rope', 'normal_force.rope', 'reaction.pivot.x', 'second_torque.sprag'
+    one, two = (x.sample(t, *names) for x in (alone, again.piece))
     assert all(np.array_equal(one[name], two[name]) for name in one)
 
 

@@ -17,8 +17,12 @@ from test.grid import (
     linkages,
     loads,
     machines,
+    position_laws,
+    ropes,
     rotors,
     rubbing,
+    states,
+    stops,
     spellings,
     tilted,
     trains,
@@ -40,6 +44,10 @@ FAMILIES: tuple[Family, ...] = tuple(
         tilted,
         rubbing,
         loads,
+        position_laws,
+        states,
+        stops,
+        ropes,
         spellings,
     )
     for family in module.FAMILIES

@@ -62,6 +62,15 @@ class ContactKeys(JointKeys):
             friction=self.friction.coefficient if self.friction else 0.0, contact=self.compliance,
         )  # fmt: skip
 
+    def describe(self, joint: Any) -> str:
+        """What touches."""
+        one, two = joint.radii
+        what = 'disc' if joint.end is None else 'bar'
+        return (
+            f'disc of {joint.first}, radius {one:g} m, against {what} of {joint.second}, radius '
+            f'{two:g} m'
+        )
+
     def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[Bound]:
         """Their distance."""
         return [

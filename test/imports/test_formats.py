@@ -1,0 +1,111 @@
+"""What cannot be imported is refused in one sentence."""
+
+from __future__ import annotations
+
+import pytest
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.imports import import_machine
+
+URDF = '<robot name="r"><link name="a"/><link name="b"/>{}</robot>'
+HINGE = (
+    '<joint name="h" type="{}"><parent link="a"/><child link="{}"/><axis xyz="{}"/></joint>'
+)  # fmt: skip
+MJCF = '<mujoco><worldbody><body name="a"><joint {}/></body></worldbody>{}</mujoco>'
+BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
+
+
+@pytest.mark.parametrize(
+    ('name', 'text', 'words'),
+    [
+        ('m.step', '', '.step is no format that is imported'),
+        ('m.csv', '', 'm.csv has no rows'),
+        ('m.csv', 'name,a,b\n', 'its first row has no column x, y, links'),
+        ('m.csv', 'joint,x,y,links\nA,0,0,ab\n', "the unit is missing: write 'X [mm]'"),
+        ('m.csv', 'joint,x [mm],y,links\nA,0,o,ab\n', "line 2: 'o' is no number"),
+        ('m.csv', 'joint,x [mm],y,links\nA,0,0,ab\nA,1,0,ab cd\n', 'two joints have the same'),
+        ('m.csv', 'joint,x [mm],y,links\nA,0,0,ab\nB,1,0,ab\n', 'no joint connects two links'),
+        ('m.csv', 'joint,x [mm],y,links,type\nA,0,0,ab cd,Q\n', "is of type 'Q', not R, P or RP"),
+        ('m.csv', 'joint,x [paces],y,links\nA,0,0,ground b\nB,1,1,b c\n', 'paces'),
+        ('m.csv', 'joint,x [mm],y,links\nA,1e999,0,a b\n', 'needs a name, links and a place'),
+        ('m.json', '{"joints": [', 'is not what its ending says'),
+        ('m.json', '[' * 100000, 'is not what its ending says'),
+        ('m.json', '{"joints": [{"name": "A"}]}', "KeyError: 'type'"),
+        ('m.urdf', '<robot', 'm.urdf is no XML'),
+        ('m.urdf', '<sdf/>', 'begins with <sdf>, not with <robot>'),
+        ('m.urdf', BOMB, 'a DOCTYPE and entities are not read'),
+        ('m.urdf', URDF.format(''), 'there must be one link that no joint carries'),
+        ('m.urdf', URDF.format(HINGE.format('ball', 'b', '0 0 1')), 'joints of type ball are not'),
+        ('m.urdf', URDF.format(HINGE.format('revolute', 'c', '0 0 1')), 'there must be one link'),
+        ('m.urdf', URDF.format(HINGE.format('revolute', 'b', '0 0')), "'0 0' are not 3 finite"),
+        ('m.urdf', URDF.format(HINGE.format('revolute', 'b', '0 1 1')), 'only planar machines'),
+        ('m.urdf', URDF.format(HINGE.format('fixed', 'b', '0 0 1')), 'no joint that turns'),
+        ('m.sdf', '<sdf/>', 'm.sdf has 0 models: it must be one'),
+        ('m.xml', '<mujoco/>', 'the file has no worldbody'),
+        ('m.xml', MJCF.format('type="ball"', ''), 'joints of type ball are not planar'),
+        ('m.xml', MJCF.format('axis="1 0 z"', ''), "'1 0 z' are no numbers"),
+        ('m.svg', '<svg/>', 'there is no closed curve in the drawing'),
+        ('m.svg', '<svg><path d="M 0 0 L 1"/></svg>', 'ends within a command'),
+        ('m.svg', '<svg><g transform="skewX(3)"/></svg>', "'skewX(3)' is no transformation"),
+        ('m.dxf', 'nonsense', 'is no DXF that can be read'),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_imported_is_said(tmp_path, name, text, words):
+    file = tmp_path / name
+    file.write_text(text)
+    with pytest.raises(InputError) as raised:
+        import_machine(file)
+    assert words in str(raised.value)
+    assert '\n' not in str(raised.value)
+
+
+@pytest.mark.parametrize('address', [
+    'https://app.pmksplus.com/', 'https://app.pmksplus.com/?0P.TY', 'https://x.org/?j=A,1&l=',
+    'https://x.org/?mech=ground,2', 'https://x.org/?0P.TY.K,0.901.MA,A,0,0,0..YRAB,AB..',
+])  # fmt: skip
+def test_other_addresses_are_refused(address):
+    with pytest.raises(InputError, match=r'no address of a mechanism of PMKS\+|no joint'):
+        import_machine(address)
+
+
+def test_files_that_are_too_large_or_no_files_are_refused(tmp_path):
+    with pytest.raises(InputError, match='cannot be read: No such file'):
+        import_machine(tmp_path / 'none.csv')
+    (tmp_path / 'folder.csv').mkdir()
+    with pytest.raises(InputError, match='cannot be read: Is a directory'):
+        import_machine(tmp_path / 'folder.csv')
+    large = tmp_path / 'large.urdf'
+    with large.open('wb') as file:
+        file.truncate((1 << 24) + 1)
+    with pytest.raises(InputError, match='has more than 16 MB'):
+        import_machine(large)
+    (tmp_path / 'bytes.csv').write_bytes(b'\xff\xfe\x00')
+    with pytest.raises(InputError, match='not text in UTF-8'):
+        import_machine(tmp_path / 'bytes.csv')
+
+
+def test_bodies_within_bodies_have_an_end(tmp_path):
+    deep = '<body>' * 2000 + '</body>' * 2000
+    (tmp_path / 'm.xml').write_text(f'<mujoco><worldbody>{deep}</worldbody></mujoco>')
+    with pytest.raises(InputError, match='more than 200 deep'):
+        import_machine(tmp_path / 'm.xml')
+
+
+def test_the_older_addresses_of_pmks_name_links_first():
+    """Pyslvs and the pages of PMKS write them; the first joint drives."""
+    found = import_machine(
+        'https://designengrlab.github.io/PMKS/pmks.html?mech=ground,2,R,0,0,0,ttft|2,3,R,-30,0,0,'
+        'ffff|3,4,R,100,150,0,ffff|4,ground,R,100,0,0,ffff|'
+    )
+    assert [*found.data['links']] == ['ground', 'link_2', 'link_3', 'link_4']
+    assert found.data['links']['link_2']['points'] == {'j2': ['30.0 mm', '0.0 mm']}
+    assert found.data['drive']['coordinate'] == 'link_2'
+
+
+def test_units_of_columns_and_of_the_option(tmp_path):
+    file = tmp_path / 'm.csv'
+    file.write_text('Point,X (in),Y (in),Links,Ground\nA,0,0,ground a,\nB,1,0,a b\nC,3,1,b,x\n')
+    assert import_machine(file).data['links']['a']['points'] == {'B': ['1.0 in', '0.0 in']}
+    assert import_machine(file, unit='mm').data['links']['a']['points'] == {
+        'B': ['1.0 mm', '0.0 mm']
+    }
