@@ -91,7 +91,11 @@ def split(
             found.append(Target(key, (point,), None, tuple(said)))
             continue
         link, _, point_name = name.partition('.')
-        if point_name and point_name in names.points.get(link, ()) and name not in tree.coordinates:
+        if (
+            point_name
+            and point_name in names.points.get(link, ())
+            and name not in tree.coordinates
+        ):
             raise InputError(
                 f'{key} = {said.value:g} {said.unit}: {point_name} is a point of {link}: say '
                 f'where it is, as {name}: [x, y]'.replace(' :', ':')
