@@ -362,6 +362,49 @@ def test_spring_along_a_guide_goes_through_zero() -> None:
     balanced(solution)
 
 
+def test_springs_of_all_kinds_under_a_prescribed_motion() -> None:
+    """The torque that a steady crank needs against them, in closed form."""
+    points = {
+        'damper': [['-1 m/s', '-400 N'], ['-0.1 m/s', '-120 N'], ['0 m/s', '0 N'],
+                   ['0.1 m/s', '300 N'], ['1 m/s', '1500 N']],
+        'hard': [['-0.2 m', '-90 N'], ['0 m', '0 N'], ['0.1 m', '30 N'], ['0.2 m', '90 N']],
+    }  # fmt: skip
+    line = {'between': ['ground.top', 'crank.end'], 'free_length': '0.5 m'}
+    springs = {
+        'strut': {**line, 'damping': 'damper', 'stiffness': 'hard', 'preload': '5 N'},
+        'stop': {**line, 'free_length': '0.35 m', 'stiffness': '5 N/mm', 'damping': '20 N s/m',
+                 'acts': 'below'},
+        'gas': {**line, 'gas': {'force': '100 N', 'column': '0.4 m', 'exponent': 1.3}},
+        'formula': {**line, 'force': '10*length^2 + 3*rate*abs(rate) + 2*strut.length'},
+        'torsion': {'coordinate': 'crank', 'torque': '0.3*angle + 0.1*sin(angle)'},
+    }  # fmt: skip
+    scene = {
+        'links': {'ground': {'points': {'top': [0.15, 0.5]}},
+                  'crank': {'length': 0.25, 'mass': 2.0, 'inertia': 0.02}},
+        'joints': {'o': {'revolute': ['ground', 'crank']}}, 'springs': springs,
+        'tables': {name: {'points': x} for name, x in points.items()},
+        'drive': {'coordinate': 'crank', 'speed': '6 rad/s'},
+    }  # fmt: skip
+    solution = ms.simulate(made(scene), revolutions=1)
+    t = np.linspace(0.0, solution.duration, 200)[1:-1]
+    seen = solution.sample(t, 'drive_torque', 'spring.stop.force')
+    q = 6.0 * t
+    end = 0.25 * np.array([np.cos(q), np.sin(q)])
+    d = end - np.array([[0.15], [0.5]])
+    length = np.hypot(*d)
+    rate = (d * 1.5 * np.array([-np.sin(q), np.cos(q)])).sum(axis=0) / length
+    damped = np.interp(rate, [-1.0, -0.1, 0.0, 0.1, 1.0], [-400.0, -120.0, 0.0, 300.0, 1500.0])
+    pull = damped + np.interp(length - 0.5, [-0.2, 0.0, 0.1, 0.2], [-90.0, 0.0, 30.0, 90.0]) + 5.0
+    pushed = 5000.0 * (length - 0.35) + 20.0 * rate
+    stop = np.where((length < 0.35) & (pushed < 0.0), pushed, 0.0)
+    pull += stop - 100.0 * (0.4 / (length - 0.1)) ** 1.3
+    pull += 10.0 * length**2 + 3.0 * rate * np.abs(rate) + 2.0 * length
+    torque = pull * (end[0] * d[1] - end[1] * d[0]) / length + 0.3 * q + 0.1 * np.sin(q)
+    assert seen['drive_torque'] == pytest.approx(torque, abs=1e-10)
+    assert seen['spring.stop.force'] == pytest.approx(stop, abs=1e-10)
+    balanced(solution)
+
+
 BUSHING: dict[str, Any] = {
     'links': {
         'ground': {},
