@@ -46,6 +46,7 @@ class Rope(HigherPair):
 
     equations: ClassVar[int] = 0
     sides: ClassVar[tuple[Side, ...]] = ('left',)
+    parts: ClassVar[str] = 'rope'
 
     pulleys: tuple[Pulley, ...] = ()
     length: float = 0.0  #: [m]
