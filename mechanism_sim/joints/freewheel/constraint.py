@@ -31,8 +31,14 @@ class Freewheel(Transmission):
     equations: ClassVar[int] = 0
     sides: ClassVar[tuple[Side, ...]] = ('right',)
 
+    parts: ClassVar[str] = 'clutch that holds one way'
+
     sense: float = 1.0  #: in which the first drives the second: 1 counterclockwise, -1 clockwise
     teeth: int = 0  #: of a ratchet on a turn; 0 of a freewheel
+
+    @property
+    def coupling(self) -> None:
+        """It keeps none."""
 
     def closure(self, mechanism: Mechanism) -> TransmissionClosure:
         """Held both ways."""

@@ -46,6 +46,7 @@ class Rope(HigherPair):
 
     equations: ClassVar[int] = 0
     sides: ClassVar[tuple[Side, ...]] = ('left',)
+    parts: ClassVar[str] = 'rope'
 
     pulleys: tuple[Pulley, ...] = ()
     length: float = 0.0  #: [m]
@@ -82,6 +83,8 @@ class Rope(HigherPair):
             draft.reach((link, at))
             if radius and draft.first(f'{link} {at} {abs(radius):.9g}'):
                 draft.add('wheel', link, circle(abs(radius), at), size=abs(radius))
+        for one, two in pairwise(self.pulleys):
+            draft.string((one.place, two.place), (one.radius, two.radius))
 
 
 class Stretch(NamedTuple):
