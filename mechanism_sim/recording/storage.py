@@ -34,7 +34,7 @@ Payload = tuple[int, bytes, int]
 
 
 @dataclass(frozen=True)
-class Part:
+class BagFile:
     """A file of a bag.
 
     Attributes
@@ -64,7 +64,7 @@ class Part:
                         yield channel, block[start:stop], log_time
 
 
-def parts(path: Path) -> list[Part]:
+def parts(path: Path) -> list[BagFile]:
     """The files of a bag in their order: that of their listing, else that of their first message.
 
     Parameters
@@ -123,7 +123,7 @@ def _listed(folder: Path) -> list[Path]:
     return files
 
 
-def _part(path: Path) -> Part:
+def _part(path: Path) -> BagFile:
     holder = None
     if path.suffix == '.zstd':
         holder = TemporaryDirectory(prefix='mechanism_sim_')
@@ -137,7 +137,7 @@ def _part(path: Path) -> Part:
             raise DamagedBagError(f'{path} is damaged ({error}).') from error
         path = target
     layout = _survey_rows(path) if path.suffix == '.db3' else survey(path)
-    return Part(path, layout, holder)
+    return BagFile(path, layout, holder)
 
 
 @contextmanager
