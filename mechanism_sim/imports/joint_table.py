@@ -18,6 +18,7 @@ from urllib.parse import parse_qs, unquote, urlsplit
 from mechanism_sim.csv_tables import read_csv
 from mechanism_sim.errors import InputError
 from mechanism_sim.imports.blueprint import Blueprint, names_of
+from mechanism_sim.packages import reason
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.units import to_si
 
@@ -163,7 +164,9 @@ def read_address(address: str, unit: str | None) -> Blueprint:
     try:
         table = _listed(fields) if 'j' in fields else _packed(unquote(query))
     except (LookupError, ValueError) as error:
-        raise InputError(f'this is no address of a mechanism of PMKS+ ({error!r})') from error
+        raise InputError(
+            f'this is no address of a mechanism of PMKS+ ({reason(error)})'
+        ) from error
     if unit:
         table.unit = unit
     made = _checked('the address', table).blueprint()

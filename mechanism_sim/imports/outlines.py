@@ -18,7 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.imports import svg
 from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, names_of
-from mechanism_sim.packages import needed
+from mechanism_sim.packages import needed, reason
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.units import to_si
 
@@ -54,7 +54,7 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
         size = float(max((np.ptp(_points(e, 1.0), axis=0).max() for e in parts), default=1.0))
         drawn = [(e, _points(e, _FINE * size)) for e in parts]
     except ezdxf.DXFError as error:
-        raise InputError(f'{path.name} is no DXF that can be read ({error})') from error
+        raise InputError(f'{path.name} is no DXF that can be read ({reason(error)})') from error
     curves: list[DrawnCurve] = []
     open_: dict[str, list[Array]] = {}
     for entity, points in drawn:
@@ -143,6 +143,8 @@ def weigh(made: Blueprint, thickness: str | None, density: str) -> None:
     plate = to_si(thickness, 'm') * to_si(density, 'kg/m^3') * metre**2
     for link, parts in made.outlines.items():
         size = math.fsum(part.size for part in parts)
+        if size <= 0.0:
+            raise InputError(f'{link}: its holes are larger than its outline')
         centre = sum(part.size * part.centre for part in parts) / size
         polar = math.fsum(math.copysign(part.polar, part.size) for part in parts)
         around = (polar - size * float(centre @ centre)) * metre**2
@@ -160,6 +162,8 @@ def _area(curve: DrawnCurve) -> DrawnArea:
     (x, y), (u, v) = curve.points.T, np.roll(curve.points, -1, axis=0).T
     cross = x * v - u * y
     size = 0.5 * float(cross.sum())
+    if not size:
+        raise InputError(f'a closed curve of {curve.layer} has no area')
     centre = np.array([((x + u) * cross).sum(), ((y + v) * cross).sum()]) / (6.0 * size)
     polar = float((cross * (x * x + x * u + u * u + y * y + y * v + v * v)).sum()) / 12.0
     return DrawnArea(abs(size), centre, math.copysign(polar, 1.0))
