@@ -12,16 +12,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from mechanism_sim.imports.blueprint import Blueprint
 from mechanism_sim.imports.joint_table import JointRow, JointTable
-from mechanism_sim.imports.sketch import Sketch
 
 
-def read(path: Path, text: str, unit: str | None) -> Sketch:
+def read(path: Path, text: str, unit: str | None) -> Blueprint:
     """A mechanism of joints and links."""
     data = json.loads(text)
     rows, order, speed = _mechanism(data)
     title = str(data.get('name') or path.stem)
-    made = JointTable(title, unit or 'm', rows, order, speed, 'rad/s').sketch()
+    made = JointTable(title, unit or 'm', rows, order, speed, 'rad/s').blueprint()
     made.notes.append(f'without units in the file, lengths are in {unit or "m"}')
     return made
 
@@ -29,8 +29,10 @@ def read(path: Path, text: str, unit: str | None) -> Sketch:
 def _mechanism(data: dict[str, Any]) -> tuple[list[JointRow], dict[str, list[str]], float]:
     order = {x['id']: list(x['joints']) for x in data['links'] if x['type'] != 'ground'}
     held = {j for x in data['links'] if x['type'] == 'ground' for j in x['joints']}
-    driver = next((x for x in data['links'] if x['type'] in ('driver', 'arc_driver')), {})
-    rows = []
+    driver: dict[str, Any] = next(
+        (x for x in data['links'] if x['type'] in ('driver', 'arc_driver')), {}
+    )
+    rows: list[JointRow] = []
     for joint in data['joints']:
         name, (x, y) = joint['id'], joint['position']
         if joint['type'] == 'tracker':

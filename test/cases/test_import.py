@@ -406,3 +406,18 @@ def test_the_command_writes_what_the_function_and_the_editor_have(tmp_path):
     again = run('import', str(table), '-o', str(tmp_path / 'x.json'))
     assert again.returncode == 2
     assert 'the ending must be .yaml or .yml' in again.stderr
+
+
+@pytest.mark.network
+def test_an_imported_machine_runs_as_nodes(tmp_path):
+    """Recorded and read back it has the digest of the scene that was exported."""
+    urdf, scene, bag = (str(tmp_path / x) for x in ('m.urdf', 'm.yaml', 'm.mcap'))
+    assert run('export', 'four_bar_nominal', '-o', urdf).returncode == 0
+    original = ms.load_scene('four_bar_nominal')
+    sets = [x for key, value in (('drive.speed', '36.6519 rad/s'), ('drive.start_angle', '0 deg'),
+                                 ('gravity', '[0 m/s^2, -9.8145 m/s^2]'))
+            for x in ('--set', f'{key}={value}')]  # fmt: skip
+    assert run('import', urdf, '-o', scene, *sets).returncode == 0
+    done = run('run', scene, '--duration', '0.2', '--record', bag)
+    assert done.returncode == 0, done.stderr
+    assert run_json('analyze', bag)['digest'] == ms.simulate(original, duration=0.2).digest()

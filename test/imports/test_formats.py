@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
 import pytest
+from running import run
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.imports import import_machine
 
+INPUTS = Path(__file__).parents[1] / 'cases/inputs'
 URDF = '<robot name="r"><link name="a"/><link name="b"/>{}</robot>'
 HINGE = (
     '<joint name="h" type="{}"><parent link="a"/><child link="{}"/><axis xyz="{}"/></joint>'
@@ -19,15 +24,15 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
     ('name', 'text', 'words'),
     [
         ('m.step', '', '.step is no format that is imported'),
-        ('m.csv', '', 'm.csv has no rows'),
-        ('m.csv', 'name,a,b\n', 'its first row has no column x, y, links'),
+        ('m.csv', '', 'cannot be read: it is empty'),
+        ('m.csv', 'name,a,b\n', 'there is no column x, y, links'),
         ('m.csv', 'joint,x,y,links\nA,0,0,ab\n', "the unit is missing: write 'X [mm]'"),
-        ('m.csv', 'joint,x [mm],y,links\nA,0,o,ab\n', "line 2: 'o' is no number"),
+        ('m.csv', 'joint,x [mm],y,links\nA,0,o,ab\n', "a finite number in column 'y', got 'o'"),
         ('m.csv', 'joint,x [mm],y,links\nA,0,0,ab\nA,1,0,ab cd\n', 'two joints have the same'),
         ('m.csv', 'joint,x [mm],y,links\nA,0,0,ab\nB,1,0,ab\n', 'no joint connects two links'),
         ('m.csv', 'joint,x [mm],y,links,type\nA,0,0,ab cd,Q\n', "is of type 'Q', not R, P or RP"),
         ('m.csv', 'joint,x [paces],y,links\nA,0,0,ground b\nB,1,1,b c\n', 'paces'),
-        ('m.csv', 'joint,x [mm],y,links\nA,1e999,0,a b\n', 'needs a name, links and a place'),
+        ('m.csv', 'joint,x [mm],y,links\nA,1e999,0,a b\n', "in column 'x', got '1e999'"),
         ('m.json', '{"joints": [', 'is not what its ending says'),
         ('m.json', '[' * 100000, 'is not what its ending says'),
         ('m.json', '{"joints": [{"name": "A"}]}', "KeyError: 'links'"),
@@ -82,6 +87,47 @@ def test_files_that_are_too_large_or_no_files_are_refused(tmp_path):
     (tmp_path / 'bytes.csv').write_bytes(b'\xff\xfe\x00')
     with pytest.raises(InputError, match='not text in UTF-8'):
         import_machine(tmp_path / 'bytes.csv')
+
+
+@pytest.mark.parametrize('ending', ['urdf', 'sdf', 'xml', 'dxf', 'csv', 'json', 'svg'])
+def test_damaged_files_are_read_or_refused_in_one_sentence(tmp_path, ending):
+    """Bytes changed, lost and repeated at random; nothing but a refusal comes of it."""
+    original, rng, said = intact(tmp_path, ending), np.random.default_rng(45), []
+    for _ in range(25):
+        data = bytearray(original)
+        for k in rng.integers(0, len(data) - 20, 3).tolist():
+            change = rng.integers(0, 3)
+            if change == 0:
+                data[k] = int(rng.integers(32, 127))
+            elif change == 1:
+                del data[k : k + 7]
+            else:
+                data[k:k] = data[k : k + 9]
+        file = tmp_path / f'damaged.{ending}'
+        file.write_bytes(bytes(data))
+        try:
+            import_machine(file, thickness='5 mm' if ending in {'dxf', 'svg'} else None)
+        except InputError as error:
+            said.append(str(error))
+    assert said
+    assert not any('\n' in sentence for sentence in said)
+
+
+def intact(folder, ending):
+    """A good file of a format."""
+    if ending in {'csv', 'json', 'svg'}:
+        name = {'csv': 'joints_six_bar.csv', 'json': 'import/pylinkage_fourbar.json'}.get(ending)
+        return (INPUTS / name).read_bytes() if name else SVG
+    file = folder / f'intact.{ending}'
+    done = run('export', 'four_bar_nominal', '-o', str(file))
+    assert done.returncode == 0, done.stderr
+    return file.read_bytes()
+
+
+SVG = b"""<svg xmlns="http://www.w3.org/2000/svg" width="30cm" viewBox="0 0 300 200">
+<g id="ground"><circle cx="50" cy="150" r="5"/></g><g id="arm"><circle cx="50" cy="150" r="4"/>
+<path d="M60 150V100a10 10 0 0 0-20 0v50A10 10 0 0 0 60 150Z" transform="translate(0,1)"/></g>
+<g id="dot"><polygon points="0,0 10,0 10,10"/><rect x="1" y="1" width="2" height="3"/></g></svg>"""
 
 
 def test_bodies_within_bodies_have_an_end(tmp_path):
