@@ -1,12 +1,15 @@
 """Simulator of real (loose, rattling, vibrating) planar machines.
 
-``scene = load_scene('four_bar_clearance')``; ``solution = simulate(scene, revolutions=10)``.
+``solution = simulate('four_bar_clearance', revolutions=10)``: a scene by name, path, YAML text,
+dictionary, `Scene` or machine.
 """
 
 from __future__ import annotations
 
 # Where ROS 2 built this package, its generated messages live in another folder of that name.
+from importlib import import_module as _import_module
 from pkgutil import extend_path as _extend_path
+from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
 __path__ = _extend_path(__path__, __name__)
@@ -14,19 +17,58 @@ __path__ = _extend_path(__path__, __name__)
 from mechanism_sim.hybrid import plotting as _plotting
 from mechanism_sim.numerics.lazy_sympy import postpone_sympy as _postpone_sympy
 
+if _TYPE_CHECKING:  # for completion in editors
+    from mechanism_sim.analysis.open_run import open_run
+    from mechanism_sim.catalogue import scene_names
+    from mechanism_sim.pages.notebook import explore, play
+    from mechanism_sim.pages.writing import report
+    from mechanism_sim.report.shown import animate, draw
+    from mechanism_sim.report.typeset import equations
+    from mechanism_sim.results.cycle import cycle
+    from mechanism_sim.results.measures import measure
+    from mechanism_sim.results.simulate import simulate, stream
+    from mechanism_sim.scene.load import load_scene
+    from mechanism_sim.scene.schema import DrivePart, JointPart, LinkPart, Scene, SensorPart
+    from mechanism_sim.studies.find import find
+    from mechanism_sim.studies.sweep import sweep
+
+_ROOMS = {
+    'analysis.open_run': ('open_run',),
+    'catalogue': ('scene_names',),
+    'pages.notebook': ('explore', 'play'),
+    'report.shown': ('animate', 'draw'),
+    'report.typeset': ('equations',),
+    'results.cycle': ('cycle',),
+    'results.measures': ('measure',),
+    'results.simulate': ('simulate', 'stream'),
+    'scene.load': ('load_scene',),
+    'scene.schema': ('DrivePart', 'JointPart', 'LinkPart', 'Scene', 'SensorPart'),
+    'studies.find': ('find',),
+    'studies.sweep': ('sweep',),
+}
+_HOMES = {name: module for module, names in _ROOMS.items() for name in names}
+
 __all__ = [
+    'DrivePart',
+    'JointPart',
+    'LinkPart',
+    'Scene',
+    'SensorPart',
     'animate',
     'cycle',
     'draw',
     'equations',
     'explore',
+    'find',
     'load_scene',
     'measure',
     'open_run',
     'play',
+    'report',
     'scene_names',
     'simulate',
     'stream',
+    'sweep',
 ]
 
 
@@ -42,49 +84,27 @@ def _html() -> _Any:
     return html
 
 
+def _report() -> _Any:
+    from mechanism_sim.pages.writing import report  # noqa: PLC0415
+
+    return report
+
+
 def __dir__() -> list[str]:
     """The public names, and nothing else."""
     return sorted([*__all__, '__version__'])
 
 
-_plotting.register_plot(_plot, _html)
+_plotting.register(plot=_plot, html=_html, report=_report)
 _postpone_sympy()
 
 
 def __getattr__(name: str) -> _Any:
     """The public functions, imported when first used: most commands need few of the rooms."""
-    if name == 'cycle':
-        from mechanism_sim.results.cycle import cycle  # noqa: PLC0415
-
-        return cycle
-    if name == 'equations':
-        from mechanism_sim.report.typeset import equations  # noqa: PLC0415
-
-        return equations
-    if name == 'measure':
-        from mechanism_sim.results.measures import measure  # noqa: PLC0415
-
-        return measure
-    if name == 'open_run':
-        from mechanism_sim.analysis.open_run import open_run  # noqa: PLC0415
-
-        return open_run
-    if name in ('explore', 'play'):
-        from mechanism_sim.pages import notebook  # noqa: PLC0415
-
-        return getattr(notebook, name)
-    if name in ('animate', 'draw'):
-        from mechanism_sim.report import shown  # noqa: PLC0415
-
-        return getattr(shown, name)
-    if name in ('simulate', 'stream'):
-        from mechanism_sim.results import simulate  # noqa: PLC0415
-
-        return getattr(simulate, name)
-    if name in __all__:
-        from mechanism_sim import scene  # noqa: PLC0415
-
-        return getattr(scene, name)
+    if name in _HOMES:
+        return getattr(_import_module(f'mechanism_sim.{_HOMES[name]}'), name)
+    if name == 'report':  # a room, which is called as the function is
+        return _import_module('mechanism_sim.report')
     if name == '__version__':
         from mechanism_sim.catalogue import installed_version  # noqa: PLC0415
 

@@ -33,7 +33,12 @@ def installed_version() -> str:
 
 
 def scene_names() -> list[str]:
-    """Names of the scenes that come with the package."""
+    """Names of the scenes that come with the package.
+
+    >>> import mechanism_sim as ms
+    >>> ms.scene_names()[:2]
+    ['adjustable_stroke_drive', 'andrews_squeezer']
+    """
     return sorted(path.stem for path in config_folder().glob('*.yaml'))
 
 

@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from html import escape
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -55,6 +56,15 @@ class Table(dict[str, NDArray[Any]]):
         super().__init__(columns)
         self.units = dict(units or {})
 
+    @classmethod
+    def of(cls, columns: Sequence[Column]) -> Table:
+        """Columns as arrays: of numbers, NaN where there is none, or of texts."""
+        found = {}
+        for c in columns:
+            texts = any(isinstance(value, str) for value in c.values)
+            found[c.name] = np.array(c.values, dtype=object if texts else float)
+        return cls(found, {c.name: c.unit for c in columns})
+
     def __repr__(self) -> str:
         rows = len(next(iter(self.values()), ()))
         names = ', '.join(self._headings()[:_SHOWN_COLUMNS])
@@ -81,6 +91,10 @@ class Table(dict[str, NDArray[Any]]):
         more = len(self) - len(names)
         note = f', {more} of them not shown' if more else ''
         return f'<table>{"".join(lines)}</table><p>{rows} rows, {len(self)} columns{note}</p>'
+
+    def to_frame(self) -> Any:
+        """A data frame of pandas, or of polars where only that is installed."""
+        return self.to_polars() if find_spec('pandas') is None else self.to_pandas()
 
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame`; its ``attrs['units']`` are the units."""

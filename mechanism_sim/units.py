@@ -12,7 +12,7 @@ from collections import Counter
 from contextlib import suppress
 from decimal import Decimal
 from functools import cache, lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, overload
 
 from mechanism_sim.errors import InputError, quoted
 
@@ -21,6 +21,8 @@ _NUMBER = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)\s*'
 _UNIT = re.compile(r'[\w^*/·().° -]+')
 _NO_UNIT = re.compile(r'\d{3}|(\^|\*\*)\s*-?\d+\s*(\^|\*\*)|\)\s*(\^|\*\*)')
 """Powers that grow: of three digits, of powers, of products."""
+
+_PLAIN_TYPES = {str, int, float, bool, dict, list, type(None)}
 
 _LONGEST = 60
 """Characters of a quantity."""
@@ -158,14 +160,17 @@ def plain(value: Any) -> Any:
     Quantities are known by what they can do, so that pint need not be there. As text they go the
     way of all others: frequencies are no rotations, and decimal numbers stay exact.
     """
-    if isinstance(value, str | int | float | dict | None):
-        return value.item() if hasattr(value, 'item') else value  # np.float64 is a float
+    if type(value) in _PLAIN_TYPES:
+        return value
     if hasattr(value, 'dimensionality') and hasattr(value, 'to_base_units'):
-        unit, numbers = f'{value.units:~C}', plain(value.magnitude)
-        if isinstance(numbers, list):
-            return [f'{float(x)!r} {unit}'.strip() for x in numbers]
-        return f'{float(numbers)!r} {unit}'.strip()
+        return _with_unit(plain(value.magnitude), f'{value.units:~C}')
     return value.tolist() if hasattr(value, 'tolist') else value
+
+
+def _with_unit(numbers: Any, unit: str) -> Any:
+    if isinstance(numbers, list):
+        return [_with_unit(x, unit) for x in numbers]
+    return f'{float(numbers)!r} {unit}'.strip()
 
 
 @lru_cache
@@ -214,7 +219,7 @@ def to_si_text(value: object) -> QuantityValue:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return QuantityValue(float(value), '')
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
-    if not match:
+    if not isinstance(value, str) or not match:
         raise ValueError("is not a number with a unit: write for example '64 mm'")
     _refuse_comma(value, "write for example '64 mm'")
     unit = _respelled(match[2].strip())
@@ -357,7 +362,48 @@ def to_si(value: object, unit: str) -> float:
     return number
 
 
-def argument(name: str, value: Any, unit: str) -> Any:
+_PER_LENGTH = re.compile(r'(.+?)/\s*(\w+?)\s*(?:(?:\^|\*\*)\s*\(?(3/2|\d*\.?\d+)\)?)?')
+
+
+def to_stiffness(value: object, exponent: float) -> float:
+    """A stiffness of contact in N/m^exponent, as ``2 GN/m^1.5`` or ``60 kN/mm^1.5``.
+
+    Raises
+    ------
+    ValueError
+        One clause that says what is wrong and what would do.
+    """
+    hint = f"write for example '2e9 N/m^{exponent:g}'"
+    value = plain(value)
+    match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
+    if not isinstance(value, str) or not match or not match[2].strip():
+        return to_si(value, '')
+    _refuse_comma(value, hint)
+    unit = match[2].strip()
+    parts = _PER_LENGTH.fullmatch(_respelled(unit))
+    wrong = f"has the unit '{unit}', which is not a force by a length: {hint}"
+    if not parts:
+        raise ValueError(wrong)
+    power = 1.5 if parts[3] == '3/2' else float(parts[3] or 1.0)
+    if power != exponent:
+        raise ValueError(
+            f"has the unit '{unit}', but the exponent is {exponent:g}: {hint}, or give 'exponent'"
+        )
+    try:
+        force, length = to_si(f'1 {parts[1]}', 'N'), to_si(f'1 {parts[2]}', 'm')
+    except ValueError as error:
+        raise ValueError(wrong) from error
+    scale = Decimal(repr(force)) / Decimal(repr(length)) ** Decimal(repr(power))
+    return float(Decimal(match[1]) * scale)
+
+
+@overload
+def argument(name: str, value: None, unit: str) -> None: ...
+
+
+@overload
+def argument(name: str, value: float | str, unit: str) -> float: ...
+def argument(name: str, value: float | str | None, unit: str) -> float | None:
     """An argument of a function in SI units; None stays None."""
     if value is None:
         return None

@@ -57,7 +57,7 @@ COMMANDS = {
         ('response', FREE, '--base', 'base', '--frequencies', '1 Hz:3 Hz:3'),
         ('response', 'unbalanced_machine', '--harmonics', '3'),
     ],
-    'periodic': [('periodic', LOOSE, '--transient', '3', '--longest', '1')],
+    'find --periodic': [('find', LOOSE, '--periodic', '--transient', '3', '--longest', '1')],
     'statistics': [('statistics', LOOSE, '--revolutions', '24', '--skip', '2')],
     'find --lift-off': [('find', 'eccentric_cam', '--lift-off')],
     'find': [
@@ -75,7 +75,7 @@ COMMANDS = {
     'analyze': [('analyze', f'{{folder}}/{s}.mcap') for s in (IDEAL, LOOSE, FREE)],
 }  # fmt: skip
 
-CHAOTIC = ('statistics', 'periodic', 'thesis')
+CHAOTIC = ('statistics', 'find --periodic', 'thesis')
 """Commands that run through many impacts: their figures are those of one processor."""
 
 _BY_THE_CLOCK = ('wall_time', 'cpu_time', 'compile_time', 'realtime', 'size', 'path', 'file')
@@ -228,7 +228,12 @@ def differences(name: str, old: Any, new: Any, same_bits: bool) -> list[str]:
 
 def compare(part: str, name: str, old: Any, new: Any, same_bits: bool) -> list[str]:
     """As `differences`; of what impacts made other on another processor, keys only."""
-    chaotic = name.partition(' ')[0] in CHAOTIC if part == 'commands' else old.get('impacts', 0)
+    words = {*name.split()}
+    chaotic = (
+        any({*x.split()} <= words for x in CHAOTIC)
+        if part == 'commands'
+        else (old.get('impacts', 0))
+    )
     if same_bits or not chaotic:
         return differences(name, old, new, same_bits)
     keys = ('leaves',) if part == 'commands' else ()

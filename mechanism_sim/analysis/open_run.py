@@ -91,7 +91,13 @@ def _joint(name: str) -> str:
 def open_run(
     source: Bag | Path | str | Piece | Cycle, namespace: str | None = None
 ) -> Record | MessageRun:
-    """A run whose quantities can be asked for, as ``open_run('run.mcap').columns(names, t)``.
+    """A run whose quantities can be asked for: ``open_run('run.mcap').columns(names, t)``.
+
+    >>> import numpy as np
+    >>> import mechanism_sim as ms
+    >>> run = ms.open_run(ms.simulate('slider_crank', duration='0.1 s'))
+    >>> run.columns(['position.piston'], np.array([0.0, 0.1])).units['position.piston']
+    'm'
 
     Parameters
     ----------

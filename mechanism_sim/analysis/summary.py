@@ -61,9 +61,9 @@ class Summary:
     fields: tuple[FieldRange, ...] = ()  #: of a bag of another program
 
     def to_json(self) -> dict[str, Any]:
-        """The summary as dictionaries, lists, texts and numbers."""
+        """The summary as dictionaries, lists, texts and numbers; fields of other programs only."""
         result: dict[str, Any] = plain(self)
-        return result
+        return result if self.fields else {k: v for k, v in result.items() if k != 'fields'}
 
 
 def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:

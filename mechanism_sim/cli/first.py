@@ -1,11 +1,13 @@
-"""The first minutes: a scene of one's own, and a shell that completes names."""
+"""The first minutes: a scene of one's own, from another program too, and completion of names."""
 
 from __future__ import annotations
 
 import argparse
 import shlex
+import sys
 
-from mechanism_sim.cli.options import Command, print_json, set_option
+from mechanism_sim import output
+from mechanism_sim.cli.options import Command, option, print_json, set_option
 
 SHELLS = 'bash', 'zsh', 'tcsh', 'fish', 'powershell'
 
@@ -19,6 +21,38 @@ def add(command: Command) -> None:
         help='the scene to begin with: four_bar, linkage, one of the package, or a YAML file',
     )  # fmt: skip
     set_option(sub)
+    sub = command('import', _import, 'a scene from the file of another program')
+    sub.add_argument(
+        'file', metavar='FILE',
+        help='joint coordinates as .csv, a .json of pylinkage, .urdf, .sdf, .xml of MuJoCo, '
+        'outlines as .dxf or .svg, an address of PMKS+ in quotes',
+    )  # fmt: skip
+    option(sub, '-o --output', 'SCENE', 'the .yaml file; standard output if not given')
+    option(sub, '--unit', 'U', 'of lengths, if the file does not say it, as mm')
+    option(sub, '--thickness', 'T', 'of links by their outlines, for their masses, as 5 mm')
+    option(
+        sub, '--density', 'RHO', 'of links by their outlines; steel if not given', '7850 kg/m^3'
+    )
+    set_option(sub)
+
+
+def _import(options: argparse.Namespace) -> int:
+    from mechanism_sim.imports import import_machine  # noqa: PLC0415
+
+    file = options.output and output.check_path('--output', options.output, '.yaml', '.yml')
+    found = import_machine(
+        options.file, options.unit, options.overrides, options.thickness, options.density
+    )
+    for sentence in found.notes:
+        print(f'mechanism-sim: {sentence}', file=sys.stderr)
+    if file:
+        output.write_text(file, found.text)
+    if options.json:
+        where = {'file': options.output} if file else {'text': found.text}
+        print_json({'from': options.file, 'notes': list(found.notes), **where})
+    else:
+        print(file or found.text.rstrip())
+    return 0
 
 
 def _new(options: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ from mechanism_sim.nodes.arguments import Parser
 from mechanism_sim.recording.runs import BAG_ENDINGS
 
 GROUPS = {
-    'A machine': ('new', 'edit', 'scenes', 'check', 'quantities'),
+    'A machine': ('new', 'import', 'edit', 'scenes', 'check', 'quantities'),
     'Run it': ('solve', 'run'),
     'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view'),
     'How it vibrates': ('modes', 'response'),
@@ -19,7 +19,6 @@ GROUPS = {
         'sweep',
         'find',
         'statistics',
-        'periodic',
         'thesis',
     ),
     'For other programs': ('export',),
@@ -42,6 +41,7 @@ RENAMED: dict[str, str] = {
     'identify': 'mechanism-sim analyze --fit',
     'layout': 'mechanism-sim export --format foxglove|rviz',
     'lift-off': 'mechanism-sim find --lift-off',
+    'periodic': 'mechanism-sim find --periodic',
     'profile': 'mechanism-sim draw --profile',
     'recover': 'mechanism-sim bag recover',
     'sound': 'mechanism-sim animate -o FILE.wav',

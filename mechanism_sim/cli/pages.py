@@ -64,7 +64,8 @@ def add(command: Command) -> None:
     sub = command('edit', _edit, 'draw and change a machine by touch, in a browser')
     sub.add_argument(
         'scene', metavar='SCENE', nargs='?',
-        help='a scene of the package, of which a copy is edited, or a file; without: a new one',
+        help='a scene of the package, of which a copy is edited, a file, also one that `import` '
+        'reads; without: a new one',
     )  # fmt: skip
     tables_option(sub)
     option(sub, '--port', 'N', 'of the page on this machine, 8080 if not given; 0: any', int)
@@ -74,32 +75,18 @@ def add(command: Command) -> None:
 def _report(options: argparse.Namespace) -> int:
     if options.other or options.others:
         return _compare(options)
-    from mechanism_sim.pages import report  # noqa: PLC0415
-    from mechanism_sim.pages.charts import sections  # noqa: PLC0415
-    from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
-    from mechanism_sim.report import measured, progress  # noqa: PLC0415
-    from mechanism_sim.report.charts.chart import ChartSection  # noqa: PLC0415
-    from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
+    from mechanism_sim.pages.writing import write_page  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
 
     file = output.check_path(
         '--output', options.output or f'{Path(options.scene).stem}.html', '.html', '.htm'
     )
     record, start, end = run_of(options)
     source = Path(options.scene).name if is_bag(options.scene) else ''
-    digest = record.digest()
-    record = record.between(start, end)
+    digest, record = record.digest(), record.between(start, end)
+    measures = read_measures(options, record.machine)
     with progress.bar('report', record.end, quiet=options.json) as show:
-        shown = recorded(record, show)
-    with progress.busy('drawing charts', quiet=options.json):
-        parts = sections(record)
-        measures = read_measures(options, record.machine)
-        if measures:
-            taken = Measurement(record.machine, measures, record.start, record.end)
-            taken.add(record.piece)
-            rows = tuple((row.label, row.text) for row in measured.rows(taken.found()))
-            parts = [ChartSection('measures', 'Measures', '', (), rows), *parts]
-    text = report.page(shown, parts, source, digest)
-    output.write_text(file, text)
+        size = write_page(record, file, source, digest, measures, show)
     if options.json:
         print_json(
             {
@@ -107,7 +94,7 @@ def _report(options: argparse.Namespace) -> int:
                 'file': str(file),
                 'start': record.start,
                 'end': record.end,
-                'size': len(text.encode()),
+                'size': size,
             }
         )
     else:
@@ -119,11 +106,8 @@ def _compare(options: argparse.Namespace) -> int:
     """The page of two runs; for people the table of their differences too."""
     refuse_options(options, ['measure'], 'does not apply to a comparison of two runs')
     from mechanism_sim.analysis import comparison  # noqa: PLC0415
-    from mechanism_sim.pages import report  # noqa: PLC0415
-    from mechanism_sim.pages.charts import sections  # noqa: PLC0415
-    from mechanism_sim.pages.recorded import recorded, together  # noqa: PLC0415
+    from mechanism_sim.pages.writing import write_comparison  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.report.charts.overlay import overlaid  # noqa: PLC0415
 
     sources = options.scene, options.other or options.scene
     stems = [Path(source).stem for source in sources]
@@ -139,16 +123,11 @@ def _compare(options: argparse.Namespace) -> int:
             asked.overrides, asked.rtol, asked.atol = more, None, None
         record, start, end = run_of(asked)
         records.append(record.between(start, end))
-    one, two = records
-    found = comparison.compare(one, two)
-    with progress.busy('drawing charts', quiet=options.json):
-        runs = together(recorded(one), recorded(two))
-        parts = overlaid(sections(one), sections(two))
-    names = tuple(Path(source).name for source in sources)
+    names = Path(sources[0]).name, Path(sources[1]).name
     if options.others and not options.other:
         names = names[0], f'{names[1]} with {", ".join(options.others)}'
-    text = report.page(runs[0], parts, beside=report.ComparedRun(runs[1], names, found))
-    output.write_text(file, text)
+    with progress.busy('drawing charts', quiet=options.json):
+        found = write_comparison((records[0], records[1]), names, file)
     if options.json:
         print_json({'file': str(file), 'runs': names, 'differences': comparison.to_json(found)})
     else:

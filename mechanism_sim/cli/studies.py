@@ -33,10 +33,6 @@ from mechanism_sim.errors import InputError
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('periodic', _periodic, 'find the periodic response of a machine')
-    scene_options(sub)
-    option(sub, '--longest', 'P', 'longest period to look for, in revolutions', 8)
-    option(sub, '--transient', 'N', 'revolutions to wait until it has settled', 60)
     sub = command('statistics', _statistics, 'figures per revolution, with confidence intervals')
     scene_options(sub)
     length_options(sub, '200 if not given')
@@ -57,6 +53,9 @@ def add(command: Command) -> None:
     option(sub, '-o --output', 'FILE', 'draw the curve')
     workers_options(sub, '1')
     flag(sub, '--lift-off', 'instead: from which speed on followers leave their cams')
+    flag(sub, '--periodic', 'instead: the periodic response of the machine, and its stability')
+    option(sub, '--longest', 'P', 'with --periodic: longest period, in revolutions', 8)
+    option(sub, '--transient', 'N', 'with --periodic: revolutions until it has settled', 60)
     _teeth_options(sub)
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
@@ -125,21 +124,26 @@ _SEARCH = (
     'vary', 'so-that', 'minimise', 'values', 'duration', 'revolutions', 'output', 'workers',
     'dask',
 )  # fmt: skip
+_PERIODIC = 'periodic', 'longest', 'transient'
 _SCENE = 'set', 'tables-from', 'rtol', 'atol'
 _TEETH = 'stages', 'tolerance', 'teeth-range', 'centre-distance', 'modules'
 
 
 def _find(options: argparse.Namespace) -> int:
-    """Search for a value of a key, for a speed of lift-off, or for numbers of teeth."""
+    """Search for a value of a key, a speed of lift-off, a periodic response, or teeth."""
     if options.teeth is not None:
         own = 'is for a scene, and --teeth goes without one'
-        refuse_options(options, ['lift-off', *_SEARCH, *_SCENE], own)
+        refuse_options(options, ['lift-off', *_PERIODIC, *_SEARCH, *_SCENE], own)
         if options.scene is not None:
             raise InputError(f"find --teeth goes without a scene; '{options.scene}' was given")
         return _teeth(options)
     refuse_options(options, _TEETH, 'goes with --teeth')
     if options.scene is None:
         raise InputError('find: SCENE is missing; see --help')
+    if options.periodic:
+        refuse_options(options, ['lift-off', *_SEARCH], 'does not apply to --periodic')
+        return _periodic(options)
+    refuse_options(options, _PERIODIC, 'goes with --periodic')
     if options.lift_off:
         refuse_options(options, _SEARCH, 'does not apply to --lift-off')
         return _lift_off(options)
@@ -216,7 +220,7 @@ def _sweep(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
     from mechanism_sim.studies.plan import read_plan  # noqa: PLC0415
-    from mechanism_sim.studies.sweep import SweepInterrupted, sweep  # noqa: PLC0415
+    from mechanism_sim.studies.sweep import SweepInterrupted, run_plan  # noqa: PLC0415
     from mechanism_sim.tables import default_ending  # noqa: PLC0415
 
     if options.effects:
@@ -227,7 +231,7 @@ def _sweep(options: argparse.Namespace) -> int:
     asked = report.chart_of(plan, options.plot, options.over)
     try:
         with progress.count('sweep', plan.size, quiet=options.json) as show:
-            summary, rows = sweep(
+            summary, rows = run_plan(
                 plan, table, options.workers, options.dask, options.bags, options.windows,
                 options.restart, show,
             )  # fmt: skip

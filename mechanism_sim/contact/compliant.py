@@ -181,6 +181,19 @@ class Material(NamedTuple):
     poisson: float  #: nu
 
 
+def hertz_stiffness(radius: float, first: Material, second: Material) -> float:
+    """``K = 4/3 E sqrt(R)`` of two balls, ``1/E = sum of (1 - nu^2)/E_i`` [N/m^1.5].
+
+    Hertz (Johnson eq. 4.23). Flaw: it is of a patch that is small against both radii.
+
+    Parameters
+    ----------
+    radius : R, ``1/R = 1/R1 + 1/R2``, a hollow one negative [m]
+    """
+    compliance = sum((1.0 - m.poisson**2) / m.young for m in (first, second))
+    return 4.0 / 3.0 / compliance * sqrt(radius)
+
+
 def socket_stiffness(
     pin_radius: float, clearance: float, pin: Material, bushing: Material
 ) -> float:
@@ -200,9 +213,7 @@ def socket_stiffness(
     pin_radius : Rp [m]
     clearance : c = Rb - Rp > 0, radial [m]
     """
-    compliance = sum((1.0 - m.poisson**2) / m.young for m in (pin, bushing))
-    radius = pin_radius * (pin_radius + clearance) / clearance
-    return 4.0 / 3.0 / compliance * sqrt(radius)
+    return hertz_stiffness(pin_radius * (pin_radius + clearance) / clearance, pin, bushing)
 
 
 def _work(damping: float, u: float) -> float:

@@ -207,7 +207,7 @@ def _shown(machine: Any, solution: Any) -> dict[str, Any]:
     for c, peak in peaks.torques.items():
         unit = 'N' if c in straight else 'N m'
         figures.append(('drive', c, _finite(peak.value), unit, peak.time))
-    if machine.plan.clearances:
+    if machine.has_contacts:
         hardest = max(solution.impacts, key=lambda i: i.normal_impulse, default=None)
         figures.append(('impacts', '', len(solution.impacts), '', None))
         if hardest:

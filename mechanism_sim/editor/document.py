@@ -13,6 +13,7 @@ from mechanism_sim.catalogue import config_folder
 from mechanism_sim.editor.scene_text import renamed, with_value, without
 from mechanism_sim.editor.sketch import GONE, Edit
 from mechanism_sim.errors import InputError
+from mechanism_sim.imports import import_machine, is_importable
 from mechanism_sim.scene.files import check_scene, find_scene
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.table_keys import with_files
@@ -47,7 +48,12 @@ class Document:
 
     @classmethod
     def open(cls, scene: str) -> Document:
-        """A scene of the package by name, of which a copy is edited, or a file."""
+        """A scene of the package by name, of which a copy is edited, or a file of any program."""
+        if is_importable(scene):
+            found = import_machine(scene)
+            made = cls(found.text, Path(f'{found.name}.yaml'), found.name)
+            made._saved = ''
+            return made
         path = find_scene(scene)
         documents.read(path, 'scene')  # of bounded size, in UTF-8, one document
         text = path.read_bytes().decode()

@@ -168,6 +168,8 @@ class Ideal:
                 yield f'{joint.name}: its teeth are rigid and true here'
             if joint.name in plan.clearances:
                 yield f'{joint.name}: it has no clearance here'
+            if joint.name in plan.touching:
+                yield f'{joint.name}: its stops are left out'
         for friction in plan.frictions(plan.ideal):
             yield f'{friction.name}: its friction is left out'
         for name in self.mechanism.cut:

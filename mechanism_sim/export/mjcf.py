@@ -17,7 +17,7 @@ from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.linkages.springs import Elongation, GuidedSpring, Spring, TorsionSpring
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import Coupling, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Coupling, Prismatic, Revolute, Weld
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.machine import Machine
 
@@ -138,6 +138,8 @@ class _MjcfWriter:
     def _joint(self, body: Element, link: str) -> None:
         """By which a link is carried."""
         j, parent = self._m.tree_joints[link], self._m.parent(link)
+        if isinstance(j, Weld):
+            return
         ahead = j.first == link
         at = j.on_first if ahead else j.on_second
         axis = (0.0, 0.0, 1.0)
@@ -234,7 +236,7 @@ class _MjcfWriter:
         fixed = 0.0
         while link != GROUND and link not in self._m.floating:
             parent = self._m.parent(link)
-            if isinstance(self._m.tree_joints[link], Prismatic):
+            if isinstance(self._m.tree_joints[link], Prismatic | Weld):
                 fixed += self._ideal.turned(link, parent)[0]
             link = parent
         return fixed
@@ -308,8 +310,9 @@ class _MjcfWriter:
 
 def _is_linear(element: object) -> TypeGuard[Elongation]:
     """True of springs and dampers by numbers, between points or links."""
-    plain = isinstance(element, Spring | TorsionSpring) and not isinstance(element, GuidedSpring)
-    return plain and element.law.numbers is not None
+    if not isinstance(element, Spring | TorsionSpring) or isinstance(element, GuidedSpring):
+        return False
+    return element.law.numbers is not None
 
 
 def _constant(load: AppliedForce) -> tuple[float, float, float] | None:

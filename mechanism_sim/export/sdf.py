@@ -12,7 +12,7 @@ from mechanism_sim.export.ideal import WORLD, Ideal, check_names, time_step, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.planar.bodies import Body
-from mechanism_sim.planar.mechanism import Coupling, Joint, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Coupling, Joint, Prismatic, Weld
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene.machine import Machine
 
@@ -92,11 +92,13 @@ def _link(model: Element, ideal: Ideal, body: Body, drawn: list[Solid], colour: 
 
 
 def _lower_pair(model: Element, joint: Joint, child: str) -> None:
-    """A revolute or a prismatic joint, seen from the link that it carries."""
-    assert isinstance(joint, Revolute | Prismatic)  # noqa: S101 - trees have no others
+    """A joint of the tree, seen from the link that it carries."""
     ahead = joint.first == child
     parent, at = (joint.second, joint.on_first) if ahead else (joint.first, joint.on_second)
     kind = 'prismatic' if isinstance(joint, Prismatic) else 'revolute'
+    if isinstance(joint, Weld):
+        _joint(model, joint.name, 'fixed', parent, child, pose=_pose(at))
+        return
     written_joint = _joint(model, joint.name, kind, parent, child, pose=_pose(at))
     along = (*way(joint, child), 0.0) if isinstance(joint, Prismatic) else (0.0, 0.0, 1.0)
     _leaves(SubElement(written_joint, 'axis'), xyz=text(*along))

@@ -13,12 +13,12 @@ import math
 from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import WORLD, check_names, way
+from mechanism_sim.export.ideal import WORLD, check_names, frame_of, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.planar.bodies import Body
-from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
-from mechanism_sim.planar.points import GROUND, Vector2
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute, Weld
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.machine import Machine
 
@@ -53,6 +53,8 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
             tree.float_free(body)
         else:
             tree.carry(body.name)
+    _loops(robot, mechanism, prefix)
+    _start(robot, machine)
     return written(robot)
 
 
@@ -121,6 +123,45 @@ def closing(machine: Machine) -> list[str]:
     return found
 
 
+def _loops(robot: Element, mechanism: Mechanism, prefix: str) -> None:
+    """The joints that close loops, as URDF+ has them (M. Chignoli et al., arXiv 2411.19753).
+
+    Readers that know no loops pass over them.
+    """
+    tree = mechanism.tree_joints.values()
+    sides = 'predecessor', 'successor'
+    for joint in (j for j in mechanism.joints if j not in tree):
+        kind, axis = 'continuous', (0.0, 0.0, 1.0)
+        if isinstance(joint, Prismatic):
+            kind, axis = 'prismatic', (*way(joint, joint.second), 0.0)
+        elif isinstance(joint, HigherPair) and joint.line:
+            kind, axis = 'slot', (*rotate((1.0, 0.0), joint.line.axis), 0.0)
+        elif isinstance(joint, HigherPair):
+            if (gears := joint.coupling) and not any(gears.racks):
+                coupling, (one, other) = (
+                    SubElement(robot, 'coupling', name=joint.name),
+                    gears.factors,
+                )
+                for side, link in zip(
+                    (*sides, 'reference'), (joint.first, joint.second, gears.carrier), strict=True
+                ):
+                    SubElement(coupling, side, link=frame_of(link, prefix))
+                SubElement(coupling, 'ratio', value=text(-one / other))
+            continue
+        loop = SubElement(robot, 'loop', name=joint.name, type=kind)
+        for side, (link, at) in zip(sides, joint.points, strict=True):
+            _origin(SubElement(loop, side, link=frame_of(link, prefix)), (*at, 0.0), 0.0)
+        SubElement(loop, 'axis', xyz=text(*axis))
+
+
+def _start(robot: Element, machine: Machine) -> None:
+    """The coordinates at the start, which only readers of states look at."""
+    state = SubElement(robot, 'state', model=machine.name)
+    state.set('time_from_start', '0')
+    for name, value in zip(machine.plan.ideal.coordinates, machine.assembly.q, strict=True):
+        SubElement(state, 'joint_state', joint=name, position=text(float(value)))
+
+
 class _Tree:
     """Writes the joints that carry links."""
 
@@ -137,6 +178,10 @@ class _Tree:
         if isinstance(j, Prismatic):
             turn, child = -j.angle if ahead else j.angle, self._before(link, here)
             self._joint(link, 'prismatic', parent, child, there, turn, way(j, link))
+            return
+        if isinstance(j, Weld):
+            turn = -j.angle if ahead else j.angle
+            self._joint(f'{link}.weld', 'fixed', parent, self._before(link, here), there, turn)
             return
         if link in m.having(Rotor):
             self._shifted(link, parent, there)

@@ -14,16 +14,24 @@ Plot = Callable[..., Any]
 _finders: dict[str, Callable[[], Plot]] = {}
 
 
-def register_plot(find: Callable[[], Plot], find_html: Callable[[], Plot] | None = None) -> None:
-    """Make known what finds, when first needed, the functions that draw runs and show objects."""
-    _finders['plot'] = find
-    if find_html:
-        _finders['html'] = find_html
+def register(**finders: Callable[[], Plot]) -> None:
+    """Make known what finds, when first needed, what draws runs, shows objects, writes pages.
+
+    Parameters
+    ----------
+    finders : by ``plot``, ``html``, ``report``
+    """
+    _finders.update(finders)
 
 
 def plot(run: Any, *names: str, **how: Any) -> Any:
     """Draw a run; see `mechanism_sim.report.lines.plot`."""
     return _finders['plot']()(run, *names, **how)
+
+
+def report(*sources: Any, **how: Any) -> Any:
+    """Write the page of a run; see `mechanism_sim.pages.writing.report`."""
+    return _finders['report']()(*sources, **how)
 
 
 class Rich:

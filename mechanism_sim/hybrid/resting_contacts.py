@@ -111,9 +111,9 @@ def separate(state: ContactState, gaps: Sequence[int]) -> None:
     gaps that touch at rest are moved along, lest they are pushed out.
     """
     limits, present = state.limits, state.present
-    for i in (i for i in gaps if state.rated[i]):  # it has no place: a rounding of a rate instead
+    for i in (i for i in gaps if state.rated[i]):  # it has no place: roundings of its rate instead
         terms = state.terms()
-        faster = limits.bare / _CONTACTS.bare - float(terms.rate[i])
+        faster = limits.bare - float(terms.rate[i])
         push(terms, i, faster / float(terms.compliance[i, i]), 0.0, present.v)
     gaps = [i for i in gaps if not state.rated[i]]
     if not gaps:

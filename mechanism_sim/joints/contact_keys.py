@@ -8,7 +8,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
+from mechanism_sim.contact.compliant import (
+    Flores,
+    Hertz,
+    HuntCrossley,
+    LankaraniNikravesh,
+    Material,
+    hertz_stiffness,
+    socket_stiffness,
+)
 from mechanism_sim.keys.quantities import (
     POSITIVE,
     Angle,
@@ -25,6 +33,21 @@ from mechanism_sim.keys.quantities import (
 )
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.protocols import ForceLaw
+from mechanism_sim.units import to_si, to_stiffness
+
+
+class MaterialPart(Part):
+    """An isotropic elastic material."""
+
+    young: Annotated[float, si('Pa'), POSITIVE]
+    """Modulus of elasticity."""
+    poisson: Annotated[float, si(''), Field(gt=-1.0, le=0.5)] = 0.3
+    """Poisson's ratio."""
+
+    @property
+    def material(self) -> Material:
+        """For formulas."""
+        return Material(self.young, self.poisson)
 
 
 class Contact(Part):
@@ -32,8 +55,14 @@ class Contact(Part):
 
     law: Literal['hertz', 'hunt_crossley', 'lankarani_nikravesh', 'flores', 'film']
     """Hertz without loss, three laws with loss by impact, or an oil film."""
-    stiffness: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
-    """In N/m^exponent; required but for a film, whose walls are rigid without."""
+    stiffness: Annotated[float, si(''), Field(gt=0.0, allow_inf_nan=False)] | None = None
+    """With its unit, as 2e9 N/m^1.5, or in N/m^exponent; required, or `materials`, but for a film,
+    whose walls are rigid without."""
+    materials: Annotated[list[MaterialPart], Field(min_length=1, max_length=2)] | None = None
+    """Of both bodies, or one of both: the stiffness by Hertz, of a ball on a ball or in a socket.
+    """
+    radii: tuple[Position, Position] | None = None
+    """Of both bodies with `materials`, a hollow one negative; of a pin its `radius` will do."""
     exponent: Annotated[float, Field(ge=1.0, le=3.0)] = 1.5
     """Of the depth."""
     viscosity: Annotated[float, si('Pa s'), POSITIVE] | None = None
@@ -41,7 +70,7 @@ class Contact(Part):
     width: Length | None = None
     """Of the bearing along its axis; required for a film."""
     radius: Length | None = None
-    """Of the journal; required for a film."""
+    """Of the journal; required for a film, and of pins with `materials`; else `pin_radius`."""
     cavitation: Literal['guembel', 'none'] = 'guembel'
     """Of a film whose pressure falls below `cavitation_pressure`. It ruptures and carries nothing
     there (Guembel), or it pulls, if the supply's pressure keeps it whole."""
@@ -51,6 +80,54 @@ class Contact(Part):
     """At which a film ruptures, above that of the surroundings: negative if oil holds together."""
     roughness: Length | None = None
     """Thickness of a film at which its walls touch; without, they never do."""
+
+    @model_validator(mode='before')
+    @classmethod
+    def _stiffness_by_its_unit(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or not isinstance(text := data.get('stiffness'), str):
+            return data
+        try:
+            exponent = to_si(data.get('exponent') or 1.5, '')
+        except ValueError:
+            return data  # which is refused by itself
+        try:
+            return {**data, 'stiffness': to_stiffness(text, exponent)}
+        except ValueError as error:
+            raise ValueError(f"has stiffness = '{text}', which {error}") from error
+
+    @model_validator(mode='after')
+    def _one_stiffness(self) -> Contact:
+        if self.materials is None:
+            if self.radii:
+                raise ValueError("has 'radii' without 'materials'")
+            return self
+        if self.stiffness is not None:
+            raise ValueError("has 'stiffness' and 'materials': keep one")
+        if self.exponent != 1.5:
+            raise ValueError(
+                f'has exponent = {self.exponent:g}: with materials it is 1.5, after Hertz'
+            )
+        if self.radii and not (math.prod(self.radii) and self._relative_radius > 0.0):
+            a, b = self.radii
+            raise ValueError(
+                f'has radii {a:g} m and {b:g} m, between which no point touches: none may be 0, '
+                'and a hollow one, negative, must be larger than the other'
+            )
+        return self
+
+    @property
+    def _relative_radius(self) -> float:
+        """``1/R = 1/R1 + 1/R2`` [m]; infinite between planes, 0 where there is none."""
+        a, b = self.radii or (0.0, 0.0)
+        return a * b / (a + b) if a + b else 0.0
+
+    def hertzian(self, pin_radius: float, clearance: float) -> float:
+        """Stiffness by the materials [N/m^1.5], of a pin in its bushing without radii."""
+        assert self.materials  # noqa: S101 - who asks has them
+        pair = self.materials[0].material, self.materials[-1].material
+        if self.radii:
+            return hertz_stiffness(self._relative_radius, *pair)
+        return socket_stiffness(self.radius or pin_radius, clearance, *pair)
 
 
 class Friction(Part):
@@ -90,6 +167,26 @@ class Play(Part):
     contact: Contact | None = None
     """A law of force instead of a rigid contact, for all loose joints or for none; or oil."""
 
+    @model_validator(mode='after')
+    def _known_radii(self) -> Play:
+        c = self.contact
+        if c and c.materials and not c.radii:
+            if not (c.radius or self.pin_radius):
+                raise ValueError(
+                    "has contact.materials without 'contact.radii', or of a pin 'contact.radius'"
+                )
+            if not self.radial:
+                raise ValueError("has contact.materials and no radial: give 'contact.radii'")
+        return self
+
+    @property
+    def stiffness(self) -> float | None:
+        """Of its compliant contacts [N/m^exponent]: as it is given, or of its materials."""
+        contact = self.contact
+        if contact and contact.materials:
+            return contact.hertzian(self.pin_radius, self.radial)
+        return contact.stiffness if contact else None
+
     @property
     def film(self) -> bool:
         """True if oil fills it."""
@@ -102,21 +199,21 @@ class Play(Part):
             return 'rigid'
         if self.film and not self.contact.roughness:
             return ''
-        return 'soft' if self.contact.stiffness else 'rigid'
+        return 'soft' if self.stiffness else 'rigid'
 
     def law(self, share: float = 1.0) -> ForceLaw | None:
         """Of its compliant contacts, with a share of the stiffness; None if they are rigid."""
-        contact = self.contact
-        if contact is None or contact.stiffness is None:
+        contact, stiffness = self.contact, self.stiffness
+        if contact is None or stiffness is None:
             return None
         if contact.law in ('hertz', 'film'):
-            return Hertz(share * contact.stiffness, contact.exponent)
+            return Hertz(share * stiffness, contact.exponent)
         laws: dict[str, Callable[[float, float, float], ForceLaw]] = {
             'hunt_crossley': HuntCrossley,
             'lankarani_nikravesh': LankaraniNikravesh,
             'flores': Flores,
         }
-        return laws[contact.law](share * contact.stiffness, self.restitution, contact.exponent)
+        return laws[contact.law](share * stiffness, self.restitution, contact.exponent)
 
 
 def play_of(given: Any, radial: float) -> Play:

@@ -20,14 +20,17 @@ from mechanism_sim.joints.joint_keys import JointKeys
 from mechanism_sim.keys.quantities import Coefficient, Length, Part, Radius, si_of
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.planar.closures import slid
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.play import BOUNDS, MeasuredGap, bound_name, with_turning
+from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.planar.protocols import Bound, ForceLaw
 from mechanism_sim.planar.rails import along
+from mechanism_sim.planar.view import Draft
 from mechanism_sim.units import QuantityValue
 
 Limit = Annotated[QuantityValue, si_of('rad', 'm')]
@@ -105,6 +108,18 @@ class StopKeys(JointKeys):
             raise InputError(f'{where}.contact.law = film is for pins in bushings')
         return play_of(given, 0.0)
 
+    def describe(self, joint: Joint) -> str:
+        """The limits."""
+        turns, said = isinstance(joint, Revolute), []
+        for side in BOUNDS:
+            if limit := getattr(self.stops, side):
+                x = math.degrees(limit.value) if turns else limit.value
+                said.append(f'{side} stop at {x:.6g} {"deg" if turns else "m"}')
+        moving, still = joint.points[::-1]
+        if isinstance(joint, HigherPair):
+            moving, still = still, moving
+        return f'{", ".join(said)} of {moving[0]} against {still[0]}'
+
     def bounds(self, play: Play, joint: Joint, mechanism: Mechanism) -> list[Bound]:
         """The gaps of its stops."""
         given = self.stops
@@ -134,6 +149,16 @@ class StopKeys(JointKeys):
                     play.friction, play.pin_radius,
                 ))  # fmt: skip
         return found
+
+
+_WALL, _BLOCK, _PIN, _HIGH = (2.0, 6.0), 1.7, 0.75, 1.8
+"""Drawn stops, in symbols: from where to where along a link; off a block, off a pin; half high."""
+
+
+def beside(at: Vector2, way: float, along: float, across: float) -> Vector2:
+    """A point of a link so far from another along a direction [rad], and to its left [m]."""
+    x, y = rotate((along, across), way)
+    return at[0] + x, at[1] + y
 
 
 @dataclass(frozen=True)
@@ -189,18 +214,29 @@ class AngleStop(_Stop):
         one, two = (
             m.turning(frames, link, at, f'{self.joint}:{link}') for link, at in joint.points
         )
-        r = dense(frames.parameters(f'{self.name}.radius', self.sign * self.radius))
+        r = dense(frames.parameters(f'{self.name}.stop_radius', self.radius))
         if self.other is None or abs(self.other - self.limit) >= 2.0 * math.pi:
-            whole = add(frames.turns(second), neg(frames.turns(first)))
-            limit = frames.parameters(f'{self.name}.limit', b - a - self.limit)
-            return (two - one + lift(dense(add(limit, mul(2.0 * math.pi, whole))))) * r
+            turns = add(frames.turns(second), neg(frames.turns(first)))
+            offset = frames.parameters(f'{self.joint}.stop_offset', b - a)
+            angle = two - one + lift(dense(add(offset, mul(2.0 * math.pi, turns))))
+            limit = lift(dense(frames.parameters(f'{self.name}.stop_at', self.limit)))
+            return (angle - limit if self.sign > 0.0 else limit - angle) * r
         middle, half = 0.5 * (self.other + self.limit), 0.5 * abs(self.other - self.limit)
         rest = math.remainder(b - a - middle, 2.0 * math.pi)
-        off = two - one + lift(dense(frames.parameters(f'{self.joint}.middle', rest)))
+        off = two - one + lift(dense(frames.parameters(f'{self.joint}.stop_middle', rest)))
         u = dense(off.value)
         off = off.chain(hy.atan2(hy.sin(u), hy.cos(u)), hy.expression(1.0), None)
-        room = frames.parameters(f'{self.name}.half', self.sign * half)
-        return (off + lift(dense(room))) * r
+        room = lift(dense(frames.parameters(f'{self.joint}.stop_half', half)))
+        return (room + off if self.sign > 0.0 else room - off) * r
+
+    def draw(self, draft: Draft) -> None:
+        """A wall along the side of the second link, where its x axis stops."""
+        joint, ends = self.mechanism.joint(self.joint), _WALL[:: int(-self.sign)]
+        start, end = (
+            beside(joint.on_first, self.limit, x * draft.symbol, -self.sign * draft.symbol)
+            for x in ends
+        )
+        draft.wall(joint.first, start, end)
 
     def slip(self, _: Frames) -> Jet:
         """There is no friction here.
@@ -217,8 +253,8 @@ class AngleStop(_Stop):
 
     def wrench(self, frames: Frames, N: Term, _: Term) -> Wrench:
         """The moment on the second-named link."""
-        arm = frames.parameters(f'{self.name}.radius', self.sign * self.radius)
-        return Wrench(None, None, mul(arm, N))
+        moment = mul(frames.parameters(f'{self.name}.stop_radius', self.radius), N)
+        return Wrench(None, None, moment if self.sign > 0.0 else neg(moment))
 
 
 @dataclass(frozen=True)
@@ -233,6 +269,15 @@ class EndStop(_Stop):
         """The limit, with its unit."""
         return f'{self.limit:.6g} m'
 
+    def draw(self, draft: Draft) -> None:
+        """A wall across the guide or slot, off the middle by as much as is drawn of what stops."""
+        joint = self.mechanism.joint(self.joint)
+        line, reach = joint.line, _BLOCK if isinstance(joint, Prismatic) else _PIN
+        assert line is not None  # noqa: S101 - it has one
+        at, high = self.limit - self.sign * reach * draft.symbol, self.sign * _HIGH * draft.symbol
+        start, end = (beside(line.on, line.axis, at, x) for x in (-high, high))
+        draft.wall(line.link, start, end)
+
     def _axis(self, frames: Frames, angle: float, label: str) -> tuple[Jet, Jet]:
         line = self.mechanism.joint(self.joint).line
         assert line is not None  # noqa: S101 - it has one
@@ -246,14 +291,14 @@ class EndStop(_Stop):
     def value(self, frames: Frames) -> Jet:
         """The distance from the end [m]."""
         joint, m = self.mechanism.joint(self.joint), self.mechanism
-        limit = lift(dense(frames.parameters(f'{self.name}.limit', -self.sign * self.limit)))
-        carried = [link for link, j in m.tree_joints.items() if j.name == self.joint]
-        if carried:
-            assert isinstance(joint, Prismatic)  # noqa: S101 - slots are of no tree
-            return frames.displacement(carried[0]) * self.sign + limit
-        ux, uy = self._axis(frames, 0.0, 'way')
-        x, y = frames.position(m.separation(self.joint), self.joint)
-        return (ux * x + uy * y) * (self._way * self.sign) + limit
+        limit = lift(dense(frames.parameters(f'{self.name}.stop_at', self.limit)))
+        if isinstance(joint, Prismatic):
+            way = slid(m, frames, joint)
+        else:
+            ux, uy = self._axis(frames, 0.0, 'way')
+            x, y = frames.position(m.separation(self.joint), self.joint)
+            way = ux * x + uy * y
+        return way - limit if self.sign > 0.0 else limit - way
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """Along the guide or slot, towards the end that presses on the second-named link."""

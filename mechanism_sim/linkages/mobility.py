@@ -14,7 +14,6 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.planar.configuration import Constraints
-from mechanism_sim.planar.mechanism import HigherPair
 
 #: singular values of the constraints below this part of the largest count as zero
 RANK_TOLERANCE = 1e-8
@@ -78,8 +77,9 @@ def mobility(constraints: Constraints, poses: Array) -> Mobility:
     if not np.all(np.abs(residual) <= 1e-9):
         worst = constraints.rows[int(np.abs(residual).argmax())]
         raise ValueError(f'the mechanism is not assembled: the links of {worst} do not meet')
-    pairs = [j for j in constraints.joints if isinstance(j, HigherPair)]
-    lower, higher = len(constraints.joints) - len(pairs), sum(j.equations for j in pairs)
+    counted = sum(j.equations for j in constraints.joints)  # a weld counts as one of each
+    lower = sum(j.equations > 1 for j in constraints.joints)
+    higher = counted - 2 * lower
     free, dependent = _null_spaces(jacobian)
     parts = np.abs(dependent).max(axis=1, initial=0.0) > _PART
     return Mobility(

@@ -164,6 +164,10 @@ class Elongation(SceneElement):
     mechanism: Mechanism
     law: SpringLaw
 
+    def loads(self, frames: Frames) -> list[Load]:
+        """Loads on both links."""
+        raise NotImplementedError
+
     def _measure(self, frames: Frames) -> tuple[Term, Term, Mapping[str, Term]]:
         """Elongation from the free length or angle, its rate, and what formulas call them."""
         raise NotImplementedError

@@ -76,6 +76,7 @@ def _structure(machine: Machine) -> dict[str, list[str]]:
     commands = machine.drive.commands
     return {
         'the joints with clearance': [*machine.plan.clearances],
+        'the gaps': [*machine.physics.clearances],
         'the joints with restitution': [n for n, p in plan.rigid.items() if p.wall == 'rigid'],
         'the kinds of drives': [f'{c}: {type(laws[0]).__name__}' for c, laws in plan.laws.items()],
         'the commands to the drive': [f'up to {commands.fastest:g} rad/s'] if commands else [],

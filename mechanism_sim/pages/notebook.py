@@ -20,8 +20,8 @@ from mechanism_sim.report.charts.thinning import SampledLine, thin
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Piece
-from mechanism_sim.scene import Machine, load_scene
-from mechanism_sim.units import for_people, typeset
+from mechanism_sim.scene import Source, load_scene
+from mechanism_sim.units import argument, for_people, typeset
 
 _NOTHING = 1e-12  # of a machine's size, which is rounding
 
@@ -50,24 +50,31 @@ class Player:
 
 
 def play(
-    machine: Machine,
+    scene: Source,
     run: Piece | None = None,
     *,
-    start: float | None = None,
-    end: float | None = None,
+    start: float | str | None = None,
+    end: float | str | None = None,
     charts: bool = False,
     height: int = 560,
 ) -> Player:
     """Play a machine in a notebook: slower, faster, bearings magnified, forces, as in `report`.
 
+    >>> import mechanism_sim as ms
+    >>> ms.play('slider_crank', end='50 ms')
+    <Slider-crank, the crank drives, to be played>
+
     Parameters
     ----------
+    scene : all that `load_scene` takes
     run : what it does, such as a solution; the scene's own run if not
     start, end : part of it [s]
     charts : with all charts of the report, some megabytes; else the machine alone
     height : [pixels]
     """
+    machine = load_scene(scene)
     record = Record(machine, run or simulate(machine), {})
+    start, end = argument('start', start, 's'), argument('end', end, 's')
     first = record.start if start is None else start
     record = record.between(first, record.end if end is None else end)
     parts = sections(record) if charts else ()
@@ -75,22 +82,28 @@ def play(
 
 
 def explore(
-    scene: str,
+    scene: Source,
     path: str,
     values: Sequence[float | str],
     quantity: str,
     *,
     overrides: Mapping[str, Any] | None = None,
     revolutions: float | None = None,
-    duration: float | None = None,
+    duration: float | str | None = None,
     height: int = 780,
 ) -> Player:
     """Play a machine with a slider through values of its scene, and chart a quantity of each.
 
     All runs are made at once and kept in the frame, which needs no program any more.
 
+    >>> import mechanism_sim as ms
+    >>> lengths = '0.15 m', '0.3 m'
+    >>> ms.explore('slider_crank', 'links.rod.length', lengths, 'position.piston')
+    <Slider-crank, the crank drives, to be played>
+
     Parameters
     ----------
+    scene : all that `load_scene` takes
     path : of the value that changes, such as ``links.rocker.length``
     values : that it takes, with their units
     quantity : of the catalogue (``mechanism-sim quantities SCENE``)

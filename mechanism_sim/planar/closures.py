@@ -15,7 +15,7 @@ from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench
-from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Weld
 from mechanism_sim.planar.protocols import Relation
 from mechanism_sim.planar.rails import Foot, along, rail_of
 
@@ -121,6 +121,41 @@ def slid(mechanism: Mechanism, frames: Frames, guide: Prismatic) -> Jet:
     return -(x * ux + y * uy)
 
 
+@dataclass(frozen=True)
+class WeldClosure:
+    """A weld: points coincide, and cross-sections there keep their angle."""
+
+    name: str
+    mechanism: Mechanism
+
+    def _directions(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
+        """Of the second link's x axis as the first link holds it, and as it is."""
+        m, j = self.mechanism, self.mechanism.joint(self.name)
+        held = m.direction(j.first, j.angle if isinstance(j, Weld) else 0.0, j.on_first)
+        own = m.direction(j.second, 0.0, j.on_second)
+        return (
+            frames.position(held, f'{self.name}.first.x'),
+            frames.position(own, f'{self.name}.second.x'),
+        )
+
+    def values(self, frames: Frames) -> list[Jet]:
+        """From the second's point to the first's [m]; sine of the angle, times the size [m]."""
+        x, y = frames.position(self.mechanism.separation(self.name), self.name)
+        (ux, uy), (vx, vy) = self._directions(frames)
+        size = dense(frames.parameters(f'{self.name}.size', self.mechanism.size))
+        return [x, y, (ux * vy - uy * vx) * size]
+
+    def facing(self, frames: Frames) -> list[Term]:
+        """The cosine of that angle: half a turn has the same sine as none."""
+        (ux, uy), (vx, vy) = self._directions(frames)
+        return [(ux * vx + uy * vy).value]
+
+    def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
+        """The rows push on the first link, and turn the second."""
+        moment = mul(forces[2], frames.parameters(f'{self.name}.size', self.mechanism.size))
+        return Wrench(neg(forces[0]), neg(forces[1]), moment)
+
+
 J = TypeVar('J', bound=HigherPair)
 
 
@@ -203,6 +238,8 @@ def closures(mechanism: Mechanism, joints: Sequence[str]) -> list[Relation]:
             found += [joint.closure(mechanism)] if joint.equations else []
         elif isinstance(joint, Prismatic):
             found.append(PrismaticClosure(name, mechanism))
+        elif isinstance(joint, Weld):
+            found.append(WeldClosure(name, mechanism))
         else:
             found.append(Closure(name, mechanism))
     return found

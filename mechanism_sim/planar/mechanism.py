@@ -42,6 +42,9 @@ class StraightLine(NamedTuple):
 class Connection:
     """Two links that meet, at a point of each."""
 
+    #: how many components the closure has if it closes a loop
+    equations: ClassVar[int] = 2
+
     name: str
     first: str
     second: str
@@ -86,18 +89,29 @@ class Prismatic(Connection):
 
 
 @dataclass(frozen=True)
+class Weld(Connection):
+    """Points of two links coincide, and the links do not turn against each other."""
+
+    equations: ClassVar[int] = 3
+
+    angle: float = 0.0  #: [rad] of the frame of `second` in that of `first`
+
+    def draw(self, draft: Draft) -> None:
+        """Both links reach there."""
+        for place in self.points:
+            draft.reach(place)
+
+
+@dataclass(frozen=True)
 class HigherPair(Connection, ABC):
-    """A joint that most often takes one degree of freedom: links touch at a point or on a line.
+    """A joint that takes one degree of freedom: links touch at a point or along a line.
 
     No tree has it. Every kind is a subclass in the room of its own domain.
     """
 
+    equations: ClassVar[int] = 1
     #: where it can open: on which sides of its closure there are walls
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
-    #: how many components its closure has
-    equations: ClassVar[int] = 1
-    #: in words, what bounds it
-    beyond: ClassVar[str] = 'into its wall'
     #: in words, what may move between them
     parts: ClassVar[str] = 'pin between the walls of a slot'
 
@@ -254,7 +268,7 @@ class PairClosure(Relation, Protocol):
         """That it belongs to."""
 
 
-Joint: TypeAlias = Revolute | Prismatic | HigherPair
+Joint: TypeAlias = Revolute | Prismatic | Weld | HigherPair
 
 
 Extension = TypeVar('Extension', bound=LinkExtension)
@@ -265,7 +279,8 @@ class Tree:
     """Links, joints, which joints are cut so that the rest is a tree, and its coordinates.
 
     Coordinates are named after their links, in the order of `bodies`: the absolute angle [rad] of
-    a link, or the displacement [m] of a link that a prismatic joint of the tree carries. A link
+    a link, or the displacement [m] of a link that a prismatic joint of the tree carries; a link
+    that a weld carries has none. A link
     that no uncut joint ties to the ground, not even by way of others, floats: its angle is
     followed, after those of all links, by two displacements of its centre of gravity. Last come
     the coordinates of links' extensions.
@@ -284,7 +299,8 @@ class Tree:
         Then those of the elastic ones as ``LINK.bend1``.
         """
         placed = (f'{link}.{axis}' for link in self.floating for axis in 'xy')
-        return (*(body.name for body in self.bodies), *placed, *self.deformations)
+        own = (body.name for body in self.bodies if body.name not in self.welded)
+        return (*own, *placed, *self.deformations)
 
     @cached_property
     def extensions(self) -> dict[str, LinkExtension]:
@@ -316,6 +332,11 @@ class Tree:
     def sliding(self) -> tuple[str, ...]:
         """The links that a prismatic joint of the tree carries."""
         return tuple(link for link, j in self.tree_joints.items() if isinstance(j, Prismatic))
+
+    @cached_property
+    def welded(self) -> tuple[str, ...]:
+        """The links that a weld of the tree carries."""
+        return tuple(link for link, j in self.tree_joints.items() if isinstance(j, Weld))
 
     def joint(self, name: str) -> Joint:
         """The joint of that name."""
@@ -404,7 +425,7 @@ class Tree:
         if link == GROUND:
             return GROUND, 0.0
         j = self.tree_joints.get(link)
-        if not isinstance(j, Prismatic):
+        if not isinstance(j, Prismatic | Weld):
             return link, 0.0
         frame, offset = self.frame(self.parent(link))
         return frame, offset + (j.angle if j.second == link else -j.angle)
@@ -637,10 +658,10 @@ def closing_joints(
     Displacements are coordinates of the tree: so a slider-crank has three coordinates and two
     closures instead of six and six.
 
-    Links are reached breadth first from the ground. Prismatic joints that carry a `driven` link
-    come first, since a drive needs its coordinate, and the bearings of higher pairs; then revolute
-    joints and guides fixed to the ground; guides on moving links last, because their displacements
-    cost more.
+    Links are reached breadth first from the ground. Welds come first, which cost no coordinate,
+    and prismatic joints that carry a `driven` link, since a drive needs its coordinate, and the
+    bearings of higher pairs; then revolute joints and guides fixed to the ground; guides on moving
+    links last, because their displacements cost more.
     """
     usable = [j for j in joints if j.name not in loose and not isinstance(j, HigherPair)]
     kept: list[str] = []
@@ -655,7 +676,7 @@ def closing_joints(
         return True
 
     for j in usable:
-        if isinstance(j, Prismatic) and j.second in driven:
+        if isinstance(j, Weld) or (isinstance(j, Prismatic) and j.second in driven):
             join(j)
     bearings = {n for j in joints if isinstance(j, HigherPair) for n in j.bearings}
     for j in usable:
@@ -682,9 +703,10 @@ def closing_joints(
 
 
 def bending_guides(bodies: Sequence[Body], joints: Sequence[Joint]) -> list[str]:
-    """The prismatic joints of links that bend, and turn by themselves there: no tree has them."""
+    """The guides and welds of links that bend, and turn by themselves there: of no tree."""
     bent = {b.name for b in bodies if b.extension and b.extension.bends}
-    return [j.name for j in joints if isinstance(j, Prismatic) and bent & {j.first, j.second}]
+    usable = [j for j in joints if isinstance(j, Prismatic | Weld)]
+    return [j.name for j in usable if bent & {j.first, j.second}]
 
 
 def _minus(a: Point) -> Point:

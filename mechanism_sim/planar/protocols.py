@@ -16,6 +16,7 @@ from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load, Wrench
+from mechanism_sim.planar.view import Draft
 
 
 class Relation(Protocol):
@@ -214,6 +215,9 @@ class Bound(Gap, Protocol):
     @property
     def overlap(self) -> str:
         """In words, what is where it cannot be if the gap is negative."""
+
+    def draw(self, draft: Draft) -> None:
+        """Add what is met to a drawing, unless the joint shows it."""
 
 
 @runtime_checkable

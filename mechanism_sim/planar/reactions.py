@@ -14,7 +14,7 @@ import heyoka as hy
 from mechanism_sim.numerics.symbolic import Term, Vector, add, dot, mul, neg
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.loads import Load, Wrench, moment_of, together
-from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.mechanism import Prismatic, Weld
 from mechanism_sim.planar.points import GROUND, Vector2
 
 
@@ -58,7 +58,7 @@ def tree_reactions(
         )
         sign = neg if carrier.first == link else _same
         moment: Term = None
-        if isinstance(carrier, Prismatic):
+        if isinstance(carrier, Prismatic | Weld):
             moment = sign(_moment_missing(equations, a, link, needed, hanging))
         elif carrier.name in cut:  # a pin passes on no other moment than that of its stops
             moment = cut[carrier.name].moment
@@ -104,7 +104,7 @@ def _moment_missing(
     inertia_force: tuple[Term, Term],
     hanging: Sequence[tuple[str, Vector2, str, Wrench]],
 ) -> Term:
-    """The moment a guide must supply about its joint's point on the second-named link [N m]."""
+    """The moment [N m] that a guide or weld supplies about its point on the second-named link."""
     mechanism, frames = equations.mechanism, equations.frames
     carrier, body = mechanism.tree_joints[link], mechanism.body(link)
 

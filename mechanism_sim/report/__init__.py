@@ -1,1 +1,20 @@
-"""Reports of a run for people: summaries, tables, progress."""
+"""Reports of a run for people: summaries, tables, progress.
+
+The room has the name of the public function ``mechanism_sim.report``, and is called in its place:
+a room that is imported takes its name in the package.
+"""
+
+import sys
+from types import ModuleType
+from typing import Any
+
+from mechanism_sim.hybrid import plotting
+
+
+class _Report(ModuleType):
+    def __call__(self, *sources: Any, **how: Any) -> Any:
+        """Write the page of a run; see `mechanism_sim.pages.writing.report`."""
+        return plotting.report(*sources, **how)
+
+
+sys.modules[__name__].__class__ = _Report

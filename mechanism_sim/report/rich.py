@@ -47,6 +47,8 @@ def _machine(machine: Machine) -> Section:
     ]
     if machine.plan.clearances:
         rows.append(SummaryRow('with clearance', ', '.join(machine.plan.clearances)))
+    if machine.touching:
+        rows.append(SummaryRow('with stops or contacts', ', '.join(machine.touching)))
     return Section(rows=rows, notes=check(machine).notes)
 
 

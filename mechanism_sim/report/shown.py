@@ -13,49 +13,62 @@ from mechanism_sim.report.video import Target
 from mechanism_sim.results.cycle import instant
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Piece
-from mechanism_sim.scene import Machine
+from mechanism_sim.scene import Source, load_scene
+from mechanism_sim.units import argument
 
 
 def draw(
-    machine: Machine, angle: float | None = None, t: float | None = None, **how: Any
+    scene: Source, angle: float | str | None = None, t: float | str | None = None, **how: Any
 ) -> Picture:
     """A picture of a machine when its drive is at an angle [rad], or at a time [s].
 
+    >>> import mechanism_sim as ms
+    >>> picture = ms.draw('slider_crank', angle='60 deg')
+    >>> picture.savefig('crank.svg')
+
     Parameters
     ----------
+    scene : all that `load_scene` takes
     how : ``positions``, ``labels`` as `mechanism_sim.report.drawing.draw` has them; ``points``,
         names ``LINK.POINT`` whose paths are drawn, and ``duration`` [s] of drives without a period
     """
     points, duration = how.pop('points', ()), how.pop('duration', None)
     still = how.get('positions', 1) == 1 and not points
-    found, at = instant(machine, angle, t, duration, points, still)
+    found, at = instant(load_scene(scene), angle, t, duration, points, still)
     with figures.style():
         return drawing.draw(found, at, **how)
 
 
 def animate(
-    machine: Machine,
+    scene: Source,
     file: str | Path,
     run: Piece | None = None,
     *,
-    start: float | None = None,
-    end: float | None = None,
-    fps: float | None = None,
+    start: float | str | None = None,
+    end: float | str | None = None,
+    fps: float | str | None = None,
     speed: float | None = None,
     size: int | tuple[int, int] | None = None,
     **shown: Any,
 ) -> list[Path]:
     """Write a film of a machine; gives back the files.
 
+    >>> import mechanism_sim as ms
+    >>> len(ms.animate('slider_crank', 'frames', end='0.1 s', fps='20 Hz', speed=1))
+    2
+
     Parameters
     ----------
+    scene : all that `load_scene` takes
     file : .mp4, .gif, .svg to be numbered, or a folder for SVG frames
     run : what it does, such as a solution; the scene's own run if not
     start, end, fps, speed : as `mechanism_sim.report.animation.film` has them
     size : longer side, or width and height [pixels]
     shown : ``lens``, ``forces``, ``paths``, ``labels`` of `mechanism_sim.report.screen.FilmParts`
     """
-    target = Target(str(file))
+    machine, target = load_scene(scene), Target(str(file))
+    start, end = argument('start', start, 's'), argument('end', end, 's')
+    fps = argument('fps', fps, 'Hz')
     record = Record(machine, run or simulate(machine), {})
     film = animation.film(record, target, start, end, fps, speed)
     return film.write(FilmParts(**shown), size)[0]

@@ -261,7 +261,7 @@ def head(record: Record, digest: str = '', hardest: int | None = None) -> Iterat
     span = f'{record.start:.9g} s to {record.end:.9g}'
     yield SummaryRow('time', span, 's', _turns_of(record))
     yield SummaryRow('model', machine.level.value)
-    if machine.plan.clearances:
+    if machine.has_contacts:
         fewer = '' if hardest is None else f'the hardest {hardest} shown'
         yield SummaryRow('impacts', f'{len(record.piece.impacts)}', words=fewer)
     yield SummaryRow('tolerances', f'rtol {solver.rtol:g}, atol {solver.atol:g}', 'm')
@@ -344,8 +344,8 @@ def _end(run: Stream) -> Iterator[Section]:
     yield Section(f'at the end, t = {run.duration:.9g} s', table=rows)
     if states := data.get('states'):
         units = {x.label: x.unit for x in run.machine.plan.states}
-        sizes = [(name, f'{z:.10g} {units[name]}') for name, z in states.items()]
-        yield Section(table=[('state', 'value'), *sizes])
+        known_states = [(name, f'{z:.10g} {units[name]}') for name, z in states.items()]
+        yield Section(table=[('state', 'value'), *known_states])
     if reactions := data.get('reactions'):
         moments = data['reaction_moments']
         carried = [('joint', 'force x', 'force y', *(['moment'] if moments else []))]

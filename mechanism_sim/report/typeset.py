@@ -17,7 +17,7 @@ from mechanism_sim.report import mathml
 from mechanism_sim.report.derivation import derive
 from mechanism_sim.report.equations import Equation, MachineEquations
 from mechanism_sim.report.symbols import Symbol
-from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene import Source, load_scene
 
 _LINE = 150
 """Characters of text that fit beside each other in a LaTeX line."""
@@ -233,17 +233,22 @@ def _escaped(text: str) -> str:
     )
 
 
-def equations(machine: Machine, rates: bool = False) -> Typesetter:
+def equations(scene: Source, rates: bool = False) -> Typesetter:
     """The equations of a machine, from what is compiled, as `check --equations` has them.
 
     A notebook sets them; ``print`` writes them as text that Python and sympy read; ``latex()``,
     ``markdown()``, ``html()``, ``to_json()`` are the other forms.
 
+    >>> import mechanism_sim as ms
+    >>> print(ms.equations('pendulum').plain().splitlines()[0])
+    pendulum: Pendulum
+
     Parameters
     ----------
+    scene : all that `load_scene` takes
     rates : also the first and second derivatives of closures and gaps
     """
-    return Typesetter(derive(machine, rates))
+    return Typesetter(derive(load_scene(scene), rates))
 
 
 _FORMS: dict[str, Callable[[Typesetter], str]] = {

@@ -34,8 +34,9 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Solution
 from mechanism_sim.results.strokes import Swing, find_swings
 from mechanism_sim.results.view import View
-from mechanism_sim.scene import Level, Machine, over_range, placed, span
+from mechanism_sim.scene import Level, Machine, Source, load_scene, over_range, placed, span
 from mechanism_sim.tables import Table
+from mechanism_sim.units import argument
 
 _OF_MOTION = 'energy.kinetic', 'energy.drive_work', 'energy.dissipated'
 _MOMENT = 1e-6
@@ -327,19 +328,25 @@ class Cycle(plotting.Rich):
 
 
 def cycle(
-    machine: Machine,
+    scene: Source,
     samples: int = 360,
-    start: float | None = None,
+    start: float | str | None = None,
     periods: int = 1,
-    duration: float | None = None,
+    duration: float | str | None = None,
     points: Sequence[str] = (),
     local: bool = False,
     static: bool = False,
 ) -> Cycle:
     """Run a machine over a cycle.
 
+    >>> import mechanism_sim as ms
+    >>> one = ms.cycle('slider_crank', start='90 deg')
+    >>> round(one.extremes()['position.piston'].greatest.value, 9)
+    0.25
+
     Parameters
     ----------
+    scene : all that `load_scene` takes
     samples : intervals between samples in a cycle
     start : position of the drive where the cycle begins [rad]; where the scene begins if not
     periods : turns of the drive
@@ -357,6 +364,7 @@ def cycle(
     RunError
         If the run fails.
     """
+    machine, start = load_scene(scene), argument('start', start, 'rad')
     if samples < 2 or periods < 1:
         raise InputError('a cycle needs at least 2 samples and 1 period')
     if duration is not None and periods != 1:
@@ -407,9 +415,9 @@ def at_position(machine: Machine, value: float, found: Cycle) -> dict[str, float
 
 def instant(
     machine: Machine,
-    angle: float | None = None,
-    t: float | None = None,
-    duration: float | None = None,
+    angle: float | str | None = None,
+    t: float | str | None = None,
+    duration: float | str | None = None,
     points: Sequence[str] = (),
     still: bool = False,
 ) -> tuple[Cycle, float]:
@@ -424,6 +432,7 @@ def instant(
     still : no more than the instant is wanted, so that a drive without a period needs no duration;
         but where all points of a link coincide it is the motion that shows how large it is
     """
+    angle, t = argument('angle', angle, 'rad'), argument('t', t, 's')
     if t is not None and t < 0.0:
         raise InputError(f'a run begins at 0 s: there is nothing at {t:g} s')
     if duration is not None:

@@ -51,7 +51,7 @@ class ImpactTally:
 
     def __init__(self, machine: Machine) -> None:
         straight = machine.plan.main in machine.mechanism.displacements
-        self._loose = bool(machine.plan.clearances) and not straight
+        self._loose = machine.has_contacts and not straight
         self._turns = DriveTurns(machine)
         self._table = np.zeros((0, 2))
 

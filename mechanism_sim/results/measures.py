@@ -27,8 +27,8 @@ from mechanism_sim.results.measure_text import Bound, Figure, Measure, read_all
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.results.turns import DriveTurns
-from mechanism_sim.scene import Machine
-from mechanism_sim.units import product
+from mechanism_sim.scene import Machine, Source, load_scene
+from mechanism_sim.units import argument, product
 
 
 class Measured(NamedTuple):
@@ -137,8 +137,7 @@ class Measurement:
     def _half_width(self, measure: Measure) -> float:
         """Of the 95 % confidence interval of a mean over the revolutions of a loose machine."""
         windows = [self._figures[f] for f in measure.figures]
-        loose = self._machine.plan.clearances
-        if not (loose and windows and all(w.per_revolution for w in windows)):
+        if not (self._machine.has_contacts and windows and all(w.per_revolution for w in windows)):
             return math.nan
         turns = zip(*(self._figures[f].each_turn(f) for f in measure.figures), strict=False)
         values = [_of_turn(measure, turn) for turn in turns]
@@ -179,21 +178,30 @@ def per_turn(measures: Sequence[Measure], skip: int) -> list[Measure]:
 
 
 def measure(
-    machine: Machine,
+    scene: Source,
     pieces: Iterable[Piece] | Piece,
     *texts: str,
-    since: float = 0.0,
-    until: float = math.inf,
+    since: float | str = 0.0,
+    until: float | str = math.inf,
 ) -> list[Measured]:
-    """Measures of a run of a machine, as ``measure(machine, solution, 'rms(drive_torque)')``.
+    """Measures of a run of a machine.
+
+    >>> import mechanism_sim as ms
+    >>> run = ms.simulate('slider_crank', revolutions=1)
+    >>> (found,) = ms.measure('slider_crank', run, 'range(position.piston)')
+    >>> round(found.value, 9), found.unit
+    (0.1, 'm')
 
     Parameters
     ----------
+    scene : all that `load_scene` takes
     pieces : a `Solution`, or a `stream`
     texts : the measures; those of the scene without any
     since, until : the window [s] of figures that name none
     """
-    taken = Measurement(machine, list(texts) or dict(machine.scene.measures), since, until)
+    machine = load_scene(scene)
+    window = argument('since', since, 's'), argument('until', until, 's')
+    taken = Measurement(machine, list(texts) or dict(machine.scene.measures), *window)
     for piece in [pieces] if isinstance(pieces, Piece) else pieces:
         taken.add(piece)
     return taken.found()

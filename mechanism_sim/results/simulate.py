@@ -25,7 +25,8 @@ from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.results.run import Observer, Runner
 from mechanism_sim.results.solution import Piece, Solution, Stats
 from mechanism_sim.results.view import View
-from mechanism_sim.scene import Machine, run_length
+from mechanism_sim.scene import Machine, Source, load_scene, span
+from mechanism_sim.scene.gate import admit_turning
 
 Progress = Callable[[float, int], None]
 """Called now and then with the simulated time [s] and the number of impacts so far."""
@@ -153,36 +154,48 @@ class Stream(Runner):
 
 
 def stream(
-    machine: Machine,
+    scene: Source,
     revolutions: float | None = None,
-    duration: float | None = None,
+    duration: float | str | None = None,
     progress: Progress | None = None,
     resume: Snapshot | None = None,
     observers: Iterable[Observer] = (),
 ) -> Stream:
     """Run a machine piece by piece, in memory that does not grow with the length of the run.
 
-    ``for piece in stream(machine, revolutions=100_000): ...`` gives a `Piece` of some thousand
-    steps at a time, which can be sampled as a whole solution can. The arguments are those of
-    `simulate`; `observers` are called with every piece, as ``digest.add``.
+    Each `Piece` has some thousand steps, and can be sampled as a whole solution can. The arguments
+    are those of `simulate`; `observers` are called with every piece, as ``digest.add``.
+
+    >>> import mechanism_sim as ms
+    >>> run = ms.stream('pendulum', duration='2 s')
+    >>> max(float(piece.sample(piece.motion.curve.end)['t'][0]) for piece in run)
+    2.0
     """
-    end = run_length(machine, revolutions, duration)
+    machine = load_scene(scene)
+    end = span(machine, revolutions, duration)
+    admit_turning(machine, end)
     return Stream(machine, end, progress, resume, observers)
 
 
 def simulate(
-    machine: Machine,
+    scene: Source,
     revolutions: float | None = None,
-    duration: float | None = None,
+    duration: float | str | None = None,
     progress: Progress | None = None,
     resume: Snapshot | None = None,
 ) -> Solution:
     """Run a machine and keep all of its motion.
 
+    >>> import mechanism_sim as ms
+    >>> solution = ms.simulate('slider_crank', duration='0.1 s')
+    >>> round(solution.duration, 9)
+    0.1
+
     Parameters
     ----------
+    scene : all that `load_scene` takes: a machine, a name, a path, YAML, a dictionary
     revolutions : of the crank, or
-    duration : [s]; without either the scene's, or one revolution
+    duration : [s], or with its unit as ``'10 s'``; without either the scene's, or one revolution
     progress : called after every batch of steps
     resume : where an earlier run of the same machine stood; the solution begins there, and
         `revolutions` and `duration` count from the beginning of the earlier run
@@ -194,8 +207,8 @@ def simulate(
     RunError
         If the integration breaks down, or the finished motion violates a gap.
     """
-    run = stream(machine, revolutions, duration, progress, resume)
-    pieces = list(run)
+    run = stream(scene, revolutions, duration, progress, resume)
+    pieces, machine = list(run), run.machine
     impacts = [impact for piece in pieces for impact in piece.impacts]
     work = np.concatenate([piece.balance.work for piece in pieces], axis=1)
     return Solution(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.audit import Energy
 from mechanism_sim.hybrid.dense_output import Motion
@@ -22,6 +24,7 @@ from mechanism_sim.results.quantity import Shown
 from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
+from mechanism_sim.units import argument
 
 IMPACT_UNITS = {
     't': 's', 'normal_impulse': 'N s', 'tangential_impulse': 'N s', 'approach_speed': 'm/s',
@@ -105,6 +108,30 @@ class Piece(Rich):
         known = self.catalogue
         chosen = known.choose(names) if names else known.shown(Shown.RUN)
         return known.table(chosen, self.view(t))
+
+    def to_frame(self, *names: str, rate: float | str | None = None) -> Any:
+        """A data frame of `sample`, evenly over the motion: of pandas, else of polars.
+
+        >>> import mechanism_sim as ms
+        >>> solution = ms.simulate('slider_crank', duration='0.1 s')
+        >>> frame = solution.to_frame('position', rate='20 Hz')
+        >>> list(frame.columns), len(frame)
+        (['t', 'position.crank', 'position.rod', 'position.piston'], 3)
+
+        Parameters
+        ----------
+        names : as for `sample`
+        rate : samples a second; 1000 in all if not given
+        """
+        first, last = float(self.motion.curve.start[0]), self.motion.curve.end
+        rate, t = argument('rate', rate, 'Hz'), np.linspace(first, last, 1000)
+        if rate is not None:
+            if not 0.0 < rate < math.inf:
+                raise InputError(f'rate = {rate:g} Hz: samples need a positive rate')
+            count = int((last - first) * rate * (1.0 + 1e-12)) + 1
+            t = np.minimum(first + np.arange(count) / rate, last)
+        found = self.sample(t, *names)
+        return Table({'t': t, **found}, {'t': 's', **found.units}).to_frame()
 
     def plot(self, *names: str, **how: Any) -> Any:
         """Plot quantities by the names of `sample`, or an overview; a Matplotlib figure.

@@ -209,7 +209,8 @@ def _check_joints(machine: Machine) -> None:
                 f'({shortest:g} m)'
             )
         _check_play(where, 'contact', clearance, soft)
-        if clearance.pin_radius and not clearance.friction:
+        of_materials = clearance.contact and clearance.contact.materials
+        if clearance.pin_radius and not clearance.friction and not of_materials:
             raise InputError(
                 f'{where}.pin_radius = {clearance.pin_radius:g} m has no effect without friction: '
                 'give friction too, or leave it out'
@@ -265,9 +266,11 @@ def _check_contact(law: str, where: str, clearance: Play) -> None:
         return
     film, thin = clearance.film, contact.roughness
     for key in ('viscosity', 'width', 'radius') if film else ('stiffness',):
-        if getattr(contact, key) is None:
+        if getattr(clearance if key == 'stiffness' else contact, key) is None:
             raise InputError(f"{law}: '{key}' is missing: the law {contact.law} needs it")
     for key in _OF_FILMS:
+        if key == 'radius' and contact.materials:
+            continue
         if getattr(contact, key) != Contact.model_fields[key].default and not film:
             raise InputError(f'{law}.{key} is for the law film: there is no oil')
     supply, lowest = contact.supply_pressure, contact.cavitation_pressure
@@ -286,13 +289,13 @@ def _check_contact(law: str, where: str, clearance: Play) -> None:
             f'{law}.roughness = {thin:g} m must be less than radial, '
             f'{clearance.radial:g} m: there is no room for oil'
         )
-    if film and not thin and (clearance.friction or contact.stiffness):
+    if film and not thin and (clearance.friction or clearance.stiffness):
         key = 'friction' if clearance.friction else 'contact.stiffness'
         raise InputError(
             f"{where}.{key} has no meaning with a film alone: give 'contact.roughness', at which "
             'its walls touch'
         )
-    if not contact.stiffness and contact.exponent != Contact.model_fields['exponent'].default:
+    if not clearance.stiffness and contact.exponent != Contact.model_fields['exponent'].default:
         raise InputError(f"{law}.exponent has no meaning without a 'stiffness' of walls")
     if film and clearance.pin_radius:
         raise InputError(f'{where}.pin_radius: with a film it is contact.radius; leave it out')

@@ -25,7 +25,7 @@ from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.remarks import doubts, unused
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.scene.tilted_links import tilt_notes
-from mechanism_sim.units import QuantityValue
+from mechanism_sim.units import QuantityValue, for_people
 
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
@@ -34,9 +34,9 @@ _WHY = {
     'asked for: loop closure and a linear solve for the forces',
     Level.SMOOTH: 'every joint is ideal, or a belt that may slip, and the drives leave a motion '
     'free: equations of motion with closed loops',
-    Level.NONSMOOTH: 'joints have clearance: equations of motion with gaps, and an event loop for '
-    'free flight, impact and following',
-    Level.COMPLIANT: 'joints have clearance and a law of contact force, or teeth or belts give '
+    Level.NONSMOOTH: '{contacts}: equations of motion with gaps, and an event loop for free '
+    'flight, impact and following',
+    Level.COMPLIANT: '{contacts} and a law of contact force, or teeth or belts give '
     'way: equations of motion with forces where parts overlap',
 }
 
@@ -60,6 +60,24 @@ class GapStart:
         return f'starts open by {self.open:.6g} m, {way} at {abs(self.closing):.6g} m/s'
 
 
+_NOTHING = 1e-12
+
+
+@dataclass(frozen=True)
+class CoordinateStart:
+    """A coordinate at the start."""
+
+    words: str  #: as "angle of rod"
+    value: float  #: [rad, m], all turns counted
+    rate: float  #: [rad/s, m/s]
+    unit: str
+
+    def __str__(self) -> str:
+        shown, scale = for_people(self.unit)
+        rate = f', {self.rate:.6g} {self.unit}/s' if self.rate else ', at rest'
+        return f'{self.words}, {scale * self.value:.9g} {shown}{rate}'
+
+
 @dataclass(frozen=True)
 class Report:
     """The outcome of `check`."""
@@ -76,6 +94,7 @@ class Report:
     left_out: list[str]
     notes: list[str]
     questions: list[str] = field(default_factory=list)  #: values about a thousand times off
+    start: dict[str, CoordinateStart] = field(default_factory=dict)  #: of every coordinate
     range: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Limits [rad, m] of a drive at constant speed that comes to one on either side"""
 
@@ -97,28 +116,67 @@ def check(machine: Machine) -> Report:
     coordinates |= {c: _drive(machine, c) for c in plan.laws}
     relations = []
     for name in mechanism.cut:
-        joint = mechanism.joint(name)
-        count = joint.equations if isinstance(joint, HigherPair) else 2
+        count = mechanism.joint(name).equations
         if count and name not in machine.plan.clearances:
             relations.append(f'{name}: closes a loop, {count} equation{"s" * (count > 1)}')
     loose = {n: c for n, c in machine.plan.clearances.items() if n not in plan.elastic}
     gaps = [f'{name}: {_gap(mechanism.joint(name), c, machine)}' for name, c in loose.items()]
-    notes = _notes(machine, loose)
+    gaps += [
+        f'{name}: {keys.kind_keys.describe(keys, mechanism.joint(name))}, {_surfaces(c)}'
+        for name, c in plan.touching.items()
+        for keys in [machine.scene.joints[name]]
+    ]
+    notes = _notes(machine, {**loose, **machine.touching})
     return Report(
         machine.name,
         machine.scene.title,
         level.value,
-        _WHY[level],
+        _WHY[level].format(contacts=_contacts(machine)),
         coordinates,
         relations,
         gaps,
         _starts(machine),
         [note for note in notes if isinstance(note, Limit)],
-        _left_out(machine, len(gaps)),
+        _left_out(machine, len(loose)),
         notes,
         [*doubts(machine), *undetermined_accelerations(machine)],
+        _coordinates(machine),
         _range(machine),
     )
+
+
+def _coordinates(machine: Machine) -> dict[str, CoordinateStart]:
+    """What every coordinate is, and how it starts."""
+    mechanism, plan = machine.mechanism, machine.plan
+    if machine.level.dynamic:
+        state, free = machine.initial_state(), machine.equations.system.free
+        turned = (x + TURN * n for x, n in zip(state.q, state.turns, strict=True))
+        known = dict(zip(free, zip(turned, state.v, strict=True), strict=True))
+        known |= {c: plan.held[c] for c in plan.prescribed}
+        wound = {c: plan.turned.get(c, 0) for c in plan.prescribed}
+    else:
+        at, wound = machine.assembly, plan.turned
+        pairs = zip(at.q.tolist(), at.v.tolist(), strict=True)
+        known = dict(zip(plan.ideal.coordinates, pairs, strict=True))
+    found = {}
+    fastest = max((abs(v) for _, v in known.values()), default=0.0)
+    for c in mechanism.coordinates:
+        straight, link = c in mechanism.displacements, c.partition('.')[0]
+        carrier = mechanism.tree_joints.get(link)
+        words = f'angle of {c}'
+        if straight and c == link and carrier is not None:
+            words = f'displacement of {c} along {carrier.name}'
+        elif c in mechanism.deformations:
+            words = f'deformation {c}'
+        elif straight:
+            words = f'place of {link} between loose joints, {c.rpartition(".")[2]}'
+        size = mechanism.size if straight else 1.0
+        value, rate = known[c]  # without what rounding leaves of zero
+        value = value if abs(value) > _NOTHING * size else 0.0
+        rate = rate if abs(rate) > _NOTHING * size * fastest else 0.0
+        value += 0.0 if straight else TURN * wound.get(c, 0)
+        found[c] = CoordinateStart(words, value, rate, 'm' if straight else 'rad')
+    return found
 
 
 def _range(machine: Machine) -> dict[str, tuple[float, float]]:
@@ -129,17 +187,21 @@ def _range(machine: Machine) -> dict[str, tuple[float, float]]:
     return {machine.plan.main: (found.low + turned, found.high + turned)}
 
 
+def _contacts(machine: Machine) -> str:
+    """Where parts may part and meet, in words."""
+    said = ['joints have clearance'] if machine.plan.clearances else []
+    return ', '.join([*said, *(['links meet stops or each other'] if machine.touching else [])])
+
+
 def _gap(joint: Joint, c: Play, machine: Machine) -> str:
     """The clearance of a joint, in words."""
-    friction = f', friction {c.friction:g}' if c.friction else ''
-    contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
+    contact = _surfaces(c)
     if isinstance(joint, HigherPair):
         unit = 'rad' if joint.angular_play else 'm'
         room = (
             f'play {c.radial:g} {unit} to either side' if len(joint.sides) > 1 else 'may lift off'
         )
-        room = f'{room}, ' if joint.equations else ''
-        return f'{joint.parts}, {room}{contact}'
+        return f'{joint.parts}, {room}, {contact}'
     block = isinstance(joint, Prismatic)
     kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
     if c.film:
@@ -149,6 +211,15 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
     start = 'centred' if c.film else machine.scene.start
     side = ' to either side' if block else ''
     return f'{kind} {c.radial:g} m{side}, {contact}, start {start}'
+
+
+def _surfaces(c: Play) -> str:
+    """What contacts do in impacts, in words."""
+    friction = f', friction {c.friction:g}' if c.friction else ''
+    contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
+    if c.contact and c.contact.materials:
+        contact += f', stiffness {c.stiffness:.6g} N/m^{c.contact.exponent:g} of its materials'
+    return contact
 
 
 def _left_out(machine: Machine, gaps: int) -> list[str]:
@@ -258,6 +329,10 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
     for joint in plan.joints:
         keys = machine.scene.joints[joint.name]
         notes += keys.kind_keys.notes(keys, machine, joint)
+    notes += [
+        f'{name}: never reached: drives and loops say all of the motion'
+        for name in plan.touching.keys() - machine.touching.keys()
+    ]
     notes += dict.fromkeys(f'{f.name}: friction, {f.words}' for f in plan.frictions(mechanism))
     notes += elastic_notes(machine.mechanism, machine.drive.period, bool(machine.plan.clearances))
     notes += tilt_notes(machine.mechanism)
@@ -328,6 +403,7 @@ def render(report: Report) -> str:
         lines += ['what may stop it', *(f'  {note}' for note in report.limits)]
     lines += [f'level: {report.level}', f'  {report.why}', 'coordinates']
     lines += [f'  {name}: {what}' for name, what in report.coordinates.items()]
+    lines += ['start', *(f'  {name}: {start}' for name, start in report.start.items())]
     for heading, items in (
         ('relations', report.relations),
         ('gaps', [*report.gaps, *(f'{name}: {start}' for name, start in report.starts.items())]),

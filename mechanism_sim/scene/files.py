@@ -38,14 +38,16 @@ class SceneContent(NamedTuple):
     folder: Path
 
 
-def content_of(source: str | Path | Mapping[str, Any] | AnyScene, name: str) -> SceneContent:
+def content_of(
+    source: str | Path | Mapping[str, Any] | Scene | FourBarScene, name: str = 'scene'
+) -> SceneContent:
     """Content of a scene by name, path or YAML text, as a dictionary or as a `Scene`.
 
     Parameters
     ----------
     name : of one that has none; files that it names are beside the current folder
     """
-    if isinstance(source, AnyScene):
+    if isinstance(source, Scene | FourBarScene):
         return SceneContent(
             name, name, {'mechanism': source.mechanism, **_plain(source)}, Path.cwd()
         )

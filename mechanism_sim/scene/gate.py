@@ -77,6 +77,12 @@ def check_scenes_way(machine: Machine) -> None:
         check_way(machine, duration)
 
 
+def admit_turning(machine: Machine, duration: float) -> None:
+    """Refuse a run of a drive that cannot turn round beyond its limits, which are both told."""
+    if _turns_steadily(machine) and between_limits(machine):
+        admit(machine, duration)
+
+
 def _turns_steadily(machine: Machine) -> bool:
     """True if the main drive turns at constant speed, whatever else is driven."""
     turns = machine.plan.main not in machine.mechanism.displacements

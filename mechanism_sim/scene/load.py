@@ -15,14 +15,15 @@ from mechanism_sim.linkages.drive_range import placed_at
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene, content_of, overridden
+from mechanism_sim.scene.four_bar import FourBarScene
 from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_keys import SpeedPart
 from mechanism_sim.scene.remarks import length_questions
-from mechanism_sim.scene.schema import AnyScene, DrivePart, InitialPart
+from mechanism_sim.scene.schema import DrivePart, InitialPart, Scene
 from mechanism_sim.units import QuantityValue, argument
 
-Source: TypeAlias = str | Path | Mapping[str, Any] | AnyScene | Machine
+Source: TypeAlias = str | Path | Mapping[str, Any] | Scene | FourBarScene | Machine
 """All from which `load_scene` makes a machine."""
 
 RAMP = 0.01  # of the way between limits, on which a drive comes to its speed
@@ -59,8 +60,13 @@ def load_scene(
         source, name = source.scene, source.name
     given = content_of(source, name)
     content = overridden(given.file, given.data, overrides, given.folder)
-    scene = check_scene(given.file, content)
-    return build(given.name, scene, tuple(length_questions(content)))
+    questions = tuple(length_questions(content))
+    try:
+        return build(given.name, check_scene(given.file, content), questions)
+    except InputError as error:
+        if not questions:
+            raise
+        raise InputError(f'{error}; {questions[0]}') from error
 
 
 def span(machine: Machine, revolutions: float | None, duration: float | str | None) -> float:
@@ -81,7 +87,7 @@ def span(machine: Machine, revolutions: float | None, duration: float | str | No
     return duration
 
 
-def run_length(machine: Machine, revolutions: float | None, duration: float | None) -> float:
+def run_length(machine: Machine, revolutions: float | None, duration: float | str | None) -> float:
     """`span` for commands and nodes, which refuse what cannot be run for so long."""
     end = span(machine, revolutions, duration)
     admit(machine, end)

@@ -100,9 +100,9 @@ class Nominal:
         if not self.assembly.redundant:
             return {}
         plan, ideal = self.plan, self.plan.ideal
-        soft = {*plan.elastic, *plan.clearances}
-        firm = tuple(joint for joint in ideal.joints if joint.name not in soft)
-        constraints = Constraints(tuple(body.name for body in ideal.bodies), firm)
+        soft, every = {*plan.elastic, *plan.clearances}, Constraints.of(ideal)
+        firm = tuple(joint for joint in every.joints if joint.name not in soft)
+        constraints = Constraints(every.links, firm)
         found: dict[str, frozenset[str]] = {}
         for q in self.generic.T:
             at = poses(ideal, dict(zip(ideal.coordinates, q.tolist(), strict=True)))

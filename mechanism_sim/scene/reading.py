@@ -155,6 +155,8 @@ def read_values(
     units: tuple[str, str],
 ) -> Values:
     """Quantities by coordinate, in the first of the units for angles, else in the second."""
+    for c in given:
+        check_coordinate(f'{where}.{c}', c, tree)
     return {
         c if '.' in c and c in tree.coordinates else names.coordinate(where, c): names.measure(
             f'{where}.{c}', m, c in tree.displacements, units
@@ -162,6 +164,17 @@ def read_values(
         for c, m in given.items()
         if not (where.startswith('initial') and floats(names, c, m, tree))
     }
+
+
+def check_coordinate(where: str, link: str, tree: Mechanism) -> None:
+    """Refuse the name of a link that moves with another, and has no coordinate."""
+    if link not in tree.welded:
+        return
+    carrier = link
+    while carrier in tree.welded:
+        carrier = tree.parent(carrier)
+    what = 'does not move' if carrier == GROUND else f'moves with {carrier}: name that'
+    raise InputError(f'{where}: {link} is welded and {what}')
 
 
 def floats(names: Names, name: str, measure: QuantityValue, tree: Mechanism) -> bool:

@@ -58,7 +58,12 @@ def length_questions(content: Mapping[str, Any]) -> Iterator[str]:
     ----------
     content : keys and values of a scene as its file gives them, where units still stand
     """
-    written = [found for found in _lengths(content.get('links'), 'links') if found[3]]
+    written = [found for found in _lengths(content.get('links'), 'links', True) if found[3]]
+    elsewhere = {key: part for key, part in content.items() if key != 'links'}
+    for where, text, unit, value in _lengths(elsewhere, ''):  # small ones are clearances
+        others = [abs(x) for _, _, u, x in written if u != unit]
+        if others and abs(value) > _OTHER_UNIT * statistics.median(others):
+            yield _length_question(where[1:], text, statistics.median(others))
     for where, text, unit, value in written:
         others = [abs(x) for _, _, u, x in written if u != unit]
         if not others or 2 * len(others) < len(written):
@@ -66,24 +71,35 @@ def length_questions(content: Mapping[str, Any]) -> Iterator[str]:
         middle = statistics.median(others)
         even = 2 * len(others) == len(written)  # which is wrong? the larger ones are named
         if not (-1.0 if even else 1.0 / _OTHER_UNIT) < abs(value) / middle < _OTHER_UNIT:
-            yield (
-                f'{where} = {text}: the lengths in other units are about {_length(middle)}: is '
-                'the unit right?'
-            )
+            yield _length_question(where, text, middle)
 
 
-def _lengths(part: Any, where: str) -> Iterator[tuple[str, str, str, float]]:
-    """Of lengths and points in a part of a scene: path, text, its unit, and value [m]."""
+def _length_question(where: str, text: str, middle: float) -> str:
+    others = f'the lengths in other units are about {_length(middle)}'
+    return f'{where} = {text}: {others}: is the unit right?'
+
+
+def _lengths(
+    part: Any, where: str, of_links: bool = False
+) -> Iterator[tuple[str, str, str, float]]:
+    """Of lengths and points in a part of a scene: path, text, its unit, and value [m].
+
+    Numbers without a unit are in metres; elsewhere than in links they may be anything.
+    """
     if isinstance(part, Mapping):
         for key, value in part.items():
-            if where.count('.') != 1 or key in ('length', 'points'):
-                yield from _lengths(value, f'{where}.{key}')
+            if not of_links or where.count('.') != 1 or key in ('length', 'points'):
+                yield from _lengths(value, f'{where}.{key}', of_links)
     elif isinstance(part, list | tuple):
         for value in part:
-            yield from _lengths(value, where)
-    elif isinstance(part, str) and (unit := part.lstrip('+-0123456789.eE ').strip()):
-        with suppress(ValueError):
-            yield where, part, unit, to_si(part, 'm')
+            yield from _lengths(value, where, of_links)
+    elif of_links and isinstance(part, int | float):
+        yield where, f'{part:g}', 'm', float(part)
+    elif isinstance(part, str):
+        unit = part.lstrip('+-0123456789.eE ').strip()
+        if unit or of_links:
+            with suppress(ValueError):
+                yield where, part, unit or 'm', to_si(part, 'm')
 
 
 def _sizes(machine: Machine) -> dict[str, float]:
@@ -167,7 +183,7 @@ def _solver(machine: Machine) -> Iterator[str]:
                     f'solver.{key} has no effect: the motion follows from closed loops, and '
                     'nothing is integrated'
                 )
-    elif solver.atol and not machine.plan.clearances:
+    elif solver.atol and not machine.has_contacts:
         yield 'solver.atol has no effect: no joint has a clearance in which impacts could chatter'
 
 

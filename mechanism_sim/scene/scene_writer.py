@@ -15,7 +15,8 @@ from mechanism_sim.keys.quantities import Part, meanings
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.facts import Facts, facts_of
 from mechanism_sim.scene.schema import AnyScene, LinkPart
-from mechanism_sim.units import QuantityValue, to_si
+from mechanism_sim.scene.written import quantity
+from mechanism_sim.units import QuantityValue
 
 WIDTH, COLUMN = 99, 40
 """Of the file, and where comments begin."""
@@ -209,13 +210,13 @@ def _entry(name: str, data: Any, note: str) -> Iterator[Entry]:
 def _default(value: Any, facts: Facts) -> Any:
     """A default as it is written: a quantity with its unit where there is one."""
     if isinstance(value, QuantityValue):
-        return _quantity(value.value, value.unit)
+        return quantity(value.value, value.unit)
     if isinstance(value, float) and len(facts.quantities) == 1:
         (unit,) = facts.quantities[0].units[:1]
-        return _quantity(value, unit if len(facts.quantities[0].units) == 1 else '')
+        return quantity(value, unit if len(facts.quantities[0].units) == 1 else '')
     if isinstance(value, tuple | list):
         return [_default(item, facts) for item in value]
-    return _quantity(value, '') if isinstance(value, float) else value
+    return quantity(value, '') if isinstance(value, float) else value
 
 
 def _plain(value: Part) -> dict[str, Any]:
@@ -226,17 +227,6 @@ def _plain(value: Part) -> dict[str, Any]:
         for key, item in found.items()
         if item is not None
     }
-
-
-def _quantity(value: float, unit: str) -> Any:
-    """A number with its unit, in degrees if that is the same number."""
-    degrees = f'{math.degrees(value):g} deg'
-    if unit == 'rad' and value and to_si(degrees, 'rad') == value:
-        return degrees
-    short = f'{value:g}' if float(f'{value:g}') == value else repr(value)
-    if unit:
-        return f'{short} {unit}'
-    return int(short) if short.lstrip('-').isdecimal() else value
 
 
 def _flow(data: Any) -> str:

@@ -35,6 +35,7 @@ from mechanism_sim.keys.quantities import (
     TorquePerAngle,
     TorquePerSpeed,
     si,
+    si_or_point,
 )
 from mechanism_sim.planar.motor import InductionMotor
 from mechanism_sim.scene.formula_keys import EffortOrFormula, ForceOrFormula, TorqueOrFormula
@@ -42,8 +43,6 @@ from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.motion_keys import (
     AnyAcceleration,
     MovesPart,
-    Pace,
-    Place,
     PositionPart,
     SpeedPart,
     SwingPart,
@@ -53,11 +52,12 @@ from mechanism_sim.scene.sensor_keys import SensorKeys, seated, sensor_keys_of
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.scene.tilted_links import TiltPart
+from mechanism_sim.scene.written import yaml_text
 from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import SensorSource
 from mechanism_sim.sensing.imu import InertialUnit
 from mechanism_sim.sensing.presets import PRESETS
-from mechanism_sim.units import plain
+from mechanism_sim.units import QuantityValue, plain
 from mechanism_sim.vibration.frame import Frame
 
 PerSpeed = Annotated[float, si('N s/m')]
@@ -422,13 +422,19 @@ class DrivePart(Part):
         return self.flywheel + (m.inertia * m.ratio**2 if m else 0.0)
 
 
+StartValue = QuantityValue | tuple[float, float]
+"""Of a coordinate, or of a point."""
+StartPlace = Annotated[StartValue, si_or_point('m', 'rad', 'm')]
+StartPace = Annotated[StartValue, si_or_point('m/s', 'rad/s', 'm/s')]
+
+
 class InitialPart(Part):
     """Coordinates that do not start where drive and guess would put them."""
 
-    position: dict[str, Place] = {}
-    """Angles and displacements by link."""
-    velocity: dict[str, Pace] = {}
-    """Their rates by link."""
+    position: dict[str, StartPlace] = {}
+    """Angles and displacements by link; places [x, y] of points by LINK.POINT."""
+    velocity: dict[str, StartPace] = {}
+    """Their rates, by link and by LINK.POINT."""
     elastic: Literal['straight', 'smooth'] = 'straight'
     """How elastic links start: straight, or bent by the forces, nearly without vibration."""
 
@@ -459,6 +465,10 @@ class AnyScene(Part):
     measures: dict[str, str] = {}
     """Figures of a run by name, as largest(reaction.pin) or rms(drive_torque, from 2 s)."""
 
+    def to_yaml(self) -> str:
+        """The scene as a file gives it, which means the same to the last bit."""
+        return yaml_text(self)
+
     @model_validator(mode='before')
     @classmethod
     def _seat_sensors(cls, data: Any) -> Any:
@@ -483,16 +493,35 @@ class Linkage(AnyScene):
     """Main drive; revolutions are turns of this link."""
     drives: dict[str, DrivePart] = {}
     """Further drives, by link."""
-    guess: dict[str, Place] = {}
-    """Rough angles and displacements by link, which choose how loops are closed."""
+    guess: dict[str, StartPlace] = {}
+    """Rough angles and displacements by link, places [x, y] of points by LINK.POINT, which choose
+    how loops are closed."""
     initial: InitialPart = InitialPart()
     """Coordinates that start elsewhere than drive and guess say."""
     sensors: dict[str, SensorPart] = Field({})
     """Accelerometers, encoders and others, by name."""
+
+    @property
+    def rough(self) -> dict[str, QuantityValue]:
+        """What `guess` says of links, without places of points."""
+        return {c: x for c, x in self.guess.items() if isinstance(x, QuantityValue)}
 
 
 LOAD_SECTIONS = tuple(LOADS.values())
 
 
 class Scene(*LOAD_SECTIONS, Linkage):  # type: ignore[misc]
-    """A scene that names its links and joints."""
+    """A scene that names its links and joints.
+
+    In Python it is made of parts or of dictionaries; numbers are in SI units, text has units.
+
+    >>> import mechanism_sim as ms
+    >>> bar = ms.LinkPart(length='1 m', mass=1.2, inertia=0.1, cog='50 cm')
+    >>> pivot = ms.JointPart(revolute=['ground', 'bar'])
+    >>> scene = ms.Scene(title='A bar', links={'bar': bar}, joints={'pivot': pivot},
+    ...                  gravity=[0, '-1 g'], initial={'position': {'bar': '30 deg'}})
+    >>> ms.simulate(scene, duration='2 s')
+    <Solution of scene (smooth dynamics): 2 s in 26 steps, 0 impacts>
+    >>> ms.load_scene(scene.to_yaml()).scene == scene
+    True
+    """

@@ -18,6 +18,8 @@ from mechanism_sim.scene.start import check_apart
 
 _ROUNDING = 1e-9
 """Of the size of the machine: by so much nothing overlaps."""
+_PLAYS = 10.0
+"""Plays of loose joints, all together, by which they may give way."""
 _INSTANTS = 2001
 _TURNS = 16
 """Of a steady drive, whose way is tried."""
@@ -26,12 +28,13 @@ _TURNS = 16
 def check_stops(machine: Machine, duration: float) -> None:
     """Refuse drives that take links beyond stops, or into each other, whatever forces do.
 
-    That is so where closed loops say all of the motion, or a stop is between driven links.
+    That is so where closed loops say all of the motion, but for some play, or a stop is between
+    driven links.
     """
     plan = machine.plan
     if not plan.touching:
         return
-    known = not machine.touching
+    known = not machine.torque_driven
     mechanism = plan.ideal if known else plan.loose
     frames = Frames(mechanism.coordinates, Parameters())
     gaps = [
@@ -53,21 +56,31 @@ def check_stops(machine: Machine, duration: float) -> None:
         [*frames.q.values(), *frames.outside.values()],
     )
     inputs = np.concatenate([q, np.zeros((len(frames.outside), q.shape[1]))])  # q has all turns
-    for gap, row in zip(gaps, values(inputs)[0], strict=True):
-        distance = gap.distance(row)
-        check_apart(gap, float(distance[0]), mechanism.size)
-        beyond = np.flatnonzero(distance < -_ROUNDING * mechanism.size)
-        if beyond.size:
-            raise InputError(
-                f'the drive takes {gap.overlap}, before t = {times[beyond[0]]:.6g} s: keep it '
-                f"within by a 'profile' and 'duration', give it a 'torque', or change "
-                f"'joints.{gap.joint}'"
-            )
+    distances = [gap.distance(x) for gap, x in zip(gaps, values(inputs)[0], strict=True)]
+    room = _ROUNDING * mechanism.size
+    if known:  # play gives way to the drive a little
+        room += _PLAYS * sum(play.radial for play in plan.clearances.values())
+    else:
+        for gap, distance in zip(gaps, distances, strict=True):
+            check_apart(gap, float(distance[0]), mechanism.size)
+    found = []
+    for gap, distance in zip(gaps, distances, strict=True):
+        arm = max(1.0, getattr(gap, 'radius', 0.0) / mechanism.size)
+        beyond = np.flatnonzero(distance < -room * arm)
+        found += [(times[beyond[0]], gap)] if beyond.size else []
+    if found:
+        t, gap = min(found, key=lambda x: x[0])
+        raise InputError(
+            f'the drive takes {gap.overlap}, before t = {t:.6g} s: keep it within by a '
+            f"'profile' and 'duration', give it a 'torque', or change 'joints.{gap.joint}'"
+        )
 
 
 def _span(machine: Machine, duration: float) -> float:
     """As much of a run [s] as need be tried."""
-    last = max(law.valid_from for laws in machine.plan.laws.values() for law in laws)
+    plan = machine.plan
+    laws = (law for c in plan.prescribed for law in plan.laws_until(c, duration))
+    last = max(law.valid_from for law in laws)
     return min(duration, last + _TURNS * machine.drive.period)
 
 

@@ -17,7 +17,7 @@ import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.studies.goal import Goal, Trial
+from mechanism_sim.studies.goal import CycleTrial, Goal
 from mechanism_sim.studies.parameters import Parameter
 from mechanism_sim.studies.runs import Call, FinishedRows, Row, Show, Workers, has_failed
 
@@ -68,7 +68,7 @@ class _Search:
     """Places in the unit cube moved to [1, 2], so that differences have one size."""
 
     def __init__(
-        self, trial: Trial, parameters: Sequence[Parameter], wanted: Array | None, span: Array
+        self, trial: CycleTrial, parameters: Sequence[Parameter], wanted: Array | None, span: Array
     ) -> None:
         self.trial, self.parameters, self.wanted, self.span = trial, parameters, wanted, span
         self.evaluations, self.best, self.least = 0, np.zeros(0), math.inf
@@ -113,13 +113,13 @@ def values_at(parameters: Sequence[Parameter], place: Array) -> dict[str, float]
     return found
 
 
-def _row(trial: Trial, values: dict[str, float]) -> Row:
+def _row(trial: CycleTrial, values: dict[str, float]) -> Row:
     found = trial.at(values)
     return {'figures': [x.value for x in found], 'units': [x.unit for x in found]}
 
 
 def adjust(
-    trial: Trial,
+    trial: CycleTrial,
     parameters: tuple[Parameter, ...],
     goals: Sequence[Goal],
     samples: int,

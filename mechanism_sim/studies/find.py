@@ -16,7 +16,7 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.results.measures import Measured
 from mechanism_sim.scene import Source, load_scene
 from mechanism_sim.studies.adjustment import Adjustment, adjust
-from mechanism_sim.studies.goal import Goal, Trial, read_goals
+from mechanism_sim.studies.goal import CycleTrial, Goal, read_goals
 from mechanism_sim.studies.parameters import Parameter, parameters
 from mechanism_sim.studies.runs import Call, FinishedRows, Row, Show, Workers, has_failed
 
@@ -108,8 +108,10 @@ def find(
     goals, machine = read_goals(so_that, minimise), load_scene(scene)
     if samples < 2:
         raise InputError('a search needs at least 2 values to begin with')
+    if not vary:
+        raise InputError('a search varies at least one key: there is none')
     varied = parameters(machine, [*vary], '', limits=dict(vary))
-    trial = Trial.of(machine, goals, how)
+    trial = CycleTrial.of(machine, goals, how)
     makers = workers or Workers(1)
     if len(varied) > 1 or len(goals) > 1:
         return adjust(trial, varied, goals, samples, makers, show)
@@ -117,7 +119,7 @@ def find(
 
 
 def _along(
-    trial: Trial,
+    trial: CycleTrial,
     parameter: Parameter,
     goal: Goal,
     samples: int,
@@ -161,7 +163,7 @@ def _along(
 class _Curve:
     """The figure of a cycle over a parameter."""
 
-    trial: Trial
+    trial: CycleTrial
     parameter: Parameter
 
     def at(self, place: float) -> Measured:

@@ -118,7 +118,7 @@ def applies(machine: Machine) -> bool:
         machine.scene.drive is not None
         and machine.plan.main in plan.powered
         and machine.plan.main not in plan.ideal.displacements
-        and not machine.plan.clearances
+        and not machine.has_contacts
         and plan.weighed
         and not plan.frictions(plan.ideal)
     )

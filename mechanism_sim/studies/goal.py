@@ -63,7 +63,7 @@ def read_goals(so_that: str | Sequence[str] | None, minimise: str | None) -> tup
 
 
 @dataclass(frozen=True)
-class Trial:
+class CycleTrial:
     """Cycles of a scene in which numbers are changed; it can be sent to other processes.
 
     Attributes
@@ -78,7 +78,7 @@ class Trial:
     how: dict[str, Any]
 
     @classmethod
-    def of(cls, machine: Machine, goals: Sequence[Goal], how: dict[str, Any]) -> Trial:
+    def of(cls, machine: Machine, goals: Sequence[Goal], how: dict[str, Any]) -> CycleTrial:
         """Trials of a machine for goals, which may go by names of the scene's own measures."""
         texts = [machine.scene.measures.get(goal.name, goal.name) for goal in goals]
         measures = tuple(read(t, goal.name) for t, goal in zip(texts, goals, strict=True))

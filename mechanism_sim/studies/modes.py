@@ -336,6 +336,11 @@ def derivatives(
             f"{machine.name}: links without mass do not vibrate: give every link 'mass' and "
             "'inertia'"
         )
+    if plan.states:
+        raise InputError(
+            f'{machine.name}: the state {plan.states[0].label} of first order has no part in the '
+            'linear equations here: leave states out, or look at the run itself'
+        )
     if rubbing := plan.frictions(ideal):
         name = rubbing[0].name
         raise InputError(

@@ -62,7 +62,12 @@ class PoincareMap:
             raise InputError(
                 f'{machine.name}: a periodic response needs a crank at constant speed'
             )
-        if not machine.plan.clearances and not machine.mechanism.having(Beam):
+        if machine.plan.states:
+            raise InputError(
+                f'{machine.name}: the state {machine.plan.states[0].label} of first order has no '
+                'part in the section of states here: leave states out'
+            )
+        if not machine.has_contacts and not machine.mechanism.having(Beam):
             raise InputError(
                 f'{machine.name}: without clearance every revolution is like the other'
             )

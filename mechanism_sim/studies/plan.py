@@ -21,13 +21,14 @@ from mechanism_sim.keys.quantities import Part
 from mechanism_sim.numerics.batch_means import BATCHES
 from mechanism_sim.results.measure_text import Measure as OwnMeasure
 from mechanism_sim.results.measure_text import read_all
-from mechanism_sim.scene import Machine, span
+from mechanism_sim.scene import Machine, Source, span
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import (
+    SceneContent,
     check_scene,
     checked,
+    content_of,
     find_file,
-    find_scene,
     read_yaml,
 )
 from mechanism_sim.scene.load import started_at
@@ -166,8 +167,8 @@ class SweepPlan:
             columns.append(Column(name, values, unit))
         return columns
 
-    def write(self, file: Path, rows: Sequence[Row]) -> None:
-        """Write the table, a row for each run in the order of the plan, all at once.
+    def table(self, rows: Sequence[Row]) -> list[Column]:
+        """The columns of the table, with a row for each run in the order of the plan.
 
         Columns: `labels`, `FIGURES`, those of the scene's own joints, drives and measures,
         ``steps``, ``digest``, ``status``, with units and meanings.
@@ -177,26 +178,37 @@ class SweepPlan:
             Column(name, [row.get(name) for row in rows], unit, meaning)
             for name, unit, meaning in (*FIGURES, *self.own, *last)
         ]
-        about = {'sweep': self.name, 'title': self.title}
-        tables.write(file, [*self.labels(), *figures], about)
+        return [*self.labels(), *figures]
+
+    def write(self, file: Path, rows: Sequence[Row]) -> None:
+        """Write the table, all at once."""
+        tables.write(file, self.table(rows), {'sweep': self.name, 'title': self.title})
 
 
 def read_plan(
-    name: str, measures: Sequence[str] = (), show: Callable[[str], None] | None = None
+    source: str | Path | Mapping[str, Any],
+    measures: Sequence[str] = (),
+    show: Callable[[str], None] | None = None,
+    scene: Source | None = None,
 ) -> SweepPlan:
-    """The sweep of a file, or of one that comes with the package.
+    """The sweep of a file, of one that comes with the package, or of keys and values.
 
     Parameters
     ----------
     measures : more of them, as ``NAME = TEXT`` or ``TEXT``
     show : called with how far it is
+    scene : of all runs, if the sweep has none
     """
-    known = ', '.join(sweep_names())
-    path = find_file(name, 'sweep', config_folder() / 'sweeps', f'known are: {known}')
-    file = checked(path.name, SweepFile, read_yaml(path, 'sweep'))
+    path, content = _content(source)
+    bases: dict[str, SceneContent] = {}
+    if scene is not None:
+        if 'scene' in content:
+            raise InputError(f"{path.name}: the sweep has a 'scene' of its own: keep one")
+        shared = content_of(scene.scene if isinstance(scene, Machine) else scene)
+        bases[shared.name], content = shared, {**content, 'scene': shared.name}
+    file = checked(path.name, SweepFile, content)
     extent = _extent(path.name, file)
     columns = _columns(path.name, file)
-    bases: dict[str, tuple[Path, dict[str, Any]]] = {}
     runs: list[Run] = []
     grid = [[(key, value) for value in values] for key, values in file.grid.items()]
     taken = _measures(path.name, file, measures)
@@ -215,21 +227,20 @@ def read_plan(
         given = {**one, **dict(point), **values_drawn}
         where = f'{path.name}: run {len(runs)}{_describe(given)}'
         try:
-            scene = str(given.get(SCENE, file.scene))
-            if scene not in bases:
-                found = find_scene(str(path.parent / scene) if _is_path(scene) else scene)
-                bases[scene] = found, read_yaml(found, 'scene')
-            base, data = bases[scene]
+            named = str(given.get(SCENE, file.scene))
+            if named not in bases:
+                bases[named] = content_of(str(path.parent / named) if _is_path(named) else named)
+            base = bases[named]
             overrides = {k: v for k, v in {**file.set, **given}.items() if k != SCENE}
-            content = check_scene(base.name, data, overrides, base.parent)
+            checked_scene = check_scene(base.file, base.data, overrides, base.folder)
             for repetition in range(file.repeat):
-                machine = build(base.stem, content)
+                machine = build(base.name, checked_scene)
                 if repetition * file.nudge:  # the drive a little further at the start
                     machine = started_at(machine, machine.drive.start[0] + repetition * file.nudge)
                 nudged = machine.scene
                 read = [] if file.windows else of_sensors(machine, taken)
-                if scene not in measured:
-                    measured.add(scene)
+                if named not in measured:
+                    measured.add(named)
                     for column in own_columns(machine, [*taken, *read]):
                         own.setdefault(column.name, column)
                     limits |= _limits(path.name, file, own)
@@ -239,7 +250,7 @@ def read_plan(
                     windows.check(file.windows, machine, edges[skipped], edges[-1])
                     nudged = windows.with_seed(nudged, len(runs), columns)
                 values = {c: _value(nudged, c) for c in columns if c not in (SCENE, REPEAT)}
-                values |= {SCENE: base.stem} if SCENE in columns else {}
+                values |= {SCENE: base.name} if SCENE in columns else {}
                 values |= {REPEAT: repetition} if REPEAT in columns else {}
                 ordered = {c: values[c] for c in columns}
                 ruling: list[Any] = [machine.fingerprint, machine.level.value, vars(extent)]
@@ -247,7 +258,7 @@ def read_plan(
                 ruling += [list(asked)] if asked else []
                 ruling += [_measurement_keys(nudged)] if reads_sensors or read else []
                 key = _hash(ruling)
-                runs.append(Run(len(runs), base.stem, nudged, ordered, given, key, asked))
+                runs.append(Run(len(runs), base.name, nudged, ordered, given, key, asked))
         except InputError as error:
             raise InputError(f'{where}: {error}') from error
     units = _units(columns, runs) | {f.path: f.unit for f in factors}
@@ -256,6 +267,15 @@ def read_plan(
         path.stem, file.title, extent, columns, tuple(runs), file.bags, file.windows, units,
         tuple(own.values()), kept, tuple(factors), design, limits,
     )  # fmt: skip
+
+
+def _content(source: str | Path | Mapping[str, Any]) -> tuple[Path, dict[str, Any]]:
+    """Path and content of a sweep; one that is not in a file is as in the current folder."""
+    if isinstance(source, Mapping):
+        return Path('sweep'), dict(source)
+    known = ', '.join(sweep_names())
+    path = find_file(str(source), 'sweep', config_folder() / 'sweeps', f'known are: {known}')
+    return path, read_yaml(path, 'sweep')
 
 
 def _measures(file: str, sweep: SweepFile, more: Sequence[str]) -> list[OwnMeasure]:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mechanism_sim import output, tables
 from mechanism_sim.errors import InputError
+from mechanism_sim.scene import Source
 from mechanism_sim.studies.journal import Journal, journal_of
-from mechanism_sim.studies.plan import Run, SweepPlan
+from mechanism_sim.studies.plan import Run, SweepPlan, read_plan
 from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import Row, Show, Workers, has_failed
 
@@ -41,6 +44,42 @@ class SweepInterrupted(Exception):  # noqa: N818 - nothing went wrong
 
 
 def sweep(
+    source: str | Path | Mapping[str, Any],
+    file: str | Path | None = None,
+    *,
+    scene: Source | None = None,
+    measures: Sequence[str] = (),
+    workers: int | None = 1,
+    **how: Any,
+) -> tables.Table:
+    """Run a grid or a list of scenes; a row for each run.
+
+    >>> import mechanism_sim as ms
+    >>> grid = {'drive.speed': ['60 rpm', '120 rpm']}
+    >>> found = ms.sweep({'revolutions': 1, 'grid': grid}, scene='slider_crank',
+    ...                  measures=['top = highest(velocity.piston)'])
+    >>> round(float(found['top'][1] / found['top'][0]), 9)
+    2.0
+
+    Parameters
+    ----------
+    source : a sweep of the package, the path of a file, or its keys and values as a dictionary
+    file : table to write, with a journal from which an interrupted sweep goes on; none if not
+        given
+    scene : of all runs, if `source` has none: all that `load_scene` takes
+    measures : more of them, as ``NAME = TEXT`` or ``TEXT``
+    workers : processes; None for one for each core, in a script only below
+        ``if __name__ == '__main__':``
+    how : ``dask``, ``bags``, ``windows``, ``restart``, ``show`` of `run_plan`
+    """
+    plan = read_plan(source, measures, scene=scene)
+    with tempfile.TemporaryDirectory() as folder:
+        table = Path(file) if file else Path(folder) / 'sweep.csv'
+        _, rows = run_plan(plan, table, workers, **how)
+    return tables.Table.of(plan.table(rows))
+
+
+def run_plan(
     plan: SweepPlan,
     table: Path,
     workers: int | None = None,

@@ -216,6 +216,26 @@ def test_a_ball_on_a_string_winds_on_a_peg():
     assert final(solution, 'ball.x', 'ball.y')[:2] == pytest.approx(place(end[0]), abs=1e-10)
 
 
+def test_an_elastic_rope_stretches_as_a_spring_that_only_pulls():
+    """A jump: a free fall, then a swing about the place of rest, while the rope is taut."""
+    mass, k, h = 70.0, 900.0, 20.0
+    joint = {'rope': ['ground.top', 'a'], 'length': h,
+             'compliance': {'law': 'hertz', 'stiffness': k, 'exponent': 1.0}}  # fmt: skip
+    machine = made({
+        'links': {'ground': {'points': {'top': [0.0, 0.0]}}, 'a': {'mass': mass}},
+        'joints': {'ga': {'prismatic': ['ground', 'a'], 'axis': '90 deg'}, 'own': joint},
+        'initial': {'position': {'a': '-0.001 m'}}, 'gravity': [0.0, -G],
+    })  # fmt: skip
+    falls = math.sqrt(2.0 * (h - 0.001) / G)
+    w, v = math.sqrt(k / mass), math.sqrt(2.0 * G * (h - 0.001))
+    late, rest = 0.4, mass * G / k
+    down = rest - rest * math.cos(w * late) + v / w * math.sin(w * late)
+    t = falls + late
+    solution = ms.simulate(machine, duration=t)
+    assert final(solution, 'a')[0] == pytest.approx(-h - down, rel=1e-10)
+    assert solution.sample(np.array([t]))['normal_force.own'] == pytest.approx(k * down, rel=1e-9)
+
+
 # --- freewheels, ratchets and dogs ---------------------------------------------------------------
 
 
@@ -234,14 +254,14 @@ def test_an_impact_goes_through_a_freewheel_one_way():
         driven = 2.5 if way > 0.0 else 0.5
         impulse = 1.4 * driven / (1.0 + driven)
         t = math.radians(10.0)
-        assert [i.joint for i in solution.impacts if i.approach_speed] == [
+        assert [i.joint for i in solution.impacts if i.approach_speed > 1e-9] == [
             f'dogs_{"right" if way > 0.0 else "left"}'
         ]
         assert solution.impacts[0].t == pytest.approx(t, rel=1e-12)
         rates = final(solution, 'hub', 'middle', 'wheel')[3:]
         after = [way * (1.0 - impulse), way * impulse / driven, way * impulse / driven]
         after[2] *= way > 0.0
-        assert rates == pytest.approx(after, rel=1e-12, abs=1e-15)
+        assert rates == pytest.approx(after, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize('ratio', [1, '-1/2'])
@@ -320,7 +340,7 @@ joints:
   rope: {rope: [arm.end, ground.p, b], restitution: 0.4, pulleys: {ground.p: {radius: 50 mm}}}
   sprag: {freewheel: [arm, hub]}
   pawl: {ratchet: [ground, hub], teeth: 30, restitution: 0.2}
-loads: {push: {at: arm, torque: "15*sin(9*t)"}, back: {at: hub, torque: -3 N m}}
+loads: {push: {at: arm, torque: "15*sin(9*t)"}, back: {at: hub, torque: -9 N m}}
 gravity: [0, -9.81 m/s^2]
 duration: 1 s
 """
@@ -337,8 +357,8 @@ def test_ropes_and_freewheels_run_as_nodes_to_the_bit(tmp_path):
     assert {c.joint for c in alone.modes if c.t} == {'rope', 'pawl', 'sprag'}
     again = open_run(bag)
     t = np.linspace(0.0, 1.0, 41)
-    names = 'gap.rope', 'normal_force.rope', 'reaction.pivot', 'torque'
-    one, two = (x.sample(t, *names) for x in (alone, again))
+    names = 'gap.rope', 'normal_force.rope', 'reaction.pivot.x', 'second_torque.sprag'
+    one, two = (x.sample(t, *names) for x in (alone, again.piece))
     assert all(np.array_equal(one[name], two[name]) for name in one)
 
 
@@ -364,7 +384,8 @@ SLIDERS = {'links': {'ground': {'points': {'p': [0.0, 1.0]}}, 'a': {'mass': 1.0}
         ({'rope': ['a', 'ground.q']}, "joints.own.rope: the link ground has no point 'q'"),
         ({'rope': ['ground', 'ground.p']}, 'has points of ground only: name those of two links'),
         ({'rope': ['a', 'ground.p', 'ground.p']}, 'goes from ground.p to ground.p, which are one'),
-        ({'rope': ['a', 'ground.p'], 'length': 0.5}, 'own 0.5 m beyond its length'),
+        ({'rope': ['a', 'ground.p'], 'length': 0.5},
+         'the start puts the points of own beyond its length, by 0.5 m'),
         ({'rope': ['a', 'ground.p'], 'length': '-1 m'}, 'length = .-1 m. is out of bounds'),
         ({'rope': ['a', 'ground.p'], 'pulleys': {'ground.p': {'radius': 0.1}}},
          'passes no such point between its ends; there are: none'),

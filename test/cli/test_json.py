@@ -37,6 +37,7 @@ def files(tmp_path_factory):
     )
     assert done.returncode == 0, done.stderr
     (folder / 'broken.mcap').write_bytes((folder / 'run.mcap').read_bytes()[:5000] + b'\xff' * 500)
+    (folder / 'arm.csv').write_text('Joint,X [m],Y,Links,Ground,Input\nA,0,0,arm,x,x\nB,1,0,arm')
     (folder / 'sweep.yaml').write_text(
         'title: two speeds\nscene: four_bar_nominal\nduration: 0.02\n'
         'grid: {drive.speed: [300 rpm, 350 rpm]}\n'
@@ -47,6 +48,7 @@ def files(tmp_path_factory):
 # {} is the folder; what ends well, and what is refused
 GOOD = {
     'new': ('{}/new',),
+    'import': ('{}/arm.csv', '-o', '{}/arm.yaml'),
     'scenes': ('--schema',),
     'check': (LOOSE,),
     'quantities': (LOOSE,),
@@ -70,7 +72,7 @@ GOOD = {
     'find --teeth': ('3.5',),
     'thesis starts': (LOOSE, '--angles', '2', '--revolutions', '0.2'),
     'statistics': (LOOSE, '--revolutions', '21', '--skip', '1'),
-    'periodic': (LOOSE, '--transient', '3', '--longest', '1'),
+    'find --periodic': (LOOSE, '--transient', '3', '--longest', '1'),
     'find': (
         'slider_crank',
         '--vary',

@@ -76,7 +76,7 @@ def _play(random: Random) -> Scene:
     return {'radial': decades(random, -5.5, -3.3), 'restitution': pick(random, RESTITUTIONS[:-1])}
 
 
-def _loose(random: Random, k: int) -> Draft:
+def loose(random: Random, k: int) -> Draft:
     """A package machine, one or two of its pins loose: rigid, with friction, or compliant."""
     name, pins, speed = LOOSE[k // 12 % len(LOOSE)]
     scene = variant(name, {'gravity': [0.0, pick(random, (0.0, -9.81))]})
@@ -234,7 +234,7 @@ def rub(random: Random, scene: Scene, radius: float, length: float = 0.0) -> Non
 
 def _rubbing_loose(random: Random, k: int) -> Draft:
     """A package machine with loose pins, some of its other joints with friction."""
-    draft = _loose(random, k if k % 12 < 11 else k - 3)  # two elastic pins of one link whirl
+    draft = loose(random, k if k % 12 < 11 else k - 3)  # two elastic pins of one link whirl
     for joint in draft.scene['joints'].values():
         if 'friction' in (play := joint.get('clearance', {})):  # more jams with that of others
             play['friction'] = 0.5 if play['friction'] == 'rough' else min(play['friction'], 0.5)
@@ -297,7 +297,7 @@ FAMILIES = (
     Family('steps', 60, _steps, NOT_SEATED),
     Family('rubbing', 100, _rubbing, (), len(RUBBING)),
     Family('guide', 40, _guide, (), len(GUIDED)),
-    Family('loose', 60, _loose, NOT_SEATED),
+    Family('loose', 60, loose, NOT_SEATED),
     Family('rubbing_loose', 60, _rubbing_loose, NOT_SEATED),
     Family('package', 2 * len(SHOWN), _package),
 )

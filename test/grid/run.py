@@ -18,8 +18,12 @@ from test.grid import (
     loads,
     machines,
     position_laws,
+    ropes,
     rotors,
     rubbing,
+    spellings,
+    states,
+    stops,
     tilted,
     trains,
 )
@@ -41,6 +45,10 @@ FAMILIES: tuple[Family, ...] = tuple(
         rubbing,
         loads,
         position_laws,
+        states,
+        stops,
+        ropes,
+        spellings,
     )
     for family in module.FAMILIES
 )

@@ -110,13 +110,14 @@ def test_a_library_that_is_missing_is_named(shown, monkeypatch):
 
 
 def test_the_package_completes_to_what_is_documented_and_nothing_else():
-    documented = re.findall(r'^\.\. autofunction:: (\w+)$', API, re.MULTILINE)
+    directive = r'^\.\. auto(?:function|class):: (?:mechanism_sim\.pages\.writing\.)?(\w+)$'
+    documented = re.findall(directive, API, re.MULTILINE)
     assert sorted([*documented, '__version__']) == dir(ms)
     assert sorted(ms.__all__) == sorted(documented)
     assert all(callable(getattr(ms, name)) for name in documented)
     spaces = {name for name in vars(ms) if not name.startswith('_')}
     modules = {name for name in spaces if type(vars(ms)[name]).__name__ == 'module'}
-    assert spaces - modules - {*documented, 'annotations'} == set()
+    assert spaces - modules - {*documented, 'annotations'} == set()  # a room may be called too
 
 
 @pytest.mark.slow

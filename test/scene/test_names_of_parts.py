@@ -17,7 +17,14 @@ def test_nested_parts_name_the_scene_once():
 @pytest.mark.parametrize(
     ('scene', 'overrides', 'said'),
     [
-        ('slider_crank_engine', {'joints.crank_pin.revolute': ['crank.end', 'rod']}, 'crank_pin'),
+        (
+            'slider_crank_engine',
+            {
+                'joints.crank_pin.revolute': ['crank.end', 'rod'],
+                'joints.crank_pin.friction': {'coefficient': 0.1, 'radius': '5 mm'},
+            },
+            'crank_pin',
+        ),
         ('four_bar_clearance', {'links.rocker.length': '1 mm'}, 'assembled'),
         ('four_bar_clearance', {'initial.velocity.rocker': '1 m/s'}, 'it is an angle'),
         (

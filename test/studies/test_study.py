@@ -164,7 +164,7 @@ def test_studies_refuse_what_they_cannot_say(study):
 
 
 def test_a_follower_that_rests_on_its_cam_once_a_turn_has_no_multipliers():
-    done = run('periodic', 'valve_train')
+    done = run('find', 'valve_train', '--periodic')
     assert done.returncode == 0
     assert 'repeats every 1 revolutions, to 0; stable' in done.stdout
     assert 'no Floquet multipliers' in done.stdout
@@ -172,7 +172,7 @@ def test_a_follower_that_rests_on_its_cam_once_a_turn_has_no_multipliers():
 
 def test_commands_print_json():
     scene = ('four_bar_clearance', '--set', 'drive.speed=480 rpm')
-    assert run_json('periodic', *scene)['period'] == 2
+    assert run_json('find', *scene, '--periodic')['period'] == 2
     assert run_json('statistics', *scene, '--revolutions', '40')['means']['impacts']['mean'] > 10.0
     (joint,) = run_json('thesis', 'contact-loss', *scene)
     assert joint['lost_at_revolutions']

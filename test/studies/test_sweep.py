@@ -25,7 +25,7 @@ from mechanism_sim.studies.plan import Extent, read_plan
 from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import DONE, compute
 from mechanism_sim.studies.statistics import statistics
-from mechanism_sim.studies.sweep import SweepInterrupted, sweep
+from mechanism_sim.studies.sweep import SweepInterrupted, run_plan
 
 SWEEP = f"""
 scene: four_bar_clearance
@@ -177,11 +177,11 @@ def test_bad_input_ends_with_two_and_one_sentence(tmp_path, reference):
 def test_bad_input_is_refused_in_one_sentence(tmp_path):
     text = SMALL.replace('revolutions: 1', 'revolutions: 2')
     table = tmp_path / 'one.parquet'
-    sweep(plan_of(tmp_path, SMALL), table)
+    run_plan(plan_of(tmp_path, SMALL), table)
     for act, said in (
         (lambda: plan_of(tmp_path, 'revolutions: 3\n'), "'scene' is missing"),
-        (lambda: sweep(plan_of(tmp_path, text), table), 'is of another sweep'),
-        (lambda: sweep(plan_of(tmp_path, text), tmp_path / 't.parquet', 0), 'at least 1'),
+        (lambda: run_plan(plan_of(tmp_path, text), table), 'is of another sweep'),
+        (lambda: run_plan(plan_of(tmp_path, text), tmp_path / 't.parquet', 0), 'at least 1'),
     ):
         with pytest.raises(InputError, match=said) as refused:
             act()
@@ -359,7 +359,7 @@ def test_a_sweep_that_was_ended_goes_on_and_writes_the_same_table(reference, tmp
 @pytest.mark.usefixtures('in_this_process')
 def test_a_sweep_that_is_interrupted_goes_on_and_writes_the_same_table(tmp_path):
     plan, one, table = plan_of(tmp_path, SMALL), tmp_path / '1.parquet', tmp_path / '2.parquet'
-    sweep(plan, one)
+    run_plan(plan, one)
     journal = tmp_path / '2.parquet.journal'
 
     def interrupt(finished, _):
@@ -369,13 +369,13 @@ def test_a_sweep_that_is_interrupted_goes_on_and_writes_the_same_table(tmp_path)
     with pytest.raises(
         SweepInterrupted, match=r'after 2 of 4 .* the same command goes on from there'
     ):
-        sweep(plan, table, show=interrupt)
+        run_plan(plan, table, show=interrupt)
     kept = keys_of(journal)
     assert len(kept) == 2
     assert not table.exists()
     with journal.open('ab') as torn:  # as if the power had failed in the middle of a line
         torn.write(b'{"key": "12')
-    summary, _ = sweep(plan, table)
+    summary, _ = run_plan(plan, table)
     assert (summary.kept, summary.computed) == (2, 2)
     assert table.read_bytes() == one.read_bytes()
     keys = keys_of(journal)
@@ -407,9 +407,9 @@ def test_what_a_cluster_computes_makes_the_same_table(monkeypatch, tmp_path):
         Client=Client, as_completed=reversed, KilledWorker=OSError, CancelledError=OSError
     )
     monkeypatch.setitem(sys.modules, 'distributed', cluster)
-    assert sweep(plan, table, dask='tcp://here')[0].computed == 4
+    assert run_plan(plan, table, dask='tcp://here')[0].computed == 4
     assert asked == ['tcp://here']
-    sweep(plan, one)
+    run_plan(plan, one)
     assert table.read_bytes() == one.read_bytes()
 
 
@@ -479,7 +479,7 @@ def test_of_two_runs_the_one_that_fails_keeps_the_other(tmp_path):
         'scene: four_bar_clearance\nset: {start: centred}\nrevolutions: 1\nbags: true\n'
         'grid: {initial.position.rocker: [2.0, 2.1257118]}\n'
     )
-    summary, (bad, good) = sweep(plan_of(tmp_path, text), tmp_path / 't.parquet')
+    summary, (bad, good) = run_plan(plan_of(tmp_path, text), tmp_path / 't.parquet')
     assert summary.failed == 1
     assert good['status'] == DONE
     assert 'initial.position puts the pin' in bad['status']

@@ -25,7 +25,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.studies.design import factor, points
 from mechanism_sim.studies.effects import effects, exceedances
 from mechanism_sim.studies.plan import read_plan
-from mechanism_sim.studies.sweep import sweep
+from mechanism_sim.studies.sweep import run_plan
 
 G, MASS = 9.81, 2.0
 SCENE = """
@@ -55,7 +55,7 @@ def plan_of(folder, text):
 
 def made(folder, text, name='t.parquet'):
     plan = plan_of(folder, text)
-    return plan, sweep(plan, folder / name)[1]
+    return plan, run_plan(plan, folder / name)[1]
 
 
 def test_every_run_has_the_closed_form_as_its_measure(tmp_path):
@@ -84,7 +84,7 @@ def test_every_sensor_has_its_columns(tmp_path):
     units = {c.name: c.unit for c in plan.own}
     assert units['largest(sensors.end)'] == 'm/s^2'
     assert 'rms(sensors.end)' not in units  # asked for by another name
-    for speed, row in zip((10.0, 20.0), sweep(plan, tmp_path / 't.parquet')[1], strict=True):
+    for speed, row in zip((10.0, 20.0), run_plan(plan, tmp_path / 't.parquet')[1], strict=True):
         felt = speed**2 * 0.5
         assert row['known'] == pytest.approx(math.hypot(felt, G / math.sqrt(2.0)), rel=2e-3)
         assert row['largest(sensors.end)'] == pytest.approx(felt + G, rel=2e-3)
@@ -221,7 +221,7 @@ def test_tables_say_units_in_every_format(tmp_path, ending):
 def test_a_table_without_its_library_is_refused_before_anything_runs(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, 'openpyxl', None)
     with pytest.raises(InputError, match=r'openpyxl.*mechanism_sim\[tables\]'):
-        sweep(plan_of(tmp_path, UNIFORM), tmp_path / 't.xlsx')
+        run_plan(plan_of(tmp_path, UNIFORM), tmp_path / 't.xlsx')
     assert not list(tmp_path.glob('t.*'))
 
 

@@ -25,7 +25,7 @@ from mechanism_sim.recording import read_bag
 from mechanism_sim.sensing.channel import Block
 from mechanism_sim.studies.plan import read_plan
 from mechanism_sim.studies.schema import WindowsPart
-from mechanism_sim.studies.sweep import SweepInterrupted, sweep
+from mechanism_sim.studies.sweep import SweepInterrupted, run_plan
 from mechanism_sim.studies.windows import Cutter
 
 SENSOR = 'sensors.rocker_accelerometer'
@@ -157,7 +157,7 @@ def test_frames_that_differ_are_heard_on_one_motion(tmp_path):
     )
     table = tmp_path / 't.parquet'
     plan = read_plan(sweep_file(tmp_path, text))
-    assert sweep(plan, table, workers=1)[0].computed == 1
+    assert run_plan(plan, table, workers=1)[0].computed == 1
     rows = rows_of(table)
     for made in plan.runs:
         machine = ms.load_scene('four_bar_on_frame', {stiffness: made.given[stiffness]})
@@ -189,7 +189,7 @@ def test_the_schema_says_units_and_a_reader_of_files_finds_all_of_them(reference
 def test_float32_is_the_same_rounded(reference, tmp_path):
     text = SWEEP.replace('float64', 'float32')
     plan, table = read_plan(sweep_file(tmp_path, text)), tmp_path / 't.parquet'
-    sweep(plan, table, workers=1)
+    run_plan(plan, table, workers=1)
     short, full = (np.array([r['signal'] for r in rows_of(t)]) for t in (table, reference))
     assert np.array_equal(short, full.astype('float32'))
 
@@ -205,16 +205,16 @@ def same(table, reference):
 def test_a_sweep_that_is_interrupted_or_loses_a_file_writes_the_same_windows(tmp_path):
     plan = read_plan(sweep_file(tmp_path, SMALL))
     one, table = tmp_path / 'one.parquet', tmp_path / 'two.parquet'
-    sweep(plan, one)
+    run_plan(plan, one)
 
     def interrupt(*_):
         raise KeyboardInterrupt
 
     with pytest.raises(SweepInterrupted, match='after 1 of 2'):
-        sweep(plan, table, show=interrupt)
+        run_plan(plan, table, show=interrupt)
     assert not table.exists()
     for kept, computed in ((1, 1), (1, 1)):
-        summary, _ = sweep(plan, table)
+        summary, _ = run_plan(plan, table)
         assert (summary.kept, summary.computed) == (kept, computed)
         assert table.read_bytes() == one.read_bytes()
         found, expected = contents(folder_of(table)), contents(folder_of(one))
@@ -229,7 +229,7 @@ def test_windows_are_samples_of_the_channel_and_float32_is_the_same_rounded(tmp_
     for kind in ('float64', 'float32'):
         plan = read_plan(sweep_file(tmp_path, SMALL.replace('float64', kind)))
         tables.append(tmp_path / f'{kind}.parquet')
-        sweep(plan, tables[-1])
+        run_plan(plan, tables[-1])
     full, short = (np.array([r['signal'] for r in rows_of(t)]) for t in tables)
     assert np.array_equal(short, full.astype('float32'))
     name = SENSOR.partition('.')[2]
@@ -248,10 +248,10 @@ def test_windows_are_samples_of_the_channel_and_float32_is_the_same_rounded(tmp_
 @pytest.mark.slow
 def test_two_workers_write_the_same_files_and_a_lost_one_is_made_again(reference, tmp_path):
     plan, table = read_plan(sweep_file(tmp_path, SWEEP)), tmp_path / 'one.parquet'
-    sweep(plan, table, workers=2)
+    run_plan(plan, table, workers=2)
     assert same(table, reference)
     (folder_of(table) / FILES[3]).unlink()
-    summary, _ = sweep(plan, table, workers=1)
+    summary, _ = run_plan(plan, table, workers=1)
     assert (summary.kept, summary.computed) == (MOTIONS - 1, 1)
     assert same(table, reference)
 
@@ -271,7 +271,7 @@ def test_a_killed_sweep_goes_on_and_writes_the_same_files(reference, tmp_path):
     process.wait()
     kept = journal.read_bytes().count(b'\n') - 1
     assert not table.exists()
-    summary, _ = sweep(read_plan(file), table, workers=1)
+    summary, _ = run_plan(read_plan(file), table, workers=1)
     assert (summary.kept, summary.computed) == (kept, MOTIONS - kept)
     assert same(table, reference)
 
@@ -283,7 +283,7 @@ def test_a_trigger_begins_records_that_windows_do_not_leave(tmp_path):
         'windows: {samples: 700, per_run: 6, type: float64}\nrevolutions: 4\n'
     )
     table = tmp_path / 't.parquet'
-    sweep(read_plan(sweep_file(tmp_path, text)), table, workers=1)
+    run_plan(read_plan(sweep_file(tmp_path, text)), table, workers=1)
     rows = rows_of(table)
     machine = ms.load_scene('four_bar_clearance', {f'{SENSOR}.trigger': {'angle': '90 deg'}})
     period = machine.drive.period
@@ -310,8 +310,8 @@ def test_a_run_with_too_few_triggers_fails_and_leaves_no_file(tmp_path):
     (folder_of(table) / 'run_00000.parquet').write_bytes(b'of an earlier time')
     plan = read_plan(sweep_file(tmp_path, text))
     with pytest.raises(InputError, match='is not of this sweep'):
-        sweep(plan, table, workers=1)
-    summary, rows = sweep(plan, table, workers=1, restart=True)
+        run_plan(plan, table, workers=1)
+    summary, rows = run_plan(plan, table, workers=1, restart=True)
     assert (summary.failed, summary.windows) == (1, 0)
     assert 'gave 5 windows, not 60' in rows[0]['status']
     assert not list(folder_of(table).iterdir())
@@ -331,7 +331,7 @@ def test_the_example_learns_from_motions_it_was_not_asked_about(tmp_path):
     }  # fmt: skip
     text |= {'windows': {'samples': 1024, 'per_run': 20}, 'duration': 2.5, 'skip': 0.4}
     table = tmp_path / 't.parquet'
-    sweep(read_plan(sweep_file(tmp_path, yaml.safe_dump(text))), table, workers=1)
+    run_plan(read_plan(sweep_file(tmp_path, yaml.safe_dump(text))), table, workers=1)
     data = example.read(str(folder_of(table)))
     rows = rows_of(table)
     assert [data.clearances[k] for k in data.label] == [row[RADIAL] for row in rows]

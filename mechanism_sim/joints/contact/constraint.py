@@ -122,6 +122,9 @@ class DiscGap:
         """One in the other."""
         return f'{self.pair.first} into {self.pair.second} in the contact {self.name}'
 
+    def draw(self, _: Draft) -> None:
+        """The pair shows its outlines."""
+
     # --- the measure ----------------------------------------------------------------------------
 
     def value(self, frames: Frames) -> Jet:
@@ -169,7 +172,7 @@ class DiscGap:
         way = math.atan2(end[1] - start[1], end[0] - start[0])
         ux, uy = frames.position(m.direction(self.pair.second, way), f'{self.name}.bar')
         along, across = ux * x + uy * y, ux * y - uy * x
-        length = dense(frames.parameters(f'{self.name}.length', math.dist(start, end)))
+        length = dense(frames.parameters(f'{self.name}.bar_length', math.dist(start, end)))
         before = frames.switch(f'{self.name}.start', -dense(along.value))
         after = frames.switch(f'{self.name}.end', dense(along.value) - length)
         return (along, across), (x - ux * length, y - uy * length), (before, after)
@@ -198,7 +201,7 @@ class DiscGap:
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """From the first's middle to the second, ``-Q/R``."""
         x, y = self._nearest(frames)
-        minus = dense(frames.parameters(f'{self.name}.minus_curvature', -1.0 / self.reach))
+        minus = -1.0 / dense(frames.parameters(f'{self.name}.reach', self.reach))
         return x * minus, y * minus
 
     def slip(self, frames: Frames) -> Jet:
@@ -208,7 +211,7 @@ class DiscGap:
         has no value.
         """
         x, y = self._apart(frames)
-        minus = dense(frames.parameters(f'{self.name}.minus_curvature', -1.0 / self.reach))
+        minus = -1.0 / dense(frames.parameters(f'{self.name}.reach', self.reach))
         (r1, r2), ends = self.pair.radii, self.pair.points
         m, name = self.mechanism, self.name
 

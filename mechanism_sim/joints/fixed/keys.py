@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from mechanism_sim.joints.fixed.constraint import Weld
 from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Reference
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Angle
+from mechanism_sim.planar.mechanism import Weld
 
 
 @KINDS.add('fixed')

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -58,7 +58,7 @@ def _effort(element: Elongation, frames: Frames) -> Term:
 class _ForceElements:
     """Forces and lengths of springs, compiled when they are first asked for."""
 
-    def __init__(self, machine: Machine, elements: list[Elongation]) -> None:
+    def __init__(self, machine: Machine, elements: Sequence[Elongation]) -> None:
         self._machine, self._elements = machine, elements
         self._function: SwitchedFunction | None = None
         self._outside: tuple[str, ...] = ()

@@ -13,6 +13,7 @@ from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.poses import Poses
+from mechanism_sim.planar.protocols import Bound
 from mechanism_sim.results.quantity import Quantity, Shown, vector
 from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine
@@ -86,7 +87,8 @@ def _transmits_moment(machine: Machine, joint: Joint) -> bool:
     if not isinstance(joint, Revolute):
         return True
     gaps = machine.physics.system.gaps if isinstance(machine.physics, DynamicPhysics) else ()
-    return any(gap.friction and gap.joint == joint.name for gap in gaps)
+    own = [gap for gap in gaps if gap.joint == joint.name]
+    return any(gap.friction or isinstance(gap, Bound) for gap in own)
 
 
 def of_links(machine: Machine) -> Iterator[Quantity]:

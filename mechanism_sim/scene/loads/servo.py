@@ -62,8 +62,9 @@ class ServoPart(ElementKeys):
     def _spring(self, name: str = '') -> _ServoSpring:
         """Its force, by names that it knows itself, or that the whole scene knows."""
         effort = self._efforts('', name)[0]
-        force = {('torque' if self._turns else 'force'): f'0 - ({effort})'}
-        return _ServoSpring(between=self.between, coordinate=self.coordinate, **force)
+        kind = 'torque' if self._turns else 'force'
+        place = {'between': self.between, 'coordinate': self.coordinate}
+        return _ServoSpring.model_validate({**place, kind: f'0 - ({effort})'})
 
     def _efforts(self, own: str, name: str) -> tuple[str, str, str]:
         """Formulas of its effort, of the same without limits, and of the error.
@@ -92,7 +93,7 @@ class ServoPart(ElementKeys):
         return self._spring(name).placed(places, name, tree)
 
     def measures(self, places: Names, name: str, tree: Mechanism) -> dict[str, str]:
-        """What formulas know of it, with units."""
+        """Names behind its own in formulas, with units."""
         return self._spring(name).measures(places, name, tree)
 
     def read(self, places: Names, name: str, tree: Mechanism) -> Elements:

@@ -90,7 +90,7 @@ class SpringPart(ElementKeys):
     force: ForceOrFormula = 0.0
     """With which it pulls besides: a formula of `length`, `rate`, t, links, states."""
     torque: TorqueOrFormula = 0.0
-    """The same of a torsion spring, of `angle` and `rate`: it turns the second link back."""
+    """Of a torsion spring likewise, of `angle` and `rate`: it turns the second link back."""
     acts: Literal['both', 'above', 'below'] = 'both'
     """Above or below its free length or angle only, and never against that: a bump stop acts
     below, a check strap above."""
@@ -127,11 +127,13 @@ class SpringPart(ElementKeys):
             return lambda m: TorsionSpring(where, m, _NONE, a, b, self.free_angle or 0.0)
         if self.coordinate:
             joint = tree.tree_joints[self.coordinate]
-            return lambda m: GuidedSpring(where, m, _NONE, *joint.points, free, joint.name)
-        return lambda m: Spring(where, m, _NONE, *own, free)
+            a_end, b_end = joint.points
+            return lambda m: GuidedSpring(where, m, _NONE, a_end, b_end, free, joint.name)
+        first, second = own
+        return lambda m: Spring(where, m, _NONE, first, second, free)
 
     def measures(self, places: Names, name: str, tree: Mechanism) -> dict[str, str]:
-        """What formulas know of it, with units."""
+        """Names behind its own in formulas, with units."""
         if self._is_torsional(places, f'{self.section}.{name}', tree):
             return {'angle': 'rad', 'rate': 'rad/s'}
         return {'length': 'm', 'rate': 'm/s'}
@@ -190,7 +192,7 @@ class SpringPart(ElementKeys):
         else:
             preload, given = preload + given, ''
         g = self.gas
-        gas = g and GasColumn(g.force, g.column, g.exponent)
+        gas = GasColumn(g.force, g.column, g.exponent) if g else None
         side = _SIDES[self.acts]
         return lambda scope: SpringLaw(stiffness, damping, preload, gas, side, given, scope)
 

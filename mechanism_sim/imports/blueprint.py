@@ -1,0 +1,187 @@
+"""A planar machine where it is at its start, as files of other programs give it, and its scene."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import yaml
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.keys.names import RESERVED
+from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
+from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.plan import ScenePlan
+
+Pose = tuple[float, float, float]
+"""Of a frame at the start: x, y and angle [rad]."""
+
+_WIDTH = 99
+_ROUNDING = 1e-14  # of lengths of machines, in any unit
+
+
+@dataclass
+class BlueprintLink:
+    """A link.
+
+    Attributes
+    ----------
+    pose : of its frame; lengths are in the unit of the blueprint
+    points : in its frame, by name
+    keys : further keys that the scene has of it, as mass
+    """
+
+    pose: Pose = (0.0, 0.0, 0.0)
+    points: dict[str, Vector2] = field(default_factory=dict)
+    keys: dict[str, Any] = field(default_factory=dict)
+
+    def at(self, point: str) -> Vector2:
+        """A point in the world."""
+        x, y = rotate(self.points.get(point, (0.0, 0.0)), self.pose[2])
+        return self.pose[0] + x, self.pose[1] + y
+
+    def local(self, place: Vector2) -> Vector2:
+        """A point of the world in the frame of the link."""
+        return rotate((place[0] - self.pose[0], place[1] - self.pose[1]), -self.pose[2])
+
+
+@dataclass
+class Blueprint:
+    """A machine to be written as a scene.
+
+    Attributes
+    ----------
+    unit : of all lengths
+    joints, keys : joints, and further keys of the scene, as the scene has them
+    outlines : areas of links that are drawn, holes negative
+    notes : what is not as in the file, in sentences
+    """
+
+    title: str
+    unit: str = 'm'
+    links: dict[str, BlueprintLink] = field(default_factory=lambda: {GROUND: BlueprintLink()})
+    joints: dict[str, dict[str, Any]] = field(default_factory=dict)
+    keys: dict[str, Any] = field(default_factory=dict)
+    outlines: dict[str, list[Any]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def length(self, value: float) -> str:
+        """A length with its unit, to 15 digits; what is but rounding is 0."""
+        shown = float(f'{value:.15g}') if abs(value) > _ROUNDING else 0.0
+        return f'{shown!r} {self.unit}'
+
+    def vector(self, place: Iterable[float]) -> list[str]:
+        """A place with its unit."""
+        return [self.length(x) for x in place]
+
+    def through(self, link: str, places: Mapping[str, Vector2]) -> None:
+        """Add a link through points of the world: from the first, along the line to the second."""
+        origin, *others = places.values()
+        away = [at for at in others if math.dist(at, origin) > 0.0]
+        angle = math.atan2(away[0][1] - origin[1], away[0][0] - origin[0]) if away else 0.0
+        made = self.links[link] = BlueprintLink((*origin, angle))
+        for name, at in places.items():
+            if at == origin:
+                made.points[name] = (0.0, 0.0)
+            elif away and at == away[0]:
+                made.points[name] = (math.dist(at, origin), 0.0)
+            else:
+                made.points[name] = made.local(at)
+
+    def join(
+        self, name: str, kind: str, first: tuple[str, str], second: tuple[str, str], **more: Any
+    ) -> None:
+        """Add a joint between points of two links, under a name that is free."""
+        name, number = named(name), 1
+        wanted = f'{name}_joint' if name in self.links else name
+        while wanted in self.joints:
+            number += 1
+            wanted = f'{name}_{number}'
+        self.joints[wanted] = {kind: [first, second], **more}
+
+    def scene(self) -> dict[str, Any]:
+        """The keys and values of the scene; how its links stand at the start is its guess."""
+        data: dict[str, Any] = {'title': self.title, 'mechanism': 'linkage'}
+        data['links'] = {name: self._link(link) for name, link in self.links.items()}
+        data['joints'] = {name: dict(self._joint(joint)) for name, joint in self.joints.items()}
+        data |= self.keys
+        if guess := dict(self._guess(data)):
+            data['guess'] = guess
+        return data
+
+    def _link(self, link: BlueprintLink) -> dict[str, Any]:
+        points = {name: self.vector(at) for name, at in link.points.items() if any(at)}
+        return ({'points': points} if points else {}) | link.keys
+
+    def _joint(self, joint: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+        """A joint as a scene has it; the origin of a link goes by the link's name."""
+        for key, value in joint.items():
+            ends = isinstance(value, list)
+            yield key, [self.reference(*end) for end in value] if ends else value
+
+    def reference(self, link: str, point: str) -> str:
+        """``LINK.POINT``, or the link alone for its origin."""
+        return f'{link}.{point}' if any(self.links[link].points.get(point, ())) else link
+
+    def _guess(self, data: dict[str, Any]) -> Iterator[tuple[str, str]]:
+        """Angles and displacements of links at the start; which is which the plan knows."""
+        tree = ScenePlan(check_scene(self.title, data)).ideal
+        driven = data.get('drive', {})
+        for link in tree.coordinates:
+            joint = tree.tree_joints.get(link)
+            if link == driven.get('coordinate') and 'start_angle' in driven:
+                continue
+            if isinstance(joint, Prismatic):
+                yield link, self.length(self._displacement(joint.name))
+            elif link in self.links:
+                yield link, f'{math.remainder(self.links[link].pose[2], 2.0 * math.pi)!r} rad'
+
+    def _displacement(self, name: str) -> float:
+        joint = self.joints[name]
+        (first, on_first), (second, on_second) = joint['prismatic']
+        (ax, ay), (bx, by) = self.links[first].at(on_first), self.links[second].at(on_second)
+        axis = float(str(joint.get('axis', '0')).removesuffix(' rad'))
+        x, y = rotate((1.0, 0.0), self.links[first].pose[2] + axis)
+        return x * (bx - ax) + y * (by - ay)
+
+
+def named(text: str) -> str:
+    """A name as scenes have it: letters, digits and _."""
+    name = re.sub(r'\W+', '_', text).strip('_') or 'part'
+    return f'{name}_' if name in RESERVED else name if name.isidentifier() else f'n{name}'
+
+
+def names_of(texts: Iterable[str], what: str) -> dict[str, str]:
+    """The names of several parts; InputError where two would be one."""
+    found = {text: named(text) for text in texts}
+    if len({*found.values()}) < len(found):
+        raise InputError(f'two {what} would have the same name: {", ".join(found)}')
+    return found
+
+
+def to_yaml(data: Mapping[str, Any]) -> str:
+    """A scene as text: a line for each link, joint and other part."""
+    lines: list[str] = []
+    for key, value in data.items():
+        if key in ('links', 'joints', 'springs') and isinstance(value, dict):
+            lines.append(f'{key}:')
+            for name, part in value.items():
+                lines += _lines(name, part, '  ')
+        else:
+            lines += _lines(key, value, '')
+    return '\n'.join(lines) + '\n'
+
+
+def _lines(key: str, value: Any, indent: str) -> list[str]:
+    """A key with its value in one line, or its own keys each in one."""
+    text = yaml.safe_dump(
+        value, default_flow_style=True, width=math.inf, sort_keys=False, allow_unicode=True
+    )
+    line = f'{indent}{key}: ' + text.removesuffix('...\n').strip()
+    if len(line) <= _WIDTH or not isinstance(value, dict):
+        return [line]
+    return [f'{indent}{key}:', *(x for k, v in value.items() for x in _lines(k, v, indent + '  '))]

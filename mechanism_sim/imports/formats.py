@@ -1,0 +1,123 @@
+"""Which file is read by what, and the scene that comes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mechanism_sim import documents
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.imports import joint_table, mjcf, outlines, pylinkage, sdf, urdf
+from mechanism_sim.imports.blueprint import Blueprint, named, to_yaml
+from mechanism_sim.keys.names import scene_errors
+from mechanism_sim.packages import reason
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import check_scene, overridden
+
+LARGEST = 1 << 24
+"""Bytes of a file."""
+
+Reader = Callable[[Path, str, str | None], Blueprint]
+
+READERS: dict[str, Reader] = {
+    '.csv': joint_table.read_table,
+    '.json': pylinkage.read,
+    '.dxf': outlines.read_dxf,
+    '.sdf': sdf.read,
+    '.svg': outlines.read_svg,
+    '.urdf': urdf.read,
+    '.xml': mjcf.read,
+}
+"""By ending: they take the path, the text of the file, and the unit of its lengths if told."""
+
+_ADDRESSES = 'http://', 'https://'
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A scene from another program's file.
+
+    Attributes
+    ----------
+    name : of the scene
+    data : its keys and values
+    text : the same as a YAML file
+    notes : what is not as in the file, or is missing, in sentences
+    """
+
+    name: str
+    data: Mapping[str, Any]
+    text: str
+    notes: tuple[str, ...]
+
+
+def is_importable(source: str) -> bool:
+    """True of addresses, and of files with the ending of a format that is read here."""
+    return source.startswith(_ADDRESSES) or Path(source).suffix.lower() in READERS
+
+
+def import_machine(
+    source: Path | str,
+    unit: str | None = None,
+    overrides: Mapping[str, Any] | Iterable[str] = (),
+    thickness: str | None = None,
+    density: str = '7850 kg/m^3',
+) -> Imported:
+    """The scene of a planar machine in a file of another program, or in an address of PMKS+.
+
+    Parameters
+    ----------
+    unit : of lengths, if the file does not say it or is to be read otherwise, as 'mm'
+    thickness, density : of links that are drawn, for their masses, as '5 mm', '7850 kg/m^3'
+    overrides : keys that the file has not, as ``drive.speed=60 rpm``
+    """
+    name = str(source)
+    if name.startswith(_ADDRESSES):
+        stem, made = 'pmks', joint_table.read_address(name, unit)
+    else:
+        path = Path(source)
+        ending = path.suffix.lower()
+        if ending not in READERS:
+            raise InputError(
+                f"'{name}': {ending or 'no ending'} is no format that is imported"
+                f'{nearest(ending, READERS)}; those are {", ".join(READERS)}, and addresses of '
+                'PMKS+ in quotes'
+            )
+        stem, made = path.stem, _read(READERS[ending], path, unit)
+    outlines.weigh(made, thickness, density)
+    with scene_errors(stem):
+        data = overridden(stem, made.scene(), overrides)
+    notes = list(made.notes)
+    if 'drive' not in data:
+        notes.append("the file says no drive: --set 'drive.speed=60 rpm' adds one to the crank")
+    try:
+        build(stem, check_scene(stem, data))
+    except InputError as error:  # it is written all the same: people mend it there
+        notes.append(str(error))
+    return Imported(named(stem), data, to_yaml(data), tuple(notes))
+
+
+def _read(reader: Reader, path: Path, unit: str | None) -> Blueprint:
+    text = _text(path)
+    try:
+        return reader(path, text, unit)
+    except InputError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, RecursionError, StopIteration, TypeError,
+            ValueError) as error:  # fmt: skip
+        raise InputError(f'{path.name} is not what its ending says ({reason(error)})') from error
+
+
+def _text(path: Path) -> str:
+    try:
+        data = documents.bytes_of(path, LARGEST)
+    except OSError as error:
+        raise InputError(f"'{path}' cannot be read: {error.strerror}") from error
+    if len(data) > LARGEST:
+        raise InputError(f"'{path}' has more than {LARGEST >> 20} MB: that is no machine")
+    try:
+        return data.decode('utf-8-sig')
+    except UnicodeDecodeError:
+        raise InputError(f"'{path}' cannot be read: it is not text in UTF-8") from None

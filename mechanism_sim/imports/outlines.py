@@ -1,0 +1,187 @@
+"""Links by their outlines in drawings, DXF and SVG: holes are joints, areas are masses.
+
+A link is all that is on a layer, or in a group of an SVG; the layer `ground` has the pivots. Holes
+of two links that are in one place are a joint.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from io import StringIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.imports import svg
+from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, names_of
+from mechanism_sim.packages import needed, reason
+from mechanism_sim.planar.points import GROUND
+from mechanism_sim.units import to_si
+
+_FINE = 1e-7  # error of curves as polygons, and of ends that meet, in sizes of the drawing
+_SAME = 1e-6  # distance of holes that are one, likewise
+_UNITS = {1: 'inch', 2: 'ft', 4: 'mm', 5: 'cm', 6: 'm'}  # $INSUNITS of DXF
+_GROUNDS = 'ground', 'frame', 'base'
+
+
+class DrawnCurve(NamedTuple):
+    """A closed curve on a layer: a polygon (n, 2), and its centre and radius if it is a circle."""
+
+    layer: str
+    points: Array
+    centre: tuple[float, float] | None = None
+    radius: float = 0.0
+
+
+class DrawnArea(NamedTuple):
+    """Area, its centre (2,), and polar second moment about the origin."""
+
+    size: float
+    centre: Array
+    polar: float
+
+
+def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
+    """The links of a DXF."""
+    ezdxf = needed('ezdxf', 'drawings as DXF')
+    try:
+        document = ezdxf.read(StringIO(text))
+        parts = [x for e in document.modelspace() for x in _simple(e)]
+        size = float(max((np.ptp(_points(e, 1.0), axis=0).max() for e in parts), default=1.0))
+        drawn = [(e, _points(e, _FINE * size)) for e in parts]
+    except ezdxf.DXFError as error:
+        raise InputError(f'{path.name} is no DXF that can be read ({reason(error)})') from error
+    curves: list[DrawnCurve] = []
+    open_: dict[str, list[Array]] = {}
+    for entity, points in drawn:
+        layer = str(entity.dxf.layer)
+        if entity.dxftype() == 'CIRCLE':
+            centre = (float(entity.dxf.center.x), float(entity.dxf.center.y))
+            curves.append(DrawnCurve(layer, points, centre, float(entity.dxf.radius)))
+        else:
+            open_.setdefault(layer, []).append(points)
+    for layer, pieces in open_.items():
+        curves += [DrawnCurve(layer, loop) for loop in _closed(pieces, 10.0 * _FINE * size)]
+    return blueprint(path.stem, unit or _UNITS.get(document.units, ''), curves)
+
+
+def _simple(entity: Any) -> Iterator[Any]:
+    """An entity of a drawing that has points; lines and arcs of a polyline."""
+    if entity.dxftype() in ('LWPOLYLINE', 'POLYLINE'):
+        yield from entity.virtual_entities()
+    elif entity.dxftype() in ('LINE', 'ARC', 'CIRCLE', 'ELLIPSE', 'SPLINE'):
+        yield entity
+
+
+def _points(entity: Any, near: float) -> Array:
+    """Points (n, 2) of it, between which it is straight within a distance."""
+    line = entity.dxftype() == 'LINE'
+    found = (entity.dxf.start, entity.dxf.end) if line else entity.flattening(near)
+    return np.array([[p.x, p.y] for p in found])
+
+
+def read_svg(path: Path, text: str, unit: str | None) -> Blueprint:
+    """The links of an SVG, whose groups are named by their ids."""
+    given, found = svg.curves(path.name, text)
+    return blueprint(path.stem, unit or given, [DrawnCurve(*curve) for curve in found])
+
+
+def blueprint(title: str, unit: str, curves: Sequence[DrawnCurve]) -> Blueprint:
+    """The machine of the curves of a drawing; its links have outlines but no masses yet."""
+    if not unit:
+        raise InputError(f'{title}: the drawing does not say its unit: give --unit mm')
+    made = Blueprint(title, unit)
+    layers = list(dict.fromkeys(curve.layer for curve in curves))
+    if not curves:
+        raise InputError(f'{title}: there is no closed curve in the drawing')
+    moving = {x: x.lower() if x.isupper() else x for x in layers if x.lower() not in _GROUNDS}
+    named = names_of(moving.values(), 'links')
+    names = {layer: named[x] for layer, x in moving.items()}
+    everything = np.concatenate([curve.points for curve in curves])
+    size = float(np.ptp(everything, axis=0).max())
+    holes: list[tuple[str, str, tuple[float, float]]] = []
+    for layer in layers:
+        own = [curve for curve in curves if curve.layer == layer]
+        link = names.get(layer, GROUND)
+        outer = max(own, key=lambda curve: abs(_area(curve).size))
+        inner = [c for c in own if c is not outer] if link != GROUND else own
+        round_ = [c.centre for c in inner if c.centre]
+        centre = (0.0, 0.0) if link == GROUND else (*round_, outer.centre or (0.0, 0.0))[0]
+        part = made.links.setdefault(link, BlueprintLink((*centre, 0.0)))
+        for k, at in enumerate(round_):
+            part.points[f'hole_{k + 1}'] = part.local(at)
+            holes.append((link, f'hole_{k + 1}', at))
+        if link != GROUND:
+            made.outlines[link] = [
+                _area(outer),
+                *(_area(c)._replace(size=-_area(c).size) for c in inner),
+            ]
+    while holes:  # the first link in a place holds the others there
+        (one, a, at), *others = holes
+        here = [hole for hole in others if math.dist(at, hole[2]) < _SAME * size]
+        holes = [hole for hole in others if hole not in here]
+        for other, b, _ in here:
+            if other != one:
+                made.join(f'{one}_{other}', 'revolute', (one, a), (other, b))
+    return made
+
+
+def weigh(made: Blueprint, thickness: str | None, density: str) -> None:
+    """Give links the masses of their outlines, cut from plates."""
+    if not made.outlines:
+        if thickness:
+            raise InputError('--thickness is for drawings: this file says what links weigh')
+        return
+    if thickness is None:
+        made.notes.append('links have no mass: give --thickness')
+        return
+    metre = to_si(f'1 {made.unit}', 'm')
+    plate = to_si(thickness, 'm') * to_si(density, 'kg/m^3') * metre**2
+    for link, parts in made.outlines.items():
+        size = math.fsum(part.size for part in parts)
+        if size <= 0.0:
+            raise InputError(f'{link}: its holes are larger than its outline')
+        centre = sum(part.size * part.centre for part in parts) / size
+        polar = math.fsum(math.copysign(part.polar, part.size) for part in parts)
+        around = (polar - size * float(centre @ centre)) * metre**2
+        at = made.links[link].local((float(centre[0]), float(centre[1])))
+        made.links[link].keys = {
+            'mass': f'{plate * size!r} kg', 'inertia': f'{plate * around!r} kg m^2',
+            'cog': made.vector(at),
+        }  # fmt: skip
+
+
+def _area(curve: DrawnCurve) -> DrawnArea:
+    if curve.centre:
+        size, middle = math.pi * curve.radius**2, np.array(curve.centre)
+        return DrawnArea(size, middle, size * (0.5 * curve.radius**2 + float(middle @ middle)))
+    (x, y), (u, v) = curve.points.T, np.roll(curve.points, -1, axis=0).T
+    cross = x * v - u * y
+    size = 0.5 * float(cross.sum())
+    if not size:
+        raise InputError(f'a closed curve of {curve.layer} has no area')
+    centre = np.array([((x + u) * cross).sum(), ((y + v) * cross).sum()]) / (6.0 * size)
+    polar = float((cross * (x * x + x * u + u * u + y * y + y * v + v * v)).sum()) / 12.0
+    return DrawnArea(abs(size), centre, math.copysign(polar, 1.0))
+
+
+def _closed(pieces: list[Array], near: float) -> Iterator[Array]:
+    """Closed curves of pieces that meet at their ends."""
+    left = list(pieces)
+    while left:
+        chain = left.pop(0)
+        while np.abs(chain[0] - chain[-1]).max() > near:
+            for k, piece in enumerate(left):
+                ahead = piece if np.abs(piece[0] - chain[-1]).max() <= near else piece[::-1]
+                if np.abs(ahead[0] - chain[-1]).max() <= near:
+                    chain = np.concatenate([chain, ahead[1:]])
+                    del left[k]
+                    break
+            else:
+                break
+        else:
+            yield chain[:-1]

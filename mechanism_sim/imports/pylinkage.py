@@ -1,0 +1,59 @@
+"""Mechanisms of pylinkage as JSON.
+
+Source: `mechanism/serialization.py` of https://github.com/HugoFara/pylinkage, version 1.3. It has
+no units: lengths are metres unless told otherwise.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from mechanism_sim.imports.blueprint import Blueprint
+from mechanism_sim.imports.joint_table import JointRow, JointTable
+
+
+def read(path: Path, text: str, unit: str | None) -> Blueprint:
+    """A mechanism of joints and links."""
+    data = json.loads(text)
+    rows, order, speed = _mechanism(data)
+    title = str(data.get('name') or path.stem)
+    made = JointTable(title, unit or 'm', rows, order, speed, 'rad/s').blueprint()
+    made.notes.append(f'without units in the file, lengths are in {unit or "m"}')
+    return made
+
+
+def _mechanism(data: dict[str, Any]) -> tuple[list[JointRow], dict[str, list[str]], float]:
+    order = {x['id']: list(x['joints']) for x in data['links'] if x['type'] != 'ground'}
+    held = {j for x in data['links'] if x['type'] == 'ground' for j in x['joints']}
+    driver: dict[str, Any] = next(
+        (x for x in data['links'] if x['type'] in ('driver', 'arc_driver')), {}
+    )
+    rows: list[JointRow] = []
+    for joint in data['joints']:
+        name, (x, y) = joint['id'], joint['position']
+        if joint['type'] == 'tracker':
+            ends = {joint['ref_joint1_id'], joint['ref_joint2_id']}
+            owner = next(link for link, own in order.items() if ends <= {*own})
+            order[owner].append(name)
+        own = [link for link, joints in order.items() if name in joints]
+        at, ground = (float(x), float(y)), joint['type'] == 'ground' or name in held
+        if joint['type'] == 'prismatic':
+            rows += _block(name, at, own, math.atan2(joint['axis'][1], joint['axis'][0]))
+        else:
+            turns = ground and driver.get('motor_joint') == name
+            own.sort(key=lambda link: link != driver.get('id'))
+            rows.append(JointRow(name, at, tuple(own), ground=ground, input=turns))
+    return rows, order, float(driver.get('angular_velocity', 1.0))
+
+
+def _block(
+    name: str, at: tuple[float, float], links: list[str], angle: float
+) -> Iterator[JointRow]:
+    """A pin on a block, and the guide of the block on the ground."""
+    block = f'{name}_block'
+    yield JointRow(name, at, (*links, block))
+    yield JointRow(f'{name}_guide', at, (block,), 'P', ground=True, angle=angle)

@@ -1,0 +1,178 @@
+"""Curves of an SVG as polygons, in its lengths, y upwards."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from itertools import pairwise
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.imports.markup import number, numbers, parse
+
+_STEPS = np.linspace(0.0, 1.0, 257)[1:]  # of a curve
+_TOKEN = re.compile(r'([MmLlHhVvCcSsQqTtAaZz])|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)')
+_COUNTS = {'m': 2, 'l': 2, 'h': 1, 'v': 1, 'c': 6, 's': 4, 'q': 4, 't': 2, 'a': 7, 'z': 0}
+_LENGTH = re.compile(r'\s*([\d.eE+-]+)\s*(mm|cm|in|px|pt)?\s*')
+_UNITS = {
+    'mm': 1.0,
+    'cm': 10.0,
+    'in': 25.4,
+    'px': 25.4 / 96.0,
+    'pt': 25.4 / 72.0,
+    None: 25.4 / 96.0,
+}
+_DEEPEST = 100
+
+Found = tuple[str, Array, tuple[float, float] | None, float]
+"""Layer, points (n, 2), centre and radius of a circle."""
+
+
+def curves(file: str, text: str) -> tuple[str, list[Found]]:
+    """The unit of a drawing, and its closed curves."""
+    root = parse(file, text, 'svg')
+    scale, size = 25.4 / 96.0, _LENGTH.fullmatch(root.get('width') or '')
+    box = numbers(root.get('viewBox'), 4)
+    if size and box[2]:
+        scale = float(size[1]) * _UNITS[size[2]] / box[2]
+    return 'mm', list(_walk(root, np.diag([scale, -scale, 1.0]), '', 0))
+
+
+def _walk(element: Element, frame: Array, layer: str, depth: int) -> Iterator[Found]:
+    if depth > _DEEPEST:
+        raise InputError(f'groups within groups, more than {_DEEPEST} deep')
+    for child in element:
+        own = frame @ _transform(child.get('transform') or '')
+        name = next((v for k, v in child.attrib.items() if k.endswith('label')), child.get('id'))
+        if child.tag in ('g', 'svg'):
+            yield from _walk(child, own, name or layer, depth + 1)
+            continue
+        where = layer or name or 'link'
+        if child.tag in ('circle', 'ellipse'):
+            yield _round(child, own, where)
+            continue
+        for points in _shapes(child):
+            yield where, points @ own[:2, :2].T + own[:2, 2], None, 0.0
+
+
+def _round(element: Element, frame: Array, layer: str) -> Found:
+    get = element.get
+    at = frame @ [number(get('cx')), number(get('cy')), 1.0]
+    radii = [number(get(key) or get('r')) for key in ('rx', 'ry')]
+    angle = 2.0 * math.pi * _STEPS
+    ring = np.array([radii[0] * np.cos(angle), radii[1] * np.sin(angle)])
+    points = (frame[:2, :2] @ ring).T + at[:2]
+    radius = math.sqrt(abs(np.linalg.det(frame[:2, :2])) * radii[0] * radii[1])
+    is_round = np.ptp(np.hypot(*(points - at[:2]).T)) < 1e-9 * radius
+    return layer, points, (float(at[0]), float(at[1])) if is_round else None, radius
+
+
+def _shapes(element: Element) -> Iterator[Array]:
+    """Closed curves of a path, a polygon or a rectangle."""
+    get = element.get
+    if element.tag == 'rect':
+        x, y, w, h = (number(get(key)) for key in ('x', 'y', 'width', 'height'))
+        yield np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
+    elif element.tag == 'polygon':
+        found = [float(v) for _, v in _TOKEN.findall(get('points') or '') if v]
+        yield np.array(found[: len(found) // 2 * 2]).reshape(-1, 2)
+    elif element.tag == 'path':
+        yield from _paths(get('d') or '')
+
+
+def _paths(text: str) -> Iterator[Array]:
+    """The closed parts of the data of a path."""
+    tokens = [(c, v) for c, v in _TOKEN.findall(text)]
+    place, command, k = 0j, '', 0
+    points: list[complex] = []
+    handle = None  # of a smooth curve that follows
+    while k < len(tokens):
+        if tokens[k][0]:
+            command, k = tokens[k][0], k + 1
+        elif not command or command in 'Zz':
+            raise InputError(f"the path '{text[:40]}' cannot be read")
+        kind = command.lower()
+        values = [float(v or 'nan') for _, v in tokens[k : k + _COUNTS[kind]]]
+        if len(values) < _COUNTS[kind] or any(map(math.isnan, values)):
+            raise InputError(f"the path '{text[:40]}' ends within a command")
+        k += _COUNTS[kind]
+        base = place if command.islower() else 0j
+        if kind == 'z':
+            yield np.array([[p.real, p.imag] for p in points])
+            place = points[0]
+            points = [place]
+            continue
+        if kind == 'a':
+            end = base + complex(*values[5:])
+            points += _arc(place, end, values)
+        elif kind in 'hv':
+            part = values[0]
+            end = complex(part + base.real, place.imag) if kind == 'h' else complex(
+                place.real, part + base.imag)  # fmt: skip
+            points.append(end)
+        else:
+            given = [base + complex(*values[i : i + 2]) for i in range(0, len(values), 2)]
+            if kind in 'st':
+                given.insert(0, 2.0 * place - handle if handle is not None else place)
+            end = given[-1]
+            handle = given[-2] if kind in 'csqt' else None
+            if kind == 'm':
+                points, command = [end], 'l' if command == 'm' else 'L'
+            else:
+                points += _bezier([place, *given])
+        place = end
+
+
+def _bezier(control: list[complex]) -> list[complex]:
+    """Points of a curve after its first, by de Casteljau."""
+    if len(control) == 2:
+        return control[1:]
+    rows = [np.full(len(_STEPS), c) for c in control]
+    while len(rows) > 1:
+        rows = [a + (b - a) * _STEPS for a, b in pairwise(rows)]
+    return [complex(p) for p in rows[0]]
+
+
+def _arc(start: complex, end: complex, values: list[float]) -> list[complex]:
+    """Points of an elliptic arc after its first (SVG 1.1, F.6)."""
+    rx, ry, turn, large, sweep = (abs(values[0]), abs(values[1]), *values[2:5])
+    if not rx or not ry or start == end:
+        return [end]
+    spin = complex(math.cos(math.radians(turn)), math.sin(math.radians(turn)))
+    half = 0.5 * (start - end) / spin
+    unit = complex(half.real / rx, half.imag / ry)
+    grow = max(1.0, abs(unit))
+    unit /= grow
+    off = math.sqrt(max(0.0, 1.0 / abs(unit) ** 2 - 1.0)) * (-1.0 if large == sweep else 1.0)
+    middle = complex(off * unit.imag, -off * unit.real)
+    first = math.atan2((unit - middle).imag, (unit - middle).real)
+    last = math.atan2((-unit - middle).imag, (-unit - middle).real)
+    way = (last - first) % (2.0 * math.pi) - (0.0 if sweep else 2.0 * math.pi)
+    angles = first + way * _STEPS
+    ring = grow * (rx * (np.cos(angles) + middle.real) + 1j * ry * (np.sin(angles) + middle.imag))
+    return [complex(p) for p in 0.5 * (start + end) + ring * spin]
+
+
+def _transform(text: str) -> Array:
+    """The matrix (3, 3) of a list of transformations."""
+    found = np.eye(3)
+    for name, given in re.findall(r'(\w+)\s*\(([^)]*)\)', text):
+        v = [float(x) for _, x in _TOKEN.findall(given) if x]
+        if name == 'matrix' and len(v) == 6:
+            step = np.array([[v[0], v[2], v[4]], [v[1], v[3], v[5]], [0.0, 0.0, 1.0]])
+        elif name == 'translate' and v:
+            step = np.array([[1.0, 0.0, v[0]], [0.0, 1.0, v[1] if len(v) > 1 else 0.0], [0, 0, 1]])
+        elif name == 'scale' and v:
+            step = np.diag([v[0], v[-1], 1.0])
+        elif name == 'rotate' and v:
+            c, s = math.cos(math.radians(v[0])), math.sin(math.radians(v[0]))
+            x, y = v[1:3] if len(v) > 2 else (0.0, 0.0)
+            step = np.array([[c, -s, x - c * x + s * y], [s, c, y - s * x - c * y], [0, 0, 1]])
+        else:
+            raise InputError(f"'{name}({given})' is no transformation that is read here")
+        found = found @ step
+    return found

@@ -1,0 +1,129 @@
+"""Pages of runs in files: of one, or of two that are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from mechanism_sim import output
+from mechanism_sim.analysis import comparison
+from mechanism_sim.analysis.open_run import open_run
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.errors import InputError
+from mechanism_sim.pages import report as pages
+from mechanism_sim.pages.charts import sections
+from mechanism_sim.pages.recorded import recorded, together
+from mechanism_sim.recording import Bag
+from mechanism_sim.recording.runs import BAG_ENDINGS
+from mechanism_sim.report import measured
+from mechanism_sim.report.charts.chart import ChartSection
+from mechanism_sim.report.charts.overlay import overlaid
+from mechanism_sim.results.cycle import Cycle
+from mechanism_sim.results.measure_text import Measure
+from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.scene import Source, load_scene, span
+from mechanism_sim.units import argument
+
+
+def report(
+    source: Source | Piece | Cycle | Bag,
+    file: str | Path | None = None,
+    *,
+    other: Source | Piece | Cycle | Bag | None = None,
+    measures: Sequence[str] = (),
+    start: float | str | None = None,
+    revolutions: float | None = None,
+    duration: float | str | None = None,
+) -> Path:
+    """Write a page that plays a run and charts it, or compares two: one HTML file.
+
+    >>> import mechanism_sim as ms
+    >>> run = ms.simulate('slider_crank', revolutions=1)
+    >>> print(ms.report(run, 'crank.html', measures=['rms(drive_torque)']))
+    crank.html
+
+    Parameters
+    ----------
+    source : a solution, a cycle, a bag or its path, or all that `load_scene` takes
+    file : an .html file; named after the machine if not given
+    other : a second run, which the first is compared with
+    measures : further figures; not for two runs
+    start : from when on [s]
+    revolutions, duration : length; without either all of a run, or that of the scene
+    """
+    if other is not None and measures:
+        raise InputError('measures are of one run: leave them out of a comparison')
+    length = argument('start', start, 's'), revolutions, duration
+    sources = [source] if other is None else [source, other]
+    records = [_record_of(each, *length) for each in sources]
+    names = [str(x) if isinstance(x, str | Path) and '\n' not in str(x) else r.machine.name
+             for x, r in zip(sources, records, strict=True)]  # fmt: skip
+    path = output.check_path(
+        'file', file or f'{"_".join(Path(name).stem for name in names)}.html', '.html', '.htm'
+    )
+    if other is not None:
+        write_comparison((records[0], records[1]), (names[0], names[1]), path)
+    else:
+        write_page(records[0], path, measures=measures)
+    return path
+
+
+def _record_of(
+    source: Any, start: float | None, revolutions: float | None, duration: float | str | None
+) -> Record:
+    """The run of a source, or that part of it which is asked for."""
+    is_file = isinstance(source, str | Path) and str(source).endswith(BAG_ENDINGS)
+    if is_file or isinstance(source, Piece | Cycle | Bag):
+        record = open_run(source)
+        if not isinstance(record, Record):
+            raise InputError(f'{source}: a report needs the machine, and this bag has none')
+        first = record.start if start is None else start
+        if revolutions is None and duration is None:
+            return record.between(first, record.end)
+        return record.between(first, first + span(record.machine, revolutions, duration))
+    machine, first = load_scene(source), start or 0.0
+    end = first + span(machine, revolutions, duration)
+    return Record(machine, simulate(machine, duration=end), {}).between(first, end)
+
+
+def write_page(
+    record: Record,
+    file: Path,
+    source: str = '',
+    digest: str = '',
+    measures: Sequence[str] | Sequence[Measure] = (),
+    show: Callable[[float, int], None] | None = None,
+) -> int:
+    """Write the page of a run; its size [bytes].
+
+    Parameters
+    ----------
+    source : the file it was recorded in
+    digest : of the whole run, where this is a part of one
+    show : called with the progress of what the player needs
+    """
+    shown, parts = recorded(record, show), sections(record)
+    if measures:
+        taken = Measurement(record.machine, measures, record.start, record.end)
+        taken.add(record.piece)
+        rows = tuple((row.label, row.text) for row in measured.rows(taken.found()))
+        parts = [ChartSection('measures', 'Measures', '', (), rows), *parts]
+    text = pages.page(shown, parts, source, digest)
+    output.write_text(file, text)
+    return len(text.encode())
+
+
+def write_comparison(
+    records: tuple[Record, Record], names: tuple[str, str], file: Path
+) -> list[comparison.Difference]:
+    """Write the page of two runs; their differences."""
+    one, two = records
+    found = comparison.compare(one, two)
+    runs = together(recorded(one), recorded(two))
+    parts = overlaid(sections(one), sections(two))
+    beside = pages.ComparedRun(runs[1], names, found)
+    output.write_text(file, pages.page(runs[0], parts, beside=beside))
+    return found

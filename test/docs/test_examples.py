@@ -1,0 +1,38 @@
+"""Examples in docstrings of public functions, run as they stand."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import inspect
+
+import pytest
+
+import mechanism_sim as ms
+from mechanism_sim.pages.writing import report
+from mechanism_sim.results.solution import Piece
+
+FUNCTIONS = {
+    name: found
+    for name in ms.__all__
+    if inspect.isfunction(found := {'report': report}.get(name, getattr(ms, name)))
+}
+
+
+@pytest.mark.parametrize('name', FUNCTIONS)
+def test_every_public_function_has_an_example_that_runs(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = FUNCTIONS[name]
+    space = vars(importlib.import_module(found.__module__))
+    (test,) = doctest.DocTestFinder(recurse=False).find(found, name, globs=dict(space))
+    assert test.examples, name
+    result = doctest.DocTestRunner().run(test)
+    assert result.failed == 0
+
+
+@pytest.mark.parametrize('kind', [ms.Scene, Piece], ids=lambda kind: kind.__name__)
+def test_examples_of_classes_run(kind):
+    tests = doctest.DocTestFinder().find(kind, kind.__name__, globs={})
+    tests = [test for test in tests if test.examples]
+    assert tests
+    assert all(doctest.DocTestRunner().run(test).failed == 0 for test in tests)

@@ -1,0 +1,146 @@
+"""What cannot be imported is refused in one sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from running import run
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.imports import import_machine
+
+INPUTS = Path(__file__).parents[1] / 'cases/inputs'
+URDF = '<robot name="r"><link name="a"/><link name="b"/>{}</robot>'
+HINGE = (
+    '<joint name="h" type="{}"><parent link="a"/><child link="{}"/><axis xyz="{}"/></joint>'
+)  # fmt: skip
+MJCF = '<mujoco><worldbody><body name="a"><joint {}/></body></worldbody>{}</mujoco>'
+BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
+
+
+@pytest.mark.parametrize(
+    ('name', 'text', 'words'),
+    [
+        ('m.step', '', '.step is no format that is imported'),
+        ('m.csv', '', 'cannot be read: it is empty'),
+        ('m.csv', 'name,a,b\n', 'there is no column x, y, links'),
+        ('m.csv', 'joint,x,y,links\nA,0,0,ab\n', "the unit is missing: write 'X [mm]'"),
+        ('m.csv', 'joint,x [mm],y,links\nA,0,o,ab\n', "a finite number in column 'y', got 'o'"),
+        ('m.csv', 'joint,x [mm],y,links\nA,0,0,ab\nA,1,0,ab cd\n', 'two joints have the same'),
+        ('m.csv', 'joint,x [mm],y,links\nA,0,0,ab\nB,1,0,ab\n', 'no joint connects two links'),
+        ('m.csv', 'joint,x [mm],y,links,type\nA,0,0,ab cd,Q\n', "is of type 'Q', not R, P or RP"),
+        ('m.csv', 'joint,x [paces],y,links\nA,0,0,ground b\nB,1,1,b c\n', 'paces'),
+        ('m.csv', 'joint,x [mm],y,links\nA,1e999,0,a b\n', "in column 'x', got '1e999'"),
+        ('m.json', '{"joints": [', 'is not what its ending says'),
+        ('m.json', '[' * 100000, 'is not what its ending says'),
+        ('m.json', '{"joints": [{"name": "A"}]}', "KeyError: 'links'"),
+        ('m.urdf', '<robot', 'm.urdf is no XML'),
+        ('m.urdf', '<sdf/>', 'begins with <sdf>, not with <robot>'),
+        ('m.urdf', BOMB, 'a DOCTYPE and entities are not read'),
+        ('m.urdf', URDF.format(''), 'there must be one link that no joint carries'),
+        ('m.urdf', URDF.format(HINGE.format('ball', 'b', '0 0 1')), 'joints of type ball are not'),
+        ('m.urdf', URDF.format(HINGE.format('revolute', 'c', '0 0 1')), 'there must be one link'),
+        ('m.urdf', URDF.format(HINGE.format('revolute', 'b', '0 0')), "'0 0' are not 3 finite"),
+        ('m.urdf', URDF.format(HINGE.format('revolute', 'b', '0 1 1')), 'only planar machines'),
+        ('m.urdf', URDF.format(HINGE.format('fixed', 'b', '0 0 1')), 'no joint that turns'),
+        ('m.sdf', '<sdf/>', 'm.sdf has 0 models: it must be one'),
+        ('m.xml', '<mujoco/>', 'the file has no worldbody'),
+        ('m.xml', MJCF.format('type="ball"', ''), 'joints of type ball are not planar'),
+        ('m.xml', MJCF.format('axis="1 0 z"', ''), "'1 0 z' are no numbers"),
+        ('m.svg', '<svg/>', 'there is no closed curve in the drawing'),
+        ('m.svg', '<svg><path d="M 0 0 L 1"/></svg>', 'ends within a command'),
+        ('m.svg', '<svg><g transform="skewX(3)"/></svg>', "'skewX(3)' is no transformation"),
+        ('m.dxf', 'nonsense', 'is no DXF that can be read'),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_imported_is_said(tmp_path, name, text, words):
+    file = tmp_path / name
+    file.write_text(text)
+    with pytest.raises(InputError) as raised:
+        import_machine(file)
+    assert words in str(raised.value)
+    assert '\n' not in str(raised.value)
+
+
+@pytest.mark.parametrize('address', [
+    'https://app.pmksplus.com/', 'https://app.pmksplus.com/?0P.TY', 'https://x.org/?j=A,1&l=',
+    'https://x.org/?0P.TY.K,0.901.MA,A,0,0,0..YRAB,AB..',
+])  # fmt: skip
+def test_other_addresses_are_refused(address):
+    with pytest.raises(InputError, match=r'no address of a mechanism of PMKS\+|no joint'):
+        import_machine(address)
+
+
+def test_files_that_are_too_large_or_no_files_are_refused(tmp_path):
+    with pytest.raises(InputError, match='cannot be read: No such file'):
+        import_machine(tmp_path / 'none.csv')
+    (tmp_path / 'folder.csv').mkdir()
+    with pytest.raises(InputError, match='cannot be read: Is a directory'):
+        import_machine(tmp_path / 'folder.csv')
+    large = tmp_path / 'large.urdf'
+    with large.open('wb') as file:
+        file.truncate((1 << 24) + 1)
+    with pytest.raises(InputError, match='has more than 16 MB'):
+        import_machine(large)
+    (tmp_path / 'bytes.csv').write_bytes(b'\xff\xfe\x00')
+    with pytest.raises(InputError, match='not text in UTF-8'):
+        import_machine(tmp_path / 'bytes.csv')
+
+
+@pytest.mark.parametrize('ending', ['urdf', 'sdf', 'xml', 'dxf', 'csv', 'json', 'svg'])
+def test_damaged_files_are_read_or_refused_in_one_sentence(tmp_path, ending):
+    """Bytes changed, lost and repeated at random; nothing but a refusal comes of it."""
+    original, rng, said = intact(tmp_path, ending), np.random.default_rng(45), []
+    for _ in range(25):
+        data = bytearray(original)
+        for k in rng.integers(0, len(data) - 20, 3).tolist():
+            change = rng.integers(0, 3)
+            if change == 0:
+                data[k] = int(rng.integers(32, 127))
+            elif change == 1:
+                del data[k : k + 7]
+            else:
+                data[k:k] = data[k : k + 9]
+        file = tmp_path / f'damaged.{ending}'
+        file.write_bytes(bytes(data))
+        try:
+            import_machine(file, thickness='5 mm' if ending in {'dxf', 'svg'} else None)
+        except InputError as error:
+            said.append(str(error))
+    assert said
+    assert not any('\n' in sentence for sentence in said)
+
+
+def intact(folder, ending):
+    """A good file of a format."""
+    if ending in {'csv', 'json', 'svg'}:
+        name = {'csv': 'joints_six_bar.csv', 'json': 'import/pylinkage_fourbar.json'}.get(ending)
+        return (INPUTS / name).read_bytes() if name else SVG
+    file = folder / f'intact.{ending}'
+    done = run('export', 'four_bar_nominal', '-o', str(file))
+    assert done.returncode == 0, done.stderr
+    return file.read_bytes()
+
+
+SVG = b"""<svg xmlns="http://www.w3.org/2000/svg" width="30cm" viewBox="0 0 300 200">
+<g id="ground"><circle cx="50" cy="150" r="5"/></g><g id="arm"><circle cx="50" cy="150" r="4"/>
+<path d="M60 150V100a10 10 0 0 0-20 0v50A10 10 0 0 0 60 150Z" transform="translate(0,1)"/></g>
+<g id="dot"><polygon points="0,0 10,0 10,10"/><rect x="1" y="1" width="2" height="3"/></g></svg>"""
+
+
+def test_bodies_within_bodies_have_an_end(tmp_path):
+    deep = '<body>' * 2000 + '</body>' * 2000
+    (tmp_path / 'm.xml').write_text(f'<mujoco><worldbody>{deep}</worldbody></mujoco>')
+    with pytest.raises(InputError, match='more than 200 deep'):
+        import_machine(tmp_path / 'm.xml')
+
+
+def test_units_of_columns_and_of_the_option(tmp_path):
+    file = tmp_path / 'm.csv'
+    file.write_text('Point,X (in),Y (in),Links,Ground\nA,0,0,ground a,\nB,1,0,a b\nC,3,1,b,x\n')
+    assert import_machine(file).data['links']['a']['points'] == {'B': ['1.0 in', '0.0 in']}
+    assert import_machine(file, unit='mm').data['links']['a']['points'] == {
+        'B': ['1.0 mm', '0.0 mm']
+    }
