@@ -82,7 +82,7 @@ class RopeKeys(TouchingKeys):
         return f'rope of {joint.length:g} m from {joint.first}{over}, which may hang slack'
 
     def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[Bound]:
-        """What it has left."""
+        """The slack that it has left."""
         closure, law = joint.closure(mechanism), play.law()
         return [Slack(closure, 'left', 0.0, play.restitution, 0.0, play.hypothesis, law)]
 
