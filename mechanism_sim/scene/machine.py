@@ -33,16 +33,15 @@ from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.drive import Law
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Revolute
-from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.scene.assembly import Assembly, assemble, rates_of_points
 from mechanism_sim.scene.equations import EquationsOfMotion
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.main_drive import MainDrive
 from mechanism_sim.scene.nominal import Nominal
-from mechanism_sim.scene.plan import ScenePlan
+from mechanism_sim.scene.plan import ScenePlan, announce
 from mechanism_sim.scene.rigid import rigid_scene
-from mechanism_sim.scene.schema import LinkPart, Scene
+from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.sensor_keys import check_impulses
 from mechanism_sim.scene.start import Start
 from mechanism_sim.sensing.channel import Channel
@@ -85,14 +84,9 @@ class Machine(Rich):
         """Links, joints, drives and forces."""
         with scene_errors(self.name):
             found = ScenePlan(self.scene)
-            if found.moving_points:
+            if found.given[2]:
                 found.given[1].update(rates_of_points(found))
             return found
-
-    @property
-    def links(self) -> dict[str, LinkPart]:
-        """The moving links as the scene has them."""
-        return {name: link for name, link in self.scene.links.items() if name != GROUND}
 
     @property
     def bearings(self) -> list[Revolute]:
@@ -225,7 +219,7 @@ class Machine(Rich):
             )
         else:
             run = self.nominal.run(first, loads=True)
-        self.plan.announce(run, {c: laws[c] for c in system_order})
+        announce(self.plan, run, {c: laws[c] for c in system_order})
         return run
 
     def snapshot(self, run: Run) -> Snapshot:
@@ -266,7 +260,7 @@ class Machine(Rich):
         ``machine.oscillator('frame').take(solution.motion)`` gives its motion, a function of time;
         `take` may also be called with the motion of one `Piece` after the other.
         """
-        return ShakenFrame(self.frame(name), self.forces_on(name))
+        return ShakenFrame(self.frame(name), forces_on(self, name))
 
     def frame(self, name: str) -> Frame:
         """A frame of the scene on its springs; InputError if there is none of that name."""
@@ -278,15 +272,6 @@ class Machine(Rich):
             )
         return frames[name]
 
-    def forces_on(self, name: str) -> Forces:
-        """The forces that shake a frame of the scene."""
-        joints = self.scene.oscillators[name].joints
-        if joints is None:
-            elements = self.plan.elements(self.mechanism)
-            applied = [element for element in elements if isinstance(element, AppliedForce)]
-            return WholeMachine(ShakingForce(self.mechanism, applied), self.physics)
-        return JointForces(self.mechanism, self.physics, self.joint_impulses, joints)
-
     @cached_property
     def joint_impulses(self) -> JointImpulses:
         """The impulses in all joints, from steps of the velocities."""
@@ -295,3 +280,13 @@ class Machine(Rich):
         gaps, _ = contacts_of(self.scene.joints, self.mechanism, self.plan.clearances)
         gaps += bounds_of(self.scene.joints, self.mechanism, self.touching)
         return JointImpulses(self.mechanism, gaps, self.plan.loop_closures, self.plan.prescribed)
+
+
+def forces_on(machine: Machine, name: str) -> Forces:
+    """The forces that shake a frame of the scene."""
+    joints = machine.scene.oscillators[name].joints
+    if joints is None:
+        elements = machine.plan.elements(machine.mechanism)
+        applied = [element for element in elements if isinstance(element, AppliedForce)]
+        return WholeMachine(ShakingForce(machine.mechanism, applied), machine.physics)
+    return JointForces(machine.mechanism, machine.physics, machine.joint_impulses, joints)

@@ -112,7 +112,7 @@ class InJointKeys(SensorKeys):
 
 def check_link(machine: Any, where: str, link: str | None, frames: Iterable[str] = ()) -> None:
     """Refuse a sensor on a link that does not move, or on no frame of these."""
-    known = [*machine.links, *frames]
+    known = [*machine.plan.links, *frames]
     if link not in known:
         raise InputError(
             f"{where}.link: there is no moving link '{link}'{nearest(str(link), known)}; links: "
