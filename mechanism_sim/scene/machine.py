@@ -28,14 +28,13 @@ from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
 from mechanism_sim.keys.names import SceneError, scene_errors
-from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.drive import Law
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Revolute
-from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.scene.assembly import Assembly, assemble, rates_of_points
 from mechanism_sim.scene.equations import EquationsOfMotion
+from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.main_drive import MainDrive
 from mechanism_sim.scene.nominal import Nominal
@@ -46,9 +45,7 @@ from mechanism_sim.scene.sensor_keys import check_impulses
 from mechanism_sim.scene.start import Start
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.vibration.frame import Frame
-from mechanism_sim.vibration.joint_forces import JointForces
 from mechanism_sim.vibration.shaken_frame import ShakenFrame
-from mechanism_sim.vibration.shaking import Forces, WholeMachine
 
 Run: TypeAlias = EventLoop | NominalRun
 """A machine in motion."""
@@ -280,13 +277,3 @@ class Machine(Rich):
         gaps, _ = contacts_of(self.scene.joints, self.mechanism, self.plan.clearances)
         gaps += bounds_of(self.scene.joints, self.mechanism, self.touching)
         return JointImpulses(self.mechanism, gaps, self.plan.loop_closures, self.plan.prescribed)
-
-
-def forces_on(machine: Machine, name: str) -> Forces:
-    """The forces that shake a frame of the scene."""
-    joints = machine.scene.oscillators[name].joints
-    if joints is None:
-        elements = machine.plan.elements(machine.mechanism)
-        applied = [element for element in elements if isinstance(element, AppliedForce)]
-        return WholeMachine(ShakingForce(machine.mechanism, applied), machine.physics)
-    return JointForces(machine.mechanism, machine.physics, machine.joint_impulses, joints)

@@ -19,7 +19,7 @@ from mechanism_sim.numerics.polynomials import gauss_nodes
 from mechanism_sim.numerics.rational import Rational
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report.bag import render
-from mechanism_sim.scene.machine import forces_on
+from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.sensing.chain import Amplifier
 from mechanism_sim.vibration.residues import receptance, through
 from mechanism_sim.vibration.shaking import Shaking

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import Offset
-from mechanism_sim.scene.machine import forces_on
+from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.sensor_keys import SENSORS, OnLinkKeys, ShockKeys, check_link
 from mechanism_sim.sensing.chain import Integrator, Transducer
 from mechanism_sim.sensing.channel import SensorSource
