@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
+from itertools import islice, takewhile
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from mechanism_sim.linkages.formulas import FormulaState
 from mechanism_sim.linkages.nominal import NominalRun
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
-from mechanism_sim.planar.endless_laws import LawSource, laws_until
+from mechanism_sim.planar.endless_laws import LawSource, unrolled
 from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import (
@@ -278,7 +279,9 @@ class ScenePlan(Names):
 
     def laws_until(self, c: str, end: float) -> tuple[Law, ...]:
         """The laws of a coordinate up to a time [s], or as many as are looked at beforehand."""
-        return laws_until(self.laws[c], self.sources.get(c), end, _AHEAD)
+        laws = self.laws[c]
+        known = islice(unrolled(laws, self.sources.get(c)), len(laws) + _AHEAD)
+        return (laws[0], *takewhile(lambda law: law.valid_from <= end, islice(known, 1, None)))
 
     def law_at(self, c: str, t: float = 0.0) -> tuple[float, float, float]:
         """Value, rate and acceleration, a time [s] from the start, by a coordinate's first law."""
