@@ -147,7 +147,7 @@ class Stage:
         """Those that have walls: pins in slots, blocks in guides, teeth, cams that are left."""
         joints = self.machine.mechanism.joints
         pairs = [j for j in joints if isinstance(j, HigherPair | Prismatic)]
-        return [pair for pair in pairs if self._walls(pair)]
+        return [pair for pair in pairs if pair.equations and self._walls(pair)]
 
     def _walls(self, pair: HigherPair | Prismatic) -> dict[Side, list[int]]:
         """The numbers of the gaps at each wall of a pair: a block has two, at its corners."""
