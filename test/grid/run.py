@@ -21,9 +21,9 @@ from test.grid import (
     ropes,
     rotors,
     rubbing,
+    spellings,
     states,
     stops,
-    spellings,
     tilted,
     trains,
 )
