@@ -36,7 +36,7 @@ SECTIONS = {
         'compound_planetary', 'helical_shafts', 'bevel_pair', 'worm_drive', 'differential',
         'belt_drive', 'watched_compressor', 'rack_and_pinion', 'gear_four_bar', 'whole_machine',
     ),
-    'Without a drive': ('pendulum', 'catapult'),
+    'Without a drive': ('pendulum', 'catapult', 'hydraulic_arm'),
     'Vibrations': (
         'mass_on_spring', 'unbalanced_machine', 'half_car', 'vibration_absorber',
         'torsional_shaft', 'rotor_on_supports', 'overhung_rotor', 'two_disk_rotor',

@@ -22,7 +22,7 @@ from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.poses import Poses
 from mechanism_sim.planar.protocols import Bound
 from mechanism_sim.planar.rotor import Rotor
-from mechanism_sim.planar.view import Kind, circle
+from mechanism_sim.planar.view import Kind, circle, complex_of, points_of
 from mechanism_sim.scene import Machine
 
 _MOUNT = 9.0  # length of the springs of a frame, in symbols
@@ -36,6 +36,13 @@ class Mounted(NamedTuple):
 
     cog: Vector2  #: [m] where it is at rest
     springs: range  #: their numbers
+
+
+class String(NamedTuple):
+    """A straight line between points of two links, see `Draft.string`."""
+
+    ends: tuple[LinkPoint, LinkPoint]
+    radii: tuple[float, float]  #: [m]
 
 
 class Skeleton:
@@ -59,6 +66,7 @@ class Skeleton:
     symbol : size of a joint, a sixtieth of it [m]
     shapes : in the order in which they are painted
     springs : the ends of each, painted before all shapes as `shapes.coil`
+    strings : straight lines between links, painted likewise
     links : that move, in the order of poses
     mounts : the frames on springs
     sways : of those that are known to sway, how many times as far they are drawn
@@ -105,6 +113,7 @@ class Skeleton:
         self._drawn: set[str] = set()
         self._hands = 0
         self.shapes: list[Shape] = []
+        self.strings: list[String] = []
         for joint in joints:
             if isinstance(joint, Revolute):
                 self._revolute(joint)
@@ -205,6 +214,25 @@ class Skeleton:
         for name, (_, springs) in self.mounts.items():
             for k in springs:
                 found[k][0] = self.swayed(np.array([self.springs[k][0][1]]), name, sway)[:, 0]
+        return np.array(found).reshape(len(found), 2, len(poses), 2).swapaxes(1, 2)
+
+    def string(self, ends: tuple[LinkPoint, LinkPoint], radii: tuple[float, float]) -> None:
+        """Add a straight line between two links, see `Draft`."""
+        self.strings.append(String(ends, radii))
+        for place in (place for place, radius in zip(ends, radii, strict=True) if not radius):
+            self._support(place)
+
+    def strung(self, poses: Array) -> Array:
+        """The ends of all strings at N poses, (strings, N, 2, 2) [m]: tangents of their discs."""
+        found = []
+        for ends, (r1, r2) in self.strings:
+            one, two = (self.placed(link, np.array([at]), poses)[:, 0] for link, at in ends)
+            way = complex_of(two - one)
+            # way = (l + i (r2 - r1)) d with the direction d
+            off = r2 - r1
+            length = np.sqrt(np.maximum(np.abs(way) ** 2 - off**2, 0.0))
+            left = 1j * way / np.where(way == 0.0, 1.0, length + 1j * off)
+            found.append([one - points_of(r1 * left), two - points_of(r2 * left)])
         return np.array(found).reshape(len(found), 2, len(poses), 2).swapaxes(1, 2)
 
     def placed(self, link: str, points: Array, poses: Array) -> Array:

@@ -211,6 +211,10 @@ class Stage:
             'links': self.links,
             'shapes': [written(shape) for shape in self.skeleton.shapes],
             'springs': [[[link, list(at)] for link, at in x] for x in self.skeleton.springs],
+            'ropes': [
+                [[link, list(at), radius] for (link, at), radius in zip(*string, strict=True)]
+                for string in self.skeleton.strings
+            ],
             'coil': COIL.tolist(),
             'scale': dict(zip(('length', 'text'), self.skeleton.scale_bar(width), strict=True)),
             'bendings': {link: x.to_json() for link, x in self.skeleton.bendings.items()},

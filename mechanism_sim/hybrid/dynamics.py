@@ -127,7 +127,7 @@ class Dynamics:
     free, prescribed, powered : names of coordinates
     flags, contacts, drives : see there
     rubs : friction in ideal joints
-    states, state_rates : of first order, among the elements, and the rates of these
+    state_rates : of the states of first order
     depths : of compliant contacts, by the symbols that stand for them beside such friction
     reduced : the equations without contact forces
     jam_margin : determinant of the equations of the normal forces over that without the friction
@@ -186,7 +186,6 @@ class Dynamics:
         loads += [load for rub in self.rubs for load in rub.loads]
         self._pushes = generalised(loads, frames, mechanism)
         torque = dict(zip(powered, self.drives.torques, strict=True))
-        self.states = [x for x in applied.elements if isinstance(x, FirstOrderState)]
         for number in range(len(self.states)):
             frames.state(number)
         self.state_rates = [x.rate(frames) for x in self.states]
@@ -204,6 +203,11 @@ class Dynamics:
         self.exact = self._solve(stabilised=False)
         self.stabilised = self._solve(stabilised=True)
         self.free_acceleration = self.reduced.second_derivatives(self.reduced.exact.a)
+
+    @property
+    def states(self) -> list[FirstOrderState]:
+        """The states of first order among the elements."""
+        return [x for x in self.elements if isinstance(x, FirstOrderState)]
 
     def _drives(self, motors: Sequence[Motor]) -> Drives:
         p, frames = self.equations.parameters, self.equations.frames

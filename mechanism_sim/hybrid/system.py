@@ -25,7 +25,7 @@ from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.closures import IndependentRows
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.protocols import Gap, Relation
+from mechanism_sim.planar.protocols import FirstOrderState, Gap, Relation
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import by_level
@@ -51,8 +51,6 @@ class System:
     Attributes
     ----------
     set_valued : what steps: loads against a motion, friction in ideal joints
-    states, variables : of first order, and the names of coordinates and states: rows of a motion
-    width : how many numbers the state of a run has
     parameters : indices and values of the runtime parameters ``par[]``
     guards : of the integrator, in the order of its events
     functions : of the present state, compiled when first asked for
@@ -85,15 +83,28 @@ class System:
         self.dynamics = Dynamics(
             mechanism, gaps, prescribed, degree, relations, powered, applied, lent
         )
-        self.elements, self.states = self.dynamics.elements, tuple(self.dynamics.states)
-        self.variables = (*self.coordinates, *(x.label for x in self.states))
-        self.width = 2 * len(self.free) + len(self.states)
+        self.elements = self.dynamics.elements
         self.run = RunExpressions(self.dynamics)
         self.set_valued, self.switches = self.run.set_valued, self.run.switches
         self.parameters = self.run.parameters
         self.outside = tuple(self.equations.frames.outside)
         self.guards = guards_of(self.dynamics, self.parameters)
         self.functions = PresentFunctions(self.run, lambda: self.guard_functions)
+
+    @cached_property
+    def states(self) -> tuple[FirstOrderState, ...]:
+        """The states of first order."""
+        return tuple(self.dynamics.states)
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of the coordinates, then of the states of first order."""
+        return (*self.coordinates, *(x.label for x in self.states))
+
+    @property
+    def width(self) -> int:
+        """How many numbers the state of a run has."""
+        return 2 * len(self.free) + len(self.states)
 
     @cached_property
     def prescribed_index(self) -> list[int]:

@@ -18,7 +18,7 @@ from mechanism_sim.planar.loads import Load
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 
 
-class Measured(Protocol):
+class MeasuredSpring(Protocol):
     """Something between two links with a length or an angle."""
 
     def measured(self, frames: Frames) -> tuple[Term, Term]:
@@ -41,7 +41,7 @@ class FormulaScope:
     """Functions that formulas may call."""
     states: Sequence[str] = ()
     """Names of the states of first order, in the order of their numbers."""
-    springs: Mapping[str, Callable[[Mechanism], Measured]] = field(default_factory=dict)
+    springs: Mapping[str, Callable[[Mechanism], MeasuredSpring]] = field(default_factory=dict)
     """Whose lengths and rates they know, by name."""
 
     def term(

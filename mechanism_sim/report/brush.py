@@ -70,7 +70,8 @@ class Brush:
         ):
             self._swaying[name].clear().rotate_around(*cog, angle).translate(x, y)
         ends = skeleton.coiled(pose[None], sway[None])[:, 0]
-        self._coils.set_segments([coil(start, end, skeleton.symbol) for start, end in ends])
+        coils = [coil(start, end, skeleton.symbol) for start, end in ends]
+        self._coils.set_segments([*coils, *skeleton.strung(pose[None])[:, 0]])
 
     def ghost(self, pose: Array, shade: str = GHOST) -> None:
         """Links and sliders at another pose (L, 3 + M), as lines."""

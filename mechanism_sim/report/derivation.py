@@ -58,7 +58,7 @@ class _Derivation:
         self._unknowns = plan.unknowns(ideal)
         self._rubs: list[str] = []
         self._efforts = {c: effort(ideal) for c, effort in plan.efforts.items()}
-        self._symbols = Symbols(self._equations)
+        self._symbols = Symbols(self._equations, plan.states)
         self._vectors = Vectors(self._equations, self._symbols)
         self._in_symbols, self._terms = self._vectors.in_symbols, self._vectors.terms
         self._motors = {motor.coordinate: motor for motor in machine.plan.motors}
@@ -82,6 +82,7 @@ class _Derivation:
             EquationGroup('gap_accelerations', 'Gaps, differentiated twice', gaps[2]),
             EquationGroup('forces', 'Forces', self._abridged()),
             EquationGroup('motion', 'Equations of motion', self._motion(), tuple(self._rubs)),
+            EquationGroup('states', 'States of first order', self._states()),
         ]
         parts.insert(1, EquationGroup('switches', 'Parts of the cycle', self._switches(parts)))
         used = _symbols_of(parts)
@@ -297,6 +298,14 @@ class _Derivation:
                 given = self._terms(self._efforts[c].effort(self._vectors.frames))
                 lines.append(Equation(c, (self._on[c][-1],), given or (sympy.Integer(0),)))
         return tuple(lines)
+
+    def _states(self) -> tuple[Equation, ...]:
+        """The rate of every state."""
+        if not self._system:
+            return ()
+        rates = self._system.dynamics.state_rates
+        known = zip(self._system.states, self._symbols.state_rates, rates, strict=True)
+        return tuple(Equation(x.label, (rate,), self._terms(given)) for x, rate, given in known)
 
     def _formula(self, c: str) -> list[Equation]:
         """Motion of a drive by its own formula of the time, if it has one without conditions."""

@@ -80,6 +80,8 @@ class Labels:
         still = np.zeros((1, len(skeleton.mounts), 3))
         for start, end in skeleton.coiled(pose[None], still)[:, 0]:
             self.avoid(coil(start, end, skeleton.symbol), _BAR)
+        for ends in skeleton.strung(pose[None])[:, 0]:
+            self.avoid(ends, _BAR)
         moves = []
         for named in ('link', 'joint'):
             for shape, outline in self._placed:

@@ -8,7 +8,7 @@ the value always positive: a sign belongs to the equation.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -16,6 +16,7 @@ import heyoka as hy
 import sympy
 from sympy.simplify.fu import TR8
 
+from mechanism_sim.linkages.formulas import FormulaState
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.frames import STATE
@@ -23,6 +24,7 @@ from mechanism_sim.planar.rotor import Rotor, disk_of
 from mechanism_sim.planar.switches import SwitchTable
 from mechanism_sim.planar.tilt import Tilt
 from mechanism_sim.report.parameters import bare, describe
+from mechanism_sim.units import product
 
 Expression: TypeAlias = Any
 """A sympy expression; sympy is not typed."""
@@ -32,6 +34,7 @@ _LATEX = {
     'sdot': r'\dot{s}', 'sddot': r'\ddot{s}', 'xdot': r'\dot{x}', 'xddot': r'\ddot{x}',
     'ydot': r'\dot{y}', 'yddot': r'\ddot{y}', 'tau': r'\tau', 'sigma': r'\sigma', 'Rsq': 'R^2',
     'Mz': 'M', 'zdot': r'\dot{z}', 'zddot': r'\ddot{z}',
+    'xi': r'\xi', 'xidot': r'\dot{\xi}',
     'phi': r'\varphi', 'phidot': r'\dot{\varphi}', 'phiddot': r'\ddot{\varphi}',
 }  # fmt: skip
 """Stems that LaTeX writes otherwise."""
@@ -65,9 +68,10 @@ class Symbols:
     ----------
     known : every symbol made so far, by its text
     q, v, a : symbols by coordinate
+    state_rates : of states of first order
     """
 
-    def __init__(self, equations: Equations) -> None:
+    def __init__(self, equations: Equations, states: Sequence[FormulaState] = ()) -> None:
         self.known: dict[str, Symbol] = {}
         self._equations = equations
         self._displacements = equations.mechanism.displacements
@@ -75,6 +79,7 @@ class Symbols:
         self.q: dict[str, Expression] = {}
         self.v: dict[str, Expression] = {}
         self.a: dict[str, Expression] = {}
+        self.state_rates: list[Expression] = []
         frames = equations.frames
         for c in equations.coordinates:
             stem, subject, what, unit = self._kind(c)
@@ -93,13 +98,13 @@ class Symbols:
                 own[c] = self.make(stem + dots, (subject,), name, words, per)
                 self._variables[_sympy_symbol(str(engine[c]))] = own[c]
         self.time = self.make('t', (), 'time', 'time', 's')
+        for number, state in enumerate(states):
+            self._variables[_sympy_symbol(str(frames.state(number)))] = self._state(state)
         for name, variable in frames.outside.items():
             known = self.time
             if name.startswith(STATE):
-                number = name.removeprefix(STATE)
-                words = f'state of first order, number {number}'
-                known = self.make('z', (number,), f'state.{number}', words, '')
-            elif name != 'time':
+                continue
+            if name != 'time':
                 c = name.removesuffix('.turns')
                 known = self.make('n', (c,), name, f'whole turns that theta_{c} leaves out', '')
             self._variables[_sympy_symbol(str(variable))] = known
@@ -111,6 +116,14 @@ class Symbols:
                     meaning = f'number {k} of the present row of the table {name}'
                     known = self.make(f'c{k}', (name,), f'{name}.row.{k}', meaning, '')
                 self._variables[_sympy_symbol(str(symbol))] = known
+
+    def _state(self, state: FormulaState) -> Expression:
+        """The symbol of a state; that of its rate is noted."""
+        name, unit, words = state.label, state.unit, f'state {state.label} of first order'
+        per = product(unit, 's', -1)
+        rate = self.make('xidot', (name,), f'{name}_rate', f'rate of the {words}', per)
+        self.state_rates.append(rate)
+        return self.make('xi', (name,), name, words, unit)
 
     def _kind(self, c: str) -> tuple[str, str, str, str]:
         """Stem, subject, meaning and unit of a coordinate."""

@@ -189,7 +189,7 @@ def _steady(names: Names, where: str, drive: DrivePart, first: DriveLaw) -> Driv
 
 
 def _number(formula: float | str | None) -> float:
-    """What a formula adds if it is a number alone."""
+    """Constant that a formula adds if it is a number alone."""
     return formula if isinstance(formula, float) else 0.0
 
 

@@ -18,9 +18,9 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.units import QuantityValue, alike, has_decimal_comma, to_si, to_si_of
 
 OF_POINT = {'x': 'm', 'y': 'm', 'vx': 'm/s', 'vy': 'm/s'}
-"""What formulas of loads know of the point at which they act, with units."""
+"""Names in formulas of loads for the point at which they act, with units."""
 OF_SPRING = {'length': 'm', 'angle': 'rad', 'rate': ''}
-"""What formulas of springs know of themselves: these are no names of states."""
+"""Names in formulas of springs for themselves: these are no names of states."""
 
 
 def or_formula(*units: str) -> UnitValue:

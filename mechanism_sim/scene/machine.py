@@ -35,7 +35,7 @@ from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.shaking import ShakingForce
-from mechanism_sim.scene.assembly import Assembly, assemble
+from mechanism_sim.scene.assembly import Assembly, assemble, rates_of_points
 from mechanism_sim.scene.equations import EquationsOfMotion
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.main_drive import MainDrive
@@ -84,7 +84,10 @@ class Machine(Rich):
     def plan(self) -> ScenePlan:
         """Links, joints, drives and forces."""
         with scene_errors(self.name):
-            return ScenePlan(self.scene)
+            found = ScenePlan(self.scene)
+            if found.moving_points:
+                found.given[1].update(rates_of_points(found))
+            return found
 
     @property
     def links(self) -> dict[str, LinkPart]:

@@ -32,7 +32,7 @@ class MainDrive:
 
     @property
     def source(self) -> LawSource | None:
-        """What goes on behind the last of its laws."""
+        """Source of the laws behind the last one."""
         return self.plan.sources.get(self.plan.main)
 
     @property

@@ -141,7 +141,7 @@ class CoursePart(Part):
 
     @property
     def words(self) -> str:
-        """What it is, in words."""
+        """The kind of motion, in words."""
         what = 'positions' if self.units()[0] == 'rad' else 'speeds'
         if self.formula is not None:
             return f'{what[:-1]} {self.formula}'

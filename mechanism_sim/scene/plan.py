@@ -50,7 +50,9 @@ from mechanism_sim.scene.reading import (
     read_values,
 )
 from mechanism_sim.scene.schema import DrivePart, Scene
+from mechanism_sim.scene.start_points import moved_by, solved, split
 from mechanism_sim.scene.tilted_links import check_tilts, without_mass
+from mechanism_sim.units import QuantityValue
 
 _AHEAD = 4096
 """Pieces of a motion without end that are looked at beforehand."""
@@ -78,6 +80,7 @@ class ScenePlan(Names):
     guess : rough values of coordinates
     frictions : of ideal joints, of a tree of the mechanism
     states : of first order
+    moving_points : rates that `initial` gives of points, which the start solves for
     efforts : what prescribed drives supply, where it is given
     motors : of the driven coordinates that have one whose torque is no straight line over speed
     weighed : whether every link has the mass properties that forces need
@@ -130,7 +133,10 @@ class ScenePlan(Names):
             if drive.effort is not None
         }
         self.bodies = read_bodies(self, tree, drives, elastic, rotors)
-        rates = read_values(self, 'initial.velocity', scene.initial.velocity, tree, _PACES)
+        said, self.moving_points = split(
+            self, 'initial.velocity', scene.initial.velocity, tree, 'm/s'
+        )
+        rates = read_values(self, 'initial.velocity', said, tree, _PACES)
         self.given = positions, rates
         self.frictions = read_frictions(self, self.clearances)
         self.motors = tuple(
@@ -146,9 +152,8 @@ class ScenePlan(Names):
 
     def _read_drives(self, drives: Mapping[str, DrivePart], tree: Mechanism) -> Values:
         """Laws of the drives and where they begin; the positions that the scene sets outright."""
-        initial, straight = self.scene.initial.position, tree.displacements
-        given = read_values(self, 'initial.position', initial, tree, _PLACES)
-        self.guess = read_values(self, 'guess', self.scene.guess, tree, _PLACES)
+        straight = tree.displacements
+        given, self.guess, guessed = self._read_places(drives, tree)
         self.laws: dict[str, tuple[Law, ...]] = {}
         self.sources: dict[str, LawSource] = {}
         self.begins: dict[str, tuple[float, float]] = {}
@@ -167,7 +172,7 @@ class ScenePlan(Names):
                 raise InputError('joints: all links are welded to the ground: nothing can move')
             free = tree.coordinates[0]
             self.laws = {free: (TorqueLaw(free),)}
-        said = positions | self.guess
+        said = {*positions, *guessed}
         silent = (
             c
             for c, drive in drives.items()
@@ -180,6 +185,34 @@ class ScenePlan(Names):
         self.assumed = frozenset(silent), frozenset(paceless)
         return positions
 
+    def _read_places(
+        self, drives: Mapping[str, DrivePart], tree: Mechanism
+    ) -> tuple[Values, Values, list[str]]:
+        """Coordinates as `initial` sets them, as `guess` has them, and which of these it says."""
+        initial, guess = self.scene.initial.position, self.scene.guess
+        outright, placed = split(self, 'initial.position', initial, tree)
+        rough, near = split(self, 'guess', guess, tree)
+        given = read_values(self, 'initial.position', outright, tree, _PLACES)
+        guessed = read_values(self, 'guess', rough, tree, _PLACES)
+        own = {
+            c: start
+            for c, drive in drives.items()
+            for start in (drive.start_angle, drive.start_position)
+            if start is not None
+        }
+        found, order = dict(guessed), tree.coordinates
+        for targets, exact in ((placed, True), (near, False)):
+            if not targets:
+                continue
+            held = given if exact else own | given
+            every = solved(tree, targets, own | guessed, held, exact)
+            at = np.array([every[c] for c in order])
+            moved = {c: every[c] for c in moved_by(tree, targets, at) if c not in held}
+            given = given | moved if exact else given
+            found = every | guessed
+            guessed = guessed | moved
+        return given, found, [*guessed]
+
     def _read_floating(self, tree: Mechanism) -> tuple[Values, Values]:
         """Values and rates of the coordinates that only the machine with its clearances has."""
         initial = self.scene.initial
@@ -190,7 +223,7 @@ class ScenePlan(Names):
         ):
             found.append({})
             for c, measure in part.items():
-                if not floats(self, c, measure, tree):
+                if not isinstance(measure, QuantityValue) or not floats(self, c, measure, tree):
                     continue
                 where, loose, link = f'initial.{kind}.{c}', self.loose, c.partition('.')[0]
                 if c not in loose.coordinates or (c in self.links and c in loose.displacements):

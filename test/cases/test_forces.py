@@ -362,6 +362,49 @@ def test_spring_along_a_guide_goes_through_zero() -> None:
     balanced(solution)
 
 
+def test_springs_of_all_kinds_under_a_prescribed_motion() -> None:
+    """The torque that a steady crank needs against them, in closed form."""
+    points = {
+        'damper': [['-1 m/s', '-400 N'], ['-0.1 m/s', '-120 N'], ['0 m/s', '0 N'],
+                   ['0.1 m/s', '300 N'], ['1 m/s', '1500 N']],
+        'hard': [['-0.2 m', '-90 N'], ['0 m', '0 N'], ['0.1 m', '30 N'], ['0.2 m', '90 N']],
+    }  # fmt: skip
+    line = {'between': ['ground.top', 'crank.end'], 'free_length': '0.5 m'}
+    springs = {
+        'strut': {**line, 'damping': 'damper', 'stiffness': 'hard', 'preload': '5 N'},
+        'stop': {**line, 'free_length': '0.35 m', 'stiffness': '5 N/mm', 'damping': '20 N s/m',
+                 'acts': 'below'},
+        'gas': {**line, 'gas': {'force': '100 N', 'column': '0.4 m', 'exponent': 1.3}},
+        'formula': {**line, 'force': '10*length^2 + 3*rate*abs(rate) + 2*strut.length'},
+        'torsion': {'coordinate': 'crank', 'torque': '0.3*angle + 0.1*sin(angle)'},
+    }  # fmt: skip
+    scene = {
+        'links': {'ground': {'points': {'top': [0.15, 0.5]}},
+                  'crank': {'length': 0.25, 'mass': 2.0, 'inertia': 0.02}},
+        'joints': {'o': {'revolute': ['ground', 'crank']}}, 'springs': springs,
+        'tables': {name: {'points': x} for name, x in points.items()},
+        'drive': {'coordinate': 'crank', 'speed': '6 rad/s'},
+    }  # fmt: skip
+    solution = ms.simulate(made(scene), revolutions=1)
+    t = np.linspace(0.0, solution.duration, 200)[1:-1]
+    seen = solution.sample(t, 'drive_torque', 'spring.stop.force')
+    q = 6.0 * t
+    end = 0.25 * np.array([np.cos(q), np.sin(q)])
+    d = end - np.array([[0.15], [0.5]])
+    length = np.hypot(*d)
+    rate = (d * 1.5 * np.array([-np.sin(q), np.cos(q)])).sum(axis=0) / length
+    damped = np.interp(rate, [-1.0, -0.1, 0.0, 0.1, 1.0], [-400.0, -120.0, 0.0, 300.0, 1500.0])
+    pull = damped + np.interp(length - 0.5, [-0.2, 0.0, 0.1, 0.2], [-90.0, 0.0, 30.0, 90.0]) + 5.0
+    pushed = 5000.0 * (length - 0.35) + 20.0 * rate
+    stop = np.where((length < 0.35) & (pushed < 0.0), pushed, 0.0)
+    pull += stop - 100.0 * (0.4 / (length - 0.1)) ** 1.3
+    pull += 10.0 * length**2 + 3.0 * rate * np.abs(rate) + 2.0 * length
+    torque = pull * (end[0] * d[1] - end[1] * d[0]) / length + 0.3 * q + 0.1 * np.sin(q)
+    assert seen['drive_torque'] == pytest.approx(torque, abs=1e-10)
+    assert seen['spring.stop.force'] == pytest.approx(stop, abs=1e-10)
+    balanced(solution)
+
+
 BUSHING: dict[str, Any] = {
     'links': {
         'ground': {},
@@ -409,6 +452,32 @@ def test_bushing_on_a_turning_arm() -> None:
     names = [f'position.{c}' for c in ('arm', 'bob', 'bob.x', 'bob.y')]
     assert at_end(solution, *names) == pytest.approx(right[:4], abs=1e-11)
     balanced(solution)
+
+
+@pytest.mark.parametrize('angle', [30.0, 0.0])
+def test_states_beside_singular_positions(angle: float) -> None:
+    """A parallelogram turns steadily through its change points, or starts in one: integrals."""
+    link = {'mass': 1.0, 'inertia': 0.01, 'cog': 0.1, 'length': 0.2}
+    scene = {
+        'links': {
+            'ground': {'points': {'b': [0.5, 0.0]}}, 'crank': link, 'rocker': link,
+            'coupler': {'mass': 1.0, 'inertia': 0.01, 'cog': 0.25, 'length': 0.5},
+        },
+        'joints': {
+            'a': {'revolute': ['ground', 'crank']}, 'b': {'revolute': ['rocker', 'ground.b']},
+            'c': {'revolute': ['crank.end', 'coupler']},
+            'd': {'revolute': ['coupler.end', 'rocker.end']},
+        },
+        'drive': {'coordinate': 'crank', 'torque': {}, 'speed': '5 rad/s',
+                  'start_angle': f'{angle} deg'},
+        'guess': {'rocker': f'{angle} deg', 'coupler': '0 deg'},
+        'states': {'z': {'rate': 'sin(crank) + t'},
+                   'p': {'start': '3 bar', 'rate': '1e5*crank_rate'}},
+    }  # fmt: skip
+    solution, start = ms.simulate(made(scene), duration=2.0), math.radians(angle)
+    z, p = at_end(solution, 'state.z', 'state.p')
+    assert z == pytest.approx((math.cos(start) - math.cos(start + 10.0)) / 5.0 + 2.0, abs=1e-11)
+    assert p == pytest.approx(3e5 + 1e6, rel=1e-12)
 
 
 # --- long runs, snapshots, mistakes --------------------------------------------------------------

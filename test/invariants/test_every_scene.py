@@ -95,6 +95,8 @@ def test_forces_agree_with_newton_and_euler_for_every_body(runs, name):
         pytest.skip('this route has rigid bodies: test_rotors.py, test_elastic.py')
     if any(joint.friction for joint in machine.scene.joints.values()):
         pytest.skip('this route has no friction: test_joint_friction.py')
+    if machine.plan.states:
+        pytest.skip('this route has no states: test/cases/test_forces.py')
     t = instants(machine, solution, 12, 1e-6 * solution.duration)
     assert differences(machine, solution, t)[0].max() < 1e-9
 
@@ -114,7 +116,8 @@ def test_power_of_the_drives_is_the_rate_of_energy(runs, name):
     scale = np.abs(here.drive_power).max() + np.abs(energies[3]).max() / solution.duration
     assert np.abs(here.drive_power - here.friction_power - rate).max() < 1e-7 * scale
     energy = solution.energy
-    assert abs(energy.residual) < 1e-9 * max(abs(energy.initial), abs(energy.drive_work), 1e-9)
+    exchanged = max(map(abs, (energy.initial, energy.drive_work, energy.dissipated)))
+    assert abs(energy.residual) < 1e-9 * max(exchanged, 1e-9)
 
 
 def test_angles_in_formulas_count_all_their_turns_at_every_level():

@@ -263,7 +263,7 @@ def engine(machine, terms, state, parameters=()):
     eq = equations_of(machine)
     symbols = [*eq.frames.q.values(), *eq.frames.v.values(), *eq.frames.a.values()]
     expressions = [*(dense(t) for t in terms), hy.expression(0.0)]
-    rows = present_rows(eq, *state[:2]) | dict.fromkeys(turns_of(eq), 0.0)
+    rows = present_rows(eq, *state[:2]) | dict.fromkeys(turns_of(eq), 0.0) | states_of(eq)
     expressions = list(hy.subs(expressions, {x: hy.expression(n) for x, n in rows.items()}))
     function = hy.cfunc(expressions, vars=symbols)
     values = np.array(eq.parameters.values)
@@ -282,11 +282,18 @@ def turns_of(eq):
     return [x for name, x in eq.frames.outside.items() if name.endswith('.turns')]
 
 
+def states_of(eq):
+    """Values of states of first order, any that their formulas take."""
+    outside = eq.frames.outside.items()
+    return {x: 1e6 + int(name[6:]) for name, x in outside if name.startswith('state:')}
+
+
 def present_rows(eq, q, v):
     """The numbers of all switches at coordinates q and rates v."""
     found = {}
     for switch in eq.frames.switches.values():
-        wound = hy.subs(switch.place, {x: hy.expression(0.0) for x in turns_of(eq)})
+        known = dict.fromkeys(turns_of(eq), 0.0) | states_of(eq)
+        wound = hy.subs(switch.place, {x: hy.expression(n) for x, n in known.items()})
         place = hy.cfunc([wound], vars=[*eq.frames.q.values(), *eq.frames.v.values()])
         (at,) = place(np.concatenate([q, v]), pars=np.array(eq.parameters.values)[: place.nparams])
         numbers = switch.values_at(np.array([at]))[:, 0]
@@ -326,7 +333,9 @@ def reader_of(variant, state):
         if isinstance(table, SwitchTable):
             for k, symbol in enumerate(table.symbols):
                 given[f'c{k}_{name}'] = rows[symbol]
-    given |= {f'n_{x.rpartition(".")[0]}': 0.0 for x in eq.frames.outside if x != 'time'}
+    given |= {f'n_{x[:-6]}': 0.0 for x in eq.frames.outside if x.endswith('.turns')}
+    labels = [x.label for x in machine_of(variant).plan.states]
+    given |= {f'xi_{label}': 1e6 + k for k, label in enumerate(labels)}
     return Reader(page, **given)
 
 
@@ -378,6 +387,9 @@ def test_printed_equations_of_motion_are_those_of_the_engine(variant):
     reader.define('gaps')
     left = [reader(reader.sides(e)[0]) for e in motion]
     close(left, engine(machine, generalized_forces(eq, eq.frames.a), state))
+    if rates := reader.page.get('states'):
+        given = [reader(reader.sides(e)[1]) for e in rates]
+        close(given, engine(machine, model_of(machine).dynamics.state_rates, state))
     unknown = [s['text'] for s in reader.page['variables']]
     closing = [name for name in unknown if name.startswith('lambda')]
     rows = {

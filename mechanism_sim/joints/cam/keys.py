@@ -79,7 +79,7 @@ Curve = Literal[
 
 
 class ConditionPart(Part):
-    """What a polynomial is to be at a place of its segment."""
+    """A condition on a polynomial at a place of its segment."""
 
     at: Way
     """Place, counted as `from` and `to`."""

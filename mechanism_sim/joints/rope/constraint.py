@@ -28,6 +28,7 @@ from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load, Wrench, moment_of
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
+from mechanism_sim.planar.play import Wall
 from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.planar.view import Draft, Side, circle
 
@@ -45,8 +46,7 @@ class Rope(HigherPair):
 
     equations: ClassVar[int] = 0
     sides: ClassVar[tuple[Side, ...]] = ('left',)
-    parts: ClassVar[str] = 'rope that may hang slack'
-    beyond: ClassVar[str] = 'beyond its length'
+    parts: ClassVar[str] = 'rope'
 
     pulleys: tuple[Pulley, ...] = ()
     length: float = 0.0  #: [m]
@@ -83,6 +83,8 @@ class Rope(HigherPair):
             draft.reach((link, at))
             if radius and draft.first(f'{link} {at} {abs(radius):.9g}'):
                 draft.add('wheel', link, circle(abs(radius), at), size=abs(radius))
+        for one, two in pairwise(self.pulleys):
+            draft.string((one.place, two.place), (one.radius, two.radius))
 
 
 class Stretch(NamedTuple):
@@ -165,6 +167,19 @@ class RopeClosure(HigherClosure[Rope]):
                 moment = add(moment, moment_of(arm, load.force))
         others = tuple(load for load in loads if load.link != joint.second)
         return Wrench(x, y, moment, others)
+
+
+@dataclass(frozen=True)
+class Slack(Wall):
+    """How much shorter than the rope the way is on which it lies."""
+
+    @property
+    def overlap(self) -> str:
+        """Its points."""
+        return f'the points of {self.joint} beyond its length'
+
+    def draw(self, _: Draft) -> None:
+        """The rope shows its pulleys."""
 
 
 def _wrap(

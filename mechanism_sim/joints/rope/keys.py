@@ -13,13 +13,14 @@ from pydantic import Field
 
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.joints.contact_keys import Play
-from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Joints
-from mechanism_sim.joints.rope.constraint import Pulley, Rope
+from mechanism_sim.joints.joint_keys import KINDS, Joints, TouchingKeys
+from mechanism_sim.joints.rope.constraint import Pulley, Rope, Slack
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import Coefficient, Length, Part
+from mechanism_sim.keys.quantities import Length, Part
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.protocols import Bound
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 
 _STRAIGHT = 1e-9
@@ -36,7 +37,7 @@ class PulleyPart(Part):
 
 
 @KINDS.add('rope')
-class RopeKeys(JointKeys):
+class RopeKeys(TouchingKeys):
     """A rope."""
 
     rope: Annotated[list[str], Field(min_length=2)] | None = None
@@ -46,9 +47,6 @@ class RopeKeys(JointKeys):
     """Of a rope; without it that of its way at the start."""
     pulleys: dict[str, PulleyPart] | None = None
     """Of a rope: pulleys at points between its ends, by their names; others have no radius."""
-    restitution: Coefficient = 0.0
-    """Of a ratchet or rope: of the impact at which it holds; 0 without."""
-
     firm = 'it has no play: give its length'
 
     def read(self, names: Names, name: str) -> Rope:
@@ -78,9 +76,15 @@ class RopeKeys(JointKeys):
         second, on_second = apart[-1]
         return Rope(name, first, second, on_first, on_second, course, self.length or 0.0)
 
-    def play(self, joint: Any) -> Play:
-        """None: it hangs slack instead."""
-        return Play(radial=0.0, restitution=self.restitution)
+    def describe(self, joint: Any) -> str:
+        """Its length and course."""
+        over = f' over {len(joint.pulleys) - 2} points' if joint.pulleys[2:] else ''
+        return f'rope of {joint.length:g} m from {joint.first}{over}, which may hang slack'
+
+    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[Bound]:
+        """The slack that it has left."""
+        closure, law = joint.closure(mechanism), play.law()
+        return [Slack(closure, 'left', 0.0, play.restitution, 0.0, play.hypothesis, law)]
 
     @classmethod
     def assembled(

@@ -46,7 +46,7 @@ class BushingPart(ElementKeys):
     stiffness: BushingStiffness
     """Along both axes and about the point."""
     damping: BushingDamping = BushingDamping()
-    """The same of rates."""
+    """Against the rates of all three."""
     free_angle: Annotated[float, si('rad')] = 0.0
     """At which it turns nothing."""
 

@@ -93,7 +93,7 @@ class ServoPart(ElementKeys):
         return self._spring(name).placed(places, name, tree)
 
     def measures(self, places: Names, name: str, tree: Mechanism) -> dict[str, str]:
-        """What formulas know of it, with units."""
+        """Names behind its own in formulas, with units."""
         return self._spring(name).measures(places, name, tree)
 
     def read(self, places: Names, name: str, tree: Mechanism) -> Elements:

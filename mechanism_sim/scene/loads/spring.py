@@ -90,7 +90,7 @@ class SpringPart(ElementKeys):
     force: ForceOrFormula = 0.0
     """With which it pulls besides: a formula of `length`, `rate`, t, links, states."""
     torque: TorqueOrFormula = 0.0
-    """The same of a torsion spring, of `angle` and `rate`: it turns the second link back."""
+    """Of a torsion spring likewise, of `angle` and `rate`: it turns the second link back."""
     acts: Literal['both', 'above', 'below'] = 'both'
     """Above or below its free length or angle only, and never against that: a bump stop acts
     below, a check strap above."""
@@ -133,7 +133,7 @@ class SpringPart(ElementKeys):
         return lambda m: Spring(where, m, _NONE, first, second, free)
 
     def measures(self, places: Names, name: str, tree: Mechanism) -> dict[str, str]:
-        """What formulas know of it, with units."""
+        """Names behind its own in formulas, with units."""
         if self._is_torsional(places, f'{self.section}.{name}', tree):
             return {'angle': 'rad', 'rate': 'rad/s'}
         return {'length': 'm', 'rate': 'm/s'}

@@ -90,7 +90,7 @@ def formula_state(
 
 
 @LOADS.add('states')
-class States(Part):
+class FirstOrderStates(Part):
     """The states of first order of a scene."""
 
     states: dict[str, StatePart] = Field({})
