@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mechanism_sim import output, strict_json
@@ -26,6 +27,13 @@ from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mechanism_sim.scene import Machine
+
+
+FORMATS = {
+    '.urdf': 'urdf', '.xml': 'mjcf', '.sdf': 'sdf', '.dxf': 'dxf', '.stl': 'stl',
+    '.json': 'foxglove', '.rviz': 'rviz',
+}  # fmt: skip
+"""Formats of `export` by the endings of files."""
 
 
 def add(command: Command) -> None:
@@ -75,10 +83,15 @@ def add(command: Command) -> None:
     sub = command('export', _export, 'a machine for viewers and for other simulators')
     scene_options(sub)
     sub.add_argument(
-        '--format', required=True, choices=('urdf', 'mjcf', 'sdf', 'foxglove', 'rviz'),
-        help='a description of the machine, or what a viewer shows of its run',
+        '--format', choices=(*dict.fromkeys(FORMATS.values()),),
+        help='if --output does not say it: a description of the machine, its links as a drawing '
+        'or plates, or what a viewer shows of its run',
     )  # fmt: skip
-    option(sub, '-o --output', 'FILE', 'the file; standard output if not given')
+    option(
+        sub, '-o --output', 'FILE',
+        'a .urdf, .sdf, .dxf, .stl, .rviz file, .xml of MuJoCo, .json of Foxglove; standard '
+        'output if not given',
+    )  # fmt: skip
     option(sub, '--frame-prefix', 'TEXT', 'before names of frames, in a URDF and for viewers', '')
     option(sub, '--namespace', 'NS', 'namespace of the nodes, for viewers', '')
 
@@ -185,10 +198,23 @@ def _profile(options: argparse.Namespace) -> int:
     return 0
 
 
+def _format(options: argparse.Namespace) -> str:
+    """The format that is asked for, or that of the ending of the file."""
+    if options.format:
+        return str(options.format)
+    ending = Path(options.output or '').suffix
+    if ending not in FORMATS:
+        raise InputError(
+            f'export: give --format, or a file that ends in {", ".join(FORMATS)}'
+            f'{f", not {ending}" if ending else ""}'
+        )
+    return FORMATS[ending]
+
+
 def _export(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
 
-    viewers = 'foxglove', 'rviz'
+    viewers, options.format = ('foxglove', 'rviz'), _format(options)
     if options.format not in viewers:
         refuse_options(options, ['namespace'], f'is for --format {" and ".join(viewers)}')
         if options.format != 'urdf':
@@ -219,6 +245,10 @@ def _exported(options: argparse.Namespace, machine: Machine) -> tuple[str, list[
         return to(preview(machine), options.namespace, options.frame_prefix), []
     from mechanism_sim.export import mjcf, sdf, urdf  # noqa: PLC0415
 
+    if options.format in ('dxf', 'stl'):
+        from mechanism_sim.export import plates  # noqa: PLC0415
+
+        return (plates.drawing if options.format == 'dxf' else plates.to_stl)(machine), []
     if options.format == 'urdf':
         return urdf.to_urdf(machine, options.frame_prefix), urdf.left_out(machine)
     if options.format == 'mjcf':

@@ -120,7 +120,7 @@ def _guesses(scene: Scene, before: Mapping[str, Pose], after: Mapping[str, Pose]
     """Rough angles of links that turned, where a scene has them."""
     return [
         Edit(('guess', c), degrees(after[c].angle))
-        for c, rough in scene.guess.items()
+        for c, rough in scene.rough.items()
         if c in after and after[c].angle != before[c].angle and rough.unit != 'm'
     ]
 
@@ -148,7 +148,7 @@ def starts(
     for c, (path, drive) in drives.items():
         if c not in found:
             continue
-        guess = scene.guess[c].value if c in scene.guess else 0.0
+        guess = scene.rough[c].value if c in scene.rough else 0.0
         if c in straight:
             old = guess if drive.start_position is None else drive.start_position
             if abs(found[c] - old) > 0.5 * grid.step:
@@ -233,6 +233,6 @@ def written_out(scene: Scene, content: Mapping[str, Any]) -> list[Edit]:
     for key, value in (('coordinate', 'crank'), ('start_angle', '0 deg')):
         if key not in content.get('drive', {}):
             edits.append(Edit(('drive', key), value))
-    for link, angle in scene.guess.items():
+    for link, angle in scene.rough.items():
         edits.append(Edit(('guess', link), degrees(angle.value)))
     return edits

@@ -21,7 +21,7 @@ def placed(scene: Scene, before: Mapping[str, Pose]) -> Poses:
     drives = {**scene.drives}
     if scene.drive:
         drives[scene.drive.coordinate or 'crank'] = scene.drive
-    given: dict[str, float] = {c: x.value for c, x in scene.guess.items()}
+    given: dict[str, float] = {c: x.value for c, x in scene.rough.items()}
     for c, drive in drives.items():
         for start in (drive.start_angle, drive.start_position):
             given |= {} if start is None else {c: start}

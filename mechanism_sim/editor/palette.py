@@ -87,7 +87,7 @@ def _drive(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
         for j in scene.joints.values()
     )
     drive = {'speed': '100 mm/s' if slides else '60 rpm'}
-    rough = scene.guess.get(link)
+    rough = scene.rough.get(link)
     if not slides:
         drive['start_angle'] = degrees(rough.value if rough else sketch.poses[link].angle)
     more = [Edit(('guess', link), GONE)] if rough and not slides else []

@@ -10,7 +10,7 @@ from typing import Any
 from mechanism_sim import documents
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.imports import joint_table, mjcf, outlines, pylinkage, sdf, urdf
-from mechanism_sim.imports.sketch import Sketch, named, to_yaml
+from mechanism_sim.imports.blueprint import Blueprint, named, to_yaml
 from mechanism_sim.keys.names import scene_errors
 from mechanism_sim.packages import reason
 from mechanism_sim.scene.build import build
@@ -19,7 +19,7 @@ from mechanism_sim.scene.files import check_scene, overridden
 LARGEST = 1 << 24
 """Bytes of a file."""
 
-Reader = Callable[[Path, str, str | None], Sketch]
+Reader = Callable[[Path, str, str | None], Blueprint]
 
 READERS: dict[str, Reader] = {
     '.csv': joint_table.read_table,
@@ -99,7 +99,7 @@ def import_machine(
     return Imported(named(stem), data, to_yaml(data), tuple(notes))
 
 
-def _read(reader: Reader, path: Path, unit: str | None) -> Sketch:
+def _read(reader: Reader, path: Path, unit: str | None) -> Blueprint:
     text = _text(path)
     try:
         return reader(path, text, unit)

@@ -2,12 +2,11 @@
 
 PMKS+ (https://github.com/PMKS-Web/PMKSWeb) lists for each joint the links that meet in it. In its
 addresses of today numbers are in base 64 and thousandths; those of before July 2023 are the tables
-themselves, those of its ancestor PMKS have the links of a joint before its place.
+themselves.
 """
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from collections.abc import Mapping
@@ -16,8 +15,10 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import parse_qs, unquote, urlsplit
 
+from mechanism_sim.csv_tables import read_csv
 from mechanism_sim.errors import InputError
-from mechanism_sim.imports.sketch import Sketch, names_of
+from mechanism_sim.imports.blueprint import Blueprint, names_of
+from mechanism_sim.packages import reason
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.units import to_si
 
@@ -29,7 +30,6 @@ _COLUMNS = {
     'links': ('links', 'link'), 'kind': ('joint types', 'joint type', 'type'),
     'ground': ('ground', 'grounded', 'fixed'), 'angle': ('angle',), 'input': ('input', 'driver'),
 }  # fmt: skip
-_HEADER = re.compile(r'([^\[(]+?)\s*(?:[\[(](.*)[\])])?')
 
 
 class JointRow(NamedTuple):
@@ -62,9 +62,9 @@ class JointTable:
     speed: float = 10.0
     pace: str = 'rpm'
 
-    def sketch(self) -> Sketch:
+    def blueprint(self) -> Blueprint:
         """The machine. Links begin at the ground, or at their first joint."""
-        made = Sketch(self.title, self.unit)
+        made = Blueprint(self.title, self.unit)
         rows = {row.name: row for row in self.rows}
         if len(rows) < len(self.rows):
             raise InputError('two joints have the same name')
@@ -84,7 +84,7 @@ class JointTable:
             self._join(made, joints[name], row, [links[x] for x in row.links if x != GROUND])
         return made
 
-    def _join(self, made: Sketch, joint: str, row: JointRow, links: list[str]) -> None:
+    def _join(self, made: Blueprint, joint: str, row: JointRow, links: list[str]) -> None:
         grounded = _grounded(row)
         if grounded:
             made.links[GROUND].points[joint] = row.at
@@ -104,7 +104,7 @@ class JointTable:
         elif row.input and not grounded:
             made.notes.append(f'the input {row.name} turns two moving links: drives here turn one')
 
-    def _guide(self, made: Sketch, joint: str, row: JointRow, first: str, other: str) -> None:
+    def _guide(self, made: Blueprint, joint: str, row: JointRow, first: str, other: str) -> None:
         """A block on a guide; one that is a point lies as its guide does."""
         block = made.links[other]
         if not any(map(any, block.points.values())):
@@ -116,7 +116,7 @@ class JointTable:
             **({'angle': f'{angle!r} rad'} if angle else {}),
         )  # fmt: skip
 
-    def _drive(self, made: Sketch, link: str, kind: str) -> dict[str, str]:
+    def _drive(self, made: Blueprint, link: str, kind: str) -> dict[str, str]:
         if kind == 'P':
             return {'coordinate': link, 'speed': f'{self.speed!r} {self.unit}/s'}
         speed, start = f'{self.speed!r} {self.pace}', f'{made.links[link].pose[2]!r} rad'
@@ -127,61 +127,49 @@ def _grounded(row: JointRow) -> bool:
     return row.ground or GROUND in row.links
 
 
-def read_table(path: Path, text: str, unit: str | None) -> Sketch:
+def read_table(path: Path, _text: str, unit: str | None) -> Blueprint:
     """A table of joints as CSV: columns by name, with units in brackets behind them."""
-    rows = [row for row in csv.reader(text.splitlines(), skipinitialspace=True) if any(row)]
-    if not rows:
-        raise InputError(f'{path.name} has no rows')
-    place: dict[str, int] = {}
-    units: dict[str, str] = {}
-    for k, title in enumerate(rows[0]):
-        found = _HEADER.fullmatch(title.strip())
-        word = found[1].lower() if found else ''
-        for key, names in _COLUMNS.items():
-            if word in names and found:
-                place[key], units[key] = k, found[2] or ''
+    table = read_csv(path, 'import')
+    place = {key: name for key, names in _COLUMNS.items() for name in table.cells
+             if name.lower() in names}  # fmt: skip
     if missing := [key for key in ('joint', 'x', 'y', 'links') if key not in place]:
         raise InputError(
-            f'{path.name}: its first row has no column {", ".join(missing)}; a table of joints '
-            'begins as: Joint,X [mm],Y [mm],Links,Ground,Input'
+            f'{path.name}: there is no column {", ".join(missing)}; a table of joints begins as: '
+            'Joint,X [mm],Y [mm],Links,Ground,Input'
         )
-    given = unit or units['x'] or ('cm' if 'joint id' in rows[0][0].lower() else '')
+    given = unit or table.units[place['x']] or ('cm' if 'Joint ID' in table.cells else '')
     if not given:
         raise InputError(f"{path.name}: the unit is missing: write 'X [mm]', or give --unit mm")
+    empty = ('',) * len(table.lines)
+    words = {key: table.column(place[key]) if key in place else empty for key in _COLUMNS}
+    angle = [0.0] * len(empty)
+    if any(x.strip(' 0.') for x in words['angle']):
+        turn = to_si(f'1 {table.units[place["angle"]] or "deg"}', 'rad')
+        angle = (table.numbers(place['angle'])[:, 0] * turn).tolist()
+    rows = [
+        JointRow(
+            words['joint'][k].strip(), (x, y), _links(words['links'][k]),
+            words['kind'][k].strip().upper() or 'R', words['ground'][k].strip().lower() in _YES,
+            angle[k], words['input'][k].strip().lower() in _YES,
+        )
+        for k, (x, y) in enumerate(table.numbers(place['x'], place['y']).tolist())
+    ]  # fmt: skip
+    return _checked(path.name, JointTable(path.stem, given, rows, {})).blueprint()
 
-    def cell(row: list[str], key: str, default: str = '') -> str:
-        k = place.get(key, len(row))
-        return row[k].strip() if k < len(row) else default
 
-    found_rows = []
-    for number, row in enumerate(rows[1:], 2):
-        where = f'{path.name}, line {number}'
-        turn = _number(where, cell(row, 'angle', '0') or '0')
-        found_rows.append(JointRow(
-            cell(row, 'joint'), (_number(where, cell(row, 'x')), _number(where, cell(row, 'y'))),
-            _links(cell(row, 'links')), cell(row, 'kind', 'R').upper() or 'R',
-            cell(row, 'ground').lower() in _YES, to_si(f'{turn!r} {units.get("angle") or "deg"}',
-            'rad'), cell(row, 'input').lower() in _YES,
-        ))  # fmt: skip
-    return _checked(path.name, JointTable(path.stem, given, found_rows, {})).sketch()
-
-
-def read_address(address: str, unit: str | None) -> Sketch:
-    """An address of PMKS+, or of PMKS before it."""
+def read_address(address: str, unit: str | None) -> Blueprint:
+    """An address of PMKS+."""
     query = urlsplit(address.strip()).query
     fields = parse_qs(query, keep_blank_values=True)
     try:
-        if 'j' in fields:
-            table = _listed(fields)
-        elif 'mech' in fields:
-            table = _ancestral(fields['mech'][0])
-        else:
-            table = _packed(unquote(query))
-    except (LookupError, StopIteration, ValueError) as error:
-        raise InputError(f'this is no address of a mechanism of PMKS+ ({error!r})') from error
+        table = _listed(fields) if 'j' in fields else _packed(unquote(query))
+    except (LookupError, ValueError) as error:
+        raise InputError(
+            f'this is no address of a mechanism of PMKS+ ({reason(error)})'
+        ) from error
     if unit:
         table.unit = unit
-    made = _checked('the address', table).sketch()
+    made = _checked('the address', table).blueprint()
     made.notes.append('masses and forces of PMKS+ are left out')
     return made
 
@@ -203,13 +191,6 @@ def _links(text: str) -> tuple[str, ...]:
     return tuple(GROUND if x.lower() == GROUND else x for x in found)
 
 
-def _number(where: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(f'{where}: {text!r} is no number') from None
-
-
 def _listed(fields: dict[str, list[str]]) -> JointTable:
     """``j=ID,x,y,LINK|LINK,type,ground,angle,...,input``, a joint a line; ``l=`` lists links."""
     rows = []
@@ -227,27 +208,6 @@ def _listed(fields: dict[str, list[str]]) -> JointTable:
     return JointTable('PMKS+ mechanism', unit or 'cm', rows, {}, turning)
 
 
-def _ancestral(text: str) -> JointTable:
-    """``LINK,LINK,type,x,y[,angle],flags|...``; the fourth flag is that of the input."""
-    rows = []
-    for k, line in enumerate(filter(None, (x.strip() for x in text.split('|')))):
-        cells = line.split(',')
-        at = next(i for i, cell in enumerate(cells) if cell.upper() in ('R', 'P', 'RP'))
-        x, y, *rest = cells[at + 1 :]
-        angle = math.radians(float(rest[0])) if len(rest) > 1 else 0.0
-        links = tuple(GROUND if c == GROUND else f'link_{c}' for c in cells[:at])
-        is_input = len(rest) > 0 and len(rest[-1]) > 3 and rest[-1][3] == 't'
-        rows.append(
-            JointRow(
-                f'j{k + 1}', (float(x), float(y)), links, cells[at].upper(), GROUND in links,
-                angle, is_input,
-            )
-        )  # fmt: skip
-    if rows and not any(row.input for row in rows):
-        rows[0] = rows[0]._replace(input=True)  # the first joint, as PMKS has it
-    return JointTable('PMKS mechanism', 'mm', rows, {})
-
-
 def _packed(query: str) -> JointTable:
     """``FLAGS.SCALE.SPEED,STEP.UNITS.JOINT.JOINT..LINK.LINK..FORCE..``, in base 64."""
     head, *lists = query.split('..')
@@ -255,12 +215,12 @@ def _packed(query: str) -> JointTable:
     clockwise = _integer(f'1{flags}') & 1  # its first bit
     table = {}
     for joint in joints:
-        name, _, x, y, angle, *slot = joint.split(',')
+        name, _, x, y, turn, *slot = joint.split(',')
         bits = _DIGITS.index(name[0])
         place = _integer(x) / 1000.0, _integer(y) / 1000.0
         kind = 'P' if bits & 1 else 'R'
         table[name[1:]] = JointRow(
-            name[1:], place, (), kind, bool(bits & 4), _integer(angle) / 1000.0, bool(bits & 2),
+            name[1:], place, (), kind, bool(bits & 4), _integer(turn) / 1000.0, bool(bits & 2),
             *slot[:1],
         )  # fmt: skip
         if len(slot) >= 3:  # a slot along a link has the direction between two joints of it

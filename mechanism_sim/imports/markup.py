@@ -9,6 +9,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.packages import reason
 
 
 def parse(file: str, text: str, *roots: str) -> Element:
@@ -22,7 +23,7 @@ def parse(file: str, text: str, *roots: str) -> Element:
     try:
         root = fromstring(text.encode())  # noqa: S314 - without entities
     except (ParseError, ValueError) as error:
-        raise InputError(f'{file} is no XML ({error})') from error
+        raise InputError(f'{file} is no XML ({reason(error)})') from error
     for element in root.iter():
         element.tag = str(element.tag).rpartition('}')[2]  # without namespaces
     if root.tag not in roots:

@@ -11,21 +11,21 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.imports.blueprint import Blueprint
 from mechanism_sim.imports.markup import number, numbers, parse, rotation
 from mechanism_sim.imports.robot import WORLD, Robot, RobotBody, RobotJoint
-from mechanism_sim.imports.sketch import Sketch
 
 _DEEPEST = 200  # bodies in bodies
 _KINDS = {'hinge': 'revolute', 'slide': 'prismatic'}
 
 
-def read(path: Path, text: str, _unit: str | None) -> Sketch:
+def read(path: Path, text: str, _unit: str | None) -> Blueprint:
     """The machine of an MJCF, which is in metres."""
     root = parse(path.name, text, 'mujoco')
-    return _Reader(root, path.stem).robot.sketch()
+    return _MjcfReader(root, path.stem).robot.blueprint()
 
 
-class _Reader:
+class _MjcfReader:
     """Reads one file."""
 
     def __init__(self, root: Element, name: str) -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from io import StringIO
-from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,8 +17,8 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.imports import svg
-from mechanism_sim.imports.sketch import Sketch, SketchLink, names_of
-from mechanism_sim.packages import needed
+from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, names_of
+from mechanism_sim.packages import needed, reason
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.units import to_si
 
@@ -29,7 +28,7 @@ _UNITS = {1: 'inch', 2: 'ft', 4: 'mm', 5: 'cm', 6: 'm'}  # $INSUNITS of DXF
 _GROUNDS = 'ground', 'frame', 'base'
 
 
-class Curve(NamedTuple):
+class DrawnCurve(NamedTuple):
     """A closed curve on a layer: a polygon (n, 2), and its centre and radius if it is a circle."""
 
     layer: str
@@ -38,7 +37,7 @@ class Curve(NamedTuple):
     radius: float = 0.0
 
 
-class Area(NamedTuple):
+class DrawnArea(NamedTuple):
     """Area, its centre (2,), and polar second moment about the origin."""
 
     size: float
@@ -46,7 +45,7 @@ class Area(NamedTuple):
     polar: float
 
 
-def read_dxf(path: Path, text: str, unit: str | None) -> Sketch:
+def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
     """The links of a DXF."""
     ezdxf = needed('ezdxf', 'drawings as DXF')
     try:
@@ -55,19 +54,19 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Sketch:
         size = float(max((np.ptp(_points(e, 1.0), axis=0).max() for e in parts), default=1.0))
         drawn = [(e, _points(e, _FINE * size)) for e in parts]
     except ezdxf.DXFError as error:
-        raise InputError(f'{path.name} is no DXF that can be read ({error})') from error
-    curves: list[Curve] = []
+        raise InputError(f'{path.name} is no DXF that can be read ({reason(error)})') from error
+    curves: list[DrawnCurve] = []
     open_: dict[str, list[Array]] = {}
     for entity, points in drawn:
         layer = str(entity.dxf.layer)
         if entity.dxftype() == 'CIRCLE':
             centre = (float(entity.dxf.center.x), float(entity.dxf.center.y))
-            curves.append(Curve(layer, points, centre, float(entity.dxf.radius)))
+            curves.append(DrawnCurve(layer, points, centre, float(entity.dxf.radius)))
         else:
             open_.setdefault(layer, []).append(points)
     for layer, pieces in open_.items():
-        curves += [Curve(layer, loop) for loop in _closed(pieces, 10.0 * _FINE * size)]
-    return sketch(path.stem, unit or _UNITS.get(document.units, ''), curves)
+        curves += [DrawnCurve(layer, loop) for loop in _closed(pieces, 10.0 * _FINE * size)]
+    return blueprint(path.stem, unit or _UNITS.get(document.units, ''), curves)
 
 
 def _simple(entity: Any) -> Iterator[Any]:
@@ -85,21 +84,23 @@ def _points(entity: Any, near: float) -> Array:
     return np.array([[p.x, p.y] for p in found])
 
 
-def read_svg(path: Path, text: str, unit: str | None) -> Sketch:
+def read_svg(path: Path, text: str, unit: str | None) -> Blueprint:
     """The links of an SVG, whose groups are named by their ids."""
     given, found = svg.curves(path.name, text)
-    return sketch(path.stem, unit or given, [Curve(*curve) for curve in found])
+    return blueprint(path.stem, unit or given, [DrawnCurve(*curve) for curve in found])
 
 
-def sketch(title: str, unit: str, curves: Sequence[Curve]) -> Sketch:
+def blueprint(title: str, unit: str, curves: Sequence[DrawnCurve]) -> Blueprint:
     """The machine of the curves of a drawing; its links have outlines but no masses yet."""
     if not unit:
         raise InputError(f'{title}: the drawing does not say its unit: give --unit mm')
-    made = Sketch(title, unit)
+    made = Blueprint(title, unit)
     layers = list(dict.fromkeys(curve.layer for curve in curves))
     if not curves:
         raise InputError(f'{title}: there is no closed curve in the drawing')
-    names = names_of((x for x in layers if x.lower() not in _GROUNDS), 'links')
+    moving = {x: x.lower() if x.isupper() else x for x in layers if x.lower() not in _GROUNDS}
+    named = names_of(moving.values(), 'links')
+    names = {layer: named[x] for layer, x in moving.items()}
     everything = np.concatenate([curve.points for curve in curves])
     size = float(np.ptp(everything, axis=0).max())
     holes: list[tuple[str, str, tuple[float, float]]] = []
@@ -110,7 +111,7 @@ def sketch(title: str, unit: str, curves: Sequence[Curve]) -> Sketch:
         inner = [c for c in own if c is not outer] if link != GROUND else own
         round_ = [c.centre for c in inner if c.centre]
         centre = (0.0, 0.0) if link == GROUND else (*round_, outer.centre or (0.0, 0.0))[0]
-        part = made.links.setdefault(link, SketchLink((*centre, 0.0)))
+        part = made.links.setdefault(link, BlueprintLink((*centre, 0.0)))
         for k, at in enumerate(round_):
             part.points[f'hole_{k + 1}'] = part.local(at)
             holes.append((link, f'hole_{k + 1}', at))
@@ -119,13 +120,17 @@ def sketch(title: str, unit: str, curves: Sequence[Curve]) -> Sketch:
                 _area(outer),
                 *(_area(c)._replace(size=-_area(c).size) for c in inner),
             ]
-    for (one, a, at), (other, b, there) in combinations(holes, 2):
-        if one != other and math.dist(at, there) < _SAME * size:
-            made.join(f'{one}_{other}', 'revolute', (one, a), (other, b))
+    while holes:  # the first link in a place holds the others there
+        (one, a, at), *others = holes
+        here = [hole for hole in others if math.dist(at, hole[2]) < _SAME * size]
+        holes = [hole for hole in others if hole not in here]
+        for other, b, _ in here:
+            if other != one:
+                made.join(f'{one}_{other}', 'revolute', (one, a), (other, b))
     return made
 
 
-def weigh(made: Sketch, thickness: str | None, density: str) -> None:
+def weigh(made: Blueprint, thickness: str | None, density: str) -> None:
     """Give links the masses of their outlines, cut from plates."""
     if not made.outlines:
         if thickness:
@@ -138,6 +143,8 @@ def weigh(made: Sketch, thickness: str | None, density: str) -> None:
     plate = to_si(thickness, 'm') * to_si(density, 'kg/m^3') * metre**2
     for link, parts in made.outlines.items():
         size = math.fsum(part.size for part in parts)
+        if size <= 0.0:
+            raise InputError(f'{link}: its holes are larger than its outline')
         centre = sum(part.size * part.centre for part in parts) / size
         polar = math.fsum(math.copysign(part.polar, part.size) for part in parts)
         around = (polar - size * float(centre @ centre)) * metre**2
@@ -148,16 +155,18 @@ def weigh(made: Sketch, thickness: str | None, density: str) -> None:
         }  # fmt: skip
 
 
-def _area(curve: Curve) -> Area:
+def _area(curve: DrawnCurve) -> DrawnArea:
     if curve.centre:
         size, middle = math.pi * curve.radius**2, np.array(curve.centre)
-        return Area(size, middle, size * (0.5 * curve.radius**2 + float(middle @ middle)))
+        return DrawnArea(size, middle, size * (0.5 * curve.radius**2 + float(middle @ middle)))
     (x, y), (u, v) = curve.points.T, np.roll(curve.points, -1, axis=0).T
     cross = x * v - u * y
     size = 0.5 * float(cross.sum())
+    if not size:
+        raise InputError(f'a closed curve of {curve.layer} has no area')
     centre = np.array([((x + u) * cross).sum(), ((y + v) * cross).sum()]) / (6.0 * size)
     polar = float((cross * (x * x + x * u + u * u + y * y + y * v + v * v)).sum()) / 12.0
-    return Area(abs(size), centre, math.copysign(polar, 1.0))
+    return DrawnArea(abs(size), centre, math.copysign(polar, 1.0))
 
 
 def _closed(pieces: list[Array], near: float) -> Iterator[Array]:

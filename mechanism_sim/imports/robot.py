@@ -12,7 +12,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.imports.sketch import Sketch, SketchLink, names_of
+from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, named, names_of
 from mechanism_sim.planar.points import GROUND, Vector2
 
 WORLD = 'world'
@@ -89,11 +89,11 @@ class Robot:
     gravity: Array | None = None
     notes: list[str] = field(default_factory=list)
 
-    def sketch(self) -> Sketch:
+    def blueprint(self) -> Blueprint:
         """The machine in its plane."""
         self._merge_fixed()
         self._drop_frames()
-        return _Plane(self).sketch()
+        return _Plane(self).blueprint()
 
     def _merge_fixed(self) -> None:
         """Make one of bodies that are fixed to each other, in the frame of that which has mass."""
@@ -197,19 +197,20 @@ class _Plane:
                 )
         self._ways = ways
 
-    def sketch(self) -> Sketch:
+    def blueprint(self) -> Blueprint:
         """The machine."""
         robot = self._robot
-        made = Sketch(robot.title, notes=robot.notes)
+        made = Blueprint(robot.title, notes=robot.notes)
         moving = {name: body for name, body in robot.bodies.items() if name != WORLD}
         self._names = names_of(moving, 'links') | {WORLD: GROUND}
         massive = any(body.mass for body in moving.values())
         for name, body in moving.items():
-            link = SketchLink((*self._flat(body.place), self._angle(body)))
-            made.links[self._names[name]] = link
+            made.links[self._names[name]] = own = BlueprintLink(
+                (*self._flat(body.place), self._angle(body))
+            )
             if massive:
                 across = body.turn.T @ self._normal
-                link.keys = {
+                own.keys = {
                     'mass': f'{body.mass!r} kg',
                     'inertia': f'{float(across @ body.inertia @ across)!r} kg m^2',
                     'cog': made.vector(self._on(body, body.cog)),
@@ -222,10 +223,10 @@ class _Plane:
             self._ratio(made, name, weights)
         for name, (ends, keys) in robot.springs.items():
             between = []
-            for k, (body, at) in enumerate(ends):
-                point = f'{names_of([name], "springs")[name]}_{k + 1}'
-                made.links[self._names[body]].points[point] = self._on(robot.bodies[body], at)
-                between.append(made.reference(self._names[body], point))
+            for k, (holder, at) in enumerate(ends, 1):
+                link, point = self._names[holder], f'{named(name)}_{k}'
+                made.links[link].points[point] = self._on(robot.bodies[holder], at)
+                between.append(made.reference(link, point))
             made.keys.setdefault('springs', {})[name] = {'between': between, **keys}
         if robot.gravity is not None:
             flat = self._flat(robot.gravity)
@@ -252,32 +253,24 @@ class _Plane:
         """A point in the frame of its link."""
         return self._flat(point if self._lies(body) else body.turn @ point)
 
-    def _join(self, made: Sketch, joint: RobotJoint) -> None:
+    def _join(self, made: Blueprint, joint: RobotJoint) -> None:
         bodies = self._robot.bodies
         ends = self._names[joint.parent], self._names[joint.child]
-        name = names_of([joint.name], 'joints')[joint.name]
+        name = named(joint.name)
         name = '_'.join(ends) if name in made.links else name
         points = (joint.parent, joint.on_parent), (joint.child, joint.on_child)
         for link, (body, at) in zip(ends, points, strict=True):
             made.links[link].points[name] = self._on(bodies[body], at)
-        pairs = [(link, name) for link in ends]
-        if joint.kind == 'revolute':
-            made.join(name, 'revolute', *pairs)
-            return None
+        more: dict[str, float] = {}
         if joint.kind == 'slot':  # of the child, along its axis; the pin is on the parent
-            axis = self._flat(joint.axis)
-            made.join(name, 'slot', *pairs, axis=f'{math.atan2(axis[1], axis[0])!r} rad')
-            return None
-        x, y = self._flat(self._ways[joint.name])
-        one, other = (made.links[link].pose[2] for link in ends)
-        more = {'axis': math.atan2(y, x) - one, 'angle': other - one}
-        made.join(
-            name,
-            'prismatic',
-            *pairs,
-            **{k: f'{v!r} rad' for k, v in more.items() if abs(v) > 1e-15},
-        )
-        return joint
+            x, y = self._flat(joint.axis)
+            more = {'axis': math.atan2(y, x)}
+        elif joint.kind == 'prismatic':
+            x, y = self._flat(self._ways[joint.name])
+            one, other = (made.links[link].pose[2] for link in ends)
+            more = {'axis': math.atan2(y, x) - one, 'angle': other - one}
+        keys: dict[str, Any] = {k: f'{v!r} rad' for k, v in more.items() if abs(v) > 1e-15}
+        made.join(name, joint.kind, *((link, name) for link in ends), **keys)
 
     def _weights(self, factors: Mapping[str, float]) -> dict[str, float]:
         """A sum of joint coordinates as one of angles of bodies; nothing if a joint slides."""
@@ -292,7 +285,7 @@ class _Plane:
                 found[body] = found.get(body, 0.0) + side * factor
         return found
 
-    def _ratio(self, made: Sketch, name: str, weights: Mapping[str, float]) -> None:
+    def _ratio(self, made: Blueprint, name: str, weights: Mapping[str, float]) -> None:
         """A sum of angles that stays what it is: a ratio of two of them, against their carrier."""
         moving = {b: w for b, w in weights.items() if abs(w) > 1e-12 and b != WORLD}
         carrier = WORLD
@@ -309,12 +302,15 @@ class _Plane:
             made.notes.append(f'{name}: its ratio {exact!r} is rounded to {ratio}')
         turned = {b: made.links[self._names[b]].pose[2] for b in (*pair, carrier)}
         first, second = (turned[b] - turned[carrier] for b in pair)
-        keys = {'ratio': str(ratio), 'phase': f'{second - float(ratio) * first!r} rad'}
+        keys: dict[str, Any] = {
+            'ratio': str(ratio),
+            'phase': f'{second - float(ratio) * first!r} rad',
+        }
         if carrier != WORLD:
             keys['carrier'] = self._names[carrier]
         made.join(name, 'transmission', *((self._names[b], '') for b in pair), **keys)
 
-    def _drive(self, made: Sketch, factors: Mapping[str, float], speed: float) -> None:
+    def _drive(self, made: Blueprint, factors: Mapping[str, float], speed: float) -> None:
         """A drive by the speed of a sum of joint coordinates: that of one link, on the ground."""
         weights = {b: w for b, w in self._weights(factors).items() if w and b != WORLD}
         guide = next((j for j in self._robot.joints if [j.name] == [*factors]), None)

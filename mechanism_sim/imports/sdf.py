@@ -9,16 +9,16 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.imports.blueprint import Blueprint
 from mechanism_sim.imports.markup import number, numbers, parse, turned
 from mechanism_sim.imports.robot import Robot, RobotBody, RobotJoint
-from mechanism_sim.imports.sketch import Sketch
 from mechanism_sim.imports.urdf import matrix
 
 _KINDS = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic',
           'fixed': 'fixed'}  # fmt: skip
 
 
-def read(path: Path, text: str, _unit: str | None) -> Sketch:
+def read(path: Path, text: str, _unit: str | None) -> Blueprint:
     """The machine of the one model of an SDF, which is in metres."""
     root = parse(path.name, text, 'sdf')
     models = list(root.iter('model'))
@@ -45,7 +45,7 @@ def read(path: Path, text: str, _unit: str | None) -> Sketch:
             robot.bodies[body.name], frames[body.name] = body, (body.turn, body.place)
     for joint in model.findall('joint'):
         _join(robot, joint)
-    return robot.sketch()
+    return robot.blueprint()
 
 
 def _join(robot: Robot, joint: Element) -> None:

@@ -13,15 +13,15 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.imports.blueprint import Blueprint
 from mechanism_sim.imports.markup import number, numbers, parse, rotation, turned
 from mechanism_sim.imports.robot import WORLD, Robot, RobotBody, RobotJoint
-from mechanism_sim.imports.sketch import Sketch
 
 _KINDS = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic',
           'fixed': 'fixed'}  # fmt: skip
 
 
-def read(path: Path, text: str, _unit: str | None) -> Sketch:
+def read(path: Path, text: str, _unit: str | None) -> Blueprint:
     """The machine of a URDF, which is in metres."""
     root = parse(path.name, text, 'robot')
     robot = Robot(root.get('name') or path.stem)
@@ -57,7 +57,7 @@ def read(path: Path, text: str, _unit: str | None) -> Sketch:
         one, other, carrier = (_end(held, x) for x in ('predecessor', 'successor', 'reference'))
         weights = robot.geared[_name(held)] = {one: -ratio, other: 1.0}
         weights[carrier] = weights.get(carrier, 0.0) + ratio - 1.0
-    return robot.sketch()
+    return robot.blueprint()
 
 
 _Z = np.array([0.0, 0.0, 1.0])

@@ -7,13 +7,14 @@ lists kinds or keys finds it there.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Annotated, Any, ClassVar, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import Field
 
-from mechanism_sim.joints.contact_keys import Clearance, Friction, Play
+from mechanism_sim.errors import InputError
+from mechanism_sim.joints.contact_keys import Clearance, Contact, Friction, Play
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import Part
+from mechanism_sim.keys.quantities import Coefficient, Part
 from mechanism_sim.keys.registry import Registry
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
@@ -139,6 +140,30 @@ class JointKeys(Part):
     def doubts(self, machine: Any, joint: Any) -> list[str]:
         """Warnings about what its keys say, which every command repeats."""
         return []
+
+
+class TouchingKeys(JointKeys):
+    """Joints that are nothing but a contact, such as discs, or a rope that tightens."""
+
+    restitution: Coefficient = 0.0
+    """Of a contact, ratchet or rope, its coefficient of restitution: 0 does not bounce, 1 loses
+    nothing."""
+    hypothesis: Literal['newton', 'poisson', 'stronge'] | None = None
+    """Of the same, quantities that the coefficient relates: speeds (without it), impulses or
+    works."""
+    compliance: Contact | None = None
+    """Of the same, a law of force instead of rigid surfaces; of a rope, how it stretches."""
+
+    touches_by = '', 'compliance'
+
+    def touches(self, name: str) -> Play:
+        """Contact of the surfaces."""
+        if self.compliance and self.compliance.law == 'film':
+            raise InputError(f'joints.{name}.compliance.law = film is for pins in bushings')
+        return Play(
+            radial=0.0, restitution=self.restitution, hypothesis=self.hypothesis or 'newton',
+            friction=self.friction.coefficient if self.friction else 0.0, contact=self.compliance,
+        )  # fmt: skip
 
 
 KINDS = Registry[type[JointKeys]]()

@@ -24,7 +24,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from mechanism_sim.units import EXAMPLES, plain, to_si, to_si_of
+from mechanism_sim.units import EXAMPLES, QuantityValue, plain, to_si, to_si_of
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,24 @@ def one_or_two(unit: str, other: str, least: float = -math.inf) -> UnitValue:
         return numbers[0] if alone else numbers
 
     return UnitValue(read, (unit,), other, pair=True)
+
+
+def si_or_point(point: str, *units: str) -> UnitValue:
+    """A quantity as `si_of` has it, or [x, y] of a point in another unit."""
+
+    def read(value: Any) -> Any:
+        said = value if isinstance(value, QuantityValue) else plain(value)
+        alone = isinstance(said, QuantityValue) or not isinstance(said, list | tuple)
+        if alone or (len(said) == 2 and said[1] in ('', *units)):  # as JSON has a quantity
+            return to_si_of(said, units)
+        if len(said) != 2:
+            raise ValueError('must be one quantity, or the two of a point: write [x, y]')
+        numbers = tuple(to_si(x, point) for x in said)
+        if not all(math.isfinite(x) for x in numbers):
+            raise ValueError('must be finite')
+        return numbers
+
+    return UnitValue(read, units, f'[x, y] of a point in {point}', pair=True)
 
 
 Offset = Annotated[float | tuple[float, float], one_or_two('m', 'a pair [x, y]')]

@@ -18,6 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import frame_of
 from mechanism_sim.export.shapes import coil
+from mechanism_sim.export.skeleton import strung
 from mechanism_sim.export.stage import StageFrames
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
@@ -117,7 +118,7 @@ class ForceMarkers:
         frames = self._stage.frames(t, o, modes, sway)
         writers = [
             *self._arrows(frames), *self._pins(frames), *self._walls(frames),
-            *self._coils(frames), *self._bent(frames), *self._sway(frames),
+            *self._coils(frames), *self._strings(frames), *self._bent(frames), *self._sway(frames),
         ]  # fmt: skip
         markers = [made for made, _ in writers]
         for i, time in enumerate(t.tolist()):
@@ -131,7 +132,8 @@ class ForceMarkers:
     def empty(self) -> bool:
         """True if there is nothing to show."""
         known = self._stage.joints or self._bearings or self._plays or self._elastic
-        return not (known or self._stage.skeleton.springs)
+        skeleton = self._stage.skeleton
+        return not (known or skeleton.springs or skeleton.strings)
 
     def flash(self, impact: Any) -> Any:
         """A flash at the joint of an Impact message; its volume stands for the impulse.
@@ -277,6 +279,17 @@ class ForceMarkers:
             def write(i: int, made: Any = made, ends: Any = ends) -> None:
                 line = coil(ends[i, 0], ends[i, 1], s)
                 made.points = [Point(x=x, y=y) for x, y in line.tolist()]
+
+            yield made, write
+
+    def _strings(self, frames: StageFrames) -> Iterator[Any]:
+        """Ropes as straight lines."""
+        size = (0.2 * self._symbol, 0.0, 0.0)
+        for k, ends in enumerate(strung(self._stage.skeleton, frames.poses)):
+            made = marker('ropes', k, self._world, Marker.LINE_STRIP, STEEL, size)
+
+            def write(i: int, made: Any = made, ends: Any = ends) -> None:
+                made.points = [Point(x=x, y=y) for x, y in ends[i].tolist()]
 
             yield made, write
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import heyoka as hy
 import numpy as np
 from numpy.polynomial import polynomial
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, quoted
@@ -36,8 +37,8 @@ _TAIL = 2.0**-55
 """First terms left out, relative to how far a piece goes: an acceleration then has 1e-13."""
 _LEAST = 2.0**-62
 """[rad, m, and their rates] that is nothing whatever is left out beside it."""
-_LONGEST, _SHORTEST = 0.5, 2.0**-24
-"""[s] half of a piece; what happens in so short a time is a step."""
+_HALVES = np.array([x * 2.0**-k for k in range(24) for x in (0.5, 0.375)])
+"""[s] half of a piece, short numbers; what happens in less than the last is a step."""
 _SAMPLES = np.linspace(-1.0, 1.0, 33)
 _ZERO = 1e-12
 """Below it a guard, which is a difference relative to what is compared, is at its zero."""
@@ -127,18 +128,18 @@ class TimeSeries:
         """The piece that begins at a time [s]: it depends on nothing else."""
         if self.whole:
             return SeriesPiece(start, math.inf, _moved(self.exact, Fraction(start)), np.zeros(1))
-        flags = self._flags_from(start)
-        half = _LONGEST
-        while True:
+        flags, terms = self._flags_from(start)
+        fitting = np.flatnonzero(self._ends(terms, _HALVES))
+        first = max(0, int(fitting[0]) - 2) if len(fitting) else 0  # longer ones may fit, too
+        for half in _HALVES[first:].tolist():
             middle = start + half
             terms = self._about(middle, flags)
-            if self._converges(terms, half, middle, flags):
+            if self._ends(terms, np.array([half])).all() and self._is_whole(terms, half):
                 break
-            half *= 0.75 if math.frexp(half)[0] == 0.5 else 2.0 / 3.0
-            if half < _SHORTEST:
-                raise InputError(
-                    f'{quoted(self.text)} has no value or no derivative at t = {start:.6g} s'
-                )
+        else:
+            raise InputError(
+                f'{quoted(self.text)} has no value or no derivative at t = {start:.6g} s'
+            )
         end = self._change(terms[1:], half, flags)
         exact = _moved(self.exact, Fraction(middle))
         return SeriesPiece(middle, middle + end, exact, terms[0, : DEGREE + 1])
@@ -157,36 +158,44 @@ class TimeSeries:
         series = self._series
         series.time = 0.0
         series.state[:] = 0.0
-        series.step(max_delta_t=_LONGEST, write_tc=True)
+        series.step(max_delta_t=1.0, write_tc=True)
         orders = np.arange(1.0, _KNOWN + 1.0)
         return np.asarray(series.tc[:-1, 1 : _KNOWN + 1] * orders)
 
-    def _flags_from(self, t: float) -> list[float]:
-        """1 for each guard that is positive just behind a time [s], after those it depends on."""
+    def _flags_from(self, t: float) -> tuple[list[float], Array]:
+        """1 for each guard that is positive just behind a time [s], and the series there.
+
+        A guard may depend on flags of others.
+        """
         flags = [0.0] * self._flags
         for _ in range(self._flags + 1):
-            terms = self._about(t, flags)[1:]
-            before, flags = flags, [_sign(row) for row in terms]
+            terms = self._about(t, flags)
+            before, flags = flags, [_sign(row) for row in terms[1:]]
             if flags == before:
                 break
-        return flags
+        return flags, terms
 
-    def _converges(self, terms: Array, half: float, middle: float, flags: list[float]) -> bool:
-        """True if the series are the functions in a piece of so many seconds to either side."""
+    def _ends(self, terms: Array, halves: Array) -> NDArray[np.bool_]:
+        """True where series (1 + guards, `_KNOWN`) end soon enough for so many seconds (k,)."""
         if not np.isfinite(terms).all():
-            return False
-        sizes = np.abs(terms) * half ** np.arange(_KNOWN)
-        going = sizes[:, 1:].max(axis=1)
-        floor = np.maximum(_LEAST, 2.0**-3 * np.spacing(sizes[:, 0]))
-        allowed = np.maximum(np.array([_TAIL, *[_ZERO] * self._flags]) * going, floor)
-        if not (sizes[:, DEGREE + 1 :].max(axis=1) <= allowed).all():
-            return False
-        # a pulse far from the middle leaves no trace in the series there
-        self._set(middle, flags)
+            return np.zeros(len(halves), bool)
+        sizes = np.abs(terms) * halves[:, None, None] ** np.arange(_KNOWN)
+        going, tails = sizes[..., 1:].max(axis=2), sizes[..., DEGREE + 1 :].max(axis=2)
+        shares = np.array([_TAIL, *[_ZERO] * self._flags])
+        return np.asarray((tails <= np.maximum(shares * going, _floor(sizes[..., 0]))).all(axis=1))
+
+    def _is_whole(self, terms: Array, half: float) -> bool:
+        """True if the series is the formula for so many seconds to either side [s].
+
+        A pulse far from the middle leaves no trace in the series there. The parameters are still
+        those of the middle.
+        """
         at = half * _SAMPLES
         found = self._values(at, self._series.pars)
         off = np.abs(found - polynomial.polyval(at, terms[0, : DEGREE + 1]))
-        return bool((off <= 1e-13 * np.abs(found) + 1e-12 * going[0] + 16.0 * floor[0]).all())
+        going = np.abs(terms[0, 1:] * half ** np.arange(1, _KNOWN)).max()
+        floor = 16.0 * float(_floor(np.abs(terms[0, :1]))[0])
+        return bool((off <= 1e-13 * np.abs(found) + 1e-12 * going + floor).all())
 
     def _change(self, guards: Array, half: float, flags: Sequence[float]) -> float:
         """Time from the middle [s] at which the first flag changes; `half` if none does."""
@@ -204,6 +213,11 @@ class TimeSeries:
                     found = min(found, a * half)
                     break
         return found
+
+
+def _floor(sizes: Array) -> Array:
+    """Size below which a number is rounding beside values of such sizes."""
+    return np.asarray(np.maximum(_LEAST, 2.0**-3 * np.spacing(sizes)))
 
 
 def _sign(row: Array) -> float:

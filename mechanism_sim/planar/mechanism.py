@@ -112,8 +112,6 @@ class HigherPair(Connection, ABC):
     equations: ClassVar[int] = 1
     #: where it can open: on which sides of its closure there are walls
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
-    #: in words, what bounds it
-    beyond: ClassVar[str] = 'into its wall'
     #: in words, what may move between them
     parts: ClassVar[str] = 'pin between the walls of a slot'
 

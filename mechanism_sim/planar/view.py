@@ -183,5 +183,13 @@ class Draft(Protocol):
     def wall(self, link: str, start: Vector2, end: Vector2) -> None:
         """A wall of a link, solid to the left of the way from start to end [m]."""
 
+    def string(self, ends: tuple[LinkPoint, LinkPoint], radii: tuple[float, float]) -> None:
+        """A straight line from a point of a link to one of another, at any pose.
+
+        Parameters
+        ----------
+        radii : [m] of discs that it touches there, positive where they lie on its left
+        """
+
     def first(self, name: str) -> bool:
         """True if nothing of that name has been drawn yet."""

@@ -15,6 +15,7 @@ from rosbags.typesys.base import TypesysError
 from zstandard import ZstdDecompressor, ZstdError
 
 from mechanism_sim.messages import MessageError, deserialize, type_hash
+from mechanism_sim.packages import reason
 from mechanism_sim.recording import protobuf
 from mechanism_sim.recording.scan import LARGEST_CHUNK
 
@@ -43,7 +44,7 @@ def decoder(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any]:
             raise
         except _WRONG as error:
             name = schema.name if schema else channel.message_encoding
-            raise MessageError(f'a message is not what {name} says ({error})') from error
+            raise MessageError(f'a message is not what {name} says ({reason(error)})') from error
 
     return checked
 
@@ -55,7 +56,7 @@ def _reader(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any]:
         if channel.message_encoding == 'protobuf' and schema is not None:
             return protobuf.decoder(schema.data, schema.name)
     except _WRONG as error:
-        raise MessageError(f'its schema cannot be read ({error})') from error
+        raise MessageError(f'its schema cannot be read ({reason(error)})') from error
     if channel.message_encoding != 'cdr' or schema is None:
         raise MessageError(
             f'{channel.message_encoding!r} is not an encoding that is read here: cdr of ROS 2, '
@@ -89,7 +90,9 @@ def _defined(schema: Schema) -> Callable[[bytes], Any]:
         store = get_typestore(Stores.ROS2_JAZZY)
         store.register({name: x for name, x in types.items() if name not in store.fielddefs})
     except Exception as error:
-        raise MessageError(f'the definition of {schema.name} cannot be read ({error})') from error
+        raise MessageError(
+            f'the definition of {schema.name} cannot be read ({reason(error)})'
+        ) from error
     return lambda data: store.deserialize_cdr(_plain(data), schema.name)
 
 

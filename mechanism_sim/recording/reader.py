@@ -17,7 +17,7 @@ from mechanism_sim.messages import MessageError
 from mechanism_sim.recording.decoding import decoder
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.scan import DamagedBagError, FileLayout, sound
-from mechanism_sim.recording.storage import Part, parts
+from mechanism_sim.recording.storage import BagFile, parts
 from mechanism_sim.recording.writer import RECORDING, VERSION
 from ros_interfaces.checks import impossible_number
 
@@ -60,7 +60,7 @@ class Bag:
     def __init__(
         self,
         path: Path,
-        files: Sequence[Part],
+        files: Sequence[BagFile],
         progress: Callable[[float], None] | None = None,
     ) -> None:
         self.path, self._parts = path, files
@@ -128,7 +128,7 @@ class Bag:
         return ((channel.topic, data, t) for _, channel, data, t in
                 self._payloads(self._channels(topics)))  # fmt: skip
 
-    def _channels(self, topics: str | Iterable[str] | None) -> list[tuple[Part, Channel]]:
+    def _channels(self, topics: str | Iterable[str] | None) -> list[tuple[BagFile, Channel]]:
         """Return the channels of the topics wanted, file by file."""
         channels = [(part, c) for part in self._parts for c in part.layout.channels.values()]
         if topics is None:
@@ -141,8 +141,8 @@ class Bag:
         return [(part, channel) for part, channel in channels if channel.topic in wanted]
 
     def _payloads(
-        self, channels: list[tuple[Part, Channel]]
-    ) -> Iterator[tuple[Part, Channel, bytes, int]]:
+        self, channels: list[tuple[BagFile, Channel]]
+    ) -> Iterator[tuple[BagFile, Channel, bytes, int]]:
         for k, part in enumerate(self._parts):
             wanted = {channel.id: channel for own, channel in channels if own is part}
             told = self._progress and partial(self._tell, k)
@@ -155,7 +155,7 @@ class Bag:
         self._progress((k + share) / len(self._parts))
 
     def _read_decoded(
-        self, channels: list[tuple[Part, Channel]]
+        self, channels: list[tuple[BagFile, Channel]]
     ) -> Iterator[tuple[str, Any, int]]:
         decoders: dict[int, tuple[Callable[[bytes], Any], bool]] = {}
         for part, channel, data, log_time in self._payloads(channels):
@@ -174,7 +174,7 @@ class Bag:
                 )
             yield channel.topic, message, log_time
 
-    def _decoder(self, part: Part, channel: Channel) -> Callable[[bytes], Any]:
+    def _decoder(self, part: BagFile, channel: Channel) -> Callable[[bytes], Any]:
         """Return what decodes a channel, once sure that it means here what it meant then."""
         schema = part.layout.schemas.get(channel.schema_id)
         own = schema is not None and schema.name.startswith('mechanism_sim/')

@@ -17,6 +17,7 @@ from zstandard import ZstdDecompressor, ZstdError
 
 from mechanism_sim import documents
 from mechanism_sim.errors import InputError
+from mechanism_sim.packages import reason
 from mechanism_sim.recording.runs import BAG_ENDINGS
 from mechanism_sim.recording.scan import (
     DamagedBagError,
@@ -34,7 +35,7 @@ Payload = tuple[int, bytes, int]
 
 
 @dataclass(frozen=True)
-class Part:
+class BagFile:
     """A file of a bag.
 
     Attributes
@@ -64,7 +65,7 @@ class Part:
                         yield channel, block[start:stop], log_time
 
 
-def parts(path: Path) -> list[Part]:
+def parts(path: Path) -> list[BagFile]:
     """The files of a bag in their order: that of their listing, else that of their first message.
 
     Parameters
@@ -123,7 +124,7 @@ def _listed(folder: Path) -> list[Path]:
     return files
 
 
-def _part(path: Path) -> Part:
+def _part(path: Path) -> BagFile:
     holder = None
     if path.suffix == '.zstd':
         holder = TemporaryDirectory(prefix='mechanism_sim_')
@@ -134,10 +135,10 @@ def _part(path: Path) -> Part:
         except FileNotFoundError:
             raise InputError(f'{path} does not exist.') from None
         except ZstdError as error:
-            raise DamagedBagError(f'{path} is damaged ({error}).') from error
+            raise DamagedBagError(f'{path} is damaged ({reason(error)}).') from error
         path = target
     layout = _survey_rows(path) if path.suffix == '.db3' else survey(path)
-    return Part(path, layout, holder)
+    return BagFile(path, layout, holder)
 
 
 @contextmanager
@@ -148,8 +149,8 @@ def _database(path: Path) -> Iterator[sqlite3.Connection]:
     try:
         with closing(sqlite3.connect(f'file:{quote(str(path))}?mode=ro', uri=True)) as base:
             yield base
-    except (sqlite3.Error, UnicodeDecodeError) as error:
-        raise DamagedBagError(f'{path} is no SQLite bag, or damaged ({error}).') from error
+    except (sqlite3.Error, AttributeError, TypeError, ValueError) as error:  # also wrong rows
+        raise DamagedBagError(f'{path} is no SQLite bag, or damaged ({reason(error)}).') from error
 
 
 def _survey_rows(path: Path) -> FileLayout:
@@ -173,9 +174,9 @@ def _survey_rows(path: Path) -> FileLayout:
             layout.channels[number] = Channel(number, topic, form, about, known[kind])
         counts = 'SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages'
         rows = base.execute(f'{counts} GROUP BY topic_id').fetchall()
-    layout.counts = Counter({number: count for number, count, *_ in rows})
-    layout.start = min((first for *_, first, _ in rows), default=0)
-    layout.end = max((last for *_, last in rows), default=0)
+        layout.counts = Counter({number: count for number, count, *_ in rows})
+        layout.start = min((first for *_, first, _ in rows), default=0)
+        layout.end = max((last for *_, last in rows), default=0)
     return layout
 
 

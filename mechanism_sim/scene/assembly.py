@@ -21,6 +21,7 @@ from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.scene.singular_start import begin, neighbours
+from mechanism_sim.scene.start_points import rates
 from mechanism_sim.tolerances import TOLERANCES
 
 _BRANCHES = TOLERANCES.branches
@@ -122,6 +123,13 @@ def _hung(plan: ScenePlan, q: Array, v: Array) -> tuple[Array, Array]:
                     if c not in plan.given[1]:
                         v[index[c]] += rate
     return q, v
+
+
+def rates_of_points(plan: ScenePlan) -> dict[str, float]:
+    """Rates of coordinates by those that the scene gives of points at the start."""
+    known = {c: plan.held[c][1] for c in plan.prescribed} | plan.given[1]
+    loops = plan.kinematics(plan.prescribed)
+    return rates(loops, plan.given[2], assemble(plan).q, known)
 
 
 def _apart(loop: FourBarLoop, angle: float) -> str:

@@ -25,7 +25,7 @@ from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.remarks import doubts, unused
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.scene.tilted_links import tilt_notes
-from mechanism_sim.units import QuantityValue
+from mechanism_sim.units import QuantityValue, for_people
 
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
@@ -60,6 +60,24 @@ class GapStart:
         return f'starts open by {self.open:.6g} m, {way} at {abs(self.closing):.6g} m/s'
 
 
+_NOTHING = 1e-12
+
+
+@dataclass(frozen=True)
+class CoordinateStart:
+    """A coordinate at the start."""
+
+    words: str  #: as "angle of rod"
+    value: float  #: [rad, m], all turns counted
+    rate: float  #: [rad/s, m/s]
+    unit: str
+
+    def __str__(self) -> str:
+        shown, scale = for_people(self.unit)
+        rate = f', {self.rate:.6g} {self.unit}/s' if self.rate else ', at rest'
+        return f'{self.words}, {scale * self.value:.9g} {shown}{rate}'
+
+
 @dataclass(frozen=True)
 class Report:
     """The outcome of `check`."""
@@ -76,6 +94,7 @@ class Report:
     left_out: list[str]
     notes: list[str]
     questions: list[str] = field(default_factory=list)  #: values about a thousand times off
+    start: dict[str, CoordinateStart] = field(default_factory=dict)  #: of every coordinate
     range: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Limits [rad, m] of a drive at constant speed that comes to one on either side"""
 
@@ -121,8 +140,43 @@ def check(machine: Machine) -> Report:
         _left_out(machine, len(loose)),
         notes,
         [*doubts(machine), *undetermined_accelerations(machine)],
+        _coordinates(machine),
         _range(machine),
     )
+
+
+def _coordinates(machine: Machine) -> dict[str, CoordinateStart]:
+    """Kind and start of every coordinate."""
+    mechanism, plan = machine.mechanism, machine.plan
+    if machine.level.dynamic:
+        state, free = machine.initial_state(), machine.equations.system.free
+        turned = (x + TURN * n for x, n in zip(state.q, state.turns, strict=True))
+        known = dict(zip(free, zip(turned, state.v, strict=True), strict=True))
+        known |= {c: plan.held[c] for c in plan.prescribed}
+        wound = {c: plan.turned.get(c, 0) for c in plan.prescribed}
+    else:
+        at, wound = machine.assembly, plan.turned
+        pairs = zip(at.q.tolist(), at.v.tolist(), strict=True)
+        known = dict(zip(plan.ideal.coordinates, pairs, strict=True))
+    found = {}
+    fastest = max((abs(v) for _, v in known.values()), default=0.0)
+    for c in mechanism.coordinates:
+        straight, link = c in mechanism.displacements, c.partition('.')[0]
+        carrier = mechanism.tree_joints.get(link)
+        words = f'angle of {c}'
+        if straight and c == link and carrier is not None:
+            words = f'displacement of {c} along {carrier.name}'
+        elif c in mechanism.deformations:
+            words = f'deformation {c}'
+        elif straight:
+            words = f'place of {link} between loose joints, {c.rpartition(".")[2]}'
+        size = mechanism.size if straight else 1.0
+        value, rate = known[c]  # without what rounding leaves of zero
+        value = value if abs(value) > _NOTHING * size else 0.0
+        rate = rate if abs(rate) > _NOTHING * size * fastest else 0.0
+        value += 0.0 if straight else TURN * wound.get(c, 0)
+        found[c] = CoordinateStart(words, value, rate, 'm' if straight else 'rad')
+    return found
 
 
 def _range(machine: Machine) -> dict[str, tuple[float, float]]:
@@ -147,8 +201,7 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
         room = (
             f'play {c.radial:g} {unit} to either side' if len(joint.sides) > 1 else 'may lift off'
         )
-        room = f'{room}, ' if joint.equations else ''
-        return f'{joint.parts}, {room}{contact}'
+        return f'{joint.parts}, {room}, {contact}'
     block = isinstance(joint, Prismatic)
     kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
     if c.film:
@@ -161,7 +214,7 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
 
 
 def _surfaces(c: Play) -> str:
-    """What contacts do in impacts, in words."""
+    """Laws of impact of contacts, in words."""
     friction = f', friction {c.friction:g}' if c.friction else ''
     contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
     if c.contact and c.contact.materials:
@@ -350,6 +403,7 @@ def render(report: Report) -> str:
         lines += ['what may stop it', *(f'  {note}' for note in report.limits)]
     lines += [f'level: {report.level}', f'  {report.why}', 'coordinates']
     lines += [f'  {name}: {what}' for name, what in report.coordinates.items()]
+    lines += ['start', *(f'  {name}: {start}' for name, start in report.start.items())]
     for heading, items in (
         ('relations', report.relations),
         ('gaps', [*report.gaps, *(f'{name}: {start}' for name, start in report.starts.items())]),

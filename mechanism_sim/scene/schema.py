@@ -35,6 +35,7 @@ from mechanism_sim.keys.quantities import (
     TorquePerAngle,
     TorquePerSpeed,
     si,
+    si_or_point,
 )
 from mechanism_sim.planar.motor import InductionMotor
 from mechanism_sim.scene.formula_keys import EffortOrFormula, ForceOrFormula, TorqueOrFormula
@@ -42,8 +43,6 @@ from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.motion_keys import (
     AnyAcceleration,
     MovesPart,
-    Pace,
-    Place,
     PositionPart,
     SpeedPart,
     SwingPart,
@@ -58,7 +57,7 @@ from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import SensorSource
 from mechanism_sim.sensing.imu import InertialUnit
 from mechanism_sim.sensing.presets import PRESETS
-from mechanism_sim.units import plain
+from mechanism_sim.units import QuantityValue, plain
 from mechanism_sim.vibration.frame import Frame
 
 PerSpeed = Annotated[float, si('N s/m')]
@@ -423,13 +422,19 @@ class DrivePart(Part):
         return self.flywheel + (m.inertia * m.ratio**2 if m else 0.0)
 
 
+StartValue = QuantityValue | tuple[float, float]
+"""Of a coordinate, or of a point."""
+StartPlace = Annotated[StartValue, si_or_point('m', 'rad', 'm')]
+StartPace = Annotated[StartValue, si_or_point('m/s', 'rad/s', 'm/s')]
+
+
 class InitialPart(Part):
     """Coordinates that do not start where drive and guess would put them."""
 
-    position: dict[str, Place] = {}
-    """Angles and displacements by link."""
-    velocity: dict[str, Pace] = {}
-    """Their rates by link."""
+    position: dict[str, StartPlace] = {}
+    """Angles and displacements by link; places [x, y] of points by LINK.POINT."""
+    velocity: dict[str, StartPace] = {}
+    """Their rates, by link and by LINK.POINT."""
     elastic: Literal['straight', 'smooth'] = 'straight'
     """How elastic links start: straight, or bent by the forces, nearly without vibration."""
 
@@ -488,12 +493,18 @@ class Linkage(AnyScene):
     """Main drive; revolutions are turns of this link."""
     drives: dict[str, DrivePart] = {}
     """Further drives, by link."""
-    guess: dict[str, Place] = {}
-    """Rough angles and displacements by link, which choose how loops are closed."""
+    guess: dict[str, StartPlace] = {}
+    """Rough angles and displacements by link, places [x, y] of points by LINK.POINT, which choose
+    how loops are closed."""
     initial: InitialPart = InitialPart()
     """Coordinates that start elsewhere than drive and guess say."""
     sensors: dict[str, SensorPart] = Field({})
     """Accelerometers, encoders and others, by name."""
+
+    @property
+    def rough(self) -> dict[str, QuantityValue]:
+        """Values of `guess` for links, without places of points."""
+        return {c: x for c, x in self.guess.items() if isinstance(x, QuantityValue)}
 
 
 LOAD_SECTIONS = tuple(LOADS.values())

@@ -34,7 +34,7 @@ from mechanism_sim.planar.configuration import Constraints, converted, poses
 from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Revolute
+from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.protocols import Bound, Gap
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
@@ -104,9 +104,7 @@ class Start:
 
     def _starts_closed(self, gap: Gap, value: Array) -> bool:
         """Pins are on their bushings but in oil, and what can only lift off is in contact."""
-        play, joint = self.plan.clearances[gap.joint], self._loose.joint(gap.joint)
-        if isinstance(joint, HigherPair) and not joint.equations:
-            return False  # that depends on what pulls
+        play = self.plan.clearances[gap.joint]
         if not isinstance(gap, BearingClearance) or play.film:
             return play.radial == 0.0
         near = max(1e-9 * play.radial, 1e-14 * self._loose.size)
@@ -121,10 +119,8 @@ class Start:
         if distance >= -max(1e-6 * clearance, rounding) or (seated and gap.law):
             return
         into, place = f'{-distance:.6g} m into', 'initial.position puts'
-        joint = self._loose.joint(gap.joint)
-        if not isinstance(joint, Revolute):
-            beyond = joint.beyond if isinstance(joint, HigherPair) else 'into its wall'
-            raise InputError(f'{place} {gap.joint} {-distance:.6g} m {beyond}')
+        if not isinstance(self._loose.joint(gap.joint), Revolute):
+            raise InputError(f'{place} {gap.joint} {into} its wall')
         if isinstance(gap, AxialStop):
             raise InputError(
                 f'at the start the links of {gap.joint} are {into} each other at {gap.name}: give '
@@ -149,8 +145,8 @@ class Start:
             start = self._smooth()
         if not plan.clearances:
             return start.q, start.v
-        given = tuple({c: x for c, x in part.items() if self._alike(c)} for part in plan.given)
-        for kind, whole, part in zip(('position', 'velocity'), plan.given, given, strict=True):
+        given = tuple({c: x for c, x in part.items() if self._alike(c)} for part in plan.given[:2])
+        for kind, whole, part in zip(('position', 'velocity'), plan.given[:2], given, strict=True):
             for link in (c for c in whole if c not in part):
                 places = [c for c in loose.coordinates if c in (f'{link}.x', f'{link}.y')]
                 own = ', '.join([f'{link}, an angle', *(f'{c}, a displacement' for c in places)])
@@ -255,13 +251,10 @@ class Start:
         """
         plan, mechanism = self.plan, self._loose
         found: dict[str, Array] = {}
-        held = {relation.name for relation in closures(mechanism, mechanism.cut)}
         pressed = {
             name: isinstance(mechanism.joint(name), Revolute)
             for name, c in plan.clearances.items()
-            if not c.film
-            and name in held
-            and (isinstance(mechanism.joint(name), Revolute) or not c.radial)
+            if not c.film and (isinstance(mechanism.joint(name), Revolute) or not c.radial)
         }
         if not pressed:
             return found  # pins start in the middle of their slots
@@ -369,7 +362,7 @@ class Start:
         """The machine without clearance at the start, elastic links bent by its forces."""
         start, ideal = self.nominal.assembly, self.plan.ideal
         names = ideal.deformations
-        if given := [c for part in self.plan.given for c in part if c in names]:
+        if given := [c for part in self.plan.given[:2] for c in part if c in names]:
             raise InputError(
                 'initial.elastic = smooth says how elastic links start, and so does initial for '
                 f'{given[0]}: leave one of them out'

@@ -29,6 +29,11 @@ def scene_of(name, **changed):
     return yaml.safe_load((INPUTS / f'{name}.yaml').read_text()) | changed
 
 
+def alike(one, other):
+    """True if links are where they are in another machine, by whole turns."""
+    return np.abs(np.exp(1j * one.assembly.q) - np.exp(1j * other.assembly.q)).max() < 1e-9
+
+
 def limits(machine):
     """Of the drive, as `check` tells them [rad, m]."""
     (found,) = check(machine).range.values()
@@ -399,3 +404,147 @@ def test_what_needs_a_force_that_is_open_is_refused(mistake):
     change, said = MISTAKES[mistake]
     with pytest.raises(InputError, match=said):
         made(guided_block(), **change)
+
+
+# --- places and rates of points, in either unit -------------------------------------------------
+
+
+PLACES = {
+    'ab.end': (-2.72, 0.91), 'bcd.end': (1.58, 0.43), 'bcd.D': (-0.24, 4.01),
+    'de.end': (5.08, 5.31), 'gcf.F': (8.14, 3.35),
+}  # fmt: skip
+"""Joints B to F of PMKSWeb issue 92 [cm], by the points of the scene that are there."""
+
+
+@pytest.mark.parametrize('points', [('bcd.end', 'de.end'), ('gcf.F', 'bcd.D'), ('de.end',)])
+def test_a_branch_is_told_by_where_joints_are(points):
+    """As the task has it, in place of angles that somebody had to work out."""
+    rough = made(scene_of('six_bar'))
+    guess = {point: [f'{x} cm' for x in PLACES[point]] for point in points}
+    machine = made(scene_of('six_bar', guess=guess))
+    assert alike(machine, rough)
+    q = dict(zip(machine.plan.ideal.coordinates, machine.assembly.q, strict=True))
+    for point, place in PLACES.items():
+        link, at = machine.plan.find('', point)
+        found = 100.0 * np.array(machine.plan.ideal.locate(link, q, at))
+        assert found == pytest.approx(place, abs=1e-9)
+
+
+def test_the_other_branch_is_told_by_a_point_too():
+    rough = made(scene_of('double_rocker', guess=BRANCHES['the other']))
+    _, _, (one, other) = pose_of_double_rocker(math.radians(-128.785414))
+    given = made(scene_of('double_rocker'))
+    q = dict(zip(given.plan.ideal.coordinates, given.assembly.q, strict=True))
+    end = np.array(given.plan.ideal.locate('coupler', q, given.plan.points['coupler']['end']))
+    far = max((one, other), key=lambda c: math.dist(c, end))
+    machine = made(scene_of('double_rocker', guess={'coupler.end': far.round(3).tolist()}))
+    assert alike(machine, rough)
+
+
+def test_a_block_is_told_along_its_guide_whatever_its_coordinate_is():
+    """The coordinate of the top shoe is an angle, for its guide closes a loop."""
+    guess = {'table.l': [0, 0.6], 'topshoe': '0.8 m', 'carriage': '600 mm', 'bar1': '30 deg'}
+    machine = made(scene_of('scissor_lift_redundant', guess=guess))
+    told = check(machine).start
+    assert told['bar1'].value == pytest.approx(math.asin(0.6), abs=1e-12)
+    assert str(told['bar1']) == 'angle of bar1, 36.8698976 deg, 0.0833333 rad/s'
+    assert str(told['carriage']).startswith(
+        'displacement of carriage along carriage_guide, 600 mm'
+    )
+    assert str(told['topshoe']) == 'angle of topshoe, 0 deg, at rest'
+
+
+def arms(**initial):
+    """Two links that hang on each other, free to move."""
+    link = {'length': '1 m', 'mass': 1.0, 'inertia': 0.1, 'cog': '0.5 m'}
+    return {
+        'links': {'a': dict(link), 'b': dict(link)},
+        'joints': {'p': {'revolute': ['ground', 'a']}, 'q': {'revolute': ['a.end', 'b']}},
+        'gravity': [0, '-9.81 m/s^2'],
+        'guess': {'a': '0 deg', 'b': '-80 deg'},
+        'duration': '0.1 s',
+        'initial': initial,
+    }
+
+
+def test_place_and_rate_of_a_point_start_a_free_machine():
+    """By the law of cosines, and by velocities of two arms at a right angle."""
+    initial = {'position': {'b.end': ['1 m', '-1 m']}, 'velocity': {'b.end': ['2 m/s', '0.5 m/s']}}
+    machine = made(arms(**initial))
+    assert machine.assembly.q == pytest.approx([0.0, -0.5 * math.pi], abs=1e-12)
+    # a moves b.end by (0, 1), b by (1, 0)
+    assert machine.assembly.v == pytest.approx([0.5, 2.0], abs=1e-12)
+    by_hand = {'position': {'a': 0.0, 'b': '-90 deg'}, 'velocity': {'a': 0.5, 'b': 2.0}}
+    a, b = (ms.simulate(made(arms(**x))) for x in (initial, by_hand))
+    assert a.sample([0.1])['position.b'] == pytest.approx(b.sample([0.1])['position.b'], abs=1e-11)
+    told = check(machine).start['b']
+    assert (told.value, told.rate) == pytest.approx((-0.5 * math.pi, 2.0))
+
+
+def test_a_slider_crank_starts_by_its_pin():
+    """A point sets the drive's start and the speed of a machine that a torque moves."""
+    scene = slider(0.1, 0.3)
+    for name in ('crank', 'rod', 'block'):
+        scene['links'][name] |= {'mass': 1.0, 'inertia': 1e-3}
+    scene |= {'drive': {'coordinate': 'crank', 'torque': {}}, 'duration': '10 ms', 'guess': {}}
+    angle = math.radians(40.0)
+    pin = [0.1 * math.cos(angle), 0.1 * math.sin(angle)]
+    speed = [-12.0 * pin[1], 12.0 * pin[0]]
+    scene['initial'] = {'position': {'crank.end': pin}, 'velocity': {'rod': speed}}
+    scene['guess'] = {'rod.end': ['0.35 m', '0 m']}
+    told = check(made(scene)).start
+    assert (told['crank'].value, told['crank'].rate) == pytest.approx((angle, 12.0), abs=1e-12)
+    x = 0.1 * math.cos(angle) + math.sqrt(0.09 - pin[1] ** 2)
+    assert told['block'].value == pytest.approx(x, abs=1e-12)
+    scene['initial'] = {'position': {'crank.end': pin}, 'velocity': {'block': '-1 m/s'}}
+    assert check(made(scene)).start['block'].rate == pytest.approx(-1.0, abs=1e-12)
+
+
+def test_scenes_with_points_are_written_and_read_back():
+    machine = made(arms(position={'b.end': ['1 m', '-1 m']}, velocity={'b.end': ['2 m/s', 0]}))
+    document = machine.scene.to_document()
+    again = made(document)
+    assert again.scene == machine.scene
+    assert again.assembly.v == pytest.approx(machine.assembly.v)
+
+
+WRONG = {
+    'a point as one number': (
+        {'initial.position': {'b.end': '2 m'}}, r'end is a point of b: say where it is, as b\.end',
+    ),
+    'a point that cannot be there': (
+        {'initial.position': {'b.end': ['2 m', '-1 m']}},
+        r'b\.end cannot be \[2 m, -1 m\]: the nearest .* 0\.21\d+ m off',
+    ),
+    'a length for a link that turns': (
+        {'guess': {'a': '0.5 m'}}, r'guess\.a is given in m, but it is an angle: a slides in no',
+    ),
+    'no such point': ({'guess': {'b.tip': [1, 0]}}, r"the link b has no point 'tip'"),
+    'a point of the ground': ({'guess': {'ground': [1, 0]}}, r'ground: the ground does not'),
+    'three numbers': ({'guess': {'b.end': [1, 0, 0]}}, r'the two of a point: write \[x, y\]'),
+    'a rate in another unit': (
+        {'initial.velocity': {'b.end': ['1 rad/s', 0]}}, r"which is not a unit of 'm/s'",
+    ),
+    'more rates than can be': (
+        {
+            'initial.velocity': {'a': '1 rad/s', 'b': '1 rad/s', 'b.end': ['9 m/s', 0]},
+            'initial.position': {'a': '0 deg', 'b': '-90 deg'},
+        },
+        r'b\.end cannot be \[9 m/s, 0 m/s\]: with the drives .* \[1 m/s, 1 m/s\]',
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('mistake', WRONG)
+def test_what_cannot_start_so_is_answered_by_one_sentence(mistake):
+    change, said = WRONG[mistake]
+    with pytest.raises(InputError, match=said) as refused:
+        made(arms(), **change)
+    assert '\n' not in str(refused.value)
+
+
+def test_an_angle_for_a_block_is_answered():
+    scene = scene_of('scissor_lift_redundant')
+    scene['guess']['carriage'] = '90 deg'
+    with pytest.raises(InputError, match='carriage slides along carriage_guide, which says how'):
+        made(scene)

@@ -7,7 +7,6 @@ exports, the machine itself.
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from pathlib import Path
@@ -157,27 +156,6 @@ def test_linkages_of_pylinkage_are_where_it_has_them(file, expected):
     t = np.array([0.0, 8.0])
     for point, place in expected.items():
         assert places(machine(found), t, x=point)['x'][1] == pytest.approx(place, abs=1e-13)
-
-
-def test_the_older_form_of_pylinkage(tmp_path):
-    """Bars of a crank, a coupler plate with a tracing point, and a rocker; its own example."""
-    joints = [
-        {'type': 'Crank', 'name': 'B', 'x': 0.0, 'y': 1.0, 'distance': 1.0, 'angle': 0.31,
-         'joint0': {'inline': True, 'type': 'Static', 'name': 'A', 'x': 0.0, 'y': 0.0}},
-        {'type': 'Revolute', 'name': 'C', 'x': 3.0, 'y': 2.0, 'joint0': {'ref': 'B'},
-         'joint1': {'inline': True, 'type': 'Static', 'name': 'D', 'x': 3.0, 'y': 0.0},
-         'distance0': 10**0.5, 'distance1': 2.0},
-        {'type': 'Fixed', 'name': 'P', 'x': 1.0, 'y': 3.0, 'joint0': {'ref': 'B'},
-         'joint1': {'ref': 'C'}},
-    ]  # fmt: skip
-    file = saved(tmp_path, json.dumps({'name': 'older', 'joints': joints}), 'older.json')
-    found = import_machine(file)
-    assert found.data['drive']['speed'] == '0.31 rad/s'
-    points = found.data['links']['B_C']['points']
-    assert [float(x.split()[0]) for x in points['P']] == pytest.approx(
-        [5.0 / 10**0.5, 5.0 / 10**0.5], abs=1e-12
-    )
-    assert machine(found).plan.ideal.cut == ('C',) or machine(found)
 
 
 # --- what this package exports ------------------------------------------------------------------
@@ -381,6 +359,36 @@ def test_a_dxf_is_that_drawing(tmp_path):
         assert float(found.data['links'][link]['mass'].split()[0]) == pytest.approx(mass, rel=1e-5)
 
 
+def test_a_machine_as_a_drawing_comes_back(tmp_path):
+    """DXF in millimetres by the suffix; ten links, three of them in one place at the crank."""
+    pytest.importorskip('ezdxf')
+    file = tmp_path / 'ten_links.dxf'
+    assert run('export', 'ten_links', '-o', str(file)).returncode == 0
+    drive = {'coordinate': 'motor_crank', 'speed': '60 rpm', 'start_angle': '0 deg'}
+    found = import_machine(file, overrides={'drive': drive})
+    assert len(found.data['joints']) == 13
+    t = np.linspace(0.0, 0.9, 7)
+    original = ms.load_scene('ten_links', overrides={'outputs.forces': False})
+    known = places(original, t, toe='foot.end', knee='shank.end')
+    own = places(machine(found), t, toe='foot.hole_2', knee='shank.hole_2')
+    for name, path in known.items():
+        near = [np.abs(other - path).max() for other in own.values()]
+        assert min(near) < 1e-9, name
+
+
+def test_plates_for_a_printer_are_closed(tmp_path):
+    """Each link a solid of its name whose volume, by Gauss' theorem, is that of its drawing."""
+    file = tmp_path / 'links.stl'
+    assert run('export', 'four_bar_nominal', '-o', str(file)).returncode == 0
+    solids = file.read_text().split('endsolid ')[:-1]
+    assert {'crank', 'coupler', 'rocker'} <= {x.split('solid ')[1].split()[0] for x in solids}
+    for text in solids:
+        corners = np.array([x.split() for x in re.findall(r'vertex (.*)', text)], float)
+        a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
+        assert np.abs(np.cross(b - a, c - a).sum(axis=0)).max() < 1e-9  # without holes
+        assert (a * np.cross(b, c)).sum() > 0.0  # counterclockwise from outside
+
+
 # --- one way for all ----------------------------------------------------------------------------
 
 
@@ -398,3 +406,18 @@ def test_the_command_writes_what_the_function_and_the_editor_have(tmp_path):
     again = run('import', str(table), '-o', str(tmp_path / 'x.json'))
     assert again.returncode == 2
     assert 'the ending must be .yaml or .yml' in again.stderr
+
+
+@pytest.mark.network
+def test_an_imported_machine_runs_as_nodes(tmp_path):
+    """Recorded and read back it has the digest of the scene that was exported."""
+    urdf, scene, bag = (str(tmp_path / x) for x in ('m.urdf', 'm.yaml', 'm.mcap'))
+    assert run('export', 'four_bar_nominal', '-o', urdf).returncode == 0
+    original = ms.load_scene('four_bar_nominal')
+    sets = [x for key, value in (('drive.speed', '36.6519 rad/s'), ('drive.start_angle', '0 deg'),
+                                 ('gravity', '[0 m/s^2, -9.8145 m/s^2]'))
+            for x in ('--set', f'{key}={value}')]  # fmt: skip
+    assert run('import', urdf, '-o', scene, *sets).returncode == 0
+    done = run('run', scene, '--duration', '0.2', '--record', bag)
+    assert done.returncode == 0, done.stderr
+    assert run_json('analyze', bag)['digest'] == ms.simulate(original, duration=0.2).digest()

@@ -91,24 +91,38 @@ def test_a_servo_swings_a_four_bar_as_its_formula_says(overrides, tail):
         assert torque[k] == pytest.approx(by_hand, abs=1e-12)
 
 
-def test_ten_thousand_times_as_long_it_has_the_same_digits():
+def exact_place(t):
+    """Angle and speed of `1 + sin(pi*t/4) + 2*pi*t` in 40 digits."""
+    turn = mp.pi * t / 4
+    return 1 + mp.sin(turn) + 2 * mp.pi * t, mp.pi * (2 + mp.cos(turn) / 4)
+
+
+def test_laws_of_a_late_time_have_the_digits_of_an_early_one():
     """After 40,000 s: sines of the time in exact arithmetic, as of everything that turns."""
-    machine = made({**ARM, 'drive': {'coordinate': 'arm', 'position': '1 + sin(pi*t) + 2*pi*t'}})
-    law = machine.plan.sources['arm'].after(machine.drive.laws[-1])
-    engine = machine.start()
-    engine.advance(20.0, final=True)
-    assert engine.time == 20.0
+    machine = made({**ARM, 'drive': {'coordinate': 'arm', 'position': '1 + sin(pi*t/4) + 2*pi*t'}})
     source = machine.plan.sources['arm']
-    late = [source._law(40_000.0 + k / 8, 0, 0.0) for k in range(8)]
-    assert law is not None
-    for k, law in enumerate(late):
+    for k in range(8):
+        law = source._law(40_000.0 + k / 8, 0, 0.0)
         with mp.workdps(40):
-            t = mp.mpf(40_000) + mp.mpf(k) / 8
-            exact = 1 + mp.sin(mp.pi * t) + 2 * mp.pi * t
+            exact, rate = exact_place(mp.mpf(40_000) + mp.mpf(k) / 8)
             turns, (angle, speed, *_) = law.about(40_000 + k / 8)
             found = mp.mpf(turns) * mp.mpf(TWO_PI.numerator) / TWO_PI.denominator + angle
             assert abs(found - exact) <= 1e-14
-            assert abs(speed - mp.pi * (2 + mp.cos(mp.pi * t))) <= 1e-13
+            assert abs(speed - rate) <= 1e-13
+
+
+@pytest.mark.slow
+def test_ten_thousand_times_as_long_the_motion_has_the_same_digits():
+    """2,000 s instead of 0.2 s of a swing."""
+    machine = made({**ARM, 'drive': {'coordinate': 'arm', 'position': '1 + sin(pi*t/4)'}})
+    engine = machine.start()
+    for end in range(100, 2_001, 100):
+        engine.advance(float(end), final=True)
+        motion, *_ = engine.drain()
+    curve, last = motion.curve, np.array([len(motion) - 1])
+    angle, rate = (curve.local(last, curve.duration[-1:], d)[0, 0] for d in (0, 1))
+    assert angle == pytest.approx(1.0 + math.sin(0.0), abs=2e-15)
+    assert rate == pytest.approx(math.pi / 4, abs=1e-14)
 
 
 def test_a_periodic_table_of_the_time_repeats_in_formulas_of_loads():
@@ -302,6 +316,21 @@ def test_an_acceleration_is_a_key():
     exact = math.radians(10.0) + 2.0 + 6.0
     assert last['position.arm'][0] == pytest.approx(exact, abs=1e-13)
     assert last['velocity.arm'][0] == pytest.approx(7.0, abs=1e-13)
+
+
+@pytest.mark.parametrize(
+    'text', ['60 mm*sin(2*pi*t/(2 s))', '0.06*sin(pi*t)', '0.06*sin(t*pi/1 s)']
+)
+def test_a_block_slides_by_a_formula_with_units_or_without(text):
+    scene = {
+        'links': {'ground': {}, 'block': {'mass': '2 kg', 'inertia': '0.1 kg m^2'}},
+        'joints': {'guide': {'prismatic': ['ground', 'block']}},
+        'drive': {'coordinate': 'block', 'position': text},
+    }
+    t = np.linspace(0.0, 4.0, 401)
+    found = ms.simulate(made(scene), duration=4.0).sample(t)
+    assert np.abs(found['position.block'] - 0.06 * np.sin(math.pi * t)).max() <= 1e-15
+    assert np.abs(found['drive_torque'] + 0.12 * math.pi**2 * np.sin(math.pi * t)).max() <= 1e-12
 
 
 # --- files, nodes, bags --------------------------------------------------------------------------

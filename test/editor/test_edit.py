@@ -257,7 +257,7 @@ def drawn(page: Page, *gestures: tuple[Any, ...]) -> dict[str, np.ndarray]:
     return {c: q - q[0] for c, q in zip(turn.mechanism.coordinates, turn.q, strict=True)}
 
 
-WITHOUT_TOOL = 'bushings', 'freewheel', 'ratchet', 'rope', 'servos', 'states'
+WITHOUT_TOOL = 'bushings', 'contact', 'fixed', 'freewheel', 'ratchet', 'rope', 'servos', 'states'
 """Kinds that are written as text, not drawn."""
 
 

@@ -78,7 +78,7 @@ def test_a_length_in_another_unit_than_the_others_is_questioned(tmp_path):
     said = 'links.crank.length = 64 m: the lengths in other units are about 288 mm: is the unit'
     machine = ms.load_scene(str(path))
     assert [doubt for doubt in doubts(machine) if 'other units' in doubt] == [f'{said} right?']
-    for length in ('64 mm', '6.4 cm', '64000 mm', '0.064', '64'):
+    for length in ('64 mm', '6.4 cm', '64000 mm', '0.064', 0.064):
         assert not ms.load_scene(str(path), {'links.crank.length': length}).questions
 
 

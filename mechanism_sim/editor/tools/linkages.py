@@ -90,7 +90,7 @@ def _guide(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     (joint,) = sketch.guide(base, far, math.atan2(b[1] - a[1], b[0] - a[0]) - pose.angle)
     turned = sketch.poses[runner].angle - pose.angle
     joint.value['angle'] = degrees(turned, 6)
-    known = runner in sketch.scene.guess  # which may be an angle no more
+    known = runner in sketch.scene.rough  # which may be an angle no more
     return [joint, *edits, *([Edit(('guess', runner), GONE)] if known else [])]
 
 

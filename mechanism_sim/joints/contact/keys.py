@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact.constraint import DiscGap, DiscPair
-from mechanism_sim.joints.contact_keys import Contact, Play
-from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Reference
+from mechanism_sim.joints.contact_keys import Play
+from mechanism_sim.joints.joint_keys import KINDS, Reference, TouchingKeys
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import Coefficient, Length
+from mechanism_sim.keys.quantities import Length
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Bound
 
 
 @KINDS.add('contact')
-class ContactKeys(JointKeys):
+class ContactKeys(TouchingKeys):
     """Two links that touch, part and strike: detents, latches, bumpers."""
 
     contact: Reference | None = None
@@ -25,17 +25,8 @@ class ContactKeys(JointKeys):
     to: str | None = None
     """Of a contact, another point LINK.POINT of its second link: from disc to disc between both
     points there is a bar, with the second radius as half of its thickness."""
-    restitution: Coefficient = 0.0
-    """Of a contact, its coefficient of restitution: 0 does not bounce, 1 loses nothing."""
-    hypothesis: Literal['newton', 'poisson', 'stronge'] | None = None
-    """Of a contact, quantities that the coefficient relates: speeds (without it), impulses or
-    works."""
-    compliance: Contact | None = None
-    """Of a contact, a law of force instead of rigid surfaces."""
-
     firm = 'links that touch part by themselves'
     rubs_by = (), False
-    touches_by = '', 'compliance'
 
     def read(self, names: Names, name: str) -> DiscPair:
         """Two discs, or a disc and a bar."""
@@ -53,17 +44,8 @@ class ContactKeys(JointKeys):
             )
         return DiscPair(name, a, b, on_a, on_b, self.radii, end)
 
-    def touches(self, name: str) -> Play:
-        """What the surfaces are like."""
-        if self.compliance and self.compliance.law == 'film':
-            raise InputError(f'joints.{name}.compliance.law = film is for pins in bushings')
-        return Play(
-            radial=0.0, restitution=self.restitution, hypothesis=self.hypothesis or 'newton',
-            friction=self.friction.coefficient if self.friction else 0.0, contact=self.compliance,
-        )  # fmt: skip
-
     def describe(self, joint: Any) -> str:
-        """What touches."""
+        """The surfaces that touch, in words."""
         one, two = joint.radii
         what = 'disc' if joint.end is None else 'bar'
         return (

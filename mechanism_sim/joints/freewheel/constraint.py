@@ -21,7 +21,7 @@ from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.play import Wall
-from mechanism_sim.planar.view import Side
+from mechanism_sim.planar.view import Draft, Side
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,15 @@ class Freewheel(Transmission):
 
     equations: ClassVar[int] = 0
     sides: ClassVar[tuple[Side, ...]] = ('right',)
+
     parts: ClassVar[str] = 'clutch that holds one way'
-    beyond: ClassVar[str] = 'into its tooth'
 
     sense: float = 1.0  #: in which the first drives the second: 1 counterclockwise, -1 clockwise
     teeth: int = 0  #: of a ratchet on a turn; 0 of a freewheel
+
+    @property
+    def coupling(self) -> None:
+        """It keeps none."""
 
     def closure(self, mechanism: Mechanism) -> TransmissionClosure:
         """Held both ways."""
@@ -56,3 +60,11 @@ class Overrun(Wall):
         size = dense(frames.parameters(f'{self.joint}.size', self.closure.mechanism.size))
         away: Jet = frames.past_tooth(self.joint, ahead / size, joint.teeth) * size
         return away
+
+    @property
+    def overlap(self) -> str:
+        """The second."""
+        return f'{self.closure.joint.second} back behind the tooth of {self.joint}'
+
+    def draw(self, _: Draft) -> None:
+        """Nothing is shown of it."""

@@ -8,12 +8,12 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.keys import Teeth
 from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.joints.freewheel.constraint import Freewheel, Overrun
-from mechanism_sim.joints.joint_keys import KINDS, Contacts, Reference
+from mechanism_sim.joints.joint_keys import KINDS, Reference, TouchingKeys
 from mechanism_sim.joints.transmission.keys import PhaseKeys, guides_of
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import Coefficient
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.planar.protocols import Bound
 from mechanism_sim.planar.view import Side
 
 
@@ -25,6 +25,7 @@ class OneWayKeys(PhaseKeys):
     counterclockwise without it. Of links that slide that is along their guides."""
 
     firm = 'it has no play: a ratchet has that of its teeth'
+    touches_by = '', 'compliance'
 
     def read(self, names: Names, name: str) -> Freewheel:
         """Two links on one axis."""
@@ -41,14 +42,21 @@ class OneWayKeys(PhaseKeys):
             teeth=teeth or 0,
         )  # fmt: skip
 
-    def play(self, joint: Any) -> Play:
-        """None: it closes without impact."""
+    def touches(self, _: str) -> Play:
+        """It closes without impact."""
         return Play(radial=0.0, restitution=0.0)
 
-    def contacts(self, play: Play, joint: Any, mechanism: Mechanism) -> Contacts:
+    def describe(self, joint: Any) -> str:
+        """Its effect, in words."""
+        way = 'clockwise' if joint.sense < 0.0 else 'counterclockwise'
+        kind = f'ratchet of {joint.teeth} teeth' if joint.teeth else 'freewheel'
+        return f'{kind}: {joint.first} takes {joint.second} along {way}'
+
+    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[Bound]:
         """The one that holds."""
         side: Side = 'right' if joint.sense > 0.0 else 'left'
-        return [Overrun(joint.closure(mechanism), side, 0.0, play.restitution)], ()
+        closure, law = joint.closure(mechanism), play.law()
+        return [Overrun(closure, side, 0.0, play.restitution, 0.0, play.hypothesis, law)]
 
 
 @KINDS.add('freewheel')
@@ -60,7 +68,7 @@ class FreewheelKeys(OneWayKeys):
 
 
 @KINDS.add('ratchet')
-class RatchetKeys(OneWayKeys):
+class RatchetKeys(TouchingKeys, OneWayKeys):
     """A ratchet."""
 
     ratchet: Reference | None = None
@@ -68,8 +76,6 @@ class RatchetKeys(OneWayKeys):
     teeth: Teeth | None = None
     """Of a bevel pair; of a worm pair threads of the worm and teeth of the wheel; of a ratchet one
     number, those on a turn. Required."""
-    restitution: Coefficient = 0.0
-    """Of a ratchet or rope: of the impact at which it holds; 0 without."""
 
     def read(self, names: Names, name: str) -> Freewheel:
         """With teeth."""
@@ -81,7 +87,3 @@ class RatchetKeys(OneWayKeys):
                 'the wheel on a turn, such as 24'
             )
         return OneWayKeys.read(self, names, name)
-
-    def play(self, joint: Any) -> Play:
-        """That of its teeth, at which it rebounds."""
-        return Play(radial=0.0, restitution=self.restitution)

@@ -75,9 +75,14 @@ class Transmission(HigherPair):
 
     @property
     def coupling(self) -> Coupling | None:
-        """Of the angles against the carrier."""
+        """Of the angles or displacements against the carrier."""
         p, q = self.waves
-        return None if self.guides else Coupling(self, self.carrier, (p / q, 1.0))
+        return Coupling(self, self.carrier, (p / q, 1.0), self._racks)
+
+    @property
+    def _racks(self) -> tuple[Prismatic | None, Prismatic | None]:
+        first, second = self.guides or (None, None)
+        return first, second
 
     def bears(self, link: str) -> bool:
         """A link that turns does so with the cross-section at its point."""
@@ -97,7 +102,7 @@ class LooseTransmission(Transmission):
     def coupling(self) -> Coupling:
         """On the mean."""
         p, q = self.waves
-        return Coupling(self, self.carrier, (p / q, 1.0), exact=False)
+        return Coupling(self, self.carrier, (p / q, 1.0), self._racks, exact=False)
 
     @property
     def angular_play(self) -> bool:

@@ -133,6 +133,7 @@ export class Stage {
       path.setAttribute('d', line(this.stage.coil.map(([share, aside]) => [
         from[0] + share * dx - aside * far * dy, from[1] + share * dy + aside * far * dx])));
     }
+    for (const { path, ends } of this.ropes) path.setAttribute('d', line(this.#strung(frame, ends)));
     for (const name of this.names) {
       const { text, link, at } = name;
       const [x, y] = this.place(frame, link, at);
@@ -173,6 +174,17 @@ export class Stage {
     if (this.frame) this.show(this.frame);
   }
 
+  /** Ends of a stretch of a rope, a tangent of the pulleys there. */
+  #strung(frame, ends) {
+    const [[x1, y1], [x2, y2]] = ends.map(([link, at]) => this.place(frame, link, at));
+    const [r1, r2] = ends.map(([, , radius]) => radius / this.unit);
+    const [x, y, off] = [x2 - x1, y1 - y2, r2 - r1]; // counterclockwise again
+    const far = x * x + y * y || 1;
+    const long = Math.sqrt(Math.max(far - off * off, 0));
+    const [dx, dy] = [(long * x + off * y) / far, (long * y - off * x) / far];
+    return [[x1 + r1 * dy, y1 + r1 * dx], [x2 + r2 * dy, y2 + r2 * dx]];
+  }
+
   /** Where a point of a frame on springs is drawn [m]. */
   #swayed(frame, k, [x, y]) {
     const [dx, dy, angle] = frame.sway[k];
@@ -211,6 +223,9 @@ export class Stage {
     this.elastic = [];
     this.names = [];
     this.springs = this.stage.springs.map((ends) => ({
+      path: add(machine, 'path', { class: 'line spring' }), ends,
+    }));
+    this.ropes = (this.stage.ropes ?? []).map((ends) => ({
       path: add(machine, 'path', { class: 'line spring' }), ends,
     }));
     const shapes = this.stage.shapes;

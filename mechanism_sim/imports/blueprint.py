@@ -25,12 +25,12 @@ _ROUNDING = 1e-14  # of lengths of machines, in any unit
 
 
 @dataclass
-class SketchLink:
+class BlueprintLink:
     """A link.
 
     Attributes
     ----------
-    pose : of its frame; lengths are in the unit of the sketch
+    pose : of its frame; lengths are in the unit of the blueprint
     points : in its frame, by name
     keys : further keys that the scene has of it, as mass
     """
@@ -50,7 +50,7 @@ class SketchLink:
 
 
 @dataclass
-class Sketch:
+class Blueprint:
     """A machine to be written as a scene.
 
     Attributes
@@ -63,7 +63,7 @@ class Sketch:
 
     title: str
     unit: str = 'm'
-    links: dict[str, SketchLink] = field(default_factory=lambda: {GROUND: SketchLink()})
+    links: dict[str, BlueprintLink] = field(default_factory=lambda: {GROUND: BlueprintLink()})
     joints: dict[str, dict[str, Any]] = field(default_factory=dict)
     keys: dict[str, Any] = field(default_factory=dict)
     outlines: dict[str, list[Any]] = field(default_factory=dict)
@@ -83,7 +83,7 @@ class Sketch:
         origin, *others = places.values()
         away = [at for at in others if math.dist(at, origin) > 0.0]
         angle = math.atan2(away[0][1] - origin[1], away[0][0] - origin[0]) if away else 0.0
-        made = self.links[link] = SketchLink((*origin, angle))
+        made = self.links[link] = BlueprintLink((*origin, angle))
         for name, at in places.items():
             if at == origin:
                 made.points[name] = (0.0, 0.0)
@@ -113,7 +113,7 @@ class Sketch:
             data['guess'] = guess
         return data
 
-    def _link(self, link: SketchLink) -> dict[str, Any]:
+    def _link(self, link: BlueprintLink) -> dict[str, Any]:
         points = {name: self.vector(at) for name, at in link.points.items() if any(at)}
         return ({'points': points} if points else {}) | link.keys
 
