@@ -318,6 +318,8 @@ class AuditTolerances(NamedTuple):
     step_error: float = 1e-13
     #: of the energy exchanged: works may be off by that without a word about it
     promised: float = 1e-9
+    #: of the rates: between two steps of no impact they differ by rounding only
+    jump: float = 1e-9
 
 
 class QuadratureTolerances(NamedTuple):
