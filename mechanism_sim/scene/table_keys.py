@@ -15,6 +15,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import Part, si_of
 from mechanism_sim.numerics.curves import Curve, Interpolation, through
 from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.scene.drawn_edges import drawn_edges
 from mechanism_sim.scene.motion_keys import PositionPart
 from mechanism_sim.units import QuantityValue
 
@@ -81,27 +82,44 @@ def with_files(file: str, folder: Path, content: Any, key: str = '', instead: bo
         return content
     if isinstance(name := content.get('file'), str) and content.keys() <= _KEYS:
         where = f'{file}: {key[1:]}' if key else file
-        if 'points' in content and not instead:
-            raise InputError(f"{where}: 'file: {name}' and 'points' exclude each other: keep one")
-        rest = {k: x for k, x in content.items() if k not in ('file', 'columns', 'points')}
-        return rest | {'points': _points_of(where, folder, name, content.get('columns'))}
+        made = 'edges' if name.lower().endswith('.dxf') else 'points'
+        if made in content and not instead:
+            raise InputError(f"{where}: 'file: {name}' and '{made}' exclude each other: keep one")
+        rest = {k: x for k, x in content.items() if k not in (*_OF_FILES, made)}
+        path, units = _allowed(where, folder, name), content.get('units')
+        if made == 'edges':
+            return rest | {made: drawn_edges(path, where, content.get('layer'), units)}
+        return rest | {made: _points_of(path, where, content.get('columns'), units)}
     return {k: with_files(file, folder, x, f'{key}.{k}', instead) for k, x in content.items()}
 
 
-_KEYS = {'file', 'columns', *TablePart.model_fields, *PositionPart.model_fields}
+_OF_FILES = 'file', 'columns', 'layer', 'units'
+_KEYS = {
+    *_OF_FILES,
+    'degree',
+    'error',
+    'edges',
+    *TablePart.model_fields,
+    *PositionPart.model_fields,
+}
 
 
-def _points_of(where: str, folder: Path, name: str, columns: Any) -> list[list[str]]:
+def _points_of(path: Path, where: str, columns: Any, units: Any) -> list[list[str]]:
     """The points in two columns of a file, as text with units."""
-    table = read_csv(_allowed(where, folder, name), where)
+    table = read_csv(path, where)
     chosen = columns if columns is not None else list(table.cells)[:2]
-    if not isinstance(chosen, list) or len(chosen) != 2:
-        raise InputError(f'{table.where}: columns must be a list of two names')
-    units = [table.units[c] for c in chosen if table.column(c) is not None]
+    for key, given in (('columns', chosen), ('units', units or ['', ''])):
+        if not isinstance(given, list) or len(given) != 2 or not all(map(_is_text, given)):
+            raise InputError(f'{table.where}: {key} must be a list of two names')
+    units = units or [table.units[c] for c in chosen if table.column(c) is not None]
     return [
         [f'{x!r} {unit}'.strip() for x, unit in zip(row, units, strict=True)]
         for row in table.numbers(*chosen).tolist()
     ]
+
+
+def _is_text(x: Any) -> bool:
+    return isinstance(x, str)
 
 
 def _allowed(where: str, folder: Path, name: str) -> Path:

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from builders import made
+from builders import cam_pair, made
 from running import run
 
 import mechanism_sim as ms
+from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.outlines import nose_cam
 from mechanism_sim.linkages.nominal import NominalRun
@@ -128,7 +129,7 @@ def test_a_tangent_cam_goes_up_and_down_alike():
 
 def test_a_tangent_cam_has_the_lifts_of_its_table():
     """The table of the case is rounded to 1 nm."""
-    joint = made(scene(TANGENT)).plan.joints[-1]
+    joint = cam_pair(made(scene(TANGENT)))
     given = np.loadtxt(INPUTS / 'tangent_cam_lift.csv', delimiter=',')
     lift = 1e3 * joint.cam.law(np.radians(given[:, 0]))
     assert np.abs(lift - given[:, 1]).max() <= 0.5e-6 * 1.01
@@ -155,7 +156,7 @@ def arc_angles(flank):
 
 def test_angles_of_action_of_a_cam_of_arcs_are_those_of_its_triangle():
     law = {'arcs': {'nose': '10 mm', 'lift': '15 mm', 'flank': '80 mm', 'at': '90 deg'}}
-    joint = made(scene(law, follower='flat', roller=None)).plan.joints[-1]
+    joint = cam_pair(made(scene(law, follower='flat', roller=None)))
     half, flank = arc_angles(0.080)
     first, second = joint.cam.law.breaks[0], math.pi / 2.0 - half + flank
     assert first == pytest.approx(math.pi / 2.0 - half, rel=1e-12)
@@ -165,7 +166,7 @@ def test_angles_of_action_of_a_cam_of_arcs_are_those_of_its_triangle():
 def test_a_hollow_flank_has_the_closed_form():
     """The roller's centre goes round that of the flank, as a slider-crank of crank R + r1."""
     law = {'arcs': {'nose': '10 mm', 'lift': '15 mm', 'flank': '-200 mm'}}
-    joint = made(scene(law)).plan.joints[-1]
+    joint = cam_pair(made(scene(law)))
     away, rod = 0.200 + BASE, 0.200 - ROLLER
     x = np.radians(np.linspace(0.0, 8.0, 50))
     lift = away * np.cos(x) - np.sqrt(rod**2 - (away * np.sin(x)) ** 2) - FLANK
@@ -190,8 +191,8 @@ def test_a_drawn_cam_lifts_as_its_drawing_turns(sense):
     """A nose at 20 deg of the drawing is under the follower, at 90 deg, at +-70 deg of the cam."""
     shape = scene({'profile': {'edges': edges(math.radians(20.0))}}, base_radius=None, sense=sense)
     machine = made(shape)
-    joint = machine.plan.joints[-1]
-    known = made(scene(TANGENT)).plan.joints[-1].cam.law
+    joint = cam_pair(machine)
+    known = cam_pair(made(scene(TANGENT))).cam.law
     x = np.linspace(0.0, 6.0, 200)
     sign = 1.0 if sense == 'counterclockwise' else -1.0
     assert joint.cam.base_radius == pytest.approx(BASE, rel=1e-12)
@@ -209,7 +210,7 @@ def test_radii_over_the_angle_make_the_cam():
 
     points = [[f'{a} deg', f'{radius(math.radians(a)):.15g} mm'] for a in range(0, 360, 3)]
     law = {'profile': {'points': points, 'degree': 7}}
-    joint = made(scene(law, base_radius=None)).plan.joints[-1]
+    joint = cam_pair(made(scene(law, base_radius=None)))
     x = np.linspace(0.0, 6.2, 100)
     rod = (rim + 12.0) ** 2
     right = e * np.cos(x) + np.sqrt(rod - (e * np.sin(x)) ** 2) - (rim - e + 12.0)
@@ -225,7 +226,7 @@ def test_radii_over_the_angle_make_the_cam():
 def test_the_profile_of_the_law_is_the_shape_that_it_came_from(follower):
     """Its points lie on the arcs, whichever follower goes over them."""
     law = {'arcs': {'nose': '10 mm', 'lift': '15 mm', 'flank': '80 mm'}}
-    cam = made(scene(law, **follower)).plan.joints[-1].cam
+    cam = cam_pair(made(scene(law, **follower))).cam
     points = cam.at(np.linspace(0.0, 6.2, 300)).profile
     arcs = nose_cam(BASE, NOSE, LIFT, 0.080, None).curves
     off = [np.abs(np.hypot(*(points - np.array(a.centre)[:, None])) - a.radius) for a in arcs]
@@ -246,7 +247,7 @@ def swinging(law, follower):
 @pytest.mark.parametrize('follower', [{}, {'follower': 'flat', 'roller': None, 'face': '3 mm'}])
 def test_swinging_followers_get_their_law_from_a_shape(follower):
     law = {'arcs': {'nose': '10 mm', 'lift': '15 mm', 'flank': '80 mm'}}
-    cam = made(swinging(law, follower)).plan.joints[-1].cam
+    cam = cam_pair(made(swinging(law, follower))).cam
     points = cam.at(np.linspace(0.0, 6.2, 300)).profile
     arcs = nose_cam(BASE, NOSE, LIFT, 0.080, None).curves
     off = [np.abs(np.hypot(*(points - np.array(a.centre)[:, None])) - a.radius) for a in arcs]
@@ -293,9 +294,9 @@ def test_conditions_of_both_ends_make_the_known_polynomials():
                 *segments((180, 270, -10, known))['segments'],
             ]
         }
-        law = made(scene(own)).plan.joints[-1].cam.law
+        law = cam_pair(made(scene(own))).cam.law
         named = segments((0, 90, 10, known), (180, 270, -10, known))
-        right = made(scene(named)).plan.joints[-1].cam.law
+        right = cam_pair(made(scene(named))).cam.law
         x = np.linspace(0.0, 6.2, 200)
         for order, size in ((0, 0.01), (1, 0.01), (2, 0.05)):
             assert law(x, order) == pytest.approx(right(x, order), abs=1e-13 * size)
@@ -305,7 +306,7 @@ def test_a_rise_and_fall_is_one_polynomial():
     """Norton, example 8-7: 64 h (x^3 - 3 x^4 + 3 x^5 - x^6), x = angle/180 deg."""
     part = polynomial(0, 180, 0, {'at': '0 deg', **REST}, {'at': '90 deg', 'lift': '25 mm'},
                       {'at': '180 deg', **REST})  # fmt: skip
-    law = made(scene({'segments': [part]})).plan.joints[-1].cam.law
+    law = cam_pair(made(scene({'segments': [part]}))).cam.law
     x = np.linspace(0.0, 1.0, 101)
     right = 64.0 * 0.025 * (x**3 - 3.0 * x**4 + 3.0 * x**5 - x**6)
     assert law(math.pi * x) == pytest.approx(right, abs=2e-15)
@@ -323,7 +324,7 @@ def test_a_polynomial_of_degree_21_meets_its_conditions():
     part = polynomial(0, 180, 10, *ends, *inner)
     law = made(scene({'segments': [part, *segments((180, 360, -10, 'harmonic'))['segments']]}))
     x = np.radians(np.linspace(0.0, 180.0, 301))
-    assert law.plan.joints[-1].cam.law(x) == pytest.approx(0.005 * (1.0 - np.cos(x)), abs=1e-12)
+    assert cam_pair(law).cam.law(x) == pytest.approx(0.005 * (1.0 - np.cos(x)), abs=1e-12)
 
 
 def test_a_cam_of_dwells_only_holds_its_follower():
@@ -388,7 +389,7 @@ def test_an_error_of_measurement_is_smoothed_away(seed):
         made(content)
     law['error'] = '5 um'
     machine = made(content)
-    cam = machine.plan.joints[-1].cam.law
+    cam = cam_pair(machine).cam.law
     x, y = (np.array(z) for z in zip(*law['points'], strict=True))
     x = np.radians([float(a.split()[0]) for a in x])
     y = np.array([1e-3 * float(b.split()[0]) for b in y])
@@ -396,6 +397,100 @@ def test_an_error_of_measurement_is_smoothed_away(seed):
     (low, high), square = cam.peaks, SPEED**2
     assert abs(square * low.value + 314.67) < 3.0 * square * low.off < 150.0
     assert abs(square * high.value - 354.49) < 3.0 * square * high.off < 150.0
+
+
+# Laws from files
+
+
+def written(folder, law, **keys):
+    """A scene in a file."""
+    content = {'title': 'Cam', 'mechanism': 'linkage', **scene(law, **keys)}
+    path = folder / 'cam.yaml'
+    path.write_text(yaml.safe_dump(content, sort_keys=False))
+    return path
+
+
+@pytest.mark.parametrize('heading', [True, False])
+def test_a_table_in_a_file_makes_the_motion_of_one_in_the_scene(tmp_path, heading):
+    """The committed table goes from 0 to 360 deg and has no heading."""
+    text = (INPUTS / 'tangent_cam_lift.csv').read_text()
+    law = {'file': 'lift.csv', 'degree': 3, 'units': ['deg', 'mm']}
+    if heading:
+        text = f'cam [deg],other,lift [mm]\n{text}'.replace('0000,', '0000,7,')
+        law = {'file': 'lift.csv', 'degree': 3, 'columns': ['cam', 'lift']}
+    (tmp_path / 'lift.csv').write_text(text)
+    given = ms.simulate(ms.load_scene(written(tmp_path, law)), duration=0.01)
+    assert given.digest() == ms.simulate(made(table()), duration=0.01).digest()
+
+
+def drawing(path, layers=('0',), units=4):
+    """The tangent cam in a DXF [mm], as lines and arcs, or a circle of 1 mm on other layers."""
+    ezdxf = pytest.importorskip('ezdxf')
+    document = ezdxf.new()
+    document.units = units
+    space = document.modelspace()
+    for edge in edges(math.radians(20.0)):
+        if 'line' in edge:
+            space.add_line(*(1e3 * np.array(edge['line'])))
+        else:
+            ends = (math.degrees(edge[k]) for k in ('from', 'to'))
+            space.add_arc(1e3 * np.array(edge['arc']), 1e3 * edge['radius'], *ends)
+    for layer in layers[1:]:
+        space.add_circle((0, 0), 1.0, {'layer': layer})
+    document.saveas(path)
+
+
+def test_a_drawing_makes_the_cam_that_it_shows(tmp_path):
+    """As LINE and ARC; the vertices of polylines are tried where drawings are imported."""
+    drawing(tmp_path / 'cam.dxf', ('0', 'bore'))
+    law = {'profile': {'file': 'cam.dxf', 'layer': '0'}}
+    machine = ms.load_scene(written(tmp_path, law, base_radius=None))
+    ends = ms.cycle(machine, samples=36).extremes()['acceleration.follower']
+    right = accelerations(scene(TANGENT))
+    assert (ends.least.value, ends.greatest.value) == pytest.approx(right, rel=1e-9)
+
+
+@pytest.mark.parametrize(('law', 'said'), [
+    ({'file': 'lift.csv'}, 'numbers without a unit are radians'),
+    ({'file': 'lift.csv', 'units': 'deg'}, 'units must be a list of two names'),
+    ({'file': 'lift.csv', 'columns': ['1', 'lift']}, "no column 'lift'"),
+    ({'file': 'lost.csv'}, "'lost.csv' cannot be read"),
+    ({'profile': {'file': 'cam.dxf'}}, "does not say its unit: add 'units: mm'"),
+    ({'profile': {'file': 'cam.dxf', 'units': 'mm'}}, "name one as 'layer': 0, bore"),
+    ({'profile': {'file': 'cam.dxf', 'units': 'mm', 'layer': 'bohr'}}, "did you mean 'bore'"),
+    ({'profile': {'file': 'lift.dxf'}}, 'cannot be read as DXF'),
+])  # fmt: skip
+def test_mistakes_in_files_are_answered_by_one_sentence(tmp_path, law, said):
+    text = (INPUTS / 'tangent_cam_lift.csv').read_text()
+    for name in ('lift.csv', 'lift.dxf'):
+        (tmp_path / name).write_text(text)
+    drawing(tmp_path / 'cam.dxf', ('0', 'bore'), units=0)
+    done = run('check', str(written(tmp_path, law)))
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert 'contact' in done.stderr
+    assert done.stderr.count('\n') == 1
+
+
+# Nodes and bags
+
+
+@pytest.mark.network
+def test_nodes_and_bags_have_the_motion_of_a_long_table(tmp_path):
+    """Of an ideal cam, whose rows are found together, and of one that the follower may leave."""
+    for name, keys in (('ideal', {}), ('loose', {'lift_off': {'restitution': 0.3}})):
+        content = {'title': name, 'gravity': [0.0, -200.0], **table()}
+        content['joints']['contact'].update(keys)
+        file, bag = tmp_path / f'{name}.yaml', tmp_path / f'{name}.mcap'
+        file.write_text(yaml.safe_dump(content, sort_keys=False))
+        alone = ms.simulate(ms.load_scene(file), duration=0.25)
+        done = run('run', str(file), '--duration', '0.25', '--record', str(bag))
+        assert done.returncode == 0, done.stderr
+        assert analyze(bag).digest == alone.digest()
+        again, t = ms.open_run(bag), np.linspace(0.0, 0.25, 26)
+        wanted = ['position.follower', 'contact_force.contact']
+        columns, right = again.columns(wanted, t), ms.open_run(alone).columns(wanted, t)
+        assert all((columns[n] == right[n]).all() for n in wanted)
 
 
 # What long tables cost
@@ -446,7 +541,7 @@ def test_rows_found_together_are_those_found_one_by_one(monkeypatch, drive, keys
 def test_a_long_table_runs_ten_thousand_turns_with_the_same_digits():
     """1000 s at 600 rpm: as after the first turn."""
     machine = made(every(table(), 72))
-    assert len(machine.plan.joints[-1].cam.law.breaks) == 73
+    assert len(cam_pair(machine).cam.law.breaks) == 73
     curve = ms.simulate(machine, duration=1000.0).motion.curve
     t = np.linspace(0.0, 0.1, 400)
     first, last = curve(t)[:, 1], curve(t + 999.9)[:, 1]

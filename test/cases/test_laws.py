@@ -318,6 +318,21 @@ def test_an_acceleration_is_a_key():
     assert last['velocity.arm'][0] == pytest.approx(7.0, abs=1e-13)
 
 
+@pytest.mark.parametrize(
+    'text', ['60 mm*sin(2*pi*t/(2 s))', '0.06*sin(pi*t)', '0.06*sin(t*pi/1 s)']
+)
+def test_a_block_slides_by_a_formula_with_units_or_without(text):
+    scene = {
+        'links': {'ground': {}, 'block': {'mass': '2 kg', 'inertia': '0.1 kg m^2'}},
+        'joints': {'guide': {'prismatic': ['ground', 'block']}},
+        'drive': {'coordinate': 'block', 'position': text},
+    }
+    t = np.linspace(0.0, 4.0, 401)
+    found = ms.simulate(made(scene), duration=4.0).sample(t)
+    assert np.abs(found['position.block'] - 0.06 * np.sin(math.pi * t)).max() <= 1e-15
+    assert np.abs(found['drive_torque'] + 0.12 * math.pi**2 * np.sin(math.pi * t)).max() <= 1e-12
+
+
 # --- files, nodes, bags --------------------------------------------------------------------------
 
 LOOSE = {'joints.coupler_rocker.clearance': {'radial': '0.2 mm', 'restitution': 0.3}}

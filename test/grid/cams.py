@@ -26,6 +26,7 @@ UNFIT = (
     'undercut', 'cusp', 'cut away', 'swings back faster', 'past the line of centres',
     'below the camshaft', 'does not reach the base circle', 'cut off',
 )  # fmt: skip
+UNFIT_SHAPES = 'too hollow', 'does not reach', 'misses the profile', 'do not touch both'
 
 
 def law(random: Random, lift: float) -> Scene:
@@ -224,7 +225,55 @@ def _valve(random: Random, k: int) -> Draft:
     )  # fmt: skip
 
 
+def _shape_law(random: Random, k: int, joint: Scene, swings: bool) -> Scene:
+    """A law by the shape of its cam, by conditions, or by a long table."""
+    base, face = joint['base_radius'], joint['follower'] == 'flat'
+    nose = {'nose': base * float(random.uniform(0.3, 0.7)),
+            'lift': base * float(random.uniform(0.1, 0.4)),
+            'at': float(random.uniform(-3.0, 3.0))}  # fmt: skip
+    if k % 8 == 0 and not face:
+        return {'tangent': nose}
+    if k % 8 < 3:
+        hollow = k % 8 == 2 and joint['follower'] == 'roller'
+        flank = -decades(random, 0.5, 2.0) if hollow else decades(random, 0.6, 2.0)
+        return {'arcs': nose | {'flank': flank * base}}
+    off = base * random.uniform(-0.2, 0.2, 2)
+    if k % 8 == 3:
+        del joint['base_radius']
+        return {'profile': {'edges': [{'arc': off.tolist(), 'radius': 1.2 * base}]}}
+    count = int(random.integers(90, 360))
+    x = 2.0 * math.pi * np.arange(count) / count
+    wave = np.sin(x) + 0.1 * np.sin(2.0 * x + 1.0)
+    if k % 8 == 4:
+        del joint['base_radius']
+        return {'profile': {'points': [*zip(x.tolist(), (base + 0.15 * base * wave).tolist(),
+                                            strict=True)]}}  # fmt: skip
+    lift = float(random.uniform(0.1, 0.2)) if swings else 0.3 * base
+    if k % 8 == 5:
+        rest = {'velocity': 0.0, 'acceleration': 0.0}
+        ends = [{'at': 0.0, **rest}, {'at': 3.0, **rest}, {'at': 1.6, 'lift': 0.5 * lift}]
+        return {'segments': [
+            {'from': 0.0, 'to': 3.0, 'rise': lift, 'curve': 'polynomial', 'conditions': ends},
+            {'from': 3.2, 'to': 6.0, 'rise': -lift, 'curve': 'constant_acceleration'},
+        ]}  # fmt: skip
+    law: Scene = {'degree': int(pick(random, (3, 5, 7)))}
+    noise = 1e-4 * lift * (k % 8 == 7)
+    if noise:
+        law['error'] = noise
+    y = 0.5 * lift * wave + random.normal(0.0, noise, count)
+    return law | {'points': [*zip(x.tolist(), y.tolist(), strict=True)]}
+
+
+def _shape(random: Random, k: int) -> Draft:
+    keys = {'lift_off': {'restitution': pick(random, RESTITUTIONS)}} if k % 3 == 2 else {}
+    scene = cam(random, keys)
+    joint = scene['joints']['contact']
+    joint['law'] = _shape_law(random, k, joint, 'revolute' in scene['joints']['guide'])
+    return driven(random, pressed(random, scene) if keys else scene, k // 8)
+
+
 FAMILIES = (
+    Family('cam_shapes', 60, _shape, (*UNFIT, *UNFIT_SHAPES)),
     Family('cam', 32, _ideal, UNFIT),
     Family('cam_lift_off', 48, _lift_off, UNFIT),
     Family('cam_valve', 40, _valve, UNFIT, 4),

@@ -177,14 +177,16 @@ class ProfilePart(Part):
 
     points: tuple[tuple[Angle, Length], ...] = ()
     """Pairs of an angle and the distance of the profile from the camshaft; angles count as those
-    of the law do, from the line of the follower on.
+    of the law do, from the line of the follower on. They may be in a file, as those of a law.
     """
     degree: Literal[3, 5, 7] = 5
     """Of the spline through these points."""
     error: Displacement = 0.0
     """Standard deviation of measured distances: the spline is smooth, and so far off."""
     edges: tuple[EdgePart, ...] = ()
-    """Instead: lines and arcs, which meet without corners; in any order."""
+    """Instead: lines and arcs, which meet without corners; in any order. Or `file` names a drawing
+    (DXF) beside the scene, `layer` one of its layers, and `units` its unit, if it says none.
+    """
 
     @model_validator(mode='after')
     def _points_or_edges(self) -> ProfilePart:
@@ -199,7 +201,10 @@ class LawPart(Part):
     segments: tuple[SegmentPart, ...] = ()
     """Rises and returns, between which the follower dwells."""
     points: tuple[tuple[Way, Rise], ...] = ()
-    """Instead: measured pairs of the cam's angle and the follower's displacement."""
+    """Instead: measured pairs of the cam's angle and the follower's displacement. Or `file` names
+    a file of comma-separated values beside the scene, `columns` two of its columns, and `units`
+    theirs, such as [deg, mm], if its first line does not.
+    """
     degree: Literal[1, 3, 5, 7] = 5
     """Of the spline through these points."""
     error: Rise | None = None

@@ -176,8 +176,16 @@ class MeasuredLaw(PiecewiseLaw):
             raise InputError('the degree of a measured law is odd')
         if not (np.isfinite(x).all() and np.isfinite(y).all()):
             raise InputError('measured angles and displacements are finite numbers')
+        closed = not reciprocating and abs(x[-1] - x[0] - TURN) <= 1e-9
+        if closed and abs(y[-1] - y[0]) <= 1e-9 * np.ptp(y):  # the first point again
+            x, y = x[:-1], y[:-1]
         if not (np.diff(x) > 0).all() or (x[-1] - x[0] >= TURN and not reciprocating):
-            raise InputError('measured angles increase, and end before the turn is full')
+            ends = spelled(x[0], x[-1], reciprocating=reciprocating)
+            bare = '; numbers without a unit are radians' if x[-1] - x[0] > 2.0 * TURN else ''
+            raise InputError(
+                'measured angles increase, and end before the turn is full, or where it is full '
+                f'at the same displacement: these go from {ends}{bare}'
+            )
         if not reciprocating:
             x, y = np.append(x, x[0] + TURN), np.append(y, y[0])
         self.degree, self._samples = degree, (x, y, degree, not reciprocating, error)

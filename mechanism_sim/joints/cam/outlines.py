@@ -28,6 +28,7 @@ from mechanism_sim.planar.points import Vector2
 
 _NODES = chebyshev_nodes(13)
 _TAIL = 1e-14  # of the greatest displacement: last terms of a polynomial that is the law
+_STALLED = 1e3  # times that
 _ROUNDS = 12  # in which parts are halved
 _WIDEST = 0.5  # [rad] of the first parts
 _LOOKS = np.linspace(0.0, 1.0, 17)  # of a part at which its cam angle must grow
@@ -78,13 +79,17 @@ class Arc:
 
     @property
     def breaks(self) -> Array:
-        """Values of the angle of the normal."""
-        return np.array([self.start, self.end])
+        """Values of the angle from its beginning."""
+        return np.array([0.0, self.end - self.start])
 
     def at(self, t: Array) -> tuple[Array, Array]:
         """Points and outward normals (2, N)."""
-        normal = np.array([np.cos(t), np.sin(t)])
-        return np.array(self.centre)[:, None] + self.radius * normal, normal
+        # by the chord from its beginning: a centre far away costs no digits
+        begin = np.array([np.cos(self.start), np.sin(self.start)])[:, None]
+        chord, middle = 2.0 * self.radius * np.sin(0.5 * t), self.start + 0.5 * t
+        point = np.array(self.centre)[:, None] + self.radius * begin
+        normal = np.array([np.cos(self.start + t), np.sin(self.start + t)])
+        return point + chord * np.array([-np.sin(middle), np.cos(middle)]), normal
 
 
 class Radii:
@@ -207,6 +212,7 @@ def _fitted(
     low, high = t, np.append(t[1:], curve.breaks[-1])
     begin = float(place(low[:1])[0][0])
     done: list[tuple[float, float, Array]] = []  # t, width, coefficients
+    before = np.full(len(low), np.inf)  # last terms of what parts are halves of
     for _ in range(_ROUNDS):
         looks = low[:, None] + (high - low)[:, None] * _LOOKS
         angle, _ = place(looks)
@@ -227,10 +233,11 @@ def _fitted(
             a, b = np.where(over, a, middle), np.where(over, middle, b)
         _, values = place(0.5 * (a + b))
         tail = np.abs(chebyshev_coefficients(values))[:, -2:].max(axis=1)
-        good = tail <= rest
+        # terms that halving does not lessen are rounding
+        good = (tail <= rest) | ((tail > 0.1 * before) & (tail <= _STALLED * rest))
         powers = [fit_powers(v[None], float(h))[0] for v, h in zip(values, width, strict=True)]
         done += [(low[k], float(width[k]), powers[k]) for k in np.flatnonzero(good)]
-        low, high = low[~good], high[~good]
+        low, high, before = low[~good], high[~good], np.tile(tail[~good], 2)
         middle = 0.5 * (low + high)
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
         if not len(low):
