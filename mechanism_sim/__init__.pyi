@@ -178,7 +178,7 @@ class JointPart(_schema.JointPart):
         compliance : Of the same, a law of force instead of rigid surfaces; of a rope, how it stretches.
         rope : A rope through points in this order: fixed to the first and the last, free in between. It pulls, or hangs slack, and tightens with an impact.
         length : Of a rope; without it that of its way at the start. [m, > 0]
-        pulleys : Of a rope: pulleys at points between its ends, by their names; others have no radius.
+        pulleys : Of a rope: pulleys at its points, by their names, or drums at its ends, on which it is wound as their links turn; others have no radius.
         revolute : A pin: two points that coincide.
         bearings : The two bearings of a shaft, by name: where they lie along it, as `along` of its gears. [m]
         locating : The bearing that takes forces along the shaft; required with bearings.
