@@ -69,6 +69,8 @@ def _carry(robot: Robot, joint: Element, state: dict[str | None, float]) -> None
     parent, child = (robot.bodies[_end(joint, side)] for side in ('parent', 'child'))
     if kind is None:
         raise InputError(f'{name}: joints of type {joint.get("type")} are not planar ones')
+    if joint.get('type') == 'revolute':  # a continuous one has none
+        robot.notes.append(f'{name}: its limits are left out: see `stops`')
     turn, at = _origin(joint)
     axis = numbers(_find(joint, 'axis', 'xyz') or '1 0 0', 3)
     axis /= np.linalg.norm(axis) or 1.0

@@ -91,6 +91,13 @@ def test_the_six_bar_of_joint_coordinates_is_that_of_the_scene(tmp_path):
     assert [float(x) for x in limits] == pytest.approx([67.2836, 78.2542], abs=1e-4)
 
 
+def test_a_table_that_breaks_off_is_questioned():
+    """Two rows of it, as a page of PMKS+ showed them."""
+    found = import_machine(INPUTS / 'joints_six_bar.csv')
+    assert [*found.data['links']] == ['ground', 'AB', 'CBD']
+    assert 'link CBD has one joint, B: is the table complete?' in found.notes
+
+
 def test_an_address_of_pmks_is_its_table(tmp_path):
     """The addresses of both ages; speeds in rpm, clockwise if it says so."""
     table, address = import_machine(saved(tmp_path, SIX)), import_machine(ISSUE_92)
