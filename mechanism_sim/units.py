@@ -493,6 +493,11 @@ def _converted(number: str, read: str, given: str, unit: str, hint: str) -> floa
     return float(Decimal(number) * written_in.factor)
 
 
+def has_decimal_comma(text: str) -> bool:
+    """True if a text begins as ``1,5 mm``, as neither a quantity nor a formula may."""
+    return bool(_COMMA.match(text))
+
+
 def _refuse_comma(value: str, hint: str) -> None:
     """Refuse ``1,5 mm``, and say how it is written with a point."""
     if not (found := _COMMA.match(value)):

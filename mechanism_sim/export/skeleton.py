@@ -20,7 +20,6 @@ from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.poses import Poses
-from mechanism_sim.planar.protocols import Bound
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.planar.view import Kind, circle, complex_of, points_of
 from mechanism_sim.scene import Machine
@@ -176,16 +175,6 @@ class Skeleton:
         last = 3 + len(bending.beam.names)
         return bending.moved(points, poses[:, self.links.index(link), 3:last])
 
-    def scale_bar(self, width: float) -> tuple[float, str]:
-        """A round length for a drawing of that width [m]; how it is written, and magnification."""
-        length, text = scale_bar(width)
-        bent, swayed = (x.magnified for x in self.bendings.values()), self.sways.values()
-        for what, factors in (('bending', bent), ('sway', swayed)):
-            for factor in sorted(set(factors)):
-                text += f'; {what} '
-                text += 'to scale' if factor == 1.0 else f'{factor:.4g} times larger'
-        return length, text
-
     def magnify(self, sway: Array) -> None:
         """Choose how far frames on springs are drawn that sway (N, F, 3) [m, rad] in a run."""
         for k, name in enumerate(self.mounts):
@@ -221,19 +210,6 @@ class Skeleton:
         self.strings.append(String(ends, radii))
         for place in (place for place, radius in zip(ends, radii, strict=True) if not radius):
             self._support(place)
-
-    def strung(self, poses: Array) -> Array:
-        """The ends of all strings at N poses, (strings, N, 2, 2) [m]: tangents of their discs."""
-        found = []
-        for ends, (r1, r2) in self.strings:
-            one, two = (self.placed(link, np.array([at]), poses)[:, 0] for link, at in ends)
-            way = complex_of(two - one)
-            # way = (l + i (r2 - r1)) d with the direction d
-            off = r2 - r1
-            length = np.sqrt(np.maximum(np.abs(way) ** 2 - off**2, 0.0))
-            left = 1j * way / np.where(way == 0.0, 1.0, length + 1j * off)
-            found.append([one - points_of(r1 * left), two - points_of(r2 * left)])
-        return np.array(found).reshape(len(found), 2, len(poses), 2).swapaxes(1, 2)
 
     def placed(self, link: str, points: Array, poses: Array) -> Array:
         """Points (k, 2) [m] of a link in the world (N, k, 2)."""
@@ -351,12 +327,6 @@ class Skeleton:
         """A wall of a link, solid to the left of the way from start to end [m]."""
         self.add('rail', link, np.array([start, end]), label='left wall')
 
-    def bound(self, gaps: Iterable[Bound]) -> None:
-        """Add what joints meet at the limits of their motion."""
-        for gap in gaps:
-            gap.draw(self)
-        self.shapes.sort(key=_order)
-
     def _mark(self, points: Mapping[str, LinkPoint], known: Sequence[LinkPoint]) -> None:
         """Points without joints, and centres of gravity away from joints."""
         for place in points.values():
@@ -391,16 +361,11 @@ class Skeleton:
             if all(math.dist(corner, other) > 1e-9 for other in distinct):
                 distinct.append(corner)
         at = np.array(distinct)
-        if link in self._bodied and self._covered(link, at):
+        if link in self._bodied and _covered(self, link, at):
             at = at[:1]
         first = _corners(at, self.symbol)
         rest = np.delete(at, first, axis=0)
         self.add('link', link, at[first], *([rest] if len(rest) else []), label=link, size=hand)
-
-    def _covered(self, link: str, points: Array) -> bool:
-        """True if a wheel or a slider of a link shows all of some points (k, 2) of it."""
-        shown = [s.hull for s in self.shapes if s.link == link and s.kind in _BODIES]
-        return all(any(inside(hull, at, 0.5 * self.symbol) for hull in shown) for at in points)
 
     def _arrow(self, drive: str, sense: float, places: Sequence[LinkPoint]) -> None:
         """Beside the joint that carries what is driven."""
@@ -452,10 +417,18 @@ def skeleton_of(
     }
     clearances = machine.plan.clearances
     found = Skeleton(mechanism, q, points, springs, clearances, drives, magnified, size)
-    found.bound(bounds_of(machine.scene.joints, mechanism, machine.plan.touching))
+    for gap in bounds_of(machine.scene.joints, mechanism, machine.plan.touching):
+        gap.draw(found)
+    found.shapes.sort(key=_order)
     for name, part in machine.scene.oscillators.items():
         found.mount(name, [*ground, part.cog], [mount.at for mount in part.mounts.values()])
     return found
+
+
+def _covered(skeleton: Skeleton, link: str, points: Array) -> bool:
+    """True if a wheel or a slider of a link shows all of some points (k, 2) of it."""
+    shown = [s.hull for s in skeleton.shapes if s.link == link and s.kind in _BODIES]
+    return all(any(inside(hull, at, 0.5 * skeleton.symbol) for hull in shown) for at in points)
 
 
 def _order(shape: Shape) -> tuple[int, float]:
@@ -467,6 +440,31 @@ def _sense(law: Law) -> float:
     """Sign of the first motion that is prescribed, or of the torque or force."""
     begun = law.coefficients[1:] if isinstance(law, DriveLaw) else law.coefficients
     return next((c for c in begun if c), 0.0)
+
+
+def strung(skeleton: Skeleton, poses: Array) -> Array:
+    """The ends of all strings at N poses, (strings, N, 2, 2) [m]: tangents of their discs."""
+    found = []
+    for ends, (r1, r2) in skeleton.strings:
+        one, two = (skeleton.placed(link, np.array([at]), poses)[:, 0] for link, at in ends)
+        way = complex_of(two - one)
+        # way = (l + i (r2 - r1)) d with the direction d
+        off = r2 - r1
+        length = np.sqrt(np.maximum(np.abs(way) ** 2 - off**2, 0.0))
+        left = 1j * way / np.where(way == 0.0, 1.0, length + 1j * off)
+        found.append([one - points_of(r1 * left), two - points_of(r2 * left)])
+    return np.array(found).reshape(len(found), 2, len(poses), 2).swapaxes(1, 2)
+
+
+def scale_of(skeleton: Skeleton, width: float) -> tuple[float, str]:
+    """A round length for a drawing of that width [m]; how it is written, and magnification."""
+    length, text = scale_bar(width)
+    bent, swayed = (x.magnified for x in skeleton.bendings.values()), skeleton.sways.values()
+    for what, factors in (('bending', bent), ('sway', swayed)):
+        for factor in sorted(set(factors)):
+            text += f'; {what} '
+            text += 'to scale' if factor == 1.0 else f'{factor:.4g} times larger'
+    return length, text
 
 
 def bounds(skeleton: Skeleton, poses: Array) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import index
 from mechanism_sim.export.scale import round_below
 from mechanism_sim.export.shapes import COIL, Shape
-from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
+from mechanism_sim.export.skeleton import Skeleton, bounds, scale_of, skeleton_of
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.inverse_dynamics import Observation
@@ -147,7 +147,7 @@ class Stage:
         """Those that have walls: pins in slots, blocks in guides, teeth, cams that are left."""
         joints = self.machine.mechanism.joints
         pairs = [j for j in joints if isinstance(j, HigherPair | Prismatic)]
-        return [pair for pair in pairs if self._walls(pair)]
+        return [pair for pair in pairs if pair.equations and self._walls(pair)]
 
     def _walls(self, pair: HigherPair | Prismatic) -> dict[Side, list[int]]:
         """The numbers of the gaps at each wall of a pair: a block has two, at its corners."""
@@ -216,7 +216,7 @@ class Stage:
                 for string in self.skeleton.strings
             ],
             'coil': COIL.tolist(),
-            'scale': dict(zip(('length', 'text'), self.skeleton.scale_bar(width), strict=True)),
+            'scale': dict(zip(('length', 'text'), scale_of(self.skeleton, width), strict=True)),
             'bendings': {link: x.to_json() for link, x in self.skeleton.bendings.items()},
             'joints': [self._joint(joint) for joint in self.joints],
             'force_scale': self.force_scale,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -62,7 +63,6 @@ class ContactState:
     Attributes
     ----------
     modes, approach : of every gap, and the speeds of first touches of compliant contacts [m/s]
-    rated : which gaps (m,) have a rate only
     flying : whether any gap is open
     flies_free : whether all are, and no friction or compliance takes part in an impact
     problem, arrays : as of the last `refresh`, except for what is closed
@@ -103,10 +103,14 @@ class ContactState:
         if system.parameters.margin is not None:
             present.pars[system.parameters.margin] = self.limits.bare
         self.approach = (1.0,) * len(system.parameters.approach)
-        self.rated = np.array(system.rated, dtype=np.bool_)
         self._status = Status((), ())
         self._holding = [*system.set_valued.holding]
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
+
+    @cached_property
+    def rated(self) -> Mask:
+        """The gaps (m,) that have a rate only."""
+        return np.array(self.present.system.rated, dtype=np.bool_)
 
     @property
     def status(self) -> Status:

@@ -157,7 +157,7 @@ class TouchingKeys(JointKeys):
     touches_by = '', 'compliance'
 
     def touches(self, name: str) -> Play:
-        """What the surfaces are like."""
+        """Contact of the surfaces."""
         if self.compliance and self.compliance.law == 'film':
             raise InputError(f'joints.{name}.compliance.law = film is for pins in bushings')
         return Play(

@@ -18,6 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import frame_of
 from mechanism_sim.export.shapes import coil
+from mechanism_sim.export.skeleton import strung
 from mechanism_sim.export.stage import StageFrames
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
@@ -284,7 +285,7 @@ class ForceMarkers:
     def _strings(self, frames: StageFrames) -> Iterator[Any]:
         """Ropes as straight lines."""
         size = (0.2 * self._symbol, 0.0, 0.0)
-        for k, ends in enumerate(self._stage.skeleton.strung(frames.poses)):
+        for k, ends in enumerate(strung(self._stage.skeleton, frames.poses)):
             made = marker('ropes', k, self._world, Marker.LINE_STRIP, STEEL, size)
 
             def write(i: int, made: Any = made, ends: Any = ends) -> None:

@@ -12,6 +12,7 @@ import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.polynomials import TWO_PI, shift_powers
+from mechanism_sim.numerics.sampled import spline_through
 
 Interpolation = Literal['linear', 'cubic', 'quintic']
 Ramp = Literal['linear', 'smooth', 'cubic', 'quintic']
@@ -120,7 +121,7 @@ def through(
     return Curve(np.array([-np.inf, *breaks, np.inf]), np.array([still[0], *rows, still[1]]))
 
 
-_LEAST = {'linear': 2, 'cubic': 2, 'quintic': 6}
+_LEAST = {'linear': 2, 'cubic': 4, 'quintic': 6}
 """Points that a spline without conditions at its ends needs."""
 
 
@@ -143,8 +144,7 @@ def spline(
     ValueError
         One sentence: what is wrong with the points.
     """
-    least = 2 if rest else 7 if periodic and interpolation == 'quintic' else _LEAST[interpolation]
-    least = max(least, 3) if periodic else least
+    least = 3 if periodic else 2 if rest else _LEAST[interpolation]
     if len(x) < least:
         raise ValueError(f'has {len(x)} points: a {interpolation} through them needs {least}')
     if interpolation == 'linear':
@@ -153,19 +153,9 @@ def spline(
     level = y - slope * (x - x[0])
     if periodic:
         level[-1] = level[0]
-    if interpolation == 'cubic':
-        ends = 'periodic' if periodic else 'clamped' if rest else 'not-a-knot'
-        found = scipy.interpolate.CubicSpline(x, level, bc_type=ends)
-        breaks, rows = found.x, found.c[::-1].T
-    else:
-        still = [(1, 0.0), (2, 0.0)]
-        ends = 'periodic' if periodic else (still, still) if rest else None
-        through = scipy.interpolate.make_interp_spline(x, level, k=5, bc_type=ends)
-        found = scipy.interpolate.PPoly.from_spline(through)
-        inner = np.flatnonzero((np.diff(found.x) > 0.0) & (found.x[:-1] >= x[0])
-                               & (found.x[1:] <= x[-1]))  # fmt: skip
-        breaks, rows = np.append(found.x[inner], x[-1]), found.c[::-1, inner].T
-    rows = np.array(rows)
+    degree = {'cubic': 3, 'quintic': 5}[interpolation]
+    found = spline_through(x, level, degree, periodic, rest=rest)
+    breaks, rows = found.x, found.c[::-1].T.copy()
     rows[:, 0] += slope * (breaks[:-1] - x[0])
     rows[:, 1] += slope
     return breaks, rows

@@ -58,7 +58,7 @@ def describe_peaks(peaks: tuple[SampledPeak, SampledPeak], unit: str, scale: flo
 
 
 def spline_through(
-    x: Array, y: Array, degree: int, periodic: bool, error: float = 0.0
+    x: Array, y: Array, degree: int, periodic: bool, error: float = 0.0, rest: bool = False
 ) -> scipy.interpolate.PPoly:
     """The spline through samples (n,), or near them if they have an error of measurement.
 
@@ -68,39 +68,44 @@ def spline_through(
     degree : odd
     error : standard deviation of y; the spline of this degree that minimises the square of its
         derivative of order (degree + 1)/2 at this root mean square distance (Reinsch 1967)
+    rest : whether the first (degree - 1)/2 derivatives are zero at the ends
     """
     if error > 0.0:
         spline = _smoothing(x, y, degree, periodic, error)
     else:
-        spline = scipy.interpolate.make_interp_spline(
-            x, y, k=degree, bc_type='periodic' if periodic else None
-        )
+        still = [(order, 0.0) for order in range(1, (degree + 1) // 2)]
+        ends = 'periodic' if periodic else (still, still) if rest else None
+        spline = scipy.interpolate.make_interp_spline(x, y, k=degree, bc_type=ends)
     whole = scipy.interpolate.PPoly.from_spline(spline)
     inside = slice(degree, -degree)
     return scipy.interpolate.PPoly(whole.c[:, inside], whole.x[inside])
 
 
 def acceleration_peaks(
-    x: ArrayLike, y: ArrayLike, degree: int, periodic: bool, error: float = 0.0
+    x: ArrayLike, y: ArrayLike, degree: int, periodic: bool, error: float = 0.0, order: int = 2
 ) -> tuple[SampledPeak, SampledPeak]:
     """The least and the greatest second derivative of the spline through samples, as above.
+
+    Or the first one, of samples of a rate.
 
     Second differences count, which no spline through the points falls short of, but not for
     samples with an error of measurement, of which they mostly consist.
     """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-    own = _ends(x, y, degree, periodic, error)
+    own = _ends(x, y, degree, periodic, error, order)
     others = [
-        _ends(x, y, k, periodic, error) for k in _DEGREES if k != degree and k < len(x) - periodic
+        _ends(x, y, k, periodic, error, order)
+        for k in _DEGREES
+        if k != degree and k < len(x) - periodic
     ]
     if not error:
         slopes = np.diff(y) / np.diff(x)
-        if periodic:
-            x2, slopes = np.append(x, x[1] + x[-1] - x[0]), np.append(slopes, slopes[0])
-        else:
+        if order == 2:
             x2 = x
-        second = 2.0 * np.diff(slopes) / (x2[2:] - x2[:-2])
-        others.append(np.array([second.min(), second.max()]))
+            if periodic:
+                x2, slopes = np.append(x, x[1] + x[-1] - x[0]), np.append(slopes, slopes[0])
+            slopes = 2.0 * np.diff(slopes) / (x2[2:] - x2[:-2])
+        others.append(np.array([slopes.min(), slopes.max()]))
     off = np.abs(np.array(others) - own).max(axis=0) if others else np.zeros(2)
     random, half = np.random.default_rng(0), 0.5 * _last_digit(y)
     if error or half:
@@ -112,19 +117,19 @@ def acceleration_peaks(
                 beside = random.uniform(-half, half, len(y))
             if periodic:
                 beside[-1] = beside[0]
-            tried.append(_ends(x, middle + beside, degree, periodic, error) - own)
+            tried.append(_ends(x, middle + beside, degree, periodic, error, order) - own)
         off += 3.0 * np.sqrt(np.mean(np.square(tried), axis=0))
     low, high = (SampledPeak(float(v), float(o)) for v, o in zip(own, off, strict=True))
     return low, high
 
 
-def _ends(x: Array, y: Array, degree: int, periodic: bool, error: float) -> Array:
-    """Least and greatest second derivative (2,)."""
-    second = spline_through(x, y, degree, periodic, error).derivative(2)
+def _ends(x: Array, y: Array, degree: int, periodic: bool, error: float, order: int) -> Array:
+    """Least and greatest derivative (2,) of an order."""
+    known = spline_through(x, y, degree, periodic, error).derivative(order)
     with np.errstate(all='ignore'):
-        inside = second.derivative().roots(discontinuity=False, extrapolate=False)
-    places = np.concatenate([second.x, inside[np.isfinite(inside)]])
-    found = second(places)
+        inside = known.derivative().roots(discontinuity=False, extrapolate=False)
+    places = np.concatenate([known.x, inside[np.isfinite(inside)]])
+    found = known(places)
     return np.array([found.min(), found.max()])
 
 

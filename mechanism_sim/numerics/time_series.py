@@ -216,7 +216,7 @@ class TimeSeries:
 
 
 def _floor(sizes: Array) -> Array:
-    """What is nothing beside values of such sizes."""
+    """Size below which a number is rounding beside values of such sizes."""
     return np.asarray(np.maximum(_LEAST, 2.0**-3 * np.spacing(sizes)))
 
 

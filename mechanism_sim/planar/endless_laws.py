@@ -24,20 +24,12 @@ class LawSource(Protocol):
         """The law that takes over from one of this source; None if that holds for ever."""
 
 
-def laws_until(
-    laws: Sequence[Law], source: LawSource | None, end: float, most: int
-) -> tuple[Law, ...]:
-    """Laws that take over up to a time [s], and `most` of them at most beside those given."""
-    found = list(laws)
-    for _ in range(most if source else 0):
-        last = found[-1]
-        if not isinstance(last, DriveLaw) or last.valid_from > end:
-            break
-        assert source is not None  # noqa: S101 - else the range is empty
-        if (law := source.after(last)) is None:
-            break
-        found.append(law)
-    return tuple(found)
+def unrolled(laws: Sequence[Law], source: LawSource | None) -> Iterator[Law]:
+    """Laws in the order in which they take over, those of a source behind them."""
+    yield from laws
+    law: Law | None = laws[-1]
+    while source and isinstance(law, DriveLaw) and (law := source.after(law)):
+        yield law
 
 
 @dataclass(frozen=True)

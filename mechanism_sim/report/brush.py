@@ -14,7 +14,7 @@ from matplotlib.transforms import Affine2D
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import ACCENT, INK, PAPER, colour, tint
 from mechanism_sim.export.shapes import OPEN, Shape, ShapePath, coil, subdivided
-from mechanism_sim.export.skeleton import Skeleton
+from mechanism_sim.export.skeleton import Skeleton, strung
 from mechanism_sim.planar.points import GROUND
 
 GHOST = '0.72'
@@ -71,7 +71,7 @@ class Brush:
             self._swaying[name].clear().rotate_around(*cog, angle).translate(x, y)
         ends = skeleton.coiled(pose[None], sway[None])[:, 0]
         coils = [coil(start, end, skeleton.symbol) for start, end in ends]
-        self._coils.set_segments([*coils, *skeleton.strung(pose[None])[:, 0]])
+        self._coils.set_segments([*coils, *strung(skeleton, pose[None])[:, 0]])
 
     def ghost(self, pose: Array, shade: str = GHOST) -> None:
         """Links and sliders at another pose (L, 3 + M), as lines."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import INK, colour
-from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
+from mechanism_sim.export.skeleton import Skeleton, bounds, scale_of, skeleton_of
 from mechanism_sim.report.brush import Brush
 from mechanism_sim.report.labels import Labels
 from mechanism_sim.report.picture import Picture
@@ -88,7 +88,7 @@ def trace(axes: Any, skeleton: Skeleton, point: str, path: Array, line: Any) -> 
 
 def rule(axes: Any, skeleton: Skeleton, at: Sequence[float] | Array, width: float) -> None:
     """The scale bar of a drawing that is so wide [m]."""
-    length, text = skeleton.scale_bar(width)
+    length, text = scale_of(skeleton, width)
     x = np.array([at[0], at[0] + length])
     axes.plot(
         x, [at[1]] * 2, color=INK, lw=1.6, solid_capstyle='butt', zorder=8.0, marker='|', ms=5

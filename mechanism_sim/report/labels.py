@@ -10,7 +10,7 @@ from matplotlib.textpath import TextPath
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.shapes import Shape, coil
-from mechanism_sim.export.skeleton import Skeleton
+from mechanism_sim.export.skeleton import Skeleton, strung
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report.brush import Brush
 
@@ -80,7 +80,7 @@ class Labels:
         still = np.zeros((1, len(skeleton.mounts), 3))
         for start, end in skeleton.coiled(pose[None], still)[:, 0]:
             self.avoid(coil(start, end, skeleton.symbol), _BAR)
-        for ends in skeleton.strung(pose[None])[:, 0]:
+        for ends in strung(skeleton, pose[None])[:, 0]:
             self.avoid(ends, _BAR)
         moves = []
         for named in ('link', 'joint'):

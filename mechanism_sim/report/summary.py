@@ -105,7 +105,7 @@ def no_limits_to_json(found: list[NoLimit]) -> list[dict[str, object]]:
 
 
 def undetermined_to_json(machine: Machine) -> dict[str, list[str]]:
-    """What redundant constraints leave open, if anything."""
+    """Forces that redundant constraints leave open, if any."""
     open_ = machine.physics.undetermined
     return {'undetermined': machine.nominal.undetermined_names} if open_ else {}
 

@@ -148,7 +148,7 @@ class Cycle(plotting.Rich):
         columns = self._columns(t, names)
         if self.ranges:
             ends = (t <= self.t[0]) | (t >= self.t[-1])
-            for name in self._growing.intersection(names):
+            for name in self.unbounded.intersection(names):
                 columns[name] = np.where(ends, np.nan, columns[name])
         on_frame = [name for name in names if name.startswith('shaking_')]
         lost = np.flatnonzero(np.isnan(columns[on_frame[0]])) if on_frame else np.zeros(0, int)
@@ -195,13 +195,18 @@ class Cycle(plotting.Rich):
         return [x for x in found if begin <= x.t <= end or x.is_at(begin) or x.is_at(end)]
 
     @cached_property
-    def _growing(self) -> set[str]:
-        """The columns that grow beyond all bounds towards a limit of the drive.
+    def unbounded(self) -> set[str]:
+        """The columns that have no value at some instant, and therefore no extremes.
 
-        Halfway to it they have at least 1.6 times the value, and halfway again.
+        They are not finite there, or grow beyond all bounds towards a limit of the drive: halfway
+        to it they have at least 1.6 times the value, and halfway again.
         """
         known = catalogue(self.machine)
         names = [name for name in self.names if not known[name].cumulative]
+        if not self.ranges:
+            at = np.clip([x.t for x in self.no_limits], self.t[0], self.t[-1])
+            seen = self.at(at, names) if self.no_limits else {}
+            return {name for name, x in seen.items() if not np.isfinite(x).all()}
         near, found = _NEAR * self.duration * np.array([1.0, 2.0, 4.0]), set()
         for t in (self.t[0] + near, self.t[-1] - near):
             for name, x in self._columns(t, names).items():
@@ -209,18 +214,6 @@ class Cycle(plotting.Rich):
                 if first > 1.6 * second > 1.6**2 * third:
                     found.add(name)
         return found
-
-    @cached_property
-    def unbounded(self) -> set[str]:
-        """The columns that have no value at these instants, and therefore no extremes."""
-        if self.ranges:
-            return self._growing
-        if not self.no_limits:
-            return set()
-        at = np.clip([x.t for x in self.no_limits], self.t[0], self.t[-1])
-        known = catalogue(self.machine)
-        seen = self.at(at, [name for name in self.names if not known[name].cumulative])
-        return {name for name, x in seen.items() if not np.isfinite(x).all()}
 
     @cached_property
     def _extremes(self) -> dict[str, Extremes]:

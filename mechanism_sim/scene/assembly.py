@@ -129,7 +129,7 @@ def rates_of_points(plan: ScenePlan) -> dict[str, float]:
     """Rates of coordinates by those that the scene gives of points at the start."""
     known = {c: plan.held[c][1] for c in plan.prescribed} | plan.given[1]
     loops = plan.kinematics(plan.prescribed)
-    return rates(loops, plan.moving_points, assemble(plan).q, known)
+    return rates(loops, plan.given[2], assemble(plan).q, known)
 
 
 def _apart(loop: FourBarLoop, angle: float) -> str:

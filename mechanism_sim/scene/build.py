@@ -20,6 +20,7 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.plan import announce
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.sensor_keys import check_impulses
 from mechanism_sim.scene.singular_start import neighbours
@@ -65,7 +66,7 @@ def _check_freedom(machine: Machine) -> None:
             'the mechanism cannot move: its joints and drives leave it no degree of freedom; it '
             'is a structure'
         )
-    given = [n for n, link in machine.links.items() if link.mass is not None or link.elastic]
+    given = _weighed(machine)
     if machine.level is Level.SMOOTH and not given:
         freedom = assembly.freedom + len(plan.prescribed)
         drives = ', '.join(plan.prescribed) or 'none'
@@ -76,11 +77,17 @@ def _check_freedom(machine: Machine) -> None:
         )
 
 
+def _weighed(machine: Machine) -> list[str]:
+    """The links with a mass of their own."""
+    links = ((name, machine.scene.links[name]) for name in machine.plan.links)
+    return [name for name, link in links if link.mass is not None or link.elastic]
+
+
 def _check_mass(machine: Machine) -> None:
     """Refuse links without a mass that forces need, and forces without limit."""
-    weighed = [n for n, link in machine.links.items() if link.mass is not None or link.elastic]
+    weighed = _weighed(machine)
     if machine.level.dynamic or (weighed and machine.scene.outputs.forces):
-        without = [n for n in machine.links if n not in weighed]
+        without = [n for n in machine.plan.links if n not in weighed]
         if without and not machine.plan.weighed:
             raise InputError(
                 f"'links.{without[0]}.mass' is missing: forces, torques and clearances need the "
@@ -129,7 +136,7 @@ def _check_unknowns(machine: Machine) -> None:
     if duration == math.inf:
         return
     run = machine.nominal.run([plan.laws[c][0] for c in plan.prescribed])
-    plan.announce(run, {c: plan.laws[c] for c in plan.prescribed})
+    announce(plan, run, {c: plan.laws[c] for c in plan.prescribed})
     motion = run.motion(duration)
     physics = machine.physics
     assert isinstance(physics, NominalPhysics)  # noqa: S101 - its level says so
@@ -335,7 +342,7 @@ def _check_oscillators(machine: Machine) -> None:
         where = f'oscillators.{name}'
         if not name.isidentifier():
             raise InputError(f"the oscillator name '{name}' must be letters, digits and _")
-        if name in (GROUND, *machine.links):
+        if name in (GROUND, *machine.plan.links):
             raise InputError(f"the oscillator '{name}' has the name of a link")
         if not machine.plan.weighed:
             raise InputError(f'{where}: what shakes it needs the masses of all links')

@@ -146,7 +146,7 @@ def check(machine: Machine) -> Report:
 
 
 def _coordinates(machine: Machine) -> dict[str, CoordinateStart]:
-    """What every coordinate is, and how it starts."""
+    """Kind and start of every coordinate."""
     mechanism, plan = machine.mechanism, machine.plan
     if machine.level.dynamic:
         state, free = machine.initial_state(), machine.equations.system.free
@@ -214,7 +214,7 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
 
 
 def _surfaces(c: Play) -> str:
-    """What contacts do in impacts, in words."""
+    """Laws of impact of contacts, in words."""
     friction = f', friction {c.friction:g}' if c.friction else ''
     contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
     if c.contact and c.contact.materials:

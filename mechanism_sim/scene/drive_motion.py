@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
-from itertools import pairwise
+from itertools import islice, pairwise, takewhile
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.names import Names
 from mechanism_sim.numerics.time_series import TimeSeries
 from mechanism_sim.planar.drive import DriveLaw, curve_laws, speed_profile
-from mechanism_sim.planar.endless_laws import FormulaLaws, LawSource, RepeatedLaws, laws_until
+from mechanism_sim.planar.endless_laws import FormulaLaws, LawSource, RepeatedLaws, unrolled
 from mechanism_sim.planar.moves import Limits, move_laws
 from mechanism_sim.scene.motion_keys import (
     CoursePart,
@@ -41,7 +41,6 @@ def course_laws(
     """
     rate = isinstance(course, SpeedPart)
     if course.unit and (course.unit.startswith('m') != straight):
-        names.measure(where, course.given[0][1], straight, _UNITS[rate]) if course.given else None
         kind = 'slides' if straight else 'turns'
         raise InputError(
             f'{where} is in {course.unit}, but {start.coordinate} {kind}: give it in '
@@ -95,7 +94,8 @@ def _turns(laws: Sequence[DriveLaw], begin: float, end: float) -> int:
 def _endless(names: Names, where: str, source: LawSource, first: DriveLaw) -> Motion:
     """The first laws of a source, which must not jump."""
     ahead = names.scene.duration or _AHEAD
-    laws = [x for x in laws_until([first], source, ahead, _MOST) if isinstance(x, DriveLaw)]
+    known = (x for x in islice(unrolled([first], source), _MOST) if isinstance(x, DriveLaw))
+    laws = list(takewhile(lambda law: law.valid_from <= ahead, known))
     for before, law in pairwise(laws):
         if not law.continues(before):
             raise InputError(

@@ -15,7 +15,7 @@ from mechanism_sim.linkages.formulas import FormulaScope
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.expressions import parse, unit_hint, unit_of
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.units import QuantityValue, alike, to_si, to_si_of
+from mechanism_sim.units import QuantityValue, alike, has_decimal_comma, to_si, to_si_of
 
 OF_POINT = {'x': 'm', 'y': 'm', 'vx': 'm/s', 'vy': 'm/s'}
 """Names in formulas of loads for the point at which they act, with units."""
@@ -33,7 +33,7 @@ def or_formula(*units: str) -> UnitValue:
         try:
             return to_si(value, *units) if len(units) == 1 else to_si_of(value, units)
         except ValueError as error:
-            if not isinstance(value, str):
+            if not isinstance(value, str) or has_decimal_comma(value):
                 raise
             try:
                 tree = parse(value, None)

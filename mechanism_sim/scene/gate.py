@@ -24,6 +24,7 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.assembly import closed_near
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import between
+from mechanism_sim.scene.plan import announce
 from mechanism_sim.scene.stops import check_stops
 
 TURN = 2.0 * math.pi
@@ -152,7 +153,7 @@ def check_way(machine: Machine, duration: float) -> None:
     if len(moving) > 1 or (moving and len(plan.prescribed) > 1):
         if duration not in tried:
             run = machine.nominal.run([each[0] for each in plan.laws.values()])
-            plan.announce(run, plan.laws)
+            announce(plan, run, plan.laws)
             _advance(run, min(duration, _MOST * machine.drive.period))
             tried[duration] = ''
         return

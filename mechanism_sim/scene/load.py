@@ -64,9 +64,10 @@ def load_scene(
     try:
         return build(given.name, check_scene(given.file, content), questions)
     except InputError as error:
-        if not questions:
+        of_links = [question for question in questions if question.startswith('links.')]
+        if not of_links:
             raise
-        raise InputError(f'{error}; {questions[0]}') from error
+        raise InputError(f'{error}; {of_links[0]}') from error
 
 
 def span(machine: Machine, revolutions: float | None, duration: float | str | None) -> float:

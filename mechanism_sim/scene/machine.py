@@ -28,28 +28,24 @@ from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
 from mechanism_sim.keys.names import SceneError, scene_errors
-from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.drive import Law
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Revolute
-from mechanism_sim.planar.points import GROUND
-from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.scene.assembly import Assembly, assemble, rates_of_points
 from mechanism_sim.scene.equations import EquationsOfMotion
+from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.main_drive import MainDrive
 from mechanism_sim.scene.nominal import Nominal
-from mechanism_sim.scene.plan import ScenePlan
+from mechanism_sim.scene.plan import ScenePlan, announce
 from mechanism_sim.scene.rigid import rigid_scene
-from mechanism_sim.scene.schema import LinkPart, Scene
+from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.sensor_keys import check_impulses
 from mechanism_sim.scene.start import Start
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.vibration.frame import Frame
-from mechanism_sim.vibration.joint_forces import JointForces
 from mechanism_sim.vibration.shaken_frame import ShakenFrame
-from mechanism_sim.vibration.shaking import Forces, WholeMachine
 
 Run: TypeAlias = EventLoop | NominalRun
 """A machine in motion."""
@@ -85,14 +81,9 @@ class Machine(Rich):
         """Links, joints, drives and forces."""
         with scene_errors(self.name):
             found = ScenePlan(self.scene)
-            if found.moving_points:
+            if found.given[2]:
                 found.given[1].update(rates_of_points(found))
             return found
-
-    @property
-    def links(self) -> dict[str, LinkPart]:
-        """The moving links as the scene has them."""
-        return {name: link for name, link in self.scene.links.items() if name != GROUND}
 
     @property
     def bearings(self) -> list[Revolute]:
@@ -225,7 +216,7 @@ class Machine(Rich):
             )
         else:
             run = self.nominal.run(first, loads=True)
-        self.plan.announce(run, {c: laws[c] for c in system_order})
+        announce(self.plan, run, {c: laws[c] for c in system_order})
         return run
 
     def snapshot(self, run: Run) -> Snapshot:
@@ -266,7 +257,7 @@ class Machine(Rich):
         ``machine.oscillator('frame').take(solution.motion)`` gives its motion, a function of time;
         `take` may also be called with the motion of one `Piece` after the other.
         """
-        return ShakenFrame(self.frame(name), self.forces_on(name))
+        return ShakenFrame(self.frame(name), forces_on(self, name))
 
     def frame(self, name: str) -> Frame:
         """A frame of the scene on its springs; InputError if there is none of that name."""
@@ -277,15 +268,6 @@ class Machine(Rich):
                 f'oscillators: {", ".join(frames) or "none"}'
             )
         return frames[name]
-
-    def forces_on(self, name: str) -> Forces:
-        """The forces that shake a frame of the scene."""
-        joints = self.scene.oscillators[name].joints
-        if joints is None:
-            elements = self.plan.elements(self.mechanism)
-            applied = [element for element in elements if isinstance(element, AppliedForce)]
-            return WholeMachine(ShakingForce(self.mechanism, applied), self.physics)
-        return JointForces(self.mechanism, self.physics, self.joint_impulses, joints)
 
     @cached_property
     def joint_impulses(self) -> JointImpulses:

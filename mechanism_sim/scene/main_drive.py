@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice, takewhile
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.drive import DriveLaw, Law, largest_speed, time_of_angle
-from mechanism_sim.planar.endless_laws import LawSource
+from mechanism_sim.planar.endless_laws import LawSource, unrolled
 from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.scene.schema import Commands
 
@@ -32,7 +31,7 @@ class MainDrive:
 
     @property
     def source(self) -> LawSource | None:
-        """What goes on behind the last of its laws."""
+        """Source of the laws behind the last one."""
         return self.plan.sources.get(self.plan.main)
 
     @property
@@ -66,15 +65,8 @@ class MainDrive:
 
     def laws_until(self, end: float) -> list[Law]:
         """The laws that take over before a time [s], and the first in any case."""
-        later = islice(self._all_laws(), 1, None)
+        later = islice(unrolled(self.laws, self.source), 1, None)
         return [self.law, *takewhile(lambda law: law.valid_from < end, later)]
-
-    def _all_laws(self) -> Iterator[Law]:
-        """Its laws, one after the other, without end if they have none."""
-        yield from self.laws
-        law: Law | None = self.laws[-1]
-        while self.source and isinstance(law, DriveLaw) and (law := self.source.after(law)):
-            yield law
 
     def time_of(self, revolutions: float) -> float:
         """When it has turned so far [s]."""
@@ -89,7 +81,7 @@ class MainDrive:
                 f'{main} is driven straight, it makes no revolutions: give a duration in '
                 f'seconds: {cure}'
             )
-        t = time_of_angle(self._all_laws(), 2.0 * math.pi * revolutions)
+        t = time_of_angle(unrolled(self.laws, self.source), 2.0 * math.pi * revolutions)
         if t is None:
             raise InputError(
                 f'{main} is at rest: give a duration in seconds, not revolutions: {cure}'

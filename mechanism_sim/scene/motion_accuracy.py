@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.polynomial import polynomial
 
-from mechanism_sim.numerics.sampled_data import SampledDerivative, sampled_derivative
+from mechanism_sim.numerics.sampled import (
+    SampledPeak,
+    acceleration_peaks,
+    describe_peaks,
+    determined,
+)
 from mechanism_sim.planar.endless_laws import ends
 from mechanism_sim.scene.drives import drive_key
 from mechanism_sim.scene.machine import Machine
@@ -26,14 +30,9 @@ def acceleration_notes(machine: Machine) -> Iterator[str]:
     """The largest acceleration of each drive that is given over time."""
     for c, key, course in _courses(machine):
         size, at = _largest(machine, c)
-        said = f'{key}: largest acceleration {abs(size):.6g} {_unit(machine, c)} at t = {at:.6g} s'
-        if (found := _sampled(course)) is None:
-            yield said
-        elif math.isinf(found.between):
-            yield f'{said}; so few points do not say how far it may be off'
-        else:
-            rounded = f' and {found.rounding:.3g} by their rounding' if found.step else ''
-            yield f'{said}, which may be off by {found.between:.3g} between the points{rounded}'
+        yield f'{key}: largest acceleration {abs(size):.6g} {_unit(machine, c)} at t = {at:.6g} s'
+        if (peaks := _peaks(course)) and determined(peaks):
+            yield f'{key}: {describe_peaks(peaks, _unit(machine, c))}'
 
 
 def undetermined_accelerations(machine: Machine) -> Iterator[str]:
@@ -47,16 +46,8 @@ def undetermined_accelerations(machine: Machine) -> Iterator[str]:
                     "which the speed goes on: through points of a curve take 'interpolation: "
                     "cubic'"
                 )
-        found = _sampled(course)
-        if found is None or found.determined or math.isinf(found.off):
-            continue
-        cure = 'they are too far apart: give more points, or a formula'
-        if found.rounding > found.between:
-            cure = 'they are rounded: give more digits, fewer points, or a formula'
-        yield (
-            f'{key}: its points do not determine the acceleration, {abs(found.largest):.4g} '
-            f'{_unit(machine, c)}, which may be off by {found.off:.3g}; {cure}'
-        )
+        if (peaks := _peaks(course)) and not determined(peaks):
+            yield f'{key}: {describe_peaks(peaks, _unit(machine, c))}'
 
 
 def _unit(machine: Machine, c: str) -> str:
@@ -75,16 +66,20 @@ def _courses(machine: Machine) -> Iterator[tuple[str, str, CoursePart | None]]:
                 yield c, f'{key}.{name}', course
 
 
-def _sampled(course: CoursePart | None) -> SampledDerivative | None:
-    """How well points determine an acceleration; None of formulas, moves and ramps."""
+def _peaks(course: CoursePart | None) -> tuple[SampledPeak, SampledPeak] | None:
+    """Extreme accelerations by points; None of formulas, moves and ramps."""
     if course is None or not course.given:
         return None
-    if isinstance(course, SpeedPart) and course.interpolation in (None, 'linear'):
+    rate = isinstance(course, SpeedPart)
+    how = course.interpolation or ('linear' if rate else 'cubic')
+    if how == 'linear':
         return None
     t, y = np.array([(t, x.value) for t, x in course.given]).T
-    order, how = 2 - isinstance(course, SpeedPart), course.interpolation or 'cubic'
-    units = (1.0, math.radians(1.0)) if order == 2 else (1.0, math.radians(1.0), math.pi / 30.0)
-    return sampled_derivative(t, y, order, how, course.periodic, units)
+    if course.periodic:  # what turns on has the same accelerations without its turns
+        y = y - (y[-1] - y[0]) * (t - t[0]) / (t[-1] - t[0])
+        y[-1] = y[0]
+    degree = {'cubic': 3, 'quintic': 5}[how]
+    return acceleration_peaks(t, y, degree, course.periodic, order=2 - rate)
 
 
 def _largest(machine: Machine, c: str) -> tuple[float, float]:
@@ -94,18 +89,16 @@ def _largest(machine: Machine, c: str) -> tuple[float, float]:
     for law, begin, end in ends(machine.plan.laws_until(c, duration), duration):
         second = polynomial.polyder(law.coefficients, 2)
         at = np.linspace(begin, end, _IN_PIECE) - law.reference_time
-        values = polynomial.polyval(at, second)
-        k = int(np.abs(values).argmax())
-        if abs(values[k]) < abs(best[0]):
+        values = np.abs(polynomial.polyval(at, second))
+        if values.max() < abs(best[0]):
             continue
-        places = at[k : k + 1]
+        places = at[values.argmax()][None]
         if len(second) > 2:  # refined where its own derivative is zero
             roots = polynomial.polyroots(polynomial.polyder(second))
             real = roots[np.abs(roots.imag) < 1e-9].real
             places = np.append(places, real[(real > at[0]) & (real < at[-1])])
         sizes = polynomial.polyval(places, second)
         k = int(np.abs(sizes).argmax())
-        best = max(
-            best, (float(sizes[k]), float(places[k] + law.reference_time)), key=lambda x: abs(x[0])
-        )
+        if abs(sizes[k]) > abs(best[0]):
+            best = float(sizes[k]), float(places[k] + law.reference_time)
     return best

@@ -136,12 +136,12 @@ class CoursePart(Part):
             for u in self.units()
             if alike(_unit_of_formula(self.tree(), str(self.formula), self.units()) or '', u)
         ]
-        written = any(n.unit for n in self.tree().walk())
+        written = any(n.unit and not alike(n.unit, 's') for n in self.tree().walk())
         return wanted[0] if len(wanted) == 1 and written else ''
 
     @property
     def words(self) -> str:
-        """What it is, in words."""
+        """The kind of motion, in words."""
         what = 'positions' if self.units()[0] == 'rad' else 'speeds'
         if self.formula is not None:
             return f'{what[:-1]} {self.formula}'

@@ -146,7 +146,7 @@ class Nominal:
 
     @property
     def undetermined_text(self) -> str:
-        """What redundant constraints leave open, for people."""
+        """Forces that redundant constraints leave open, in a sentence."""
         count = self.assembly.redundant
         return (
             f'not determined, for {count} of the closure equations follow{"s" * (count == 1)} '

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
+from itertools import islice, takewhile
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from mechanism_sim.linkages.formulas import FormulaState
 from mechanism_sim.linkages.nominal import NominalRun
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
-from mechanism_sim.planar.endless_laws import LawSource, laws_until
+from mechanism_sim.planar.endless_laws import LawSource, unrolled
 from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import (
@@ -74,13 +75,13 @@ class ScenePlan(Names):
     sources : what goes on behind the last of these, for motions without end
     begins : of the coordinates moved by a torque or a force, and of the elastic ones, value and
         rate at the start
-    given : values and rates of coordinates that the scene sets outright
+    given : values and rates of coordinates that the scene sets outright, and rates that `initial`
+        gives of points, for which the start is solved
     floating : the same of coordinates that only the machine with its clearances has
     assumed : of `begins`, the coordinates of whose values and of whose rates nobody said anything
     guess : rough values of coordinates
     frictions : of ideal joints, of a tree of the mechanism
     states : of first order
-    moving_points : rates that `initial` gives of points, which the start solves for
     efforts : what prescribed drives supply, where it is given
     motors : of the driven coordinates that have one whose torque is no straight line over speed
     weighed : whether every link has the mass properties that forces need
@@ -133,11 +134,9 @@ class ScenePlan(Names):
             if drive.effort is not None
         }
         self.bodies = read_bodies(self, tree, drives, elastic, rotors)
-        said, self.moving_points = split(
-            self, 'initial.velocity', scene.initial.velocity, tree, 'm/s'
-        )
+        said, moving = split(self, 'initial.velocity', scene.initial.velocity, tree, 'm/s')
         rates = read_values(self, 'initial.velocity', said, tree, _PACES)
-        self.given = positions, rates
+        self.given = positions, rates, moving
         self.frictions = read_frictions(self, self.clearances)
         self.motors = tuple(
             motor
@@ -146,14 +145,14 @@ class ScenePlan(Names):
         )
         weighing = {mass.at.partition('.')[0] for mass in scene.masses.values()} | elastic.keys()
         self.weighed = all(scene.links[x].mass is not None or x in weighing for x in self.links)
-        self.floating = self._read_floating(tree)
+        self.floating = _read_floating(self, tree)
 
     # --- drives and the start -------------------------------------------------------------------
 
     def _read_drives(self, drives: Mapping[str, DrivePart], tree: Mechanism) -> Values:
         """Laws of the drives and where they begin; the positions that the scene sets outright."""
         straight = tree.displacements
-        given, self.guess, guessed = self._read_places(drives, tree)
+        given, self.guess, guessed = _read_places(self, drives, tree)
         self.laws: dict[str, tuple[Law, ...]] = {}
         self.sources: dict[str, LawSource] = {}
         self.begins: dict[str, tuple[float, float]] = {}
@@ -184,61 +183,6 @@ class ScenePlan(Names):
         paceless = (c for c, drive in drives.items() if drive.speed is None)
         self.assumed = frozenset(silent), frozenset(paceless)
         return positions
-
-    def _read_places(
-        self, drives: Mapping[str, DrivePart], tree: Mechanism
-    ) -> tuple[Values, Values, list[str]]:
-        """Coordinates as `initial` sets them, as `guess` has them, and which of these it says."""
-        initial, guess = self.scene.initial.position, self.scene.guess
-        outright, placed = split(self, 'initial.position', initial, tree)
-        rough, near = split(self, 'guess', guess, tree)
-        given = read_values(self, 'initial.position', outright, tree, _PLACES)
-        guessed = read_values(self, 'guess', rough, tree, _PLACES)
-        own = {
-            c: start
-            for c, drive in drives.items()
-            for start in (drive.start_angle, drive.start_position)
-            if start is not None
-        }
-        found, order = dict(guessed), tree.coordinates
-        for targets, exact in ((placed, True), (near, False)):
-            if not targets:
-                continue
-            held = given if exact else own | given
-            every = solved(tree, targets, own | guessed, held, exact)
-            at = np.array([every[c] for c in order])
-            moved = {c: every[c] for c in moved_by(tree, targets, at) if c not in held}
-            given = given | moved if exact else given
-            found = every | guessed
-            guessed = guessed | moved
-        return given, found, [*guessed]
-
-    def _read_floating(self, tree: Mechanism) -> tuple[Values, Values]:
-        """Values and rates of the coordinates that only the machine with its clearances has."""
-        initial = self.scene.initial
-        found: list[Values] = []
-        for kind, part, unit in (
-            ('position', initial.position, 'm'),
-            ('velocity', initial.velocity, 'm/s'),
-        ):
-            found.append({})
-            for c, measure in part.items():
-                if not isinstance(measure, QuantityValue) or not floats(self, c, measure, tree):
-                    continue
-                where, loose, link = f'initial.{kind}.{c}', self.loose, c.partition('.')[0]
-                if c not in loose.coordinates or (c in self.links and c in loose.displacements):
-                    raise InputError(
-                        f'{where} cannot be set: {link} hangs on a joint without clearance, so '
-                        f"that its only coordinate is '{link}', "
-                        f'{kind_of(link in loose.displacements)}'
-                    )
-                lies = '.' in c
-                found[-1][c] = self.measure(where, measure, True, ('', unit)) if lies else (
-                    measure.value
-                )  # fmt: skip
-        return found[0], found[1]
-
-    # --- the mechanism --------------------------------------------------------------------------
 
     def mechanism(self, cut: Sequence[str]) -> Mechanism:
         """The tree that is left when some joints are cut."""
@@ -335,17 +279,9 @@ class ScenePlan(Names):
 
     def laws_until(self, c: str, end: float) -> tuple[Law, ...]:
         """The laws of a coordinate up to a time [s], or as many as are looked at beforehand."""
-        return laws_until(self.laws[c], self.sources.get(c), end, _AHEAD)
-
-    def announce(self, run: EventLoop | NominalRun, laws: Mapping[str, Sequence[Law]]) -> None:
-        """Let a run know what comes behind the first of its laws.
-
-        Nothing of its own follows others than those of the scene.
-        """
-        later = (law for each in laws.values() for law in each[1:])
-        for law in sorted(later, key=lambda x: x.valid_from):
-            run.change_law(law)
-        run.go_on_by({c: x for c, x in self.sources.items() if laws[c] is self.laws[c]})
+        laws = self.laws[c]
+        known = islice(unrolled(laws, self.sources.get(c)), len(laws) + _AHEAD)
+        return (laws[0], *takewhile(lambda law: law.valid_from <= end, islice(known, 1, None)))
 
     def law_at(self, c: str, t: float = 0.0) -> tuple[float, float, float]:
         """Value, rate and acceleration, a time [s] from the start, by a coordinate's first law."""
@@ -387,3 +323,74 @@ class ScenePlan(Names):
     def loops(self, held: Sequence[str]) -> Kinematics:
         """Those closures as numbers, with some coordinates given."""
         return self._loops.holding(held)
+
+
+def _read_places(
+    plan: ScenePlan, drives: Mapping[str, DrivePart], tree: Mechanism
+) -> tuple[Values, Values, list[str]]:
+    """Coordinates as `initial` sets them, as `guess` has them, and which of these it says."""
+    initial, guess = plan.scene.initial.position, plan.scene.guess
+    outright, placed = split(plan, 'initial.position', initial, tree)
+    rough, near = split(plan, 'guess', guess, tree)
+    given = read_values(plan, 'initial.position', outright, tree, _PLACES)
+    guessed = read_values(plan, 'guess', rough, tree, _PLACES)
+    own = {
+        c: start
+        for c, drive in drives.items()
+        for start in (drive.start_angle, drive.start_position)
+        if start is not None
+    }
+    found, order = dict(guessed), tree.coordinates
+    for targets, exact in ((placed, True), (near, False)):
+        if not targets:
+            continue
+        held = given if exact else own | given
+        every = solved(tree, targets, own | guessed, held, exact)
+        at = np.array([every[c] for c in order])
+        moved = {c: every[c] for c in moved_by(tree, targets, at) if c not in held}
+        given = given | moved if exact else given
+        found = every | guessed
+        guessed = guessed | moved
+    return given, found, [*guessed]
+
+
+def _read_floating(plan: ScenePlan, tree: Mechanism) -> tuple[Values, Values]:
+    """Values and rates of the coordinates that only the machine with its clearances has."""
+    initial = plan.scene.initial
+    found: list[Values] = []
+    for kind, part, unit in (
+        ('position', initial.position, 'm'),
+        ('velocity', initial.velocity, 'm/s'),
+    ):
+        found.append({})
+        for c, measure in part.items():
+            if not isinstance(measure, QuantityValue) or not floats(plan, c, measure, tree):
+                continue
+            where, loose, link = f'initial.{kind}.{c}', plan.loose, c.partition('.')[0]
+            if c not in loose.coordinates or (c in plan.links and c in loose.displacements):
+                raise InputError(
+                    f'{where} cannot be set: {link} hangs on a joint without clearance, so '
+                    f"that its only coordinate is '{link}', "
+                    f'{kind_of(link in loose.displacements)}'
+                )
+            lies = '.' in c
+            found[-1][c] = plan.measure(where, measure, True, ('', unit)) if lies else (
+                measure.value
+            )  # fmt: skip
+    return found[0], found[1]
+
+
+# --- the mechanism --------------------------------------------------------------------------
+
+
+def announce(
+    plan: ScenePlan, run: EventLoop | NominalRun, laws: Mapping[str, Sequence[Law]]
+) -> None:
+    """Let a run know what comes behind the first of its laws.
+
+    Nothing of its own follows others than those of the scene.
+    """
+    later = (law for each in laws.values() for law in each[1:])
+    for law in sorted(later, key=lambda x: x.valid_from):
+        run.change_law(law)
+    run.go_on_by({c: x for c, x in plan.sources.items() if laws[c] is plan.laws[c]})

@@ -114,8 +114,8 @@ def _sizes(machine: Machine) -> dict[str, float]:
 
 def _inertias(machine: Machine) -> Iterator[str]:
     sizes = _sizes(machine)
-    for name, link in machine.links.items():
-        size = sizes.get(name, 0.0)
+    for name in machine.plan.links:
+        link, size = machine.scene.links[name], sizes.get(name, 0.0)
         if not (link.mass and link.inertia and size) or name in machine.plan.ideal.displacements:
             continue
         radius = math.sqrt(link.inertia / link.mass)
@@ -128,7 +128,7 @@ def _inertias(machine: Machine) -> Iterator[str]:
 
 def _masses(machine: Machine) -> Iterator[str]:
     for key, unit, values in (
-        ('mass', 'kg', {n: link.mass for n, link in machine.links.items() if link.mass}),
+        ('mass', 'kg', {n: m for n in machine.plan.links if (m := machine.scene.links[n].mass)}),
         ('size', 'm', {n: size for n, size in _sizes(machine).items() if size}),
     ):
         if len(values) < 3:

@@ -503,7 +503,7 @@ class Linkage(AnyScene):
 
     @property
     def rough(self) -> dict[str, QuantityValue]:
-        """What `guess` says of links, without places of points."""
+        """Values of `guess` for links, without places of points."""
         return {c: x for c, x in self.guess.items() if isinstance(x, QuantityValue)}
 
 

@@ -112,7 +112,7 @@ class InJointKeys(SensorKeys):
 
 def check_link(machine: Any, where: str, link: str | None, frames: Iterable[str] = ()) -> None:
     """Refuse a sensor on a link that does not move, or on no frame of these."""
-    known = [*machine.links, *frames]
+    known = [*machine.plan.links, *frames]
     if link not in known:
         raise InputError(
             f"{where}.link: there is no moving link '{link}'{nearest(str(link), known)}; links: "
@@ -122,8 +122,9 @@ def check_link(machine: Any, where: str, link: str | None, frames: Iterable[str]
 
 def check_impulses(machine: Any) -> None:
     """Refuse impacts beside friction in ideal joints: steps do not tell one from the other."""
-    joints = machine.scene.joints.items()
-    rubbing = [name for name, j in joints if j.friction and j.friction.coefficient]
+    given = {name: joint.friction for name, joint in machine.scene.joints.items()}
+    held = dict.fromkeys(friction.name for friction in machine.plan.frictions(machine.mechanism))
+    rubbing = [name for name in held if (own := given[name]) and own.coefficient]
     if rubbing and machine.level is Level.NONSMOOTH:
         raise InputError(
             f'joints.{rubbing[0]}.friction: beside rigid contacts with clearance impulses in '

@@ -145,8 +145,8 @@ class Start:
             start = self._smooth()
         if not plan.clearances:
             return start.q, start.v
-        given = tuple({c: x for c, x in part.items() if self._alike(c)} for part in plan.given)
-        for kind, whole, part in zip(('position', 'velocity'), plan.given, given, strict=True):
+        given = tuple({c: x for c, x in part.items() if self._alike(c)} for part in plan.given[:2])
+        for kind, whole, part in zip(('position', 'velocity'), plan.given[:2], given, strict=True):
             for link in (c for c in whole if c not in part):
                 places = [c for c in loose.coordinates if c in (f'{link}.x', f'{link}.y')]
                 own = ', '.join([f'{link}, an angle', *(f'{c}, a displacement' for c in places)])
@@ -362,7 +362,7 @@ class Start:
         """The machine without clearance at the start, elastic links bent by its forces."""
         start, ideal = self.nominal.assembly, self.plan.ideal
         names = ideal.deformations
-        if given := [c for part in self.plan.given for c in part if c in names]:
+        if given := [c for part in self.plan.given[:2] for c in part if c in names]:
             raise InputError(
                 'initial.elastic = smooth says how elastic links start, and so does initial for '
                 f'{given[0]}: leave one of them out'

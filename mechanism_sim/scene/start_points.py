@@ -36,7 +36,7 @@ _MOVES = 1e-9
 
 @dataclass(frozen=True)
 class Target:
-    """What a scene says of a start beside coordinates: two equations of a point, one of a block.
+    """Conditions on a start beside coordinates: two equations of a point, one of a block.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Target:
 def split(
     names: Names, where: str, given: Mapping[str, StartValue], tree: Mechanism, unit: str = 'm'
 ) -> tuple[dict[str, QuantityValue], list[Target]]:
-    """What is said of coordinates, and the rest as targets.
+    """Values of coordinates, and the rest as targets.
 
     Parameters
     ----------

@@ -14,6 +14,7 @@ from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.scene.equations import moving
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.plan import announce
 from mechanism_sim.scene.start import check_apart
 
 _ROUNDING = 1e-9
@@ -44,6 +45,11 @@ def check_stops(machine: Machine, duration: float) -> None:
     ]
     if not gaps:
         return
+    if rated := [gap.joint for gap in gaps if gap.value(frames).value is None]:
+        raise InputError(
+            f'joints.{rated[0]} holds one way, but drives and closed loops say all of the motion '
+            'between its links: leave it out, or one of the drives'
+        )
     if machine.drive.commands:
         raise InputError(
             f'the drive takes commands of speed, so that it may take {gaps[0].overlap}: give it a '
@@ -88,7 +94,7 @@ def _motion(machine: Machine, duration: float) -> tuple[Array, Array]:
     """Times (N,) and coordinates (n, N) of the mechanism without clearance."""
     plan = machine.plan
     run = machine.nominal.run([each[0] for each in plan.laws.values()])
-    plan.announce(run, plan.laws)
+    announce(plan, run, plan.laws)
     curve = run.motion(_span(machine, duration)).curve
     nodes = np.linspace(0.0, 1.0, 17)
     times = np.unique(curve.start[:, None] + curve.duration[:, None] * nodes)

@@ -18,6 +18,7 @@ from mechanism_sim.numerics.fourier import PeriodicSpectrum, spectrum
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.ideal import without_clearance
 from mechanism_sim.vibration.periodic_forces import SteadyVibration, known_harmonics
 from mechanism_sim.vibration.shaking import Shaking
@@ -136,7 +137,7 @@ def harmonics_of(
     found = {}
     for name in names:
         frame = machine.frame(name)
-        shaking = Shaking(frame, ideal.forces_on(name))
+        shaking = Shaking(frame, forces_on(ideal, name))
 
         def forces(t: Array, shaking: Shaking = shaking) -> Array:
             return shaking.read(motion, *motion.curve.find(t))

@@ -216,6 +216,32 @@ def test_a_ball_on_a_string_winds_on_a_peg():
     assert final(solution, 'ball.x', 'ball.y')[:2] == pytest.approx(place(end[0]), abs=1e-10)
 
 
+@pytest.mark.parametrize('first', [True, False])
+def test_a_weight_unwinds_a_drum(first):
+    """m a = m g - T and I a/r = T r; the drum begins after 7 turns and makes as many back."""
+    mass, inertia, r, t = 2.0, 0.05, 0.1, 1.8
+    course, way = ['drum', 'b'], 'clockwise'
+    if not first:
+        course, way = course[::-1], 'counterclockwise'
+    machine = made({
+        'links': {'ground': {'points': {'c': [0.0, 1.0], 'g': [r, 0.0]}},
+                  'drum': {'mass': 1.0, 'inertia': inertia}, 'b': {'mass': mass}},
+        'joints': {'axis': {'revolute': ['ground.c', 'drum']},
+                   'guide': {'prismatic': ['ground.g', 'b'], 'axis': '90 deg'},
+                   'own': {'rope': course, 'pulleys': {'drum': {'radius': r, 'passes': way}}}},
+        'initial': {'position': {'drum': 14.0 * math.pi + 0.3}}, 'gravity': [0.0, -G],
+    })  # fmt: skip
+    a = mass * G / (mass + inertia / r**2)
+    solution = ms.simulate(machine, duration=t)
+    turned = final(solution, 'drum')[0] - (14.0 * math.pi + 0.3)
+    assert final(solution, 'b') == pytest.approx([-0.5 * a * t**2, -a * t], rel=1e-12)
+    assert turned == pytest.approx(-0.5 * a * t**2 / r, rel=1e-12)
+    assert turned < -14.0 * math.pi
+    seen = solution.sample(np.array([t]))
+    assert seen['normal_force.own'] == pytest.approx(mass * (G - a), rel=1e-12)
+    assert seen['reaction.axis.y'] == pytest.approx(G + mass * (G - a), rel=1e-12)
+
+
 def test_an_elastic_rope_stretches_as_a_spring_that_only_pulls():
     """A jump: a free fall, then a swing about the place of rest, while the rope is taut."""
     mass, k, h = 70.0, 900.0, 20.0
@@ -373,6 +399,12 @@ def test_a_freewheel_goes_on_for_ten_thousand_swings():
     assert abs(late.energy.residual) < 1e-9 * late.energy.exchanged
 
 
+def test_a_freewheel_between_driven_links_is_refused():
+    driven = {'hub': {'speed': 2.0}, 'wheel': {'speed': 1.0}}
+    with pytest.raises(InputError, match='own holds one way, but drives and closed loops say all'):
+        ms.simulate(shafts({'freewheel': ['hub', 'wheel']}, drives=driven), duration=1.0)
+
+
 SLIDERS = {'links': {'ground': {'points': {'p': [0.0, 1.0]}}, 'a': {'mass': 1.0}},
            'joints': {'ga': {'prismatic': ['ground', 'a'], 'axis': '90 deg'}}}  # fmt: skip
 
@@ -387,8 +419,10 @@ SLIDERS = {'links': {'ground': {'points': {'p': [0.0, 1.0]}}, 'a': {'mass': 1.0}
         ({'rope': ['a', 'ground.p'], 'length': 0.5},
          'the start puts the points of own beyond its length, by 0.5 m'),
         ({'rope': ['a', 'ground.p'], 'length': '-1 m'}, 'length = .-1 m. is out of bounds'),
+        ({'rope': ['a', 'ground.p'], 'pulleys': {'ground.q': {'radius': 0.1}}},
+         r'pulleys.ground.q: the rope has no such point.*; its points: a, ground.p'),
         ({'rope': ['a', 'ground.p'], 'pulleys': {'ground.p': {'radius': 0.1}}},
-         'passes no such point between its ends; there are: none'),
+         'passes is missing: how the rope goes round the drum'),
         ({'rope': ['a', 'ground.p'], 'clearance': {'radial': 1e-3, 'restitution': 0}},
          'it has no play: give its length'),
         ({'rope': ['a', 'ground.p'], 'restitution': 2}, 'must be at most 1'),

@@ -67,7 +67,7 @@ def test_freedoms_of_links_that_hang_together():
 def test_links_and_joints_are_those_of_the_figures(name, links, kinds, framed, driven):
     """Problems 1.6 to 1.9; the frame is a link."""
     machine = ms.load_scene(name)
-    assert len(machine.links) + 1 == links
+    assert len(machine.plan.links) + 1 == links
     assert Counter(joint.kind for joint in machine.scene.joints.values()) == kinds
     on_frame = [joint for joint in machine.plan.joints if 'ground' in (joint.first, joint.second)]
     assert len(on_frame) == framed
@@ -78,7 +78,7 @@ def test_links_and_joints_are_those_of_the_figures(name, links, kinds, framed, d
 def test_equations_and_unknowns_of_forces(name):
     """Problems 3.10 to 3.12."""
     machine = ms.load_scene(name)
-    assert 3 * len(machine.links) == 9
+    assert 3 * len(machine.plan.links) == 9
     assert 2 * len(machine.mechanism.joints) + len(machine.plan.prescribed) == 9
 
 

@@ -144,7 +144,26 @@ def _hoist(random: Random, k: int) -> Draft:
     return Draft(_scene(links, joints, drive=drive), duration=1.2)
 
 
-_MAKERS = _weights, _hanging, _tackle, _shafts, _slides, _hoist
+def _winch(random: Random, k: int) -> Draft:
+    """A drum, driven or with inertia, that lifts and lowers a weight over a pulley."""
+    r, way = float(random.uniform(0.05, 0.15)), pick(random, ('clockwise', 'counterclockwise'))
+    links = {'ground': {'points': {'p': [1.0, 2.0], 'r': [1.2, 0.0]}},
+             'drum': {'mass': 2.0, 'inertia': float(random.uniform(0.01, 0.3))},
+             'b': {'mass': float(random.uniform(0.5, 3.0))}}  # fmt: skip
+    rope = {'rope': ['drum', 'ground.p', 'b'], 'restitution': pick(random, RESTITUTIONS),
+            'pulleys': {'drum': {'radius': r, 'passes': way}}}  # fmt: skip
+    joints = {'axis': {'revolute': ['ground', 'drum']},
+              'gb': {'prismatic': ['ground.r', 'b'], 'axis': '90 deg'}, 'rope': rope}  # fmt: skip
+    if k % 2:
+        push = f'{random.uniform(1.0, 8.0)}*sin({random.uniform(2.0, 9.0)}*t)'
+        return Draft(
+            _scene(links, joints, loads={'m': {'at': 'drum', 'torque': push}}), duration=1.0
+        )
+    speed = float(random.uniform(-9.0, 9.0))
+    return Draft(_scene(links, joints, drive={'coordinate': 'drum', 'speed': speed}), duration=1.0)
+
+
+_MAKERS = _weights, _hanging, _tackle, _shafts, _slides, _hoist, _winch
 
 
 def _drawn(random: Random, k: int) -> Draft:

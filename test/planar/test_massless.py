@@ -156,7 +156,7 @@ def lightened(name, seed):
     """A scene, some links of which have no mass: its energy residual, or None if it is refused."""
     rng = np.random.default_rng(seed)
     machine = ms.load_scene(name)
-    links = [n for n, x in machine.links.items() if x.mass is not None]
+    links = [n for n in machine.plan.links if machine.scene.links[n].mass is not None]
     chosen = [n for n in links if rng.random() < 0.5]
     changes = {f'links.{n}.{key}': 0 for n in chosen for key in ('mass', 'inertia')}
     try:

@@ -123,7 +123,7 @@ def test_links_take_their_parts_in_an_impact():
         )
         assert sum(strike.jump) == pytest.approx(impact.approach_speed + impact.rebound_speed)
         assert all(
-            m <= machine.links[n].mass
+            m <= machine.scene.links[n].mass
             for m, n in zip(strike.mass, ('coupler', 'rocker'), strict=True)
         )
 

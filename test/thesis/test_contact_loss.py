@@ -44,8 +44,8 @@ def thesis(speed=SPEED, gravity=True):
         machine.nominal.linkage, machine.nominal.inverse_dynamics, 'coupler_rocker', speed
     )
     inertias = [
-        machine.links[name].inertia + machine.links[name].mass * machine.links[name].cog ** 2
-        for name in ('coupler', 'rocker')
+        link.inertia + link.mass * link.cog**2
+        for link in (machine.scene.links[name] for name in ('coupler', 'rocker'))
     ]
     return machine, cycle, lambda c: ClearanceLink.four_bar(c, machine.nominal.linkage, *inertias)
 
@@ -272,7 +272,7 @@ def test_inertia_of_the_four_bar_link_is_that_of_its_impacts():
     for name, angle in zip(
         ('coupler', 'rocker'), machine.nominal.linkage.positions(p), strict=True
     ):
-        body = machine.links[name]
+        body = machine.scene.links[name]
         v = np.array([-np.sin(angle), np.cos(angle)]) * body.length
         mobility += np.einsum('in,jn->nij', v, v) / (body.inertia + body.mass * body.cog**2)
     np.testing.assert_allclose(m @ mobility, np.broadcast_to(np.eye(2), m.shape), atol=1e-13)

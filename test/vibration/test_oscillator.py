@@ -19,6 +19,7 @@ from mechanism_sim.numerics.polynomials import gauss_nodes
 from mechanism_sim.numerics.rational import Rational
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report.bag import render
+from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.sensing.chain import Amplifier
 from mechanism_sim.vibration.residues import receptance, through
 from mechanism_sim.vibration.shaking import Shaking
@@ -44,7 +45,7 @@ def on_frame(scene, overrides=(), **frame):
 
 def shaking_of(machine):
     """What shakes its frame, for one listener."""
-    return Shaking(machine.frame('frame'), machine.forces_on('frame'))
+    return Shaking(machine.frame('frame'), forces_on(machine, 'frame'))
 
 
 def grounded(machine):
@@ -237,7 +238,7 @@ def test_momentum_and_energy_of_a_long_run(scene):
     solution = ms.simulate(machine, duration=1.0 if scene == 'four_bar_on_frame' else 0.2)
     curve, shaken = solution.motion.curve, machine.oscillator(name)
     frame, moved = shaken.frame, shaken.take(solution.motion)
-    shaking = Shaking(frame, machine.forces_on(name))
+    shaking = Shaking(frame, forces_on(machine, name))
     impulses = shaking.impulses(solution.motion)
     # pieces cut so small that a quadrature of 10 points is exact for the fastest mode
     n = int(np.ceil(curve.duration.max() * 2.0 * np.pi * frame.frequencies[-1]))

@@ -45,7 +45,7 @@ class ContactKeys(TouchingKeys):
         return DiscPair(name, a, b, on_a, on_b, self.radii, end)
 
     def describe(self, joint: Any) -> str:
-        """What touches."""
+        """The surfaces that touch, in words."""
         one, two = joint.radii
         what = 'disc' if joint.end is None else 'bar'
         return (

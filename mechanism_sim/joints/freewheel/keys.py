@@ -47,7 +47,7 @@ class OneWayKeys(PhaseKeys):
         return Play(radial=0.0, restitution=0.0)
 
     def describe(self, joint: Any) -> str:
-        """What it does."""
+        """Its effect, in words."""
         way = 'clockwise' if joint.sense < 0.0 else 'counterclockwise'
         kind = f'ratchet of {joint.teeth} teeth' if joint.teeth else 'freewheel'
         return f'{kind}: {joint.first} takes {joint.second} along {way}'

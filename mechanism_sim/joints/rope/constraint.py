@@ -9,7 +9,8 @@ and the angle theta of d the arc ``r (theta2 - theta1)`` on a pulley between two
 length is the sum of all l and arcs. As stretches are tangents, its derivative is the sum of
 ``d . (dC2 - dC1)``: what the turning of a tangent takes from a stretch it gives to the arcs. So
 the tension acts along d at the centres. Pulleys turn as they like and without inertia; the rope
-has neither mass nor stiffness.
+has neither mass nor stiffness. On a drum, a pulley at its end, it is wound up: there the arc is
+``r (theta - phi)`` with the drum's angle phi, all turns counted, and the tension has a moment.
 """
 
 from __future__ import annotations
@@ -33,11 +34,20 @@ from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.planar.view import Draft, Side, circle
 
 
+class Drum(NamedTuple):
+    """What is wound on a drum counts from here."""
+
+    way: float  #: [rad] direction of the rope
+    angle: float  #: [rad] of the drum's link
+    turns: int = 0  #: whole turns of it beside that
+
+
 class Pulley(NamedTuple):
     """A point of a rope, and the pulley there."""
 
     place: LinkPoint
     radius: float = 0.0  #: [m] positive where the rope passes counterclockwise; 0 of a point
+    drum: Drum | None = None  #: of one at its end
 
 
 @dataclass(frozen=True)
@@ -79,7 +89,7 @@ class Rope(HigherPair):
 
     def draw(self, draft: Draft) -> None:
         """The pulleys, and that links reach to its points."""
-        for (link, at), radius in self.pulleys:
+        for (link, at), radius, _ in self.pulleys:
             draft.reach((link, at))
             if radius and draft.first(f'{link} {at} {abs(radius):.9g}'):
                 draft.add('wheel', link, circle(abs(radius), at), size=abs(radius))
@@ -134,14 +144,44 @@ class RopeClosure(HigherClosure[Rope]):
         stretches = self._stretches(frames)
         excess = [s.length for s in stretches]
         for k, (before, after) in enumerate(pairwise(stretches), start=1):
-            if radius := self.joint.pulleys[k].radius:
+            radius = self.joint.pulleys[k].radius
+            if radius:
                 size = dense(frames.parameters(f'{self.name}.radius.{k}', abs(radius)))
                 excess.append(size * _wrap(before.way, after.way, math.copysign(1.0, radius)))
         total = Jet(None, {}, None, None)
         for stretch in stretches:
             total += stretch.pulled
+        for k, side in ((0, 1.0), (len(stretches), -1.0)):
+            if drum := self.joint.pulleys[k].drum:
+                way = stretches[0 if k == 0 else -1].way
+                turned = self._off_drum(frames, k, drum, way)
+                size = dense(frames.parameters(f'{self.name}.drum.{k}', self._arm(k)))
+                excess.append(size * dense(turned.value) * side)
+                total += Jet(None, turned.gradient, turned.rate, None) * (size * side)
         own = neg(frames.parameters(f'{self.name}.length', self.joint.length))
         return [Jet(add(own, *excess), total.gradient, total.rate, total.curvature)]
+
+    def _arm(self, k: int) -> float:
+        return self.joint.pulleys[k].radius
+
+    def _off_drum(
+        self, frames: Frames, k: int, drum: Drum, way: tuple[hy.expression, hy.expression]
+    ) -> Jet:
+        """How far the rope has turned on a drum [rad]; of the gradient only what the drum does."""
+        link, at = self.joint.pulleys[k].place
+        (x, y), (frame, offset) = way, self.mechanism.frame(link)
+        c, s = (
+            dense(frames.parameters(f'{self.name}.way.{k}.{axis}', value))
+            for axis, value in (('x', math.cos(drum.way)), ('y', math.sin(drum.way)))
+        )
+        swung = hy.atan2(y * c - x * s, x * c + y * s)
+        phi = self.mechanism.turning(frames, link, at, f'{self.name}:{k}')
+        begun = frames.parameters(f'{self.name}.begun.{k}', offset - drum.angle)
+        turns = add(
+            frames.turns(frame), neg(frames.parameters(f'{self.name}.turns.{k}', drum.turns))
+        )
+        wound = add(phi.value, begun, mul(hy.expression(2.0 * math.pi), turns))
+        return Jet(add(swung, neg(wound)), (-phi).gradient, neg(phi.rate), None)
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """The row draws the points together: along the stretches, at the middles of pulleys."""
@@ -152,7 +192,9 @@ class RopeClosure(HigherClosure[Rope]):
             out = along[k] if k < len(along) else (None, None)
             back = along[k - 1] if k else (None, None)
             force = add(out[0], neg(back[0])), add(out[1], neg(back[1]))
-            loads.append(Load(f'{self.name}.{k}', *p.place, force))
+            arm = frames.parameters(f'{self.name}.drum.{k}', p.radius if p.drum else 0.0)
+            turn = mul(pull, arm) if k == 0 else neg(mul(pull, arm))
+            loads.append(Load(f'{self.name}.{k}', *p.place, force, turn))
         x: Term = None
         y: Term = None
         moment: Term = None
@@ -160,7 +202,7 @@ class RopeClosure(HigherClosure[Rope]):
             self.mechanism.point(joint.second, joint.on_second), f'{self.name}.second'
         )
         for load in (load for load in loads if load.link == joint.second):
-            x, y = add(x, load.force[0]), add(y, load.force[1])
+            x, y, moment = add(x, load.force[0]), add(y, load.force[1]), add(moment, load.moment)
             if load.at != joint.on_second:
                 px, py = frames.position(self.mechanism.point(load.link, load.at), load.name)
                 arm = add(px.value, neg(ox.value)), add(py.value, neg(oy.value))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,7 +15,7 @@ from pydantic import Field
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.joints.joint_keys import KINDS, Joints, TouchingKeys
-from mechanism_sim.joints.rope.constraint import Pulley, Rope, Slack
+from mechanism_sim.joints.rope.constraint import Drum, Pulley, Rope, Slack
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Length, Part
 from mechanism_sim.planar.closures import closures
@@ -28,12 +29,13 @@ _STRAIGHT = 1e-9
 
 
 class PulleyPart(Part):
-    """A pulley at a point of a rope."""
+    """A pulley at a point of a rope, or a drum at its end."""
 
     radius: Length
     """To the middle of the rope."""
     passes: Literal['counterclockwise', 'clockwise'] | None = None
-    """How the rope goes round, from its first point on; without it as it bends at the start."""
+    """How the rope goes round, from its first point on; without it as it bends at the start.
+    Required of a drum."""
 
 
 @KINDS.add('rope')
@@ -46,7 +48,8 @@ class RopeKeys(TouchingKeys):
     length: Length | None = None
     """Of a rope; without it that of its way at the start."""
     pulleys: dict[str, PulleyPart] | None = None
-    """Of a rope: pulleys at points between its ends, by their names; others have no radius."""
+    """Of a rope: pulleys at its points, by their names, or drums at its ends, on which it is wound
+    as their links turn; others have no radius."""
     firm = 'it has no play: give its length'
 
     def read(self, names: Names, name: str) -> Rope:
@@ -54,11 +57,10 @@ class RopeKeys(TouchingKeys):
         where, given, pulleys = f'joints.{name}', self.rope or [], self.pulleys or {}
         places = [names.find(f'{where}.rope', reference) for reference in given]
         for reference in pulleys:
-            if reference not in given[1:-1]:
-                between = ', '.join(given[1:-1]) or 'none'
+            if reference not in given:
                 raise InputError(
-                    f'{where}.pulleys.{reference}: the rope passes no such point between its '
-                    f'ends{nearest(reference, given[1:-1])}; there are: {between}'
+                    f'{where}.pulleys.{reference}: the rope has no such '
+                    f'point{nearest(reference, given)}; its points: {", ".join(given)}'
                 )
         for k, (one, two) in enumerate(pairwise(places)):
             if one == two:
@@ -76,13 +78,22 @@ class RopeKeys(TouchingKeys):
         second, on_second = apart[-1]
         return Rope(name, first, second, on_first, on_second, course, self.length or 0.0)
 
+    def mounted(self, joint: Any, start: Mapping[str, float], turned: Mapping[str, int]) -> Rope:
+        """Drums remember the turns that they begin with."""
+        pulleys = tuple(
+            p._replace(drum=p.drum._replace(turns=turned.get(p.place[0], 0))) if p.drum else p
+            for p in joint.pulleys
+        )
+        mounted: Rope = replace(joint, pulleys=pulleys)
+        return mounted
+
     def describe(self, joint: Any) -> str:
         """Its length and course."""
         over = f' over {len(joint.pulleys) - 2} points' if joint.pulleys[2:] else ''
         return f'rope of {joint.length:g} m from {joint.first}{over}, which may hang slack'
 
     def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[Bound]:
-        """What it has left."""
+        """The slack that it has left."""
         closure, law = joint.closure(mechanism), play.law()
         return [Slack(closure, 'left', 0.0, play.restitution, 0.0, play.hypothesis, law)]
 
@@ -97,23 +108,39 @@ class RopeKeys(TouchingKeys):
 
 def _laid(names: Names, rope: Rope, tree: Mechanism, q: Mapping[str, float]) -> Rope:
     given, where = names.scene.joints[rope.name], f'joints.{rope.name}'
-    places = [np.array(tree.locate(link, q, at)) for (link, at), _ in rope.pulleys]
-    pulleys = [rope.pulleys[0]]
-    for k, reference in enumerate(given.rope[1:-1], start=1):
+    places = [complex(*tree.locate(link, q, at)) for (link, at), *_ in rope.pulleys]
+    stretches = [b - a for a, b in pairwise(places)]
+    pulleys = []
+    for k, reference in enumerate(given.rope):
         pulley = rope.pulleys[k]
         if pulley.radius:
-            (ax, ay), (bx, by) = places[k] - places[k - 1], places[k + 1] - places[k]
-            turn = ax * by - ay * bx
-            said = given.pulleys[reference].passes
-            if said is None and abs(turn) <= _STRAIGHT * math.hypot(ax, ay) * math.hypot(bx, by):
-                raise InputError(
-                    f'{where}.pulleys.{reference}.passes is missing: at the start the rope is '
-                    'straight there: counterclockwise or clockwise, from its first point on'
-                )
+            key = f'{where}.pulleys.{reference}.passes'
+            said, turn = given.pulleys[reference].passes, 0.0
+            if said is None:
+                if not 0 < k < len(stretches):
+                    raise InputError(
+                        f'{key} is missing: how the rope goes round the drum, counterclockwise or '
+                        'clockwise, from its first point on'
+                    )
+                bend = stretches[k - 1].conjugate() * stretches[k]
+                turn = bend.imag
+                if abs(turn) <= _STRAIGHT * abs(bend):
+                    raise InputError(
+                        f'{key} is missing: at the start the rope is straight there: '
+                        'counterclockwise or clockwise, from its first point on'
+                    )
             left = turn > 0.0 if said is None else said == 'counterclockwise'
             pulley = pulley._replace(radius=pulley.radius if left else -pulley.radius)
         pulleys.append(pulley)
-    rope = replace(rope, pulleys=(*pulleys, rope.pulleys[-1]))
+    for k in (0, -1):
+        if pulleys[k].radius:  # along = (l + i (r2 - r1)) d
+            along, near = stretches[k], (pulleys[0], pulleys[1]) if k == 0 else pulleys[-2:]
+            off = near[1].radius - near[0].radius
+            free = math.sqrt(max(abs(along) ** 2 - off**2, 0.0))
+            way = cmath.phase(along / complex(free, off)) if along else 0.0
+            drum = Drum(way, tree.angle(pulleys[k].place[0], q))
+            pulleys[k] = pulleys[k]._replace(drum=drum)
+    rope = replace(rope, pulleys=tuple(pulleys))
     if not rope.length and not closures(tree, tree.cut):
         rope = replace(rope, length=_way(rope, tree, q))
     if not rope.length:
@@ -128,8 +155,11 @@ def _way(rope: Rope, tree: Mechanism, q: Mapping[str, float]) -> float:
     """Length of the way on which a rope lies at coordinates [m]."""
     frames = Frames(tree.coordinates, Parameters())
     (way,) = rope.closure(tree).values(frames)
-    function = SwitchedFunction(frames, [[way.value]], [*frames.q.values()])
-    length = float(function(np.array([[q[c]] for c in tree.coordinates]))[0][0, 0])
+    function = SwitchedFunction(
+        frames, [[way.value]], [*frames.q.values(), *frames.outside.values()]
+    )
+    known = [*(q[c] for c in tree.coordinates), *(0.0 for _ in frames.outside)]
+    length = float(function(np.array(known)[:, None])[0][0, 0])
     if not math.isfinite(length) or length <= 0.0:
         raise InputError(
             f'joints.{rope.name}.rope: at the start its pulleys overlap, or its points coincide'

@@ -26,7 +26,7 @@ def angle_between(
 def check_between(machine: Any, where: str, sensor: Any, does: str) -> None:
     """Refuse a sensor of the angle between two links, if there is none; what it `does` with it."""
     check_link(machine, where, sensor.link)
-    known = [GROUND, *machine.links]
+    known = [GROUND, *machine.plan.links]
     if sensor.relative_to not in known:
         raise InputError(
             f"{where}.relative_to: there is no link '{sensor.relative_to}'; links: "

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import Offset
+from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.sensor_keys import SENSORS, OnLinkKeys, ShockKeys, check_link
 from mechanism_sim.sensing.chain import Integrator, Transducer
 from mechanism_sim.sensing.channel import SensorSource
@@ -42,7 +43,7 @@ class AccelerometerKeys(OnLinkKeys, ShockKeys):
         """A point of a link, or of a frame on springs."""
         mechanism, across, link = machine.mechanism, self.transducer.transverse, str(self.link)
         if link in machine.scene.oscillators:
-            frame, forces = machine.frame(link), machine.forces_on(link)
+            frame, forces = machine.frame(link), forces_on(machine, link)
             gravity = mechanism.gravity if self.gravity else (0.0, 0.0)
             return PointOnFrame(frame, forces, self._at(), self.axis, gravity, across)
         return PointOnLink(mechanism, link, self._at(), self.axis, self.gravity, across)
@@ -51,7 +52,7 @@ class AccelerometerKeys(OnLinkKeys, ShockKeys):
         """On a link or a frame, and along which axis."""
         x, y = self._at()
         at = f'({x:g}, {y:g}) m' if y else f'{x:g} m'
-        if self.link in machine.links:
+        if self.link in machine.plan.links:
             return f'on the {self.link}, {at} from its origin, {self.axis} the link'
         way = 'x' if self.axis == 'along' else 'y'
         return f'on the oscillator {self.link}, at {at}, along {way}'
@@ -64,7 +65,7 @@ class AccelerometerKeys(OnLinkKeys, ShockKeys):
                 f'{where}.imu is for sensors on links; {self.link} is a frame on springs'
             )
         away, size = math.hypot(*self._at()), machine.mechanism.size
-        if self.link in machine.links and away > 10.0 * size:
+        if self.link in machine.plan.links and away > 10.0 * size:
             raise InputError(
                 f'{where}.at = {away:g} m lies far off the {self.link} (the longest link has '
                 f'{size:g} m)'
