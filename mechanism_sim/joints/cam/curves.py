@@ -147,11 +147,13 @@ def polynomial_curve(length: float, conditions: Sequence[BoundaryCondition]) -> 
     dependent; one of many conditions stands as several pieces, of the same polynomial.
     """
     n = len(conditions)
-    rows = []
+    rows: list[list[Fraction]] = []
     for at, order, value in conditions:
         x = Fraction(at) / Fraction(length)
-        powers = [Fraction(math.perm(k, order)) * x ** (k - order) if k >= order else 0
-                  for k in range(n)]  # fmt: skip
+        powers = [
+            math.perm(k, order) * Fraction(x ** (k - order)) if k >= order else Fraction(0)
+            for k in range(n)
+        ]
         rows.append([*powers, Fraction(value) * Fraction(length) ** order])
     for k in range(n):  # elimination
         pivot = next((i for i in range(k, n) if rows[i][k]), None)

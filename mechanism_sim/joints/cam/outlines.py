@@ -40,7 +40,10 @@ _CORNER = 1e-4  # [rad]: a larger change of direction between edges is a corner
 class OutlineCurve(Protocol):
     """A part of a profile."""
 
-    breaks: Array  #: (k + 1,) values of t between which it is smooth
+    @property
+    def breaks(self) -> Array:
+        """Values (k + 1,) of t between which it is smooth."""
+        ...
 
     def at(self, t: Array) -> tuple[Array, Array]:
         """Points and outward normals (2, N)."""
@@ -295,13 +298,13 @@ def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | No
     def on(angle: float, radius: float) -> Vector2:
         return radius * math.cos(angle), radius * math.sin(angle)
 
-    curves: list[OutlineCurve] = []
+    first: OutlineCurve
+    last: OutlineCurve
     up, down = middle - half, middle + half
     if math.isinf(flank):
         tips = [(centre[0] + x, centre[1] + y) for x, y in (on(up, nose), on(down, nose))]
         turn = up, down
-        curves += [Line(on(up, base), tips[0])]
-        flanks = [Line(tips[1], on(down, base))]
+        first, last = Line(on(up, base), tips[0]), Line(tips[1], on(down, base))
     else:
         a, b = on(up, base - flank), on(down, base - flank)
         # outward normals where flank and nose touch
@@ -313,10 +316,9 @@ def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | No
             up + math.remainder(away[0] - up, TURN),
             down + math.remainder(away[1] - down, TURN),
         )
-        curves += [Arc(a, flank, up, turn[0])]
-        flanks = [Arc(b, flank, turn[1], down)]
-    curves += [Arc(centre, nose, *turn), *flanks, Arc((0.0, 0.0), base, down, up + TURN)]
-    return CamOutline(curves)
+        first, last = Arc(a, flank, up, turn[0]), Arc(b, flank, turn[1], down)
+    rest = Arc((0.0, 0.0), base, down, up + TURN)
+    return CamOutline([first, Arc(centre, nose, *turn), last, rest])
 
 
 def radii_cam(angles: Array, radii: Array, degree: int = 5, error: float = 0.0) -> CamOutline:
