@@ -35,7 +35,7 @@ from mechanism_sim.planar.view import Draft, Side, circle
 
 
 class Drum(NamedTuple):
-    """What is wound on a drum counts from here."""
+    """Origin of what is wound on a drum."""
 
     way: float  #: [rad] direction of the rope
     angle: float  #: [rad] of the drum's link
