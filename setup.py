@@ -17,7 +17,7 @@ setup(
     ),
     package_data={
         **{name: ['py.typed'] for name in PACKAGES},
-        NAME: ['py.typed', 'pages/assets/*', 'editor/assets/*'],
+        NAME: ['py.typed', '*.pyi', 'pages/assets/*', 'editor/assets/*'],
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),

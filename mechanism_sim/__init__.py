@@ -1,7 +1,7 @@
 """Simulator of real (loose, rattling, vibrating) planar machines.
 
 ``solution = simulate('four_bar_clearance', revolutions=10)``: a scene by name, path, YAML text,
-dictionary, `Scene` or machine.
+dictionary, `Scene` or machine. ``__init__.pyi`` says all of it to editors.
 """
 
 from __future__ import annotations
@@ -9,28 +9,12 @@ from __future__ import annotations
 # Where ROS 2 built this package, its generated messages live in another folder of that name.
 from importlib import import_module as _import_module
 from pkgutil import extend_path as _extend_path
-from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
 __path__ = _extend_path(__path__, __name__)
 
 from mechanism_sim.hybrid import plotting as _plotting
 from mechanism_sim.numerics.lazy_sympy import postpone_sympy as _postpone_sympy
-
-if _TYPE_CHECKING:  # for completion in editors
-    from mechanism_sim.analysis.open_run import open_run
-    from mechanism_sim.catalogue import scene_names
-    from mechanism_sim.pages.notebook import explore, play
-    from mechanism_sim.pages.writing import report
-    from mechanism_sim.report.shown import animate, draw
-    from mechanism_sim.report.typeset import equations
-    from mechanism_sim.results.cycle import cycle
-    from mechanism_sim.results.measures import measure
-    from mechanism_sim.results.simulate import simulate, stream
-    from mechanism_sim.scene.load import load_scene
-    from mechanism_sim.scene.schema import DrivePart, JointPart, LinkPart, Scene, SensorPart
-    from mechanism_sim.studies.find import find
-    from mechanism_sim.studies.sweep import sweep
 
 _ROOMS = {
     'analysis.open_run': ('open_run',),

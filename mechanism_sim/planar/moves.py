@@ -73,4 +73,9 @@ def move_laws(start: DriveLaw, steps: Sequence[tuple[float, float | Limits]]) ->
         laws.append(DriveLaw(start.coordinate, (goal, 0.0), time, time, start.straight))
     if time > laws[-1].valid_from:  # it rests at the end
         laws.append(DriveLaw(start.coordinate, (goal, 0.0), time, time, start.straight))
-    return laws if len(laws) == 1 or laws[1].valid_from > 0.0 else laws[1:]
+    later = [*laws[1:], None]  # where a move follows at once, nothing rests
+    return [
+        law
+        for law, after in zip(laws, later, strict=True)
+        if after is None or after.valid_from > law.valid_from
+    ]

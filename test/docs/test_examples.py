@@ -5,8 +5,10 @@ from __future__ import annotations
 import doctest
 import importlib
 import inspect
+import runpy
 
 import pytest
+from running import ROOT
 
 import mechanism_sim as ms
 from mechanism_sim.pages.writing import report
@@ -36,3 +38,9 @@ def test_examples_of_classes_run(kind):
     tests = [test for test in tests if test.examples]
     assert tests
     assert all(doctest.DocTestRunner().run(test).failed == 0 for test in tests)
+
+
+def test_editors_know_the_signatures():
+    """As `python docs/signatures.py` writes them."""
+    space = runpy.run_path(str(ROOT / 'docs' / 'signatures.py'))
+    assert space['FILE'].read_text(encoding='utf-8') == space['text']()

@@ -128,7 +128,7 @@ def spline_curve(x: ArrayLike, y: ArrayLike, ends: Ends = 'clamped') -> Piecewis
         raise InputError(f'no spline goes through these points: {error}') from error
 
 
-class Condition(NamedTuple):
+class BoundaryCondition(NamedTuple):
     """A value that a derivative of a curve has at a place."""
 
     at: float  #: from the beginning of the curve
@@ -140,7 +140,7 @@ MOST_CONDITIONS = 40
 _PER_PIECE = 8  # conditions: powers of a shorter part round less than those of a longer one
 
 
-def polynomial_curve(length: float, conditions: Sequence[Condition]) -> Piecewise:
+def polynomial_curve(length: float, conditions: Sequence[BoundaryCondition]) -> Piecewise:
     """The polynomial of least degree that meets conditions, no normalised rise: over `length`.
 
     As many conditions as coefficients, in exact arithmetic, for powers of high degree are nearly

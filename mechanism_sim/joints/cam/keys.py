@@ -79,7 +79,7 @@ Curve = Literal[
 
 
 class ConditionPart(Part):
-    """A condition on a polynomial at a place of its segment."""
+    """Conditions on a polynomial at a place of its segment."""
 
     at: Way
     """Place, counted as `from` and `to`."""
@@ -677,7 +677,7 @@ class _CamReader:
                 f'{curves.MOST_CONDITIONS} are allowed'
             )
         return curves.polynomial_curve(
-            end - begin, [curves.Condition(*key, value) for key, value in found.items()]
+            end - begin, [curves.BoundaryCondition(*key, value) for key, value in found.items()]
         )
 
     def _check_cam(self, cam: Cam) -> None:
