@@ -29,7 +29,7 @@ from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.play import BOUNDS, MeasuredGap, bound_name, with_turning
 from mechanism_sim.planar.points import Vector2, rotate
-from mechanism_sim.planar.protocols import Bound, ForceLaw
+from mechanism_sim.planar.protocols import ForceLaw, MotionBound
 from mechanism_sim.planar.rails import along
 from mechanism_sim.planar.view import Draft
 from mechanism_sim.units import QuantityValue
@@ -133,12 +133,12 @@ class StopKeys(JointKeys):
             moving, still = still, moving
         return f'{", ".join(said)} of {moving[0]} against {still[0]}'
 
-    def bounds(self, play: Play, joint: Joint, mechanism: Mechanism) -> list[Bound]:
+    def bounds(self, play: Play, joint: Joint, mechanism: Mechanism) -> list[MotionBound]:
         """The gaps of its stops."""
         given = self.stops
         assert given is not None  # noqa: S101 - there is a play
         low, high = (x.value if x else None for x in (given.lower, given.upper))
-        found: list[Bound] = []
+        found: list[MotionBound] = []
         for side, at in zip(BOUNDS, (low, high), strict=True):
             if at is None:
                 continue

@@ -574,10 +574,10 @@ def test_a_redundant_machine_runs_as_nodes_to_the_bit(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_redundant_machine_goes_on_for_a_thousand_turns():
+def test_a_redundant_machine_goes_on_for_ten_thousand_turns():
     """A crank that turns freely: rows left out keep vanishing, and no energy is lost."""
     free = {'coordinate': 'crank', 'torque': {}, 'speed': '20 rad/s', 'start_angle': '30 deg'}
     machine = made(guided_block(drive=free))
-    run = ms.stream(machine, duration=1_000 * 2.0 * math.pi / 20.0).finish()
+    run = ms.stream(machine, duration=10_000 * 2.0 * math.pi / 20.0).finish()
     assert run.max_closure_error < 1e-12
     assert abs(run.energy.residual) < 1e-9 * run.energy.exchanged
