@@ -249,6 +249,10 @@ class StepTolerances(NamedTuple):
     unfelt: float = 1e-4
     #: of the size of the machine: distance at which the ends of a force element meet
     meet: float = 1e-6
+    #: steps in a row that are shorter than the time rounds, after which a run is at its end
+    stalled: int = 8
+    #: of its scale: size of a state of first order that grows without limit; squared, of its rate
+    endless: float = 1e6
     #: events at one instant, after which the run is said to make no progress
     simultaneous: int = 100
     #: steps after which cosine and sine of steady drives are computed anew
@@ -314,6 +318,8 @@ class AuditTolerances(NamedTuple):
     step_error: float = 1e-13
     #: of the energy exchanged: works may be off by that without a word about it
     promised: float = 1e-9
+    #: of the rates: between two steps of no impact they differ by rounding only
+    jump: float = 1e-9
 
 
 class QuadratureTolerances(NamedTuple):

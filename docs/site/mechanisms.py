@@ -36,7 +36,7 @@ SECTIONS = {
         'compound_planetary', 'helical_shafts', 'bevel_pair', 'worm_drive', 'differential',
         'belt_drive', 'watched_compressor', 'rack_and_pinion', 'gear_four_bar', 'whole_machine',
     ),
-    'Without a drive': ('pendulum', 'catapult', 'hydraulic_arm'),
+    'Without a drive': ('pendulum', 'catapult', 'hydraulic_arm', 'detent'),
     'Vibrations': (
         'mass_on_spring', 'unbalanced_machine', 'half_car', 'vibration_absorber',
         'torsional_shaft', 'rotor_on_supports', 'overhung_rotor', 'two_disk_rotor',
@@ -53,8 +53,8 @@ SECTIONS = {
 """Scenes by the heading under which they stand."""
 
 FREEDOMS = {
-    'differential': 2, 'half_car': 2, 'loader': 2, 'mass_on_spring': 2, 'torsional_shaft': 3,
-    'unbalanced_machine': 2, 'vibration_absorber': 3,
+    'detent': 2, 'differential': 2, 'half_car': 2, 'loader': 2, 'mass_on_spring': 2,
+    'torsional_shaft': 3, 'unbalanced_machine': 2, 'vibration_absorber': 3,
 }  # fmt: skip
 """Degrees of freedom of links and joints, before drives are counted, of scenes with several."""
 

@@ -238,6 +238,8 @@ class Audit:
             return
         # an impact at the very end comes after the last segment
         last = [i for i in impacts if i.t > motion.curve.start[-1]]
+        if not last and self._ends_in_no_time(motion):
+            last = [i for i in impacts if i.t == motion.curve.start[-1]]
         made = sum(i.drive_work - i.sudden_loss for i in last)
         self._end, self._final = (motion, made), None
         if self._initial is None:
@@ -246,6 +248,25 @@ class Audit:
             begun, ended = self._totals(motion, [0, -1])
             self._initial = begun + sum(i.sudden_loss - i.drive_work for i in first)
             self._final = ended + made
+
+    def _ends_in_no_time(self, motion: Motion) -> bool:
+        """True if a last segment shorter than time rounds goes on without a jump of rates.
+
+        That is so where a step happens to end at an impact, which the next one finds at once.
+        """
+        curve = motion.curve
+        if curve.start[-1] + curve.duration[-1] > curve.start[-1]:
+            return False
+        if len(motion) > 1:
+            before, k = curve, len(motion) - 2
+        elif self._end is not None:
+            before, k = self._end[0].curve, len(self._end[0]) - 1
+        else:
+            return True
+        at = np.array([k])
+        rates = before.local(at, before.duration[at], 1)[0]
+        jump = np.abs(curve.coefficients[-1, :, 1] - rates).max(initial=0.0)
+        return bool(jump <= _AUDIT.jump * np.abs(rates).max(initial=0.0))
 
     def _totals(self, motion: Motion, ends: list[int]) -> list[float]:
         """Kinetic and potential energy [J] where a motion begins (0), and where it ends (-1)."""

@@ -69,7 +69,8 @@ class StepCheck:
         known = list(zip(orders, names, strict=True))
         self._own = [k for k, (_, c) in enumerate(known) if c in free]
         self._states = np.array([free[c] + f * d for d, c in known if c in free], int)
-        self._sizes = np.array([[scales.get(c, 1.0)] for c in names if c in free])
+        sizes = [scales.get(c, 1.0) for c in names if c in free]
+        self._sizes = np.array(sizes).reshape(-1, 1)
         self._laws = [
             (k, d, system.parameters.laws[system.prescribed.index(c)])
             for k, (d, c) in enumerate(known)

@@ -70,6 +70,7 @@ class TaylorSteps:
         self._system = system = contacts.present.system
         self._ta, self._pars = contacts.present.integrator, contacts.present.pars
         self.longest, self._quickest = max_step, quickest
+        self._stalled = 0
         # polynomials of what moves are known as it is
         self._check: StepCheck | None = None
         if system.steep:
@@ -110,7 +111,7 @@ class TaylorSteps:
         for slot in slots[count:row]:
             h = step(longest, True)[1]
             end = tau + h
-            if pars[fired] or not end <= stop:
+            if pars[fired] or not tau < end <= stop:
                 break
             if lone and watch[0] < _NEAR_ROOT:
                 break
@@ -149,7 +150,9 @@ class TaylorSteps:
         crossing = None
         if near[1] + _SINGULAR.ahead * max(h, singular.stride) * near[2] < 0.0:
             h, guard, crossing = singular.approach(tau, h, guard)
-        if not h > 0.0 and guard is None:
+        # a pole draws nearer by steps below the rounding of the time
+        self._stalled = 0 if tau + h > tau or guard is not None else self._stalled + 1
+        if self._stalled > (_STEPS.stalled if h > 0.0 else 0):
             raise self._breakdown(tau)
         slot = self._output.slots[len(self._output.lengths)]
         slot[:] = crossing.terms if crossing else self._coefficients
@@ -172,6 +175,9 @@ class TaylorSteps:
             self._system.fired(self._pars)
             self._singular.return_to(tau)
             h = self._step(h * (sound or _STEPS.shorter * fault), True)[1]
+        else:
+            if not np.isfinite(self._ta.tc[: self._system.width]).all():
+                return math.nan  # a formula has no value here
         return h
 
     def _look_again(self, tau: float, h: float, guard: int | None) -> tuple[float, int | None]:
@@ -212,6 +218,14 @@ class TaylorSteps:
                 return RunError(
                     f'the ends of {e.name} meet at t = {time:.9g} s, where its '
                     'force has no direction; one without free_length and damping may pass there'
+                )
+        rates = self._present.evaluate(self._system.functions.accelerations)[len(free) :]
+        values = self._present.state[2 * len(self._system.free) :]
+        for known, y, rate in zip(self._system.states, values, rates, strict=True):
+            if not (abs(y) < _STEPS.endless and abs(rate) < _STEPS.endless**2):
+                return RunError(
+                    f'the state {known.label} of first order ends at t = {time:.9g} s, where it '
+                    f'is {known.scale * y:.6g} and its rate {known.scale * float(rate):.6g}'
                 )
         far = ', or its elastic links bend too far' if self._system.mechanism.having(Beam) else ''
         return RunError(

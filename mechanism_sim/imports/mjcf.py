@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -13,7 +13,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.imports.blueprint import Blueprint
 from mechanism_sim.imports.markup import number, numbers, parse, rotation
-from mechanism_sim.imports.robot import WORLD, Robot, RobotBody, RobotJoint
+from mechanism_sim.imports.robot import WORLD, Robot, RobotBody, RobotJoint, add_mass
 
 _DEEPEST = 200  # bodies in bodies
 _KINDS = {'hinge': 'revolute', 'slide': 'prismatic'}
@@ -36,6 +36,8 @@ class _MjcfReader:
         self._order = given.get('eulerseq', 'xyz')
         default = root.find('default/joint')
         self._joint = dict(default.attrib) if default is not None else {}
+        default = root.find('default/geom')
+        self._geom = dict(default.attrib) if default is not None else {}
         self._sites: dict[str, tuple[str, Array]] = {}
         self._tendons = {
             t.get('name'): {str(j.get('joint')): number(j.get('coef')) for j in t.findall('joint')}
@@ -101,7 +103,8 @@ class _MjcfReader:
         made = RobotBody(name)
         inertial = body.find('inertial')
         if inertial is None:
-            self.robot.notes.append(f'{name}: no inertial: its geometry is not weighed')
+            for geom in body.findall('geom'):
+                self._weigh({**self._geom, **geom.attrib}, made)
             return made
         made.mass, made.cog = number(inertial.get('mass')), numbers(inertial.get('pos'), 3)
         if (full := inertial.get('fullinertia')) is not None:
@@ -113,7 +116,42 @@ class _MjcfReader:
         made.inertia = turn @ made.inertia @ turn.T
         return made
 
-    def _turn(self, element: Element) -> Array:
+    def _weigh(self, geom: Mapping[str, str], body: RobotBody) -> None:
+        """Add a shape to what a body weighs, as MuJoCo does where no `inertial` says it."""
+        kind, sizes = geom.get('type', 'sphere'), (geom.get('size') or '').split()
+        r, half = (number(sizes[k]) if k < len(sizes) else 0.0 for k in (0, 1))
+        at, turn = numbers(geom.get('pos'), 3), self._turn(geom)
+        if 'fromto' in geom:
+            ends = numbers(geom['fromto'], 6).reshape(2, 3)
+            at, way = ends.mean(axis=0), ends[1] - ends[0]
+            half, axis = 0.5 * float(np.linalg.norm(way)), np.cross(_Z, way)
+            turn = (
+                rotation(axis, math.atan2(float(np.linalg.norm(axis)), way[2]))
+                if axis.any()
+                else turn
+            )
+        if kind == 'box':
+            x, y, z = [r, half, number(sizes[2])] if 'fromto' not in geom else [r, r, half]
+            volume, i = (
+                8.0 * x * y * z,
+                np.array([y * y + z * z, x * x + z * z, x * x + y * y]) / 3.0,
+            )
+        elif kind in ('sphere', 'capsule', 'cylinder'):
+            half = 0.0 if kind == 'sphere' else half
+            tube, ball = 2.0 * math.pi * r * r * half, 4.0 / 3.0 * math.pi * r**3
+            ball = 0.0 if kind == 'cylinder' else ball
+            volume, along = tube + ball, 0.5 * tube * r * r + 0.4 * ball * r * r
+            across = tube * (r * r / 4.0 + half * half / 3.0) + ball * (
+                0.4 * r * r + half * half + 0.75 * half * r
+            )
+            i = np.array([across, across, along]) / volume
+        else:
+            self.robot.notes.append(f'{body.name}: a shape of type {kind} is not weighed')
+            return
+        mass = number(geom.get('mass'), volume * number(geom.get('density'), 1000.0))
+        add_mass(body, RobotBody('', mass=mass, inertia=mass * np.diag(i)), turn, at)
+
+    def _turn(self, element: Element | Mapping[str, str]) -> Array:
         """Rotation (3, 3) of an element, by whichever attribute says it."""
         if (quat := element.get('quat')) is not None:
             w, *xyz = numbers(quat, 4)

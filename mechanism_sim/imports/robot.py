@@ -106,7 +106,7 @@ class Robot:
                 kept, gone = child, parent
             else:
                 turn, at, kept, gone = fixed.turn, here, parent, child
-            _add_mass(kept, gone, turn, at)
+            add_mass(kept, gone, turn, at)
             kept.frame &= gone.frame
             del self.bodies[gone.name]
             self.joints = [_moved(j, kept.name, gone.name, turn, at) for j in self.joints]
@@ -156,7 +156,7 @@ def _moved(joint: RobotJoint, kept: str, gone: str, turn: Array, at: Array) -> R
     return joint
 
 
-def _add_mass(kept: RobotBody, gone: RobotBody, turn: Array, at: Array) -> None:
+def add_mass(kept: RobotBody, gone: RobotBody, turn: Array, at: Array) -> None:
     """Add the mass of a body that lies so in another, after Steiner."""
     if not gone.mass:
         return

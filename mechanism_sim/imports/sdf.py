@@ -12,7 +12,6 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.imports.blueprint import Blueprint
 from mechanism_sim.imports.markup import number, numbers, parse, turned
 from mechanism_sim.imports.robot import Robot, RobotBody, RobotJoint
-from mechanism_sim.imports.urdf import matrix
 
 _KINDS = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic',
           'fixed': 'fixed'}  # fmt: skip
@@ -44,11 +43,12 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
             body.turn, body.place = turn @ own, place + turn @ at
             robot.bodies[body.name], frames[body.name] = body, (body.turn, body.place)
     for joint in model.findall('joint'):
-        _join(robot, joint)
+        join(robot, joint)
     return robot.blueprint()
 
 
-def _join(robot: Robot, joint: Element) -> None:
+def join(robot: Robot, joint: Element) -> None:
+    """Add a joint between bodies that are where they are at the start."""
     name, kind = str(joint.get('name')), str(joint.get('type'))
     parent, child = (robot.bodies.get(_text(joint, side)) for side in ('parent', 'child'))
     if parent is None or child is None:
@@ -77,6 +77,14 @@ def _join(robot: Robot, joint: Element) -> None:
             parent.turn.T @ child.turn,
         )
     )
+
+
+def matrix(i: dict[str, float]) -> Array:
+    """The inertia (3, 3) of its six parts."""
+    return np.array([
+        [i['ixx'], i['ixy'], i['ixz']], [i['ixy'], i['iyy'], i['iyz']],
+        [i['ixz'], i['iyz'], i['izz']],
+    ])  # fmt: skip
 
 
 def _body(link: Element) -> RobotBody:

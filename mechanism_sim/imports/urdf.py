@@ -16,6 +16,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.imports.blueprint import Blueprint
 from mechanism_sim.imports.markup import number, numbers, parse, rotation, turned
 from mechanism_sim.imports.robot import WORLD, Robot, RobotBody, RobotJoint
+from mechanism_sim.imports.sdf import join, matrix
 
 _KINDS = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic',
           'fixed': 'fixed'}  # fmt: skip
@@ -52,6 +53,8 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
         axis = numbers(_find(loop, 'axis', 'xyz'), 3) if loop.find('axis') is not None else _Z
         kind = {**_KINDS, 'slot': 'slot'}.get(loop.get('type', 'revolute'), 'revolute')
         robot.joints.append(RobotJoint(_name(loop), kind, one, other, at, there, axis))
+    for joint in root.findall('gazebo/joint'):  # as Gazebo's tutorial of loops has it
+        join(robot, joint)
     for held in root.findall('coupling'):
         ratio = number(_find(held, 'ratio', 'value'), 1.0)
         one, other, carrier = (_end(held, x) for x in ('predecessor', 'successor', 'reference'))
@@ -69,6 +72,8 @@ def _carry(robot: Robot, joint: Element, state: dict[str | None, float]) -> None
     parent, child = (robot.bodies[_end(joint, side)] for side in ('parent', 'child'))
     if kind is None:
         raise InputError(f'{name}: joints of type {joint.get("type")} are not planar ones')
+    if joint.get('type') == 'revolute':  # a continuous one has none
+        robot.notes.append(f'{name}: its limits are left out: see `stops`')
     turn, at = _origin(joint)
     axis = numbers(_find(joint, 'axis', 'xyz') or '1 0 0', 3)
     axis /= np.linalg.norm(axis) or 1.0
@@ -99,14 +104,6 @@ def _body(link: Element) -> RobotBody:
         }
         body.inertia = turn @ matrix(i) @ turn.T
     return body
-
-
-def matrix(i: dict[str, float]) -> Array:
-    """The inertia (3, 3) of its six parts."""
-    return np.array([
-        [i['ixx'], i['ixy'], i['ixz']], [i['ixy'], i['iyy'], i['iyz']],
-        [i['ixz'], i['iyz'], i['izz']],
-    ])  # fmt: skip
 
 
 def _fixed(name: str, parent: str, child: str) -> RobotJoint:

@@ -19,7 +19,7 @@ from mechanism_sim.keys.registry import Registry
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
 from mechanism_sim.planar.play import walls
-from mechanism_sim.planar.protocols import Bound, ForceElement, Gap
+from mechanism_sim.planar.protocols import ForceElement, Gap, MotionBound
 from mechanism_sim.planar.rotor import Rotor
 
 Joints: TypeAlias = tuple[Joint, ...]
@@ -125,7 +125,7 @@ class JointKeys(Part):
         """These contacts in words."""
         raise NotImplementedError
 
-    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> Sequence[Bound]:
+    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> Sequence[MotionBound]:
         """The gaps of these contacts."""
         return ()
 
@@ -186,7 +186,7 @@ def contacts_of(
 
 def bounds_of(
     joints: Mapping[str, JointKeys], mechanism: Mechanism, touching: Mapping[str, Play]
-) -> list[Bound]:
+) -> list[MotionBound]:
     """The gaps of joints of a mechanism that have some beside their constraint or clearance."""
     return [
         gap

@@ -8,6 +8,7 @@ an angle at the radius where the stop is.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -16,19 +17,19 @@ from pydantic import model_validator
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Contact, Play, play_of
-from mechanism_sim.joints.joint_keys import JointKeys
+from mechanism_sim.joints.joint_keys import JointKeys, Joints
+from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Coefficient, Length, Part, Radius, si_of
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import slid
-from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.play import BOUNDS, MeasuredGap, bound_name, with_turning
 from mechanism_sim.planar.points import Vector2, rotate
-from mechanism_sim.planar.protocols import Bound, ForceLaw
+from mechanism_sim.planar.protocols import ForceLaw, MotionBound
 from mechanism_sim.planar.rails import along
 from mechanism_sim.planar.view import Draft
 from mechanism_sim.units import QuantityValue
@@ -81,6 +82,18 @@ class StopKeys(JointKeys):
     stops: StopsPart | None = None
     """Limits of its angle or displacement, where it bounces or rests."""
 
+    @classmethod
+    def check_all(cls, names: Names, joints: Joints, closing: Collection[str]) -> None:
+        """Refuse stops along a link that bends."""
+        for joint in joints:
+            line = joint.line
+            link = names.scene.links.get(line.link) if line else None
+            if line and link and link.elastic and names.scene.joints[joint.name].stops:
+                raise InputError(
+                    f'joints.{joint.name}.stops: {line.link} is elastic, and stops along a link '
+                    'that bends are not known: give them to a joint of a rigid link'
+                )
+
     def touches(self, name: str) -> Play | None:
         """Contacts of its stops."""
         if self.stops is None:
@@ -120,18 +133,12 @@ class StopKeys(JointKeys):
             moving, still = still, moving
         return f'{", ".join(said)} of {moving[0]} against {still[0]}'
 
-    def bounds(self, play: Play, joint: Joint, mechanism: Mechanism) -> list[Bound]:
+    def bounds(self, play: Play, joint: Joint, mechanism: Mechanism) -> list[MotionBound]:
         """The gaps of its stops."""
         given = self.stops
         assert given is not None  # noqa: S101 - there is a play
         low, high = (x.value if x else None for x in (given.lower, given.upper))
-        line = joint.line
-        if line and line.link in mechanism.having(Beam):
-            raise InputError(
-                f'joints.{joint.name}.stops: {line.link} is elastic, and stops along a link that '
-                'bends are not known: give the stops to a joint of a rigid link'
-            )
-        found: list[Bound] = []
+        found: list[MotionBound] = []
         for side, at in zip(BOUNDS, (low, high), strict=True):
             if at is None:
                 continue
@@ -220,14 +227,16 @@ class AngleStop(_Stop):
             offset = frames.parameters(f'{self.joint}.stop_offset', b - a)
             angle = two - one + lift(dense(add(offset, mul(2.0 * math.pi, turns))))
             limit = lift(dense(frames.parameters(f'{self.name}.stop_at', self.limit)))
-            return (angle - limit if self.sign > 0.0 else limit - angle) * r
+            wide: Jet = (angle - limit if self.sign > 0.0 else limit - angle) * r
+            return wide
         middle, half = 0.5 * (self.other + self.limit), 0.5 * abs(self.other - self.limit)
         rest = math.remainder(b - a - middle, 2.0 * math.pi)
         off = two - one + lift(dense(frames.parameters(f'{self.joint}.stop_middle', rest)))
         u = dense(off.value)
         off = off.chain(hy.atan2(hy.sin(u), hy.cos(u)), hy.expression(1.0), None)
         room = lift(dense(frames.parameters(f'{self.joint}.stop_half', half)))
-        return (room + off if self.sign > 0.0 else room - off) * r
+        found: Jet = (room + off if self.sign > 0.0 else room - off) * r
+        return found
 
     def draw(self, draft: Draft) -> None:
         """A wall along the side of the second link, where its x axis stops."""

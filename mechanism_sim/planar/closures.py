@@ -11,10 +11,10 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Wrench
+from mechanism_sim.planar.loads import Load, Wrench, moment_of
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Weld
 from mechanism_sim.planar.protocols import Relation
 from mechanism_sim.planar.rails import Foot, along, rail_of
@@ -154,6 +154,21 @@ class WeldClosure:
         """The rows push on the first link, and turn the second."""
         moment = mul(forces[2], frames.parameters(f'{self.name}.size', self.mechanism.size))
         return Wrench(neg(forces[0]), neg(forces[1]), moment)
+
+
+def gathered(
+    joint: HigherPair, mechanism: Mechanism, frames: Frames, loads: Sequence[Load]
+) -> Wrench:
+    """The wrench of a joint that loads many links: those on the second about its point."""
+    own = [load for load in loads if load.link == joint.second]
+    at = mechanism.point(joint.second, joint.on_second)
+    ox, oy = frames.position(at, f'{joint.name}.second')
+    moments = [load.moment for load in own]
+    for load in (load for load in own if load.at != joint.on_second):
+        x, y = frames.position(mechanism.point(load.link, load.at), load.name)
+        moments.append(moment_of(((x - ox).value, (y - oy).value), load.force))
+    fx, fy = (add(*(load.force[axis] for load in own)) for axis in (0, 1))
+    return Wrench(fx, fy, add(*moments), tuple(x for x in loads if x.link != joint.second))
 
 
 J = TypeVar('J', bound=HigherPair)

@@ -11,7 +11,7 @@ from mechanism_sim.planar.drive import DriveLaw
 
 
 @dataclass(frozen=True)
-class Limits:
+class MoveLimits:
     """Largest sizes of the derivatives of a motion, all positive."""
 
     speed: float  #: [rad/s, m/s]
@@ -19,7 +19,7 @@ class Limits:
     jerk: float = math.inf  #: [rad/s^3, m/s^3]
 
 
-def phases(distance: float, limits: Limits) -> list[tuple[float, float, float]]:
+def phases(distance: float, limits: MoveLimits) -> list[tuple[float, float, float]]:
     """Duration [s], acceleration at its start and jerk of each phase of a move.
 
     Up to seven: acceleration rises, stays and falls; steady speed; the same to come to rest.
@@ -50,7 +50,9 @@ def phases(distance: float, limits: Limits) -> list[tuple[float, float, float]]:
     return [phase for phase in found if phase[0] > 0.0]
 
 
-def move_laws(start: DriveLaw, steps: Sequence[tuple[float, float | Limits]]) -> list[DriveLaw]:
+def move_laws(
+    start: DriveLaw, steps: Sequence[tuple[float, float | MoveLimits]]
+) -> list[DriveLaw]:
     """The laws of moves one after the other, the first from rest at time zero.
 
     Parameters
@@ -61,7 +63,7 @@ def move_laws(start: DriveLaw, steps: Sequence[tuple[float, float | Limits]]) ->
     laws = [replace(start, coefficients=(start.coefficients[0], 0.0))]
     goal, time = start.about(Fraction(0))[1][0] + start.turns * 2.0 * math.pi, 0.0
     for place, how in steps:
-        if not isinstance(how, Limits):
+        if not isinstance(how, MoveLimits):
             time += how
             continue
         for duration, acceleration, jerk in phases(place - goal, how) if place != goal else ():
@@ -73,4 +75,9 @@ def move_laws(start: DriveLaw, steps: Sequence[tuple[float, float | Limits]]) ->
         laws.append(DriveLaw(start.coordinate, (goal, 0.0), time, time, start.straight))
     if time > laws[-1].valid_from:  # it rests at the end
         laws.append(DriveLaw(start.coordinate, (goal, 0.0), time, time, start.straight))
-    return laws if len(laws) == 1 or laws[1].valid_from > 0.0 else laws[1:]
+    later = [*laws[1:], None]  # where a move follows at once, nothing rests
+    return [
+        law
+        for law, after in zip(laws, later, strict=True)
+        if after is None or after.valid_from > law.valid_from
+    ]

@@ -209,7 +209,7 @@ class Gap(Protocol):
 
 
 @runtime_checkable
-class Bound(Gap, Protocol):
+class MotionBound(Gap, Protocol):
     """A gap of a joint beside its constraint or clearance: a stop, or links that touch."""
 
     @property

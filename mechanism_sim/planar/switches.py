@@ -57,16 +57,6 @@ class Switch(NamedTuple):
         """Value from which the present row follows."""
         return self.inside
 
-    def ends_between(self, start: float, end: float) -> Array:
-        """Places (N,) in the order in which rows end on the way from one place to another."""
-        low, high, ends = min(start, end), max(start, end), self._breaks[1:-1]
-        if self._periodic:
-            period, ends = 2.0 * math.pi, self._breaks[:-1]
-            laps = np.arange(math.floor((low - ends[-1]) / period), (high - ends[0]) / period + 1)
-            ends = (ends + period * laps[:, None]).ravel()
-        inside = ends[(low < ends) & (ends < high)]
-        return inside if start <= end else inside[::-1]
-
     def row_at(self, place: float) -> int:
         """1 inside, else 0."""
         return int(place > 0.0)
@@ -188,7 +178,7 @@ class SwitchTable:
             laps = np.arange(math.floor((low - ends[-1]) / period), (high - ends[0]) / period + 1)
             ends = (ends + period * laps[:, None]).ravel()
         inside = ends[(low < ends) & (ends < high)]
-        return inside if start <= end else inside[::-1]
+        return np.asarray(inside if start <= end else inside[::-1])
 
     def row_at(self, place: float) -> int:
         """The row at a place [rad, m]."""

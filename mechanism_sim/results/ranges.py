@@ -80,7 +80,7 @@ def search_of(wanted: Sequence[Quantity], size: float) -> ExtremeSearch:
     """
     groups = [(quantity.kind, quantity.unit) for quantity in wanted]
     differences: dict[Hashable, float] = {(q.kind, q.unit): size for q in wanted if q.difference}
-    sums = {
+    sums: dict[Hashable, tuple[Hashable, float]] = {
         ('shaking_force', 'N'): (('reaction', 'N'), 1.0),
         ('shaking_moment', 'N m'): (('reaction', 'N'), size),
     }

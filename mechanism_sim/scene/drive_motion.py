@@ -12,7 +12,7 @@ from mechanism_sim.keys.names import Names
 from mechanism_sim.numerics.time_series import TimeSeries
 from mechanism_sim.planar.drive import DriveLaw, curve_laws, speed_profile
 from mechanism_sim.planar.endless_laws import FormulaLaws, LawSource, RepeatedLaws, unrolled
-from mechanism_sim.planar.moves import Limits, move_laws
+from mechanism_sim.planar.moves import MoveLimits, move_laws
 from mechanism_sim.scene.motion_keys import (
     CoursePart,
     MovePart,
@@ -108,7 +108,7 @@ def _endless(names: Names, where: str, source: LawSource, first: DriveLaw) -> Mo
 def moves(names: Names, where: str, given: MovesPart, start: DriveLaw, straight: bool) -> Motion:
     """The laws of moves from rest to rest, which may repeat."""
 
-    def limits(step: MovePart) -> Limits:
+    def limits(step: MovePart) -> MoveLimits:
         values = []
         for key, units in zip(('speed', 'acceleration', 'jerk'), _UNITS[1:], strict=True):
             quantity = getattr(step, key) or getattr(given, key)
@@ -116,9 +116,9 @@ def moves(names: Names, where: str, given: MovesPart, start: DriveLaw, straight:
                 values.append(math.inf)
             else:
                 values.append(names.measure(f'{where}.{key}', quantity, straight, units))
-        return Limits(*values)
+        return MoveLimits(*values)
 
-    steps: list[tuple[float, float | Limits]] = []
+    steps: list[tuple[float, float | MoveLimits]] = []
     goal = first = start.coefficients[0] + start.turns * 2.0 * math.pi
     for i, step in enumerate(given.steps):
         if step.dwell is not None:

@@ -36,7 +36,7 @@ from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import rotate
-from mechanism_sim.planar.protocols import Bound, Gap
+from mechanism_sim.planar.protocols import Gap, MotionBound
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
 from mechanism_sim.scene.equations import EquationsOfMotion
 from mechanism_sim.scene.nominal import Nominal
@@ -87,7 +87,7 @@ class Start:
         values = observer.gaps.values(np.array([[q[c]] for c in system.coordinates]), outside)
         closed = []
         for gap, value in zip(system.gaps, values, strict=True):
-            if isinstance(gap, Bound):  # what touches is resolved as the run begins
+            if isinstance(gap, MotionBound):  # what touches is resolved as the run begins
                 check_apart(gap, float(gap.distance(value)[0]), self._loose.size)
                 closed.append(False)
                 continue
@@ -418,7 +418,7 @@ class Start:
         return places, kinematics.rates(places, np.array([known[c][1] for c in order]))
 
 
-def check_apart(gap: Bound, distance: float, size: float) -> None:
+def check_apart(gap: MotionBound, distance: float, size: float) -> None:
     """Refuse a start at which a distance [m] in a machine of a size [m] is negative."""
     if distance < -_ROUNDING * size:
         raise InputError(

@@ -35,7 +35,7 @@ _MOVES = 1e-9
 
 
 @dataclass(frozen=True)
-class Target:
+class StartTarget:
     """Conditions on a start beside coordinates: two equations of a point, one of a block.
 
     Attributes
@@ -73,7 +73,7 @@ class Target:
 
 def split(
     names: Names, where: str, given: Mapping[str, StartValue], tree: Mechanism, unit: str = 'm'
-) -> tuple[dict[str, QuantityValue], list[Target]]:
+) -> tuple[dict[str, QuantityValue], list[StartTarget]]:
     """Values of coordinates, and the rest as targets.
 
     Parameters
@@ -81,14 +81,14 @@ def split(
     unit : of what is said of points and blocks
     """
     plain: dict[str, QuantityValue] = {}
-    found: list[Target] = []
+    found: list[StartTarget] = []
     for name, said in given.items():
         key = f'{where}.{name}'
         if not isinstance(said, QuantityValue):
             point = names.find(key, name)
             if point[0] == GROUND:
                 raise InputError(f'{key}: the ground does not move: give a point of another link')
-            found.append(Target(key, (point,), None, tuple(said)))
+            found.append(StartTarget(key, (point,), None, tuple(said)))
             continue
         link, _, point_name = name.partition('.')
         if (
@@ -114,7 +114,7 @@ def split(
     return plain, found
 
 
-def _along_guide(key: str, link: str, said: QuantityValue, tree: Mechanism) -> Target:
+def _along_guide(key: str, link: str, said: QuantityValue, tree: Mechanism) -> StartTarget:
     """The displacement of a link whose guide closes a loop, so that its coordinate is an angle."""
     guides = [j for j in tree.joints if isinstance(j, Prismatic) and j.second == link]
     if len(guides) != 1:
@@ -125,11 +125,11 @@ def _along_guide(key: str, link: str, said: QuantityValue, tree: Mechanism) -> T
         )
     (joint,) = guides
     ends = (joint.first, joint.on_first), (joint.second, joint.on_second)
-    return Target(key, ends, joint, (said.value,))
+    return StartTarget(key, ends, joint, (said.value,))
 
 
 def solved(
-    tree: Mechanism, targets: Sequence[Target], rough: Values, held: Values, exact: bool
+    tree: Mechanism, targets: Sequence[StartTarget], rough: Values, held: Values, exact: bool
 ) -> Values:
     """Coordinates at which targets are met as nearly as the loops allow; all of them by name.
 
@@ -167,7 +167,7 @@ def solved(
 
 
 def _refined(
-    kinematics: Kinematics, targets: Sequence[Target], q: Array, start: Array, weak: Array
+    kinematics: Kinematics, targets: Sequence[StartTarget], q: Array, start: Array, weak: Array
 ) -> Array:
     """Coordinates (n,) nearest to the targets, by Gauss and Newton's method with closed loops."""
     tree, sought = kinematics.mechanism, kinematics.sought
@@ -191,7 +191,7 @@ def _refined(
     return q
 
 
-def _missed(tree: Mechanism, targets: Sequence[Target], q: Array) -> float:
+def _missed(tree: Mechanism, targets: Sequence[StartTarget], q: Array) -> float:
     """By how much targets are missed altogether [m]."""
     return math.hypot(*(x for t in targets for x in t.of(tree, q)[0] - np.array(t.value)))
 
@@ -200,7 +200,7 @@ def _far(q: Array, start: Array, weak: Array) -> float:
     return float(np.linalg.norm(weak * np.angle(np.exp(1j * (q - start)))))
 
 
-def _check(tree: Mechanism, targets: Sequence[Target], q: Array) -> None:
+def _check(tree: Mechanism, targets: Sequence[StartTarget], q: Array) -> None:
     for target in targets:
         value = target.of(tree, q)[0]
         off = float(np.abs(value - np.array(target.value)).max())
@@ -216,7 +216,7 @@ def _text(value: Sequence[float], unit: str = 'm') -> str:
     return f'[{said}]' if len(value) > 1 else said
 
 
-def moved_by(tree: Mechanism, targets: Sequence[Target], q: Array) -> list[str]:
+def moved_by(tree: Mechanism, targets: Sequence[StartTarget], q: Array) -> list[str]:
     """Names of the coordinates on which targets depend at a position (n,)."""
     rows = np.concatenate([np.zeros((1, len(q))), *(t.of(tree, q)[1] for t in targets)])
     return [
@@ -226,7 +226,9 @@ def moved_by(tree: Mechanism, targets: Sequence[Target], q: Array) -> list[str]:
     ]
 
 
-def rates(kinematics: Kinematics, targets: Sequence[Target], q: Array, known: Values) -> Values:
+def rates(
+    kinematics: Kinematics, targets: Sequence[StartTarget], q: Array, known: Values
+) -> Values:
     """Rates of the coordinates on which targets depend, with closed loops and known rates."""
     tree, names = kinematics.mechanism, kinematics.coordinates
     J = kinematics.closure(q[:, None])[1][0]

@@ -45,6 +45,11 @@ def check_stops(machine: Machine, duration: float) -> None:
     ]
     if not gaps:
         return
+    if rated := [gap.joint for gap in gaps if gap.value(frames).value is None]:
+        raise InputError(
+            f'joints.{rated[0]} holds one way, but drives and closed loops say all of the motion '
+            'between its links: leave it out, or one of the drives'
+        )
     if machine.drive.commands:
         raise InputError(
             f'the drive takes commands of speed, so that it may take {gaps[0].overlap}: give it a '

@@ -47,6 +47,6 @@ def with_swing(scene: Scene) -> Scene:
         )
     phase, pace = math.asin(start / size), 2.0 * math.pi / drive.swing.period
     text = f'{middle!r} {unit} + {size!r} {unit}*sin({pace!r}*t + {phase!r})'
-    position = PositionPart(formula=text.replace('+ -', '- '))
+    position = PositionPart(formula=text.replace('+ -', '- '), points=None)
     update = {'swing': None, 'position': position, 'start_angle': None, 'start_position': None}
     return scene.model_copy(update={'drive': drive.model_copy(update=update)})

@@ -17,7 +17,7 @@ from switched import switched
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.results.solution import Solution
 
@@ -559,6 +559,13 @@ MISTAKES = [
     ({'bushings': {'b': {'between': ['ground', 'block'], 'stiffness': {'z': 1}}}},
      "'bushings.b.stiffness.z'"),
 ]  # fmt: skip
+
+
+@pytest.mark.parametrize('rate', ['z*z', 'sqrt(0.5 - z)', '1/(t - 1)'])
+def test_states_that_end(rate: str) -> None:
+    """A run ends with a sentence where a state goes to infinity, or its rate has no value."""
+    with pytest.raises(RunError, match='the state z of first order ends at t = '):
+        ms.simulate(made(BLOCK | {'states': {'z': {'start': 1.0, 'rate': rate}}}), duration=2.0)
 
 
 @pytest.mark.parametrize(('part', 'said'), MISTAKES)

@@ -91,6 +91,13 @@ def test_the_six_bar_of_joint_coordinates_is_that_of_the_scene(tmp_path):
     assert [float(x) for x in limits] == pytest.approx([67.2836, 78.2542], abs=1e-4)
 
 
+def test_a_table_that_breaks_off_is_questioned():
+    """Two rows of it, as a page of PMKS+ showed them."""
+    found = import_machine(INPUTS / 'joints_six_bar.csv')
+    assert [*found.data['links']] == ['ground', 'AB', 'CBD']
+    assert 'link CBD has one joint, B: is the table complete?' in found.notes
+
+
 def test_an_address_of_pmks_is_its_table(tmp_path):
     """The addresses of both ages; speeds in rpm, clockwise if it says so."""
     table, address = import_machine(saved(tmp_path, SIX)), import_machine(ISSUE_92)
@@ -266,6 +273,47 @@ def test_an_sdf_four_bar_of_drake(tmp_path):
     )  # fmt: skip
     text = f'<sdf version="1.7"><model name="loop">{links}{joints}</model></sdf>'
     found = import_machine(saved(tmp_path, text, 'loop.sdf'), overrides=['drive.speed=2 rad/s'])
+    run = ms.simulate(machine(found), duration=1.0)
+    angle = run.sample(np.array([1.0]), 'position.rocker')['position.rocker']
+    assert np.exp(1j * angle) == pytest.approx(np.exp(1j * rocker_angle(2.0)), abs=1e-12)
+
+
+SHAPES = """<mujoco><compiler angle="degree"/><worldbody><body name="a">
+<joint name="h" axis="0 1 0"/><geom size="0.06" pos="0.3 0 0" density="7800"/>
+<geom type="box" size="0.1 0.02 0.3" pos="0.1 0 0.2" euler="0 30 0"/>
+<geom type="cylinder" size="0.05 0.2" pos="0 0 0.1" mass="2"/>
+<geom type="box" fromto="0 0 0 0.4 0 0.3" size="0.02"/>
+<geom type="capsule" fromto="0.1 0 0 0.4 0 0.1" size="0.03"/></body></worldbody></mujoco>"""
+
+
+def test_shapes_weigh_what_they_do_in_mujoco(tmp_path):
+    """Mass, centre and inertia about y of its compiled model, version 4.0."""
+    keys = import_machine(saved(tmp_path, SHAPES, 'shapes.xml')).data['links']['a']
+    found = [float(keys[key].split()[0]) for key in ('mass', 'inertia')]
+    assert found == pytest.approx([15.664484016474994, 0.5454182156721172], rel=1e-13)
+    cog = [float(x.split()[0]) for x in keys['cog']]
+    assert cog == pytest.approx([0.1920896141746692, 0.08492846062298305], rel=1e-13)
+
+
+def test_a_loop_that_a_urdf_closes_for_gazebo(tmp_path):
+    """An SDF joint in the extension, as Gazebo's tutorial of kinematic loops has it."""
+    along = float(np.angle(rocker_pin(0.0) - 0.1))
+    text = '<robot name="loop"><link name="base"/>' + ''.join(
+        f'<link name="{x}"><inertial><mass value="1"/></inertial></link>'
+        for x in ('crank', 'coupler', 'rocker')
+    )
+    for parent, child, x, turn in (('base', 'crank', 0.0, 0.0), ('crank', 'coupler', 0.1, along),
+                                   ('base', 'rocker', 0.3, float(rocker_angle(0.0)))):  # fmt: skip
+        text += (
+            f'<joint name="{parent}_{child}" type="continuous"><parent link="{parent}"/>'
+            f'<child link="{child}"/><origin xyz="{x} 0 0" rpy="0 0 {turn!r}"/><axis xyz="0 0 1"/>'
+            '</joint>'
+        )
+    text += (
+        '<gazebo><joint name="pin" type="revolute"><parent>coupler</parent><child>rocker</child>'
+        '<pose>0.25 0 0 0 0 0</pose><axis><xyz>0 0 1</xyz></axis></joint></gazebo></robot>'
+    )
+    found = import_machine(saved(tmp_path, text, 'loop.urdf'), overrides=['drive.speed=2 rad/s'])
     run = ms.simulate(machine(found), duration=1.0)
     angle = run.sample(np.array([1.0]), 'position.rocker')['position.rocker']
     assert np.exp(1j * angle) == pytest.approx(np.exp(1j * rocker_angle(2.0)), abs=1e-12)

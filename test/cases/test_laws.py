@@ -17,6 +17,8 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.open_run import open_run
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.planar.drive import TWO_PI
 
 INPUTS = Path(__file__).parent / 'inputs'
@@ -281,7 +283,7 @@ MOVES = {'speed': '2 rad/s', 'acceleration': '8 rad/s^2', 'jerk': '80 rad/s^3'}
 def test_moves_keep_their_limits_and_take_the_time_of_the_closed_form():
     """Biagiotti and Melchiorri, section 3.4: T = D/v + v/a + a/j where all limits are reached."""
     steps = [{'to': '90 deg'}, {'dwell': '0.5 s'}, {'by': '-30 deg', 'jerk': '200 rad/s^3'},
-             {'to': '90.5 deg', 'speed': '0.3 rad/s'}]  # fmt: skip
+             {'dwell': '0.1 s'}, {'to': '90.5 deg', 'speed': '0.3 rad/s'}]  # fmt: skip
     machine = made({**ARM, 'drive': {'coordinate': 'arm', 'moves': {**MOVES, 'steps': steps}}})
     full = math.radians(90.0) / 2.0 + 2.0 / 8.0 + 8.0 / 80.0
     ends = [law.valid_from for law in machine.drive.laws if law.degree == 1]
@@ -290,7 +292,7 @@ def test_moves_keep_their_limits_and_take_the_time_of_the_closed_form():
     quick = 8.0 / 200.0 + math.sqrt((8.0 / 200.0) ** 2 + 4.0 * way / 8.0)
     assert ends[1] == pytest.approx(full + 0.5 + quick, abs=1e-12)
     slow = math.radians(30.5) / 0.3 + 2.0 * math.sqrt(0.3 / 80.0)  # nor is the acceleration
-    assert ends[2] == pytest.approx(full + 0.5 + quick + slow, abs=1e-12)
+    assert ends[2] == pytest.approx(full + 0.5 + quick + 0.1 + slow, abs=1e-12)
     end = ends[-1] + 0.5
     t = np.linspace(0.0, end, 20_001)
     found = ms.simulate(machine, duration=end).sample(t)
@@ -396,3 +398,28 @@ def test_what_turns_round_does_not_swing():
     scene = {**ARM, 'drive': {'coordinate': 'arm', 'swing': {'period': '1 s'}}}
     with pytest.raises(InputError, match='arm has no limits on both sides to swing between'):
         made(scene)
+
+
+@pytest.mark.parametrize(
+    'drive',
+    [
+        {'position': SWING},
+        {'moves': {**MOVES, 'repeat': True, 'steps': [{'to': '40 deg'}, {'to': 0}]}},
+    ],
+    ids=['formula', 'moves'],
+)
+def test_a_run_that_pauses_goes_on_bit_by_bit(drive, tmp_path):
+    machine = made({**PENDULUM, 'drive': {'coordinate': 'arm', **drive}})
+
+    def advance(run, until, digest):
+        run.advance(until)
+        motion, impacts, _ = run.drain()
+        digest.add(motion, impacts)
+        return run
+
+    whole, parts = MotionDigest(), MotionDigest()
+    advance(machine.start(), 12.0, whole)
+    machine.snapshot(advance(machine.start(), 7.3, parts)).save(tmp_path / 'pause.json')
+    again = made({**PENDULUM, 'drive': {'coordinate': 'arm', **drive}})
+    advance(again.resume(Snapshot.load(tmp_path / 'pause.json')), 12.0, parts)
+    assert parts.hexdigest() == whole.hexdigest()

@@ -399,6 +399,12 @@ def test_a_freewheel_goes_on_for_ten_thousand_swings():
     assert abs(late.energy.residual) < 1e-9 * late.energy.exchanged
 
 
+def test_a_freewheel_between_driven_links_is_refused():
+    driven = {'hub': {'speed': 2.0}, 'wheel': {'speed': 1.0}}
+    with pytest.raises(InputError, match='own holds one way, but drives and closed loops say all'):
+        ms.simulate(shafts({'freewheel': ['hub', 'wheel']}, drives=driven), duration=1.0)
+
+
 SLIDERS = {'links': {'ground': {'points': {'p': [0.0, 1.0]}}, 'a': {'mass': 1.0}},
            'joints': {'ga': {'prismatic': ['ground', 'a'], 'axis': '90 deg'}}}  # fmt: skip
 

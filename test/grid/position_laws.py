@@ -116,7 +116,7 @@ def _moves(random: Random) -> tuple[Scene, _Known]:
     """To and fro with dwells, under limits of which any may be reached."""
     v, a = float(10.0 ** random.uniform(-0.3, 0.7)), float(10.0 ** random.uniform(0.3, 1.5))
     j = float(10.0 ** random.uniform(1.0, 2.5)) if random.random() < 0.8 else math.inf
-    way, dwell = float(random.uniform(0.1, 2.0)), float(random.uniform(0.1, 0.6))
+    way, dwell = float(random.uniform(0.1, 2.0)), float(random.choice([0.0, 0.1, 0.6]))
 
     def ramp(peak: float) -> tuple[float, float]:
         """Time up to a peak speed, and of the jerk in it [s]."""
@@ -162,7 +162,8 @@ def _moves(random: Random) -> tuple[Scene, _Known]:
         return (way - x, -w, -z) if back else (x, w, z)
 
     limits = {'speed': v, 'acceleration': a} | ({} if math.isinf(j) else {'jerk': j})
-    steps = [{'to': way}, {'dwell': dwell}, {'by': -way}, {'dwell': dwell}]
+    rest = [{'dwell': dwell}] if dwell else []
+    steps = [{'to': way}, *rest, {'by': -way}, *rest]
     corners = [0.0, rise, up - rise, up, one - up, one - up + rise, one - rise, one]
     every = [k * (one + dwell) + x for k in range(3) for x in corners]
     end = 2.6 * (one + dwell)

@@ -12,6 +12,7 @@ from mechanism_sim import output
 from mechanism_sim.errors import InputError, nearest
 from test.grid import (
     cams,
+    coordinates,
     elastic,
     four_bars,
     linkages,
@@ -49,6 +50,7 @@ FAMILIES: tuple[Family, ...] = tuple(
         stops,
         ropes,
         spellings,
+        coordinates,
     )
     for family in module.FAMILIES
 )

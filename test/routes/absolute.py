@@ -17,7 +17,7 @@ from mechanism_sim.joints.mesh.joint import GearMesh
 from mechanism_sim.joints.rack.constraint import SlottedRack
 from mechanism_sim.joints.slot.constraint import PinInSlot
 from mechanism_sim.joints.transmission.constraint import Transmission
-from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.mechanism import Prismatic, Weld
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.schema import Scene
 
@@ -131,6 +131,9 @@ class Absolute:
             row = self.spin(x, j.second) - c - p * (self.spin(x, j.first) - c)
             return [row], [(np.zeros(2), 1.0)]
         D = Jb - Ja
+        if isinstance(j, Weld):
+            pushes = (np.array([1.0, 0.0]), 0.0), (np.array([0.0, 1.0]), 0.0), (np.zeros(2), 1.0)
+            return [D[0], D[1], turn], [*pushes]
         return [D[0], D[1]], [(np.array([1.0, 0.0]), 0.0), (np.array([0.0, 1.0]), 0.0)]
 
     def carried(self, x, name, place):

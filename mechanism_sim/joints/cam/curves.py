@@ -128,7 +128,7 @@ def spline_curve(x: ArrayLike, y: ArrayLike, ends: Ends = 'clamped') -> Piecewis
         raise InputError(f'no spline goes through these points: {error}') from error
 
 
-class Condition(NamedTuple):
+class BoundaryCondition(NamedTuple):
     """A value that a derivative of a curve has at a place."""
 
     at: float  #: from the beginning of the curve
@@ -140,18 +140,20 @@ MOST_CONDITIONS = 40
 _PER_PIECE = 8  # conditions: powers of a shorter part round less than those of a longer one
 
 
-def polynomial_curve(length: float, conditions: Sequence[Condition]) -> Piecewise:
+def polynomial_curve(length: float, conditions: Sequence[BoundaryCondition]) -> Piecewise:
     """The polynomial of least degree that meets conditions, no normalised rise: over `length`.
 
     As many conditions as coefficients, in exact arithmetic, for powers of high degree are nearly
     dependent; one of many conditions stands as several pieces, of the same polynomial.
     """
     n = len(conditions)
-    rows = []
+    rows: list[list[Fraction]] = []
     for at, order, value in conditions:
         x = Fraction(at) / Fraction(length)
-        powers = [Fraction(math.perm(k, order)) * x ** (k - order) if k >= order else 0
-                  for k in range(n)]  # fmt: skip
+        powers = [
+            math.perm(k, order) * Fraction(x ** (k - order)) if k >= order else Fraction(0)
+            for k in range(n)
+        ]
         rows.append([*powers, Fraction(value) * Fraction(length) ** order])
     for k in range(n):  # elimination
         pivot = next((i for i in range(k, n) if rows[i][k]), None)

@@ -79,7 +79,7 @@ Curve = Literal[
 
 
 class ConditionPart(Part):
-    """A condition on a polynomial at a place of its segment."""
+    """Conditions on a polynomial at a place of its segment."""
 
     at: Way
     """Place, counted as `from` and `to`."""
@@ -349,28 +349,32 @@ class CamKeys(PhaseKeys):
             f'the force {"jumps" if jump.order > 1 else "has no limit"}'
             for jump in jumps
         ]
-        if (peaks := _peaks(machine, joint)) and determined(joint.cam.law.peaks):
-            notes.append(peaks)
+        if (told := _peaks(machine, joint)) and told[1]:
+            notes.append(told[0])
         if cam.corners:
             notes += [f'{name}: {flaw}' for flaw in (*find_flaws(cam), *find_cut_away(cam))]
         return notes
 
     def doubts(self, machine: Any, joint: CamPair) -> list[str]:
         """Accelerations that measured points do not determine."""
-        peaks = _peaks(machine, joint)
-        return [peaks] if peaks and not determined(joint.cam.law.peaks) else []
+        told = _peaks(machine, joint)
+        return [told[0]] if told and not told[1] else []
 
 
-def _peaks(machine: Any, joint: CamPair) -> str:
-    """The accelerations of measured points, at the speed of the cam if that is known."""
+def _peaks(machine: Any, joint: CamPair) -> tuple[str, bool] | None:
+    """The accelerations of measured points, and whether these determine them.
+
+    At the largest speed of the cam, if that is known.
+    """
     law = joint.cam.law
     if not isinstance(law, MeasuredLaw) or law.degree == 1:
-        return ''
+        return None
     drive, unit = machine.drive, 'm' if not joint.distance.swings else 'rad'
     scale, per = 1.0, 'm' if joint.distance.slides else 'rad'
     if joint.first == machine.plan.main and math.isfinite(drive.period):
         scale, per = drive.fastest**2, 's'
-    return f'{joint.name}: {describe_peaks(law.peaks, f"{unit}/{per}^2", scale)}'
+    text = describe_peaks(law.peaks, f'{unit}/{per}^2', scale)
+    return f'{joint.name}: {text}', determined(law.peaks)
 
 
 Place = tuple[str, Vector2]
@@ -588,20 +592,19 @@ class _CamReader:
             assert part is not None and base is not None  # noqa: S101, PT018 - checked
             flank = part.flank if isinstance(part, FlankPart) else math.inf
             outline = nose_cam(base, part.nose, part.lift, flank, part.at)
-        elif given.points:
+            return Cam(outline.law(follower, base), follower, base)
+        if given.points:
             angles, radii = np.transpose(given.points)
             outline = radii_cam(angles, radii, given.degree, given.error)
         else:
             outline = edge_cam([self._edge(edge) for edge in given.edges])
-        if given is not None:
-            found = outline.base_radius
-            if base is not None and abs(base - found) > 1e-5 * found:
-                raise InputError(
-                    f'base_radius = {base:g} m is not the least distance of the profile from the '
-                    f'camshaft, {found:.9g} m: leave it out'
-                )
-            base = found
-        return Cam(outline.law(follower, base), follower, base)
+        found = outline.base_radius
+        if base is not None and abs(base - found) > 1e-5 * found:
+            raise InputError(
+                f'base_radius = {base:g} m is not the least distance of the profile from the '
+                f'camshaft, {found:.9g} m: leave it out'
+            )
+        return Cam(outline.law(follower, found), follower, found)
 
     def _edge(self, part: EdgePart) -> Edge:
         """A line or an arc of the cam's link, in the frame of the follower."""
@@ -654,8 +657,8 @@ class _CamReader:
         for i, condition in enumerate(part.conditions):
             place = f'{where}.conditions.{i}'
             at = self.names.measure(f'{place}.at', condition.at, self._slides, _UNITS) - begin
-            nearest = min((0.0, end - begin), key=lambda x, at=at: abs(x - at))
-            at = nearest if abs(nearest - at) <= 1e-9 * (end - begin) else at
+            for limit in (0.0, end - begin):
+                at = limit if abs(limit - at) <= 1e-9 * (end - begin) else at
             if not 0.0 <= at <= end - begin:
                 raise InputError(
                     f'{place}.at = {spelled(at + begin, reciprocating=self._slides)} lies beyond '
@@ -677,7 +680,7 @@ class _CamReader:
                 f'{curves.MOST_CONDITIONS} are allowed'
             )
         return curves.polynomial_curve(
-            end - begin, [curves.Condition(*key, value) for key, value in found.items()]
+            end - begin, [curves.BoundaryCondition(*key, value) for key, value in found.items()]
         )
 
     def _check_cam(self, cam: Cam) -> None:

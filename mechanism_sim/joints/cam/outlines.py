@@ -1,7 +1,7 @@
 """Cams by their profiles: edges and splines that close, and the law that a follower gets of them.
 
 The frame is that of `touch`: the follower goes round the profile counterclockwise. An edge is a
-curve of a parameter t, with its outward normal; `Outline.law` finds for each t the cam angle at
+curve of a parameter t, with its outward normal; `CamOutline.law` finds for each t the cam angle at
 which the follower touches there and where the follower is then, and makes polynomials of it.
 """
 
@@ -37,10 +37,13 @@ _MEET = 1e-6  # of the size: by so much ends of edges may miss each other
 _CORNER = 1e-4  # [rad]: a larger change of direction between edges is a corner
 
 
-class Curve(Protocol):
+class OutlineCurve(Protocol):
     """A part of a profile."""
 
-    breaks: Array  #: (k + 1,) values of t between which it is smooth
+    @property
+    def breaks(self) -> Array:
+        """Values (k + 1,) of t between which it is smooth."""
+        ...
 
     def at(self, t: Array) -> tuple[Array, Array]:
         """Points and outward normals (2, N)."""
@@ -113,7 +116,7 @@ class OutlineLaw(PiecewiseLaw):
         self.function = function
 
 
-class Outline:
+class CamOutline:
     """A closed profile around the camshaft.
 
     Parameters
@@ -121,7 +124,7 @@ class Outline:
     curves : in counterclockwise order, each beginning where the one before ends
     """
 
-    def __init__(self, curves: Sequence[Curve]) -> None:
+    def __init__(self, curves: Sequence[OutlineCurve]) -> None:
         self.curves = curves
         ends = [
             [x[:, 0] for x in curve.at(curve.breaks[[k]])] for curve in curves for k in (0, -1)
@@ -182,7 +185,7 @@ class Outline:
 
 
 def _fitted(
-    curve: Curve, follower: Follower, base_radius: float, rest: float
+    curve: OutlineCurve, follower: Follower, base_radius: float, rest: float
 ) -> tuple[float, list[tuple[float, Array]]]:
     """Cam angle where a curve begins [rad]; widths and coefficients of the polynomials along it.
 
@@ -261,7 +264,7 @@ def _joined(pieces: list[LawPiece]) -> list[LawPiece]:
     return found
 
 
-def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | None) -> Outline:
+def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | None) -> CamOutline:
     """The profile of a base circle and a round nose with flanks between them.
 
     The nose's centre is ``d = base + lift - nose`` off the camshaft. A flank of radius F touches
@@ -295,13 +298,13 @@ def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | No
     def on(angle: float, radius: float) -> Vector2:
         return radius * math.cos(angle), radius * math.sin(angle)
 
-    curves: list[Curve] = []
+    first: OutlineCurve
+    last: OutlineCurve
     up, down = middle - half, middle + half
     if math.isinf(flank):
         tips = [(centre[0] + x, centre[1] + y) for x, y in (on(up, nose), on(down, nose))]
         turn = up, down
-        curves += [Line(on(up, base), tips[0])]
-        flanks = [Line(tips[1], on(down, base))]
+        first, last = Line(on(up, base), tips[0]), Line(tips[1], on(down, base))
     else:
         a, b = on(up, base - flank), on(down, base - flank)
         # outward normals where flank and nose touch
@@ -313,16 +316,15 @@ def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | No
             up + math.remainder(away[0] - up, TURN),
             down + math.remainder(away[1] - down, TURN),
         )
-        curves += [Arc(a, flank, up, turn[0])]
-        flanks = [Arc(b, flank, turn[1], down)]
-    curves += [Arc(centre, nose, *turn), *flanks, Arc((0.0, 0.0), base, down, up + TURN)]
-    return Outline(curves)
+        first, last = Arc(a, flank, up, turn[0]), Arc(b, flank, turn[1], down)
+    rest = Arc((0.0, 0.0), base, down, up + TURN)
+    return CamOutline([first, Arc(centre, nose, *turn), last, rest])
 
 
-def radii_cam(angles: Array, radii: Array, degree: int = 5, error: float = 0.0) -> Outline:
+def radii_cam(angles: Array, radii: Array, degree: int = 5, error: float = 0.0) -> CamOutline:
     """The profile through distances from the camshaft (n,) [m] at angles (n,) [rad]."""
     law = MeasuredLaw(angles, radii, degree, error=error)
-    return Outline([Radii(law.function)])
+    return CamOutline([Radii(law.function)])
 
 
 class Edge(NamedTuple):
@@ -366,7 +368,7 @@ class Edge(NamedTuple):
         return chord + abs(self.start - self.centre) ** 2 * self.sweep
 
     @property
-    def curve(self) -> Curve:
+    def curve(self) -> OutlineCurve:
         """A part of a profile that is gone round counterclockwise."""
         if self.centre is None:
             return Line((self.start.real, self.start.imag), (self.end.real, self.end.imag))
@@ -376,7 +378,7 @@ class Edge(NamedTuple):
         return Arc((self.centre.real, self.centre.imag), radius, begin, begin + self.sweep)
 
 
-def edge_cam(edges: Sequence[Edge]) -> Outline:
+def edge_cam(edges: Sequence[Edge]) -> CamOutline:
     """The profile that edges make, in whichever order and direction they come."""
     size = max(abs(z) for edge in edges for z in (edge.start, edge.end))
     rest, chain = list(edges[1:]), [edges[0]]
@@ -396,4 +398,4 @@ def edge_cam(edges: Sequence[Edge]) -> Outline:
         chain.append(edge.reversed() if back else edge)
     if sum(edge.area for edge in chain) < 0.0:
         chain = [edge.reversed() for edge in reversed(chain)]
-    return Outline([edge.curve for edge in chain])
+    return CamOutline([edge.curve for edge in chain])

@@ -132,7 +132,8 @@ class DiscGap:
         x, y = self._apart(frames)
         half = self._square(frames, x, y)
         reach = dense(frames.parameters(f'{self.name}.reach', self.reach))
-        return half / reach - lift(0.5 * reach)
+        found: Jet = half / reach - lift(0.5 * reach)
+        return found
 
     def stretch(self, value: Term) -> Term:
         """``|Q|/R = sqrt(1 + 2 y/R)`` of a value y, over which the value grows faster."""
@@ -160,7 +161,9 @@ class DiscGap:
         fx, fy = past
         beyond: Jet = fx.half_square() + fy.half_square()
         before, after = flags
-        return across.half_square() * (1.0 - before - after) + whole * before + beyond * after
+        on_bar = across.half_square() * (1.0 - before - after)
+        found: Jet = on_bar + whole * before + beyond * after
+        return found
 
     def _along(
         self, frames: Frames, x: Jet, y: Jet
@@ -232,7 +235,8 @@ class DiscGap:
             add(mul(side.value, along.curvature), mul(side.rate, along.rate)),
         )
         flat = rolling(flat, (r1, -r1), '.flat')
-        return flat * (1.0 - before - after) + whole * before + beyond * after
+        slip: Jet = flat * (1.0 - before - after) + whole * before + beyond * after
+        return slip
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """On the second-named link, about its point: it acts at the first's surface."""

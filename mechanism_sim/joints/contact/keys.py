@@ -11,7 +11,7 @@ from mechanism_sim.joints.joint_keys import KINDS, Reference, TouchingKeys
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Length
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.protocols import Bound
+from mechanism_sim.planar.protocols import MotionBound
 
 
 @KINDS.add('contact')
@@ -53,7 +53,7 @@ class ContactKeys(TouchingKeys):
             f'{two:g} m'
         )
 
-    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[Bound]:
+    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
         """Their distance."""
         return [
             DiscGap(joint, mechanism, play.restitution, play.friction, play.hypothesis, play.law())

@@ -13,7 +13,7 @@ from mechanism_sim.joints.transmission.keys import PhaseKeys, guides_of
 from mechanism_sim.keys.names import Names
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.planar.protocols import Bound
+from mechanism_sim.planar.protocols import MotionBound
 from mechanism_sim.planar.view import Side
 
 
@@ -52,7 +52,7 @@ class OneWayKeys(PhaseKeys):
         kind = f'ratchet of {joint.teeth} teeth' if joint.teeth else 'freewheel'
         return f'{kind}: {joint.first} takes {joint.second} along {way}'
 
-    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[Bound]:
+    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
         """The one that holds."""
         side: Side = 'right' if joint.sense > 0.0 else 'left'
         closure, law = joint.closure(mechanism), play.law()

@@ -24,10 +24,10 @@ from typing import ClassVar, NamedTuple
 import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.closures import HigherClosure
+from mechanism_sim.planar.closures import HigherClosure, gathered
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Load, Wrench, moment_of
+from mechanism_sim.planar.loads import Load, Wrench
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.play import Wall
 from mechanism_sim.planar.points import LinkPoint
@@ -35,7 +35,7 @@ from mechanism_sim.planar.view import Draft, Side, circle
 
 
 class Drum(NamedTuple):
-    """What is wound on a drum counts from here."""
+    """Origin of what is wound on a drum."""
 
     way: float  #: [rad] direction of the rope
     angle: float  #: [rad] of the drum's link
@@ -144,8 +144,7 @@ class RopeClosure(HigherClosure[Rope]):
         stretches = self._stretches(frames)
         excess = [s.length for s in stretches]
         for k, (before, after) in enumerate(pairwise(stretches), start=1):
-            radius = self.joint.pulleys[k].radius
-            if radius:
+            if radius := self.joint.pulleys[k].radius:
                 size = dense(frames.parameters(f'{self.name}.radius.{k}', abs(radius)))
                 excess.append(size * _wrap(before.way, after.way, math.copysign(1.0, radius)))
         total = Jet(None, {}, None, None)
@@ -155,14 +154,12 @@ class RopeClosure(HigherClosure[Rope]):
             if drum := self.joint.pulleys[k].drum:
                 way = stretches[0 if k == 0 else -1].way
                 turned = self._off_drum(frames, k, drum, way)
-                size = dense(frames.parameters(f'{self.name}.drum.{k}', self._arm(k)))
+                radius = self.joint.pulleys[k].radius
+                size = dense(frames.parameters(f'{self.name}.drum.{k}', radius))
                 excess.append(size * dense(turned.value) * side)
                 total += Jet(None, turned.gradient, turned.rate, None) * (size * side)
         own = neg(frames.parameters(f'{self.name}.length', self.joint.length))
         return [Jet(add(own, *excess), total.gradient, total.rate, total.curvature)]
-
-    def _arm(self, k: int) -> float:
-        return self.joint.pulleys[k].radius
 
     def _off_drum(
         self, frames: Frames, k: int, drum: Drum, way: tuple[hy.expression, hy.expression]
@@ -195,20 +192,7 @@ class RopeClosure(HigherClosure[Rope]):
             arm = frames.parameters(f'{self.name}.drum.{k}', p.radius if p.drum else 0.0)
             turn = mul(pull, arm) if k == 0 else neg(mul(pull, arm))
             loads.append(Load(f'{self.name}.{k}', *p.place, force, turn))
-        x: Term = None
-        y: Term = None
-        moment: Term = None
-        ox, oy = frames.position(
-            self.mechanism.point(joint.second, joint.on_second), f'{self.name}.second'
-        )
-        for load in (load for load in loads if load.link == joint.second):
-            x, y, moment = add(x, load.force[0]), add(y, load.force[1]), add(moment, load.moment)
-            if load.at != joint.on_second:
-                px, py = frames.position(self.mechanism.point(load.link, load.at), load.name)
-                arm = add(px.value, neg(ox.value)), add(py.value, neg(oy.value))
-                moment = add(moment, moment_of(arm, load.force))
-        others = tuple(load for load in loads if load.link != joint.second)
-        return Wrench(x, y, moment, others)
+        return gathered(joint, self.mechanism, frames, loads)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from mechanism_sim.keys.quantities import Length, Part
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.protocols import Bound
+from mechanism_sim.planar.protocols import MotionBound
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 
 _STRAIGHT = 1e-9
@@ -92,7 +92,7 @@ class RopeKeys(TouchingKeys):
         over = f' over {len(joint.pulleys) - 2} points' if joint.pulleys[2:] else ''
         return f'rope of {joint.length:g} m from {joint.first}{over}, which may hang slack'
 
-    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[Bound]:
+    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
         """The slack that it has left."""
         closure, law = joint.closure(mechanism), play.law()
         return [Slack(closure, 'left', 0.0, play.restitution, 0.0, play.hypothesis, law)]

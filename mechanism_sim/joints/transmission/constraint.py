@@ -18,11 +18,11 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.joints.mesh.reading import GearReading, read_ratio
-from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.closures import HigherClosure, slid
+from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
+from mechanism_sim.planar.closures import HigherClosure, gathered, slid
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Load, Wrench, moment_of
+from mechanism_sim.planar.loads import Load, Wrench
 from mechanism_sim.planar.mechanism import Coupling, HigherPair, Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.view import PairView, Side
@@ -48,7 +48,7 @@ class Transmission(HigherPair):
     )  # fmt: skip
 
     ratio: Fraction = Fraction(1)
-    phase: float = 0.0  #: [rad]; of links that slide [m]
+    phase: float = 0.0  #: [rad]
     carrier: str = GROUND
     guides: tuple[Prismatic, ...] = field(default=(), kw_only=True)
     """Of first and second, if these slide."""
@@ -146,9 +146,7 @@ class TransmissionClosure(HigherClosure[Transmission]):
     def _slid(self, frames: Frames) -> Jet:
         """How far the second is off [m], of links that slide."""
         first, second = (slid(self.mechanism, frames, guide) for guide in self.joint.guides)
-        off = second - first * float(self.joint.ratio)
-        start = frames.parameters(f'{self.name}.phase', -self.joint.phase)
-        return off if start is None else off + start
+        return second - first * float(self.joint.ratio)
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """The moment on the second; or the forces along both guides, and on the carrier."""
@@ -157,22 +155,13 @@ class TransmissionClosure(HigherClosure[Transmission]):
             lever = frames.parameters(f'{self.name}.lever', self.lever)
             return Wrench(None, None, mul(forces[0], lever))
         pushed = mul(forces[0], hy.expression(-float(joint.ratio))), forces[0]
-        loads: list[list[Load]] = []
-        for k, (link, guide) in enumerate(zip(joint.links, joint.guides, strict=True)):
+        loads = []
+        for k, guide in enumerate(joint.guides):
             way = self.mechanism.direction(guide.first, guide.axis)
             x, y = frames.position(way, f'{guide.name}.way')
             along = mul(pushed[k], x.value), mul(pushed[k], y.value)
-            back = neg(along[0]), neg(along[1])
-            at, force = dict(guide.points), {guide.second: along, guide.first: back}
-            ends = [link, next(end for end in at if end != link)]
-            loads.append(
-                [Load(f'{self.name}.{k}:{end}', end, at[end], force[end]) for end in ends]
-            )
-        (one, *rest), (own, *more) = loads
-        px, py = frames.position(self.mechanism.point(own.link, own.at), own.name)
-        ox, oy = frames.position(
-            self.mechanism.point(joint.second, joint.on_second), f'{self.name}.second'
-        )
-        arm = add(px.value, neg(ox.value)), add(py.value, neg(oy.value))
-        moment = None if own.at == joint.on_second else moment_of(arm, own.force)
-        return Wrench(*own.force, moment, (one, *rest, *more))
+            for (end, at), force in zip(
+                guide.points, ((neg(along[0]), neg(along[1])), along), strict=True
+            ):
+                loads.append(Load(f'{self.name}.{k}:{end}', end, at, force))
+        return gathered(joint, self.mechanism, frames, loads)

@@ -13,7 +13,7 @@ from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.poses import Poses
-from mechanism_sim.planar.protocols import Bound
+from mechanism_sim.planar.protocols import MotionBound
 from mechanism_sim.results.quantity import Quantity, Shown, vector
 from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine
@@ -88,7 +88,7 @@ def _transmits_moment(machine: Machine, joint: Joint) -> bool:
         return True
     gaps = machine.physics.system.gaps if isinstance(machine.physics, DynamicPhysics) else ()
     own = [gap for gap in gaps if gap.joint == joint.name]
-    return any(gap.friction or isinstance(gap, Bound) for gap in own)
+    return any(gap.friction or isinstance(gap, MotionBound) for gap in own)
 
 
 def of_links(machine: Machine) -> Iterator[Quantity]:
