@@ -217,7 +217,7 @@ def to_si_text(value: object) -> QuantityValue:
     """
     value = plain(value)
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return QuantityValue(float(value), '')
+        return QuantityValue(to_si(value, ''), '')
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
     if not isinstance(value, str) or not match:
         raise ValueError("is not a number with a unit: write for example '64 mm'")
