@@ -83,8 +83,8 @@ class LooseFourBar:
         at = round(64 * revolutions)
         states = run['states']
         masses = {
-            f'{name}_{key}': getattr(link, key)
-            for name, link in scene.links.items()
+            f'{name}_{key}': getattr(scene.scene.links[name], key)
+            for name in scene.plan.links
             for key in ('mass', 'inertia', 'cog')
         }
         return cls(

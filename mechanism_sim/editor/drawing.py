@@ -144,8 +144,8 @@ def of_parts(scene: Scene, poses: Poses) -> dict[str, Any]:
         for at in scene.links[link].points.values():
             add('point', link, [at])
     shapes.sort(key=lambda shape: _ORDER.index(shape.kind))
-    ends = (spring.between for spring in scene.springs.values() if spring.between)
-    pairs = [[point(scene, r) for r in pair] for pair in ends]
+    between = [spring.between for spring in scene.springs.values() if spring.between]
+    pairs = [[point(scene, r) for r in pair] for pair in between]
     springs = [[[x[0], list(x[2])] for x in pair if x] for pair in pairs if None not in pair]
     low, high = spread.min(axis=0), spread.max(axis=0)
     middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 0.25 * SMALLEST)

@@ -136,7 +136,7 @@ def determinants(kinematics: Kinematics, q: Array) -> Array:
         best = np.linalg.svd(A, compute_uv=False).min(axis=2).argmax(axis=1)
         left, _, _ = np.linalg.svd(A[np.arange(len(A)), best], full_matrices=False)
         A = left.transpose(0, 2, 1)[:, None] @ A
-    return np.linalg.det(A)
+    return np.asarray(np.linalg.det(A))
 
 
 def _fitted(

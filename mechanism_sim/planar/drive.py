@@ -180,7 +180,7 @@ def curve_laws(
         rows = np.concatenate(
             [np.zeros((len(rows), 1)), rows / np.arange(1, rows.shape[1] + 1)], 1
         )
-    laws = []
+    laws: list[DriveLaw] = []
     for begin, row in zip(times[:-1], rows.tolist(), strict=True):
         if start and not laws:  # with the rate of the first break from time zero on
             laws.append(replace(start, coefficients=(start.coefficients[0], row[1])))

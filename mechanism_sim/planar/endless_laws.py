@@ -74,7 +74,8 @@ class FormulaLaws:
         ]
         if self.rate:
             since = Fraction(start) - Fraction(piece.middle)
-            powers = [Fraction(0), *(x / (k + 1) for k, x in enumerate(powers))]
+            integrated = [Fraction(x) / (k + 1) for k, x in enumerate(powers)]
+            powers = [Fraction(0), *integrated]
             gone = Fraction(0)
             for x in reversed(powers):
                 gone = gone * since + x

@@ -137,7 +137,9 @@ def expanded(scene: FourBarScene, content: Mapping[str, Any]) -> dict[str, Any]:
     given, drive = content.get('joints') or {}, scene.drive
     driven = {key: x for key, x in content['drive'].items() if x is not None}
     said = scene.initial.position.get('crank')
-    start, speed = said.value if said else drive.start_angle or 0.0, 0.0
+    speed, start = 0.0, drive.start_angle or 0.0
+    if isinstance(said, QuantityValue):
+        start = said.value
     if drive.position:
         start, speed = drive.position.at_start
     elif isinstance(drive.speed, QuantityValue):

@@ -79,7 +79,7 @@ class _SceneWriter:
         if facts.part is None or not isinstance(data, Mapping | list) or not data:
             yield from _entry(name, data, note)
             return
-        if facts.many == 'dict':
+        if facts.many == 'dict' and isinstance(data, Mapping):
             inner = [
                 line for key, item in data.items() for line in self.named(key, item, value[key])
             ]

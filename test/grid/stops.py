@@ -177,7 +177,8 @@ def _detent(random: Random, k: int) -> tuple[Draft, Route | None]:
     J = np.array([x['inertia'] for x in (one, two)]) + m * s * s
 
     def force(q: Array) -> Array:
-        return -m * _G * s * np.cos(q) - np.array([0.0, stiffness * (q[1] - rest)])
+        spring = np.array([0.0, stiffness * (q[1] - rest)])
+        return np.asarray(-m * _G * s * np.cos(q) - spring)
 
     def gap(q: Array) -> tuple[float, Array]:
         (c1, c2), (s1, s2) = np.cos(q), np.sin(q)

@@ -37,7 +37,7 @@ def switched(
         return np.asarray(rates(t, y * size, positive), float) / size
 
     def guard(k: int, t: float, y: Array) -> float:
-        return guards(t, y * size)[k]
+        return float(guards(t, y * size)[k])
 
     positive = _signs(guards, rate, t, y, size, [g > 0.0 for g in guards(t, y * size)])
     while t < end:
@@ -53,7 +53,7 @@ def switched(
                 high != bool(len(times))
                 for high, times in zip(positive, found.t_events, strict=True)
             ]
-    return y * size
+    return np.asarray(y * size)
 
 
 def _signs(
