@@ -190,7 +190,7 @@ class PositionPart(CoursePart):
     points: list[tuple[Time, Place]] | None = Field(None, min_length=2)
     """List of [time, position] with rising times; before the first and after the last the speed
     stays. Instead of it `file` names a file of comma-separated values beside the scene, and
-    `columns` two of its columns, else the first two: headings may have units in brackets.
+    `columns` two of its columns, else the first two; headings may have units in brackets.
     """
 
     @classmethod
@@ -235,7 +235,7 @@ class SpeedPart(CoursePart):
     """
     ramp: Literal['linear', 'smooth'] | None = None
     """Between two points, as from one steady speed to another; smooth begins and ends without
-    acceleration at every point: through points of a curve take `interpolation`.
+    acceleration at every point; through points of a curve take `interpolation`.
     """
 
     @classmethod

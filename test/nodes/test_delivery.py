@@ -137,7 +137,7 @@ def test_who_joins_a_run_under_way_gets_the_descriptions(tmp_path):
         _, said = running.communicate(timeout=TIMEOUT)
     assert running.returncode == 130, said
     assert found['scene']['name'] == 'four_bar_clearance'
-    links = ms.load_scene('four_bar_clearance').links
+    links = ms.load_scene('four_bar_clearance').plan.links
     assert all(f'<link name="{link}">' in found['robot_description'] for link in links)
     assert found['markers'] >= len(links)
 
@@ -162,7 +162,7 @@ def test_machines_in_two_namespaces_do_not_disturb_each_other(tmp_path):
         assert analyze(bag).digest == run_json('solve', 'four_bar_clearance', *args)['digest']
         found = read_bag(bag)
         frames = [t for _, m, _ in found.messages('/tf') for t in m.transforms]
-        links = {f'{prefix}{link}' for link in ms.load_scene('four_bar_clearance').links}
+        links = {f'{prefix}{link}' for link in ms.load_scene('four_bar_clearance').plan.links}
         assert {t.child_frame_id for t in frames} == links
         assert {t.header.frame_id for t in frames} == {f'{prefix}world'}
         own = {topic for topic in found.topics if topic not in ('/tf', '/clock', '/diagnostics')}

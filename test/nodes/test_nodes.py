@@ -414,7 +414,7 @@ def test_linkages_run_as_nodes_bit_by_bit_as_without(tmp_path, scene):
     states = [m for _, m, _ in read_bag(bag).messages('/joint_states')]
     assert list(states[0].name) == solved['coordinates']
     frames = {t.child_frame_id for _, m, _ in read_bag(bag).messages('/tf') for t in m.transforms}
-    assert frames == set(ms.load_scene(scene).links)
+    assert frames == set(ms.load_scene(scene).plan.links)
 
 
 @pytest.mark.network

@@ -226,7 +226,7 @@ def test_machines_in_two_namespaces_do_not_disturb_each_other(network, tmp_path)
         assert process.returncode == 0, process.communicate()
         process.communicate()
         play(nodes)
-    links = ms.load_scene(SCENE).links
+    links = ms.load_scene(SCENE).plan.links
     for prefix, bag in bags.items():
         assert analyze(bag).digest == digest_of(SCENE, (speeds[prefix],), 0.05)
         found = read_bag(bag)
