@@ -173,7 +173,7 @@ class JointPart(_schema.JointPart):
         diametral_inertia : Of a rotor's disk about a diameter; without it the disk's tilt has no inertia. [kg m^2, >= 0]
         external_damping : Of a rotor, at the disk. [N s/m or a pair along x and y]
         drives : Of a freewheel or ratchet: how the first turns where it takes the second along, counterclockwise without it. Of links that slide that is along their guides. [counterclockwise or clockwise]
-        restitution : Of a contact, ratchet or rope, its coefficient of restitution, 0 if it does not bounce, 1 loses nothing. [0 to 1]
+        restitution : Of a contact, ratchet or rope, its coefficient of restitution, 0 without a bounce, 1 loses nothing. [0 to 1]
         hypothesis : Of the same, quantities that the coefficient relates: speeds (without it), impulses or works. [newton, poisson or stronge]
         compliance : Of the same, a law of force instead of rigid surfaces; of a rope, how it stretches.
         rope : A rope through points in this order: fixed to the first and the last, free in between. It pulls, or hangs slack, and tightens with an impact.

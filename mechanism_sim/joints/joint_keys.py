@@ -146,7 +146,7 @@ class TouchingKeys(JointKeys):
     """Joints that are nothing but a contact, such as discs, or a rope that tightens."""
 
     restitution: Coefficient = 0.0
-    """Of a contact, ratchet or rope, its coefficient of restitution, 0 if it does not bounce, 1 loses
+    """Of a contact, ratchet or rope, its coefficient of restitution, 0 without a bounce, 1 loses
     nothing."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] | None = None
     """Of the same, quantities that the coefficient relates: speeds (without it), impulses or
