@@ -196,7 +196,7 @@ class JointPart(_schema.JointPart):
         fixed : Two points that coincide, of links that do not turn against each other: a weld.
         contact : Middles of two discs, at a point of a link each, which touch but do not hold each other.
         radii : Of a belt, required: of the first and of the second pulley, to the middle of the belt. [m]
-        to : Of a contact, another point LINK.POINT of its second link: from disc to disc between both points there is a bar, with the second radius as half of its thickness.
+        to : Of a contact, another point LINK.POINT of its second link; from disc to disc between both points there is a bar, with the second radius as half of its thickness.
         cam : A cam's link, and the point of its follower.
         follower : Its tip; required for a cam. [knife, roller or flat]
         base_radius : Of the cam's base circle, without the roller; required, but for a profile. [m, > 0]

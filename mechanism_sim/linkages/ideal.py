@@ -42,6 +42,7 @@ class FourBarMotion:
         """Coordinates (3, N) a little later, by whole turns next to those before."""
         _, coupler, rocker = self._links
         q = np.empty((3, len(times)))
+        q[self.driven] = driven
         q[coupler], q[rocker] = self.loop.positions(driven[0])
         joined = np.unwrap(np.column_stack([last, q]), axis=1)[:, 1:]
         joined[self.driven] = driven

@@ -118,14 +118,13 @@ def test_kennedy_any_three_links_have_their_centres_in_line():
     poses = np.vstack([poses, [*b, th5], rocker])
     assert np.abs(machine.linearise(poses)[0]).max() < 1e-14
     found = centres(machine, poses)
-    for i, j, k in combinations(('ground', *machine.plan.links), 3):
+    for i, j, k in combinations(('ground', *machine.links), 3):
         assert abs(np.linalg.det([found[i, j], found[j, k], found[i, k]])) < 1e-12
-    order = ['ground', *machine.plan.links]
     for joint in joints:
         if isinstance(joint, Revolute):
-            pair = tuple(sorted((joint.first, joint.second), key=order.index))
+            pair = tuple(sorted((joint.first, joint.second), key=('ground', *machine.links).index))
             link, at = (joint.first, joint.on_first)
-            pose = np.zeros(3) if link == 'ground' else poses[machine.plan.links.index(link)]
+            pose = np.zeros(3) if link == 'ground' else poses[machine.links.index(link)]
             turn = np.exp(1j * pose[2]) * complex(*at) + complex(*pose[:2])
             assert same(found[pair], (turn.real, turn.imag, 1.0))
 

@@ -154,7 +154,7 @@ def test_any_start_value_is_honoured_or_refused(scene: str) -> None:
     rng = random.Random(scene)
     base = ms.load_scene(scene)
     at = ms.simulate(base, duration=1e-6).sample([0.0])
-    links, outcomes = list(base.links), []
+    links, outcomes = list(base.plan.links), []
     for _ in range(12):
         given = {}
         for link in rng.sample(links, min(len(links), rng.choice([1, 1, 2, 3]))):

@@ -23,7 +23,7 @@ class ContactKeys(TouchingKeys):
     radii: tuple[Length, Length] | None = None
     """Of both pulleys, or of both discs, as [40 mm, 60 mm]; required."""
     to: str | None = None
-    """Of a contact, another point LINK.POINT of its second link: from disc to disc between both
+    """Of a contact, another point LINK.POINT of its second link; from disc to disc between both
     points there is a bar, with the second radius as half of its thickness."""
     firm = 'links that touch part by themselves'
     rubs_by = (), False
