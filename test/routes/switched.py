@@ -34,7 +34,7 @@ def switched(
     y = np.asarray(start, float) / size
 
     def rate(positive: Sequence[bool], t: float, y: Array) -> Array:
-        return np.asarray(rates(t, y * size, positive), float) / size
+        return np.asarray(rates(t, y * size, positive) / size, float)
 
     def guard(k: int, t: float, y: Array) -> float:
         return float(guards(t, y * size)[k])
