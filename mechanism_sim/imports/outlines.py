@@ -20,11 +20,12 @@ from mechanism_sim.imports import svg
 from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, names_of
 from mechanism_sim.packages import needed, reason
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.scene.drawn_edges import DXF_UNITS, simple_entities
 from mechanism_sim.units import to_si
 
 _FINE = 1e-7  # error of curves as polygons, and of ends that meet, in sizes of the drawing
 _SAME = 1e-6  # distance of holes that are one, likewise
-_UNITS = {1: 'inch', 2: 'ft', 4: 'mm', 5: 'cm', 6: 'm'}  # $INSUNITS of DXF
+_CURVES = 'LINE', 'ARC', 'CIRCLE', 'ELLIPSE', 'SPLINE'
 _GROUNDS = 'ground', 'frame', 'base'
 
 
@@ -50,7 +51,8 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
     ezdxf = needed('ezdxf', 'drawings as DXF')
     try:
         document = ezdxf.read(StringIO(text))
-        parts = [x for e in document.modelspace() for x in _simple(e)]
+        simple = (x for e in document.modelspace() for x in simple_entities(e))
+        parts = [x for x in simple if x.dxftype() in _CURVES]
         size = float(max((np.ptp(_points(e, 1.0), axis=0).max() for e in parts), default=1.0))
         drawn = [(e, _points(e, _FINE * size)) for e in parts]
     except ezdxf.DXFError as error:
@@ -66,15 +68,7 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
             open_.setdefault(layer, []).append(points)
     for layer, pieces in open_.items():
         curves += [DrawnCurve(layer, loop) for loop in _closed(pieces, 10.0 * _FINE * size)]
-    return blueprint(path.stem, unit or _UNITS.get(document.units, ''), curves)
-
-
-def _simple(entity: Any) -> Iterator[Any]:
-    """An entity of a drawing that has points; lines and arcs of a polyline."""
-    if entity.dxftype() in ('LWPOLYLINE', 'POLYLINE'):
-        yield from entity.virtual_entities()
-    elif entity.dxftype() in ('LINE', 'ARC', 'CIRCLE', 'ELLIPSE', 'SPLINE'):
-        yield entity
+    return blueprint(path.stem, unit or DXF_UNITS.get(document.units, ''), curves)
 
 
 def _points(entity: Any, near: float) -> Array:

@@ -12,6 +12,7 @@ import heyoka as hy
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.curves import Curve
 from mechanism_sim.numerics.symbolic import Term, add, dense
+from mechanism_sim.planar.closures import slid
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load
@@ -113,12 +114,8 @@ class FormulaScope:
         if link not in self.guided:
             return frames.angle(m.frame(link)[0])
         joint = m.joint(self.guided[link])
-        if m.tree_joints.get(link) is joint:
-            return frames.displacement(link)
         assert isinstance(joint, Prismatic)  # noqa: S101 - it guides
-        x, y = frames.position(m.separation(joint.name), joint.name)
-        ux, uy = frames.position(m.direction(joint.first, joint.axis), f'{joint.name}.way')
-        return -(x * ux + y * uy)
+        return slid(m, frames, joint)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ from typing import Any
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.packages import needed
 
-_UNITS = {1: 'inch', 2: 'ft', 4: 'mm', 5: 'cm', 6: 'm'}  # by $INSUNITS
+DXF_UNITS = {1: 'inch', 2: 'ft', 4: 'mm', 5: 'cm', 6: 'm'}
+"""Units of lengths by $INSUNITS of a DXF."""
 
 
 def drawn_edges(path: Path, where: str, layer: str | None, unit: str | None) -> list[Any]:
@@ -24,10 +25,10 @@ def drawn_edges(path: Path, where: str, layer: str | None, unit: str | None) -> 
     ezdxf = needed('ezdxf', 'profiles from drawings')
     try:
         document = ezdxf.readfile(path)
-        parts = [x for entity in document.modelspace() for x in _simple(entity)]
+        parts = [x for entity in document.modelspace() for x in simple_entities(entity)]
     except (OSError, ezdxf.DXFError) as error:
         raise InputError(f'{where} cannot be read as DXF: {error}') from error
-    unit = unit or _UNITS.get(document.units)
+    unit = unit or DXF_UNITS.get(document.units)
     if unit is None:
         raise InputError(f"{where} does not say its unit: add 'units: mm'")
     layers = dict.fromkeys(str(x.dxf.layer) for x in parts)
@@ -48,8 +49,8 @@ def drawn_edges(path: Path, where: str, layer: str | None, unit: str | None) -> 
     return [_KEYS[x.dxftype()](x.dxf, unit) for x in chosen]
 
 
-def _simple(entity: Any) -> Iterator[Any]:
-    """An entity of a drawing; of a polyline its lines and arcs."""
+def simple_entities(entity: Any) -> Iterator[Any]:
+    """An entity of a drawing in a DXF that is no text; of a polyline its lines and arcs."""
     if entity.dxftype() in ('LWPOLYLINE', 'POLYLINE'):
         yield from entity.virtual_entities()
     elif entity.dxftype() not in ('TEXT', 'MTEXT', 'DIMENSION', 'POINT', 'HATCH'):
