@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import itertools
 import json
 import re
 
@@ -32,7 +33,7 @@ def test_wear_is_seen_heard_and_measured(worn):
     runs = json.loads(text)['runs']
     assert [run['radial'] for run in runs] == list(module.RADII)
     impulse = [run['figures']['impulse'] for run in runs]
-    assert all(a < b for a, b in zip(impulse, impulse[1:], strict=False))
+    assert all(a < b for a, b in itertools.pairwise(impulse))
     loud = []
     for run in runs:
         rate, sound = wavfile.read(io.BytesIO(base64.b64decode(run['sound'])))
