@@ -199,6 +199,25 @@ def test_pictures_of_a_machine_between_limits():
         instant(machine, math.radians(31.0), still=True)
 
 
+def test_a_machine_with_clearance_between_limits_is_checked_drawn_and_run_within_them():
+    """The limits are those of its links without clearance; a run beyond them is refused."""
+    scene = scene_of('double_rocker')
+    for name in ('input', 'coupler', 'output'):
+        scene['links'][name] |= {'mass': '1 kg', 'inertia': '1e-4 kg m^2'}
+    plain = limits(made(scene))
+    scene['joints']['b']['clearance'] = {'radial': '0.1 mm', 'restitution': 0.5}
+    machine = made(scene)
+    assert limits(machine) == pytest.approx(plain, abs=1e-12)
+    said, *_ = check(machine).limits
+    assert "without clearance: a run that is to stay between them needs a 'duration'" in said
+    found, t = instant(machine, math.radians(-100.0), still=True)
+    angle = found.at(np.array([t]), ['position.input']).popitem()[1][0]
+    assert math.degrees(angle) == pytest.approx(-100.0)
+    assert ms.simulate(machine, duration=0.02).duration == 0.02
+    with pytest.raises(InputError, match=r'input moves from -292\.32\d+ deg to -4\.319\d+ deg'):
+        ms.simulate(machine)
+
+
 def test_the_editor_shows_a_machine_between_limits():
     class Link:
         """One end of a pipe."""
