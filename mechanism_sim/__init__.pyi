@@ -1,6 +1,5 @@
 """Public names for editors and type checkers, written by `python docs/signatures.py`."""
 
-# ruff: noqa
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Protocol, TypeAlias
 
