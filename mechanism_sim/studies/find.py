@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
@@ -14,13 +13,13 @@ import scipy
 from mechanism_sim import tables
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.results.measures import Measured
 from mechanism_sim.scene import Source, load_scene
-from mechanism_sim.studies.goal import GREATEST, CycleTrial, Goal, read_goals
+from mechanism_sim.studies.goal import CycleTrial, Goal, read_goals
 from mechanism_sim.studies.journal import Journal
-from mechanism_sim.studies.optimum import Effort, Optimum, optimum
+from mechanism_sim.studies.optimum import Budget, Optimum, optimum
 from mechanism_sim.studies.parameters import Limits, Parameter, parameters
-from mechanism_sim.studies.runs import Call, FinishedRows, Row, Show, Workers, has_failed
+from mechanism_sim.studies.runs import FinishedRows, Show, Workers
+from mechanism_sim.studies.trials import Trials
 
 _ROUNDING = 1e-12
 _JUMP = 1e-6  # of the range of the figure: what is left there beside a solution is a step
@@ -76,13 +75,6 @@ class Finding:
         """The figure there, by the name of the measure."""
         return {self.goal.name: self.found[0].figure} if self.found else {}
 
-    @property
-    def table(self) -> list[tables.Column]:
-        """The curve."""
-        x, y = zip(*self.curve, strict=True)
-        return [tables.Column(self.parameter.path, x, 'SI'),
-                tables.Column(self.goal.name, y, self.unit)]  # fmt: skip
-
 
 def find(
     scene: Source,
@@ -115,7 +107,7 @@ def find(
     minimise : a measure; of several a front of Pareto
     subject_to : ``MEASURE < VALUE``, also with ``<=``, ``>``, ``>=`` or ``=``, or several of them
     workers : that compute cycles; this process if not given
-    show : called with the numbers of values finished and failed, of those at which it is computed
+    show : called with the numbers of cycles computed, and of those that failed
     how : ``maximise`` (a measure, or several); ``samples``, values or places that are tried first
         (17); ``search='global'``, differential evolution between all limits; ``evaluations``,
         cycles after which it ends, and so does a front (400); ``file``, a table of all that was
@@ -136,131 +128,66 @@ def find(
     if asked['search'] not in SEARCHES:
         raise InputError(f"search '{asked['search']}': it must be one of {', '.join(SEARCHES)}")
     varied = parameters(machine, [*vary], '', limits=dict(vary))
-    trial = CycleTrial.of(machine, goals, how)
-    pool, file = workers or Workers(1), asked['file']
+    trial, file = CycleTrial.of(machine, goals, how), asked['file']
     with ExitStack() as stack:
         rows = FinishedRows()
         if file:
             file = tables.check_file('-o', file)
-            rows = stack.enter_context(
-                Journal(file, trial.fingerprint, asked['restart'], 'search')
-            )
+            journal = Journal(file, trial.fingerprint, asked['restart'], 'search')
+            rows = stack.enter_context(journal)
+        pool = stack.enter_context(workers or Workers(1))
+        trials = Trials(trial, varied, goals, pool, rows, show)
         local = asked['search'] == LOCAL
+        found: Finding | Optimum
         if len(varied) == len(goals) == 1 and not varied[0].choices and local:
-            found: Finding | Optimum = _along(
-                trial, varied[0], goals[0], samples, pool, rows, show
-            )
+            found = _along(trials, samples)
         else:
-            effort = Effort(samples, not local, asked['evaluations'])
-            found = optimum(trial, varied, goals, effort, pool, rows, show)
+            found = optimum(trials, Budget(samples, not local, asked['evaluations']))
         if file:
-            tables.write(file, found.table, {'title': machine.scene.title})
+            tables.write(file, trials.columns(), {'title': machine.scene.title})
     return found
 
 
-def _along(
-    trial: CycleTrial,
-    parameter: Parameter,
-    goal: Goal,
-    samples: int,
-    workers: Workers,
-    rows: FinishedRows,
-    show: Show | None,
-) -> Finding:
-    """All crossings of a wanted value along one parameter, or the least value."""
-    sign = -1.0 if goal.kind == GREATEST else 1.0
-    curve, path = _Curve(trial, parameter, sign), parameter.path
-    ends = parameter.to_scale(parameter.low), parameter.to_scale(parameter.high)
-    places: Array = np.linspace(ends[0], ends[1], samples)
-    with workers as pool:
-        tasks = [Call(f'{place!r}', curve.point, (place,)) for place in places.tolist()]
-        known = pool.do(tasks, rows, show)
-        tried = [known[task.key] for task in tasks]
-        figures: Array = np.array([row.get('figure', math.nan) for row in tried])
-        failed = tuple(
-            (parameter.value(place), row['status'])
-            for place, row in zip(places.tolist(), tried, strict=True)
-            if has_failed(row)
-        )
-        if len(failed) == samples:
-            why = f'no cycle between these limits of {path}: {failed[0][1]}'
-            raise InputError(f'{trial.name}: {why}')
-        unit = next(row['unit'] for row in tried if not has_failed(row))
-        wanted = goal.value(unit)
-        searched = list(pool.do_all(curve.searches(places, figures, wanted)))
-    found = [Found(row['value'], row['figure'], row.get('jump', False)) for row in searched]
-    evaluations = samples + sum(row['evaluations'] for row in searched)
-    if wanted is not None:
-        hits = np.flatnonzero(figures == wanted)
-        found += [Found(parameter.value(places[k]), float(figures[k])) for k in hits]
-    shown = [*zip(map(parameter.value, places), figures.tolist(), strict=True)]
-    shown += [(one.value, one.figure) for one in found]
+def _along(trials: Trials, samples: int) -> Finding:
+    """All crossings of a wanted value along one parameter, or the extreme."""
+    (parameter,), (goal,) = trials.parameters, trials.goals
+    places: Array = np.linspace(0.0, 1.0, samples)
+    figures = trials.start(places[:, None])[:, 0]
+    wanted, span = goal.value(trials.units[0]), float(np.nanmax(figures) - np.nanmin(figures))
+    found = []
+    if wanted is None:
+        found.append(_extreme(trials, places, figures))
+    else:
+        off = figures - wanted
+        for k in np.flatnonzero(off[:-1] * off[1:] < 0.0):
+            exact = {'xtol': _ROUNDING * places[k + 1], 'rtol': 4 * _ROUNDING}
+            root = scipy.optimize.brentq(
+                lambda x: trials.figure(x) - wanted, places[k], places[k + 1], **exact
+            )
+            there = trials.figure(root)
+            found.append(Found(parameter.at(root), there, abs(there - wanted) > _JUMP * span))
+        found += [Found(parameter.at(x), wanted) for x in places[figures == wanted]]
     found.sort(key=lambda one: one.value)
+    shown = [*zip(map(parameter.at, places), figures.tolist(), strict=True)]
+    shown += [(one.value, one.figure) for one in found]
+    failed = tuple((values[parameter.path], reason) for values, reason in trials.failed)
     return Finding(
-        parameter, goal, unit, wanted, tuple(sorted(shown)), tuple(found), failed, evaluations
-    )
+        parameter, goal, trials.units[0], wanted, tuple(sorted(shown)), tuple(found), failed,
+        len(trials.tried),
+    )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Curve:
-    """The figure of a cycle over a parameter; its sign is -1 where the greatest is looked for."""
-
-    trial: CycleTrial
-    parameter: Parameter
-    sign: float
-
-    def at(self, place: float) -> Measured:
-        """The figure at a place on the parameter's scale."""
-        return self.trial.at({self.parameter.path: self.parameter.value(place)})[0]
-
-    def point(self, place: float) -> Row:
-        """The figure at a place, and its unit."""
-        found = self.at(place)
-        return {'figure': found.value, 'unit': found.unit}
-
-    def crossing(self, low: float, high: float, wanted: float, span: float) -> Row:
-        """Where the figure takes the wanted value between two places, by Brent's method.
-
-        Parameters
-        ----------
-        span : of the figures of the whole curve
-        """
-        root, way = scipy.optimize.brentq(
-            lambda x: self.at(x).value - wanted, low, high,
-            xtol=_ROUNDING * max(abs(low), abs(high)), rtol=4 * _ROUNDING, full_output=True,
+def _extreme(trials: Trials, places: Array, figures: Array) -> Found:
+    """Where the figure is least, or greatest, to about half of the digits of the value."""
+    (parameter,), sign = trials.parameters, trials.goals[0].sign
+    k = int(np.nanargmin(sign * figures))
+    best, figure = places[k], float(figures[k])
+    ends = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
+    with suppress(InputError, RunError):  # a cycle between them fails: what is known holds
+        result = scipy.optimize.minimize_scalar(
+            lambda x: sign * trials.figure(x), bounds=ends, method='bounded',
+            options={'xatol': 1e-8 * (ends[1] - ends[0])},
         )  # fmt: skip
-        there = self.at(root).value
-        jump = bool(abs(there - wanted) > _JUMP * span)
-        count = way.function_calls + 1
-        value = self.parameter.value(root)
-        return {'value': value, 'figure': there, 'jump': jump, 'evaluations': count}
-
-    def least(self, low: float, high: float, best: float, figure: float) -> Row:
-        """Where the figure is least, or greatest, to about half of the digits of the value.
-
-        Parameters
-        ----------
-        best, figure : what is known already, and holds if a cycle fails between the places
-        """
-        exact, count = {'xatol': 1e-8 * abs(high - low)}, 0
-        with suppress(InputError, RunError):
-            result = scipy.optimize.minimize_scalar(
-                lambda x: self.sign * self.at(x).value, bounds=(low, high), method='bounded',
-                options=exact,
-            )  # fmt: skip
-            count = int(result.nfev)
-            if result.fun < self.sign * figure:
-                best, figure = float(result.x), self.sign * float(result.fun)
-        return {'value': self.parameter.value(best), 'figure': figure, 'evaluations': count}
-
-    def searches(self, places: Array, figures: Array, wanted: float | None) -> list[Call]:
-        """Searches between places: for each crossing of a value, or the extreme."""
-        if wanted is not None:
-            off, span = figures - wanted, float(np.nanmax(figures) - np.nanmin(figures))
-            crossed = np.flatnonzero(off[:-1] * off[1:] < 0.0)
-            ends = [(float(places[k]), float(places[k + 1])) for k in crossed]
-            return [Call(str(x), self.crossing, (*x, wanted, span)) for x in ends]
-        k = int(np.nanargmin(self.sign * figures))
-        low, high = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
-        known = map(float, (low, high, places[k], figures[k]))
-        return [Call('least', self.least, tuple(known))]
+        if result.fun < sign * figure:
+            best, figure = result.x, sign * float(result.fun)
+    return Found(parameter.at(best), figure)

@@ -19,9 +19,8 @@ import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.studies.front import evolve, undominated
-from mechanism_sim.studies.goal import CycleTrial, Goal
+from mechanism_sim.studies.goal import Goal
 from mechanism_sim.studies.parameters import Parameter
-from mechanism_sim.studies.runs import FinishedRows, Show, Workers
 from mechanism_sim.studies.trials import HELD, Aims, Trials
 from mechanism_sim.tables import Column
 
@@ -51,7 +50,7 @@ class Held(NamedTuple):
     active: bool
 
 
-class Design(NamedTuple):
+class FoundDesign(NamedTuple):
     """Values by path, and the measures there by name, in SI units."""
 
     values: dict[str, Any]
@@ -86,8 +85,8 @@ class Optimum:
     reached: bool
     evaluations: int
     failed: tuple[tuple[dict[str, Any], str], ...]
-    front: tuple[Design, ...]
-    table: tuple[Column, ...]
+    front: tuple[FoundDesign, ...]
+    table: list[Column]
 
     @property
     def ends(self) -> list[str]:
@@ -100,6 +99,21 @@ class Optimum:
         return found
 
 
+class Budget(NamedTuple):
+    """How much is tried.
+
+    Attributes
+    ----------
+    samples : places that are tried first; at least designs of a generation of a front
+    everywhere : whether differential evolution looks between all limits
+    evaluations : cycles after which evolutions end
+    """
+
+    samples: int
+    everywhere: bool
+    evaluations: int
+
+
 class _Search:
     """Searches that go on from places; they remember the best place of all."""
 
@@ -107,17 +121,7 @@ class _Search:
         self.trials, self.aims = trials, aims
         self.free = [k for k, p in enumerate(trials.parameters) if not p.choices]
         self.order = aims.order(figures)
-        self._best = places[self.order[:1]], figures[self.order[:1]]
-
-    @property
-    def place(self) -> Array:
-        """The best place."""
-        return self._best[0][0]
-
-    @property
-    def figures(self) -> Array:
-        """The measures (1, M) there."""
-        return self._best[1]
+        self.keep(places, figures, int(self.order[0]))
 
     @property
     def reached(self) -> bool:
@@ -125,31 +129,41 @@ class _Search:
         missed = bool(self.aims.targets) and self.aims.costs(self.figures)[0, 0] > _REACHED
         return not missed and not self.aims.excess(self.figures)[0]
 
+    def keep(self, places: Array, figures: Array, k: int) -> None:
+        """Take one of some places as the best."""
+        self.place, self.figures = places[k], figures[[k]]
+
     def at(self, places: Array) -> Array:
         """The measures (N, M) at places; the best is kept."""
         figures = self.trials.at(places)
-        both = np.vstack([self._best[0], places]), np.vstack([self._best[1], figures])
-        k = self.aims.order(both[1])[:1]  # the first of those that are alike
-        self._best = both[0][k], both[1][k]
+        both = np.vstack([self.figures, figures])
+        self.keep(np.vstack([self.place, places]), both, int(self.aims.order(both)[0]))
         return figures
+
+    def run(self, places: Array, figures: Array, budget: Budget) -> None:
+        """Search on from places, of which measures are known."""
+        if budget.everywhere or len(self.free) < len(self.trials.parameters):
+            for place in self.everywhere(places, budget.evaluations)[:_STARTS]:
+                self.descend(place)
+        else:
+            count = _STARTS if self.aims.targets or self.aims.bounds else 1
+            for k in self.order[:count]:
+                if np.isfinite(figures[k]).all() and not (self.aims.targets and self.reached):
+                    self.descend(places[k])
+        if self.free and self.aims.bounds and not (self.aims.targets and self.reached):
+            _Problem(self, self.place).cornered(self.place[self.free])
 
     def descend(self, start: Array) -> None:
         """Search on from a place, without change of values that are of lists."""
+        problem, x = _Problem(self, start), start[self.free]
         if not self.free:
             return
-        problem = _Problem(self, start)
-        x = np.clip(start[self.free], 0.0, 1.0)
         if self.aims.targets:
             problem.least_squares(x)
         elif self.aims.bounds:
             problem.smooth(x)
         else:
             problem.simplex(x)
-
-    def settle(self) -> None:
-        """Search on from the best place without differences, which corners would mislead."""
-        if self.free and self.aims.bounds and not (self.aims.targets and self.reached):
-            _Problem(self, self.place).cornered(self.place[self.free])
 
     def everywhere(self, first: Array, evaluations: int) -> list[Array]:
         """Search between all limits by differential evolution from places; the best there."""
@@ -164,11 +178,10 @@ class _Search:
             merit, [(0.0, 1.0)] * first.shape[1], init=first, maxiter=generations, rng=1,
             vectorized=True, updating='deferred', polish=False, tol=_REACHED,
         )  # fmt: skip
-        energies = np.argsort(result.population_energies)
-        places = result.population[energies]
-        lists = [k for k in range(len(self.trials.parameters)) if k not in self.free]
-        told = [str([self.trials.values(place)[self.trials.parameters[k].path] for k in lists])
-                for place in places]  # fmt: skip
+        places = result.population[np.argsort(result.population_energies)]
+        lists = [p for p in self.trials.parameters if p.choices]
+        values = [self.trials.values(place) for place in places]
+        told = [str([one[p.path] for p in lists]) for one in values]
         return [places[told.index(one)] for one in dict.fromkeys(told)]
 
 
@@ -260,80 +273,47 @@ class _Problem:
         )  # fmt: skip
 
 
-class Effort(NamedTuple):
-    """How much is tried.
-
-    Attributes
-    ----------
-    samples : places that are tried first; at least designs of a generation of a front
-    everywhere : whether differential evolution looks between all limits
-    evaluations : cycles after which evolutions end
-    """
-
-    samples: int
-    everywhere: bool
-    evaluations: int
-
-
-def optimum(
-    trial: CycleTrial,
-    parameters: tuple[Parameter, ...],
-    goals: tuple[Goal, ...],
-    effort: Effort,
-    workers: Workers,
-    rows: FinishedRows,
-    show: Show | None = None,
-) -> Optimum:
+def optimum(trials: Trials, budget: Budget) -> Optimum:
     """Vary several numbers of a scene between their limits until measures are as wanted."""
-    with workers as pool:
-        trials = Trials(trial, parameters, goals, pool, rows, show)
-        evolved = round(1.5 * effort.evaluations**0.5) * (sum(g.is_extreme for g in goals) > 1)
-        places, figures = trials.start(max(effort.samples, evolved))
-        limits = [goal.value(unit) for goal, unit in zip(goals, trials.units, strict=True)]
-        aims = Aims(goals, np.array([x or 0.0 for x in limits]), figures)
-        search = _Search(trials, aims, places, figures)
-        listed = any(p.choices for p in parameters)
-        front: list[int] = []
-        if len(aims.extremes) > 1:
-            count = 0 if trials.whole else max(1, effort.evaluations // len(places) - 1)
-            places, figures = evolve(
-                lambda x: (f := trials.at(x), aims.costs(f), aims.excess(f)), places, count
-            )
-            costs = aims.costs(figures)
-            front = undominated(costs, aims.excess(figures))
-            low, high = costs[front].min(axis=0), costs[front].max(axis=0)
-            near = (((costs[front] - low) / np.where(high > low, high - low, 1.0)) ** 2).sum(1)
-            knee = front[int(np.argmin(near))]
-            search = _Search(trials, aims, places[[knee]], figures[[knee]])
-        elif not trials.whole and (effort.everywhere or listed):
-            for place in search.everywhere(places, effort.evaluations)[:_STARTS]:
-                search.descend(place)
-        else:
-            count = _STARTS if aims.targets or aims.bounds else 1
-            for k in search.order[:count]:
-                if np.isfinite(figures[k]).all() and not (aims.targets and search.reached):
-                    search.descend(places[k])
-        if not front:
-            search.settle()
+    parameters, goals = trials.parameters, trials.goals
+    evolved = round(1.5 * budget.evaluations**0.5) * (sum(g.is_extreme for g in goals) > 1)
+    places = trials.spread(max(budget.samples, evolved))
+    figures = trials.start(places)
+    limits = [goal.value(unit) for goal, unit in zip(goals, trials.units, strict=True)]
+    aims = Aims(goals, np.array([x or 0.0 for x in limits]), figures)
+    front: list[int] = []
+    if len(aims.extremes) > 1:
+        count = 0 if trials.whole else max(1, budget.evaluations // len(places) - 1)
+        places, figures = evolve(
+            lambda x: (f := trials.at(x), aims.costs(f), aims.excess(f)), places, count
+        )
+        costs = aims.costs(figures)
+        front = undominated(costs, aims.excess(figures))
+    search = _Search(trials, aims, places, figures)
+    if front:
+        low, high = costs[front].min(axis=0), costs[front].max(axis=0)
+        near = (((costs[front] - low) / np.where(high > low, high - low, 1.0)) ** 2).sum(axis=1)
+        search.keep(places, figures, front[int(np.argmin(near))])
+    elif not trials.whole:
+        search.run(places, figures, budget)
     names = [goal.name for goal in goals]
 
-    def design(place: Array, x: Array) -> Design:
-        return Design(trials.values(place), dict(zip(names, x.tolist(), strict=True)))
+    def design(place: Array, x: Array) -> FoundDesign:
+        return FoundDesign(trials.values(place), dict(zip(names, x.tolist(), strict=True)))
 
-    best = design(search.place, search.figures[0])
-    aimed = [*aims.targets, *aims.extremes]
-    off = aims.scaled(search.figures[0])
+    best, off = design(search.place, search.figures[0]), aims.scaled(search.figures[0])
+    over = np.where(aims.equal, np.abs(off[aims.bounds]), off[aims.bounds])
     held = tuple(
         Held(goals[k].text, float(search.figures[0, k]), float(limits[k] or 0.0), trials.units[k],
-             bool(o <= HELD), bool(abs(off[k]) < 1e-6))
-        for k, o in zip(aims.bounds, np.where(aims.equal, abs(off[aims.bounds]) - HELD,
-                                              off[aims.bounds]), strict=True)
+             bool(o <= 2.0 * HELD), bool(abs(o) < 1e-6))
+        for k, o in zip(aims.bounds, over, strict=True)
     )  # fmt: skip
+    aimed = [*aims.targets, *aims.extremes]
     return Optimum(
         parameters, goals, best.values,
         {names[k]: best.measures[names[k]] for k in aimed},
         {names[k]: trials.units[k] for k in aimed},
         {names[k]: limits[k] for k in aimed},
         held, search.reached, len(trials.tried), tuple(trials.failed),
-        tuple(design(places[k], figures[k]) for k in front), tuple(trials.columns()),
+        tuple(design(places[k], figures[k]) for k in front), trials.columns(),
     )  # fmt: skip

@@ -60,7 +60,7 @@ class Parameter:
         if self.choices:
             return self.choices[min(int(share * len(self.choices)), len(self.choices) - 1)]
         low, high = self.to_scale(self.low), self.to_scale(self.high)
-        return self.value(low + share * (high - low))
+        return self.value((1.0 - share) * low + share * high)  # exact at both ends
 
 
 def parameters(

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.studies.goal import EQUAL, CycleTrial, Goal
 from mechanism_sim.studies.parameters import Parameter
 from mechanism_sim.studies.runs import Call, FinishedRows, Row, Show, Workers, has_failed
@@ -90,18 +90,27 @@ class Trials:
         slopes = (figures[1:] - figures[0]).T / steps[free]
         return np.ascontiguousarray(np.nan_to_num(slopes, nan=0.0))  # SLSQP reads no strides
 
-    def start(self, samples: int) -> tuple[Array, Array]:
-        """Places (N, n) that fill the cube evenly, and their measures (N, M).
+    def figure(self, place: float) -> float:
+        """The first measure at a place on the only parameter; raises what a cycle raises."""
+        value = float(self.at(np.array([[place]]))[0, 0])
+        if math.isnan(value):
+            raise RunError(self._rows.rows[json.dumps([self.parameters[0].at(place)])]['status'])
+        return value
+
+    def spread(self, samples: int) -> Array:
+        """Places (N, n) that fill the cube evenly.
 
         All combinations where there are only lists of values, and not too many of them.
         """
         count = len(self.parameters)
         if self.whole:
             middles = [(np.arange(k) + 0.5) / k for k in self._counts]
-            places: Array = np.stack(np.meshgrid(*middles, indexing='ij'), -1).reshape(-1, count)
-        else:
-            cube = scipy.stats.qmc.Halton(count, rng=np.random.default_rng(1))
-            places = cube.random(samples)
+            return np.stack(np.meshgrid(*middles, indexing='ij'), -1).reshape(-1, count)
+        cube = scipy.stats.qmc.Halton(count, rng=np.random.default_rng(1))
+        return np.asarray(cube.random(samples))
+
+    def start(self, places: Array) -> Array:
+        """The measures (N, M) at the first places, and what is known from them."""
         figures = self.at(places)
         rows = [(values, self._rows.rows[key]) for key, values in self.tried.items()]
         self.failed = [(values, row['status']) for values, row in rows if has_failed(row)]
@@ -110,7 +119,7 @@ class Trials:
                 f'{self._trial.name}: no cycle at any of {len(rows)} places: {self.failed[0][1]}'
             )
         self.units = next(row['units'] for _, row in rows if not has_failed(row))
-        return places, figures
+        return figures
 
     def columns(self) -> list[Column]:
         """A table of what was tried, in its order."""
@@ -157,7 +166,7 @@ class Aims:
         return np.where(np.isfinite(off), off, _AWAY)
 
     def costs(self, figures: Array) -> Array:
-        """What is to be small (N, K): each extreme, or the largest distance from a target."""
+        """Values (N, K) that are to be small: each extreme, or the largest miss of a target."""
         off = self.scaled(figures)
         if self.extremes:
             return off[:, self.extremes]
