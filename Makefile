@@ -10,7 +10,7 @@ BAG ?= runs/$(SCENE)-$(shell date +%Y%m%d-%H%M%S).mcap
 run: install
 	@mkdir -p runs
 	$(BIN)/mechanism-sim run $(SCENE) --revolutions 10 --processes --record $(BAG)
-	$(BIN)/mechanism-sim info $(BAG)
+	$(BIN)/mechanism-sim bag info $(BAG)
 	$(BIN)/mechanism-sim analyze $(BAG)
 
 # A worker for each of two cores: each compiles for itself, so that more of them cost more.

@@ -37,6 +37,7 @@ extensions = [
     'motion',
     'quantities',
     'tools',
+    'worn',
 ]
 root_doc = 'docs/index'
 include_patterns = [
@@ -63,6 +64,7 @@ autodoc_member_order = 'bysource'
 napoleon_google_docstring = False
 napoleon_use_ivar = True
 
+html_favicon = 'docs/site/static/favicon.svg'
 html_theme = 'furo'
 html_title = 'mechanism_sim'
 html_math_renderer = 'mathml'

@@ -27,6 +27,7 @@ _ROOMS = {
     'results.simulate': ('simulate', 'stream'),
     'scene.load': ('load_scene',),
     'scene.schema': ('DrivePart', 'JointPart', 'LinkPart', 'Scene', 'SensorPart'),
+    'studies.bifurcation': ('bifurcation',),
     'studies.find': ('find',),
     'studies.sweep': ('sweep',),
 }
@@ -39,6 +40,7 @@ __all__ = [
     'Scene',
     'SensorPart',
     'animate',
+    'bifurcation',
     'cycle',
     'draw',
     'equations',

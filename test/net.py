@@ -71,7 +71,7 @@ COMMANDS = {
     'export': [
         ('export', s, '--format', 'urdf', '-o', '{folder}/machine.urdf') for s in (IDEAL, LOOSE)
     ],
-    'info': [('info', f'{{folder}}/{s}.mcap') for s in (IDEAL, LOOSE, FREE)],
+    'bag info': [('bag', 'info', f'{{folder}}/{s}.mcap') for s in (IDEAL, LOOSE, FREE)],
     'analyze': [('analyze', f'{{folder}}/{s}.mcap') for s in (IDEAL, LOOSE, FREE)],
 }  # fmt: skip
 
@@ -132,7 +132,7 @@ def command_entry(arguments: tuple[str, ...], folder: Path) -> dict[str, Any]:
     """Exit code, and the leaves of the JSON of a command."""
     done = running.run(*(x.format(folder=folder) for x in arguments), '--json')
     found = json.loads(done.stdout) if done.stdout.strip() else None
-    if arguments[0] == 'info':  # how often the time is told depends on the machine
+    if arguments[:2] == ('bag', 'info'):  # how often the time is told depends on the machine
         told = [t for t in found['topics'] if t['name'].endswith(_TIMED_TOPICS)]
         found['messages'] -= sum(t['count'] for t in told)
         found['topics'] = [t for t in found['topics'] if t not in told]

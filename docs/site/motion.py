@@ -66,19 +66,19 @@ class Explore(Directive):
         """A frame that holds its page."""
         given = yaml.safe_load('\n'.join(self.content))
         (scene,) = self.arguments
-        key = _key(describe(ms.load_scene(scene)), strict_json.dumps(given))
-        page = _kept(key, 'html', lambda: ms.explore(scene, **given).page)
+        key = key_of(describe(ms.load_scene(scene)), strict_json.dumps(given))
+        page = kept(key, 'html', lambda: ms.explore(scene, **given).page)
         env = self.state.document.settings.env
         known = env.metadata.setdefault(env.docname, {})
         known['explored'] = ' '.join([*known.get('explored', '').split(), page.name])
-        address = _beside(env.docname, page.name)
+        address = beside(env.docname, page.name)
         return [nodes.raw('', (
             f'<iframe class="explore" title="{scene} with a slider" src="{address}" '
             f'loading="lazy" style="height: {self.options.get("height", 740)}px"></iframe>'
         ), format='html')]  # fmt: skip
 
 
-def _beside(page: str, name: str) -> str:
+def beside(page: str, name: str) -> str:
     """The address of a run, for a page."""
     return posixpath.relpath(f'runs/{name}', posixpath.dirname(page))
 
@@ -91,7 +91,7 @@ def _link(app: Any, tree: nodes.document, page: str) -> None:
         folder, name = posixpath.split(image['uri'])
         if f'{folder}/' != PICTURES:
             continue
-        address = _beside(page, f'{name.removesuffix(".svg")}.html')
+        address = beside(page, f'{name.removesuffix(".svg")}.html')
         link = nodes.reference('', '', refuri=address, classes=['plays'])
         image.replace_self(link)
         link += image
@@ -128,7 +128,7 @@ def _bake(app: Any, failed: Exception | None) -> None:
             shutil.copy(KEPT / name, folder / name)
     for scene in scene_names():
         machine = ms.load_scene(scene)
-        key = _key(describe(machine))
+        key = key_of(describe(machine))
         made: list[Recorded] = []
 
         def run(machine: Any = machine, made: list[Recorded] = made) -> Recorded:
@@ -138,10 +138,10 @@ def _bake(app: Any, failed: Exception | None) -> None:
                 made.append(recorded(Record(machine, solution, {})))
             return made[0]
 
-        page = _kept(key, 'html', lambda run=run: report.page(
+        page = kept(key, 'html', lambda run=run: report.page(
             run(), sections(run().record), library=LIBRARY, back=BACK
         ))  # fmt: skip
-        card = _kept(key, 'js', lambda run=run, scene=scene: (
+        card = kept(key, 'js', lambda run=run, scene=scene: (
             f'moves({strict_json.dumps(scene)}, {strict_json.dumps(moving(run()))});\n'
         ))  # fmt: skip
         shutil.copy(page, folder / f'{scene}.html')
@@ -165,7 +165,7 @@ def moving(run: Recorded) -> dict[str, Any]:
     return {'stage': stage, 'frames': frames.packed(), 'turn': turn}
 
 
-def _key(*parts: str) -> str:
+def key_of(*parts: str) -> str:
     """What a run is made of, in short."""
     digest = hashlib.sha256('\0'.join(parts).encode())
     digest.update(_program())
@@ -186,7 +186,7 @@ def _sources() -> Iterator[Path]:
         yield from (ROOT / 'mechanism_sim').rglob(f'*.{kind}')
 
 
-def _kept(key: str, kind: str, make: Callable[[], str]) -> Path:
+def kept(key: str, kind: str, make: Callable[[], str]) -> Path:
     """A file that is made if it is not there."""
     file = KEPT / f'{key}.{kind}'
     if not file.exists():

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('info', _info, 'list what a bag holds')
+    sub = command('bag info', _info, 'list what a bag holds')
     sub.add_argument('bag', metavar='BAG', help='a .mcap or .db3 file, or a folder of ros2 bag')
     sub = command('bag play', _play, 'publish what a bag holds, as its nodes did')
     sub.add_argument('bag', metavar='BAG', help='a .mcap or .db3 file, or a folder of ros2 bag')

@@ -16,6 +16,7 @@ from mechanism_sim.cli import (
     machines,
     pages,
     pictures,
+    responses,
     runs,
     studies,
     thesis,
@@ -80,7 +81,8 @@ def make_parser() -> Overview:
         return sub
 
     for module in (
-        first, machines, runs, bags, pages, pictures, drawings, studies, thesis, vibrations,
+        first, machines, runs, bags, pages, pictures, drawings, studies, responses, thesis,
+        vibrations,
     ):  # fmt: skip
         module.add(command)
     return parser

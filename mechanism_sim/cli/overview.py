@@ -14,13 +14,8 @@ GROUPS = {
     'Run it': ('solve', 'run'),
     'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view'),
     'How it vibrates': ('modes', 'response'),
-    'Recorded runs': ('info', 'analyze', 'bag'),
-    'Many runs': (
-        'sweep',
-        'find',
-        'statistics',
-        'thesis',
-    ),
+    'Recorded runs': ('analyze', 'bag'),
+    'Many runs': ('sweep', 'find', 'statistics', 'bifurcation', 'thesis'),
     'For other programs': ('export',),
 }
 """All commands by purpose, in the order in which `--help` lists them."""
@@ -29,7 +24,7 @@ FOR_LAUNCH_FILES = ('node',)
 """Commands that other programs give; `run` starts all nodes of a machine."""
 
 VERBS = {
-    'bag': 'publish what a bag holds, or close one whose recorder was killed',
+    'bag': 'list what a bag holds, publish it, or close one whose recorder was killed',
     'thesis': "the thesis's experiment, criteria of contact loss, and start angles",
 }
 """Commands that consist of others, as `thesis starts`."""
@@ -39,6 +34,7 @@ RENAMED: dict[str, str] = {
     'completion': 'mechanism-sim --completion',
     'equations': 'mechanism-sim check --equations',
     'identify': 'mechanism-sim analyze --fit',
+    'info': 'mechanism-sim bag info',
     'layout': 'mechanism-sim export --format foxglove|rviz',
     'lift-off': 'mechanism-sim find --lift-off',
     'periodic': 'mechanism-sim find --periodic',

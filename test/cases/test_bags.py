@@ -63,7 +63,7 @@ def test_json_is_read_by_its_paths(tmp_path):
 def test_a_bag_in_sqlite_is_read(tmp_path):
     """rosbag2 issue 1406: 200 messages of two joints, 0.995 s."""
     for source in (SQLITE, SQLITE / 'js_db3.db3'):
-        about = run_json('info', str(source))
+        about = run_json('bag', 'info', str(source))
         assert about['duration'] == pytest.approx(0.995, abs=1e-12)
         assert {t['name']: t['count'] for t in about['topics']}['/joint_states'] == 200
     found = plotted(tmp_path, SQLITE, '/joint_states.position')
@@ -80,7 +80,7 @@ def test_a_bag_in_sqlite_is_read(tmp_path):
 
 def test_a_split_bag_is_one_run(tmp_path):
     """Both files, one after the other."""
-    about = run_json('info', str(SPLIT))
+    about = run_json('bag', 'info', str(SPLIT))
     assert about['messages'] == 808
     assert about['size'] == sum(file.stat().st_size for file in SPLIT.iterdir())
     found = [m for _, m, _ in read_bag(SPLIT).messages('/joint_states')]
@@ -370,6 +370,6 @@ def test_a_folder_of_several_runs_names_them(tmp_path):
     record = simulated('four_bar_nominal', duration=0.01)
     for name in ('one', 'two'):
         write_bag(tmp_path / f'{name}.mcap', record)
-    done = run('info', str(tmp_path))
+    done = run('bag', 'info', str(tmp_path))
     assert done.returncode == 2
     assert 'is a folder of several runs (one.mcap, two.mcap): name one of them' in done.stderr

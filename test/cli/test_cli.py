@@ -109,7 +109,7 @@ def test_scenes_as_json():
         ),
         (('solve', 'four_bar_nominal', '--output', 'x.txt', '--sample-rate', '9'), ['.npz']),
         (('check', 'no/such/file.yaml'), ['no/such/file.yaml']),
-        (('info', 'missing.mcap'), ['missing.mcap']),
+        (('bag', 'info', 'missing.mcap'), ['missing.mcap']),
         (('analyze', 'missing.mcap'), ['missing.mcap']),
         (('node', 'linkages'), ["'linkage'"]),
         (('run', 'four_bar_nominal', '--realtime-factor', '-1'), ['--realtime-factor']),
@@ -250,7 +250,7 @@ def test_samples_as_files(tmp_path, suffix):
 def test_info_and_analyze_as_json(tmp_path):
     bag = tmp_path / 'run.mcap'
     run_json('run', 'four_bar_clearance', '--revolutions', '2', '--record', str(bag))
-    found = json.loads(run('info', str(bag), '--json').stdout)
+    found = json.loads(run('bag', 'info', str(bag), '--json').stdout)
     assert found['scene'] == 'four_bar_clearance'
     assert found['complete'] is True
     summary = json.loads(run('analyze', str(bag), '--json').stdout)

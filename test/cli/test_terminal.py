@@ -135,7 +135,7 @@ RED, BOLD, END = '\x1b[1;31m', '\x1b[1m', '\x1b[0m'
         ('', 'More'),
         ('check punch', 'level'),
         ('solve punch', 'punch (inverse dynamics)'),
-        ('info BAG', 'scene'),
+        ('bag info BAG', 'scene'),
         ('analyze BAG', 'energy'),
         ('analyze BAG --impacts-on coupler_rocker', 'impacts in coupler_rocker'),
     ],
@@ -152,7 +152,7 @@ def test_results_are_in_colours_on_a_terminal_and_the_same_words(command, headin
 
 
 def test_colours_are_for_who_wants_them(monkeypatch):
-    args = ('info', 'missing.mcap')
+    args = ('bag', 'info', 'missing.mcap')
     with terminal('stderr') as seen, pytest.raises(SystemExit):
         main(args)
     coloured = seen.getvalue().decode().rstrip()

@@ -26,7 +26,7 @@ RUN = 'run', 'four_bar_clearance', '--duration', '0.20126832204367018'
 SOFT = {'loads': {'rub': {'at': 'piston', 'force': ['sqrt(5.5 - t)', 0]}},
         'drive': {'speed': 60.0, 'torque': {}}}  # fmt: skip
 READERS = {
-    'info': [],
+    'bag info': [],
     'analyze': [],
     'report': ['-o', 'x.html'],
     'plot': ['velocity.crank', '-o', 'x.svg'],
@@ -59,7 +59,7 @@ def test_a_run_that_ends_with_a_batch_says_nothing_twice(ended):
 @pytest.mark.network
 def test_run_info_and_report_say_the_same_of_time(ended, tmp_path):
     path, outcome = ended
-    found = run_json('info', str(path))
+    found = run_json('bag', 'info', str(path))
     assert found['wall_time'] == outcome['run_time'] > 0.0
     assert found['duration'] == pytest.approx(outcome['duration'], abs=1e-9)
     assert found['realtime_factor'] == pytest.approx(outcome['realtime_factor'], rel=1e-7)
@@ -71,7 +71,7 @@ def test_run_info_and_report_say_the_same_of_time(ended, tmp_path):
     page = (tmp_path / 'r.html').read_text(encoding='utf-8')
     (factor,) = re.findall(r'real-time factor</th><td>([^<]*)<', page)
     assert float(factor) == pytest.approx(found['realtime_factor'], rel=5e-3)
-    text = command('info', str(path)).stdout
+    text = command('bag', 'info', str(path)).stdout
     assert f'in {found["wall_time"]:.3g} s, {found["realtime_factor"]:.3g} x real time' in text
 
 
@@ -225,8 +225,8 @@ def states(ended, simulated, tmp_path_factory):
 
 NOTHING = 'holds no message'
 EXPECTED = {
-    'empty': dict.fromkeys(READERS, NOTHING) | {'info': '', 'analyze': ''},
-    'early': dict.fromkeys(READERS, NOTHING) | {'info': '', 'analyze': ''},
+    'empty': dict.fromkeys(READERS, NOTHING) | {'bag info': '', 'analyze': ''},
+    'early': dict.fromkeys(READERS, NOTHING) | {'bag info': '', 'analyze': ''},
     'late': dict.fromkeys(READERS, '')
     | {'thesis experiment': 'no sensor reads accelerations across the coupler'},
     'one': dict.fromkeys(READERS, '')
@@ -254,7 +254,7 @@ def test_every_command_reads_it_or_says_why_not(states, state, reader, tmp_path)
     if expected:
         assert expected in told[-1]
         assert path.name in told[-1] or reader == 'animate -o x.wav'
-    elif state == 'late' and reader not in {'info', 'analyze'}:
+    elif state == 'late' and reader not in {'bag info', 'analyze'}:
         assert 'was cut short' in told[0]
 
 

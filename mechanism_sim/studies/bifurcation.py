@@ -1,0 +1,400 @@
+"""Responses over a parameter: Poincare sections, their periods, and which of them coexist.
+
+The parameter goes up and down; each value begins where the value before it came to, so that a
+response is followed beyond where another start would leave it (hysteresis). At every value the
+motion settles, then its section is taken: once in each turn of the drive, or at the impacts of a
+joint. A. H. Nayfeh and B. Balachandran, Applied Nonlinear Dynamics, Wiley 1995, chapters 3 and 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError, RunError, nearest
+from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.hybrid.snapshot import State
+from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
+from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.run import Runner
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.scene import Machine, Source, load_scene
+from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.schema import Scene
+from mechanism_sim.studies.parameters import Parameter, parameters
+from mechanism_sim.studies.runs import Call, Row, Show, Workers
+from mechanism_sim.tables import Column, Table
+
+OF_IMPACTS = {
+    'approach_speed': ('m/s', 'approach speed'),
+    'normal_impulse': ('N s', 'normal impulse'),
+    'loss': ('J', 'energy lost'),
+}
+"""Quantities of an impact that a section at impacts has: units, and words."""
+DIRECTIONS = 'up', 'down'
+_RETURN = 1e-2
+"""Of what the clearances leave free: sections that come back so near are the same."""
+_OF_RANGE = 1e-4
+"""Of the range of a rate or displacement in all sections: likewise."""
+_APART = 0.381966
+"""Of a turn before its end: where it is seen whether the motion comes back. Machines often begin
+where something strikes, and at that very instant rates have two values."""
+_MOST_POINTS = 400
+"""Points of a section at impacts that are kept: the last ones."""
+
+
+@dataclass(frozen=True)
+class SectionPlan:
+    """Where sections are taken, and when.
+
+    Attributes
+    ----------
+    of : names of the quantities of a section
+    joint : at whose impacts it is taken; once a turn of the drive if empty
+    transient, keep : turns of the drive until the motion has settled, and of the section
+    longest : period that is looked for [turns]
+    """
+
+    of: tuple[str, ...]
+    joint: str = ''
+    transient: int = 60
+    keep: int = 60
+    longest: int = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """A response at one value of the parameter.
+
+    Attributes
+    ----------
+    value : of the parameter, in its SI unit
+    branch : ``up``, ``down``, or ``start``: how it was come to
+    period : turns of the drive after which it repeats; 0 if it does not within the longest
+    number : of those that coexist at this value, the first is 0
+    points : (P, K) the section, a column for each of its quantities
+    returns : (R, 2 f) positions and rates once a turn, over their scales
+    impacts : per turn
+    note : why there is none, if there is none
+    """
+
+    value: float
+    branch: str
+    period: int
+    points: Array
+    returns: Array
+    impacts: float
+    number: int = 0
+    note: str = ''
+
+
+@dataclass(frozen=True, eq=False)
+class Bifurcation:
+    """Responses over a parameter, in the order of values; see `Response`.
+
+    Attributes
+    ----------
+    unit, scale : in which the parameter was written, and its size in it of 1 in SI units
+    units, words : of the quantities of the section
+    """
+
+    parameter: Parameter
+    unit: str
+    scale: float
+    plan: SectionPlan
+    units: tuple[str, ...]
+    words: tuple[str, ...]
+    responses: tuple[Response, ...]
+
+    @property
+    def coexisting(self) -> list[float]:
+        """Values at which several responses were found."""
+        return sorted({r.value for r in self.responses if r.number})
+
+    def table(self) -> Table:
+        """A row for each point of each section."""
+        return Table.of(self.columns())
+
+    def columns(self) -> list[Column]:
+        """The columns of the table."""
+        rows = [(r, k) for r in self.responses for k in range(len(r.points))]
+        given = [float(f'{self.scale * r.value:.15g}') for r, _ in rows]
+        first = [
+            Column(self.parameter.path, given, self.unit, 'varied'),
+            Column('branch', [r.branch for r, _ in rows], '', 'how the response was come to'),
+            Column('period', [r.period for r, _ in rows], '', 'turns of the drive; 0: none found'),
+            Column('response', [r.number for r, _ in rows], '', 'of those that coexist'),
+        ]
+        return first + [
+            Column(name, [float(r.points[k, i]) for r, k in rows], unit, words)
+            for i, (name, unit, words) in enumerate(
+                zip(self.plan.of, self.units, self.words, strict=True)
+            )
+        ]
+
+
+def bifurcation(
+    scene: Source,
+    vary: Mapping[str, tuple[Any, Any, int]],
+    of: Sequence[str] = (),
+    *,
+    at_impacts: str | None = None,
+    starts: bool = False,
+    workers: Workers | None = None,
+    show: Show | None = None,
+    **when: int,
+) -> Bifurcation:
+    """Sections of the motion over a parameter that goes up and down.
+
+    >>> import mechanism_sim as ms
+    >>> found = ms.bifurcation('four_bar_clearance', {'drive.speed': ('100 rpm', '120 rpm', 2)},
+    ...                        transient=2, keep=4)
+    >>> len(found.responses)
+    4
+
+    Parameters
+    ----------
+    vary : lowest and highest value, and their number, by dotted path
+    of : quantities of the section: of the catalogue, or of `OF_IMPACTS` with `at_impacts`
+    at_impacts : the joint at whose impacts the section is taken, instead of once a turn
+    starts : whether each value is begun from the scene's own start, too
+    when : ``transient``, ``keep``, ``longest`` of `SectionPlan`
+    """
+    machine = load_scene(scene)
+    if len(vary) != 1:
+        raise InputError(f'bifurcation: one key is varied, not {len(vary)}')
+    ((path, (low, high, count)),) = vary.items()
+    if count < 2:
+        raise InputError(f'bifurcation: {path}: the number of values must be at least 2')
+    for name, turns in when.items():
+        if turns < 1:
+            raise InputError(f'bifurcation: {name} must be at least 1')
+    (parameter,) = parameters(machine, [path], '', limits={path: (low, high)})
+    plan, units, words = _section(machine, of, at_impacts, when)
+    values = np.linspace(parameter.low, parameter.high, count).tolist()
+    content = machine.scene.to_document()
+    scenes = [check_scene(machine.name, content, {path: value}) for value in values]
+    tasks = [
+        Call(way, follow, (machine.name, values[::sign], scenes[::sign], plan, way))
+        for way, sign in zip(DIRECTIONS, (1, -1), strict=True)
+    ]
+    if starts:
+        tasks += [
+            Call(str(k), follow, (machine.name, [value], [one], plan, 'start'))
+            for k, (value, one) in enumerate(zip(values, scenes, strict=True))
+        ]
+    with workers or Workers(1) as makers:
+        rows = makers.do_all(tasks, show)
+    found = [_response(each, len(plan.of)) for row in rows for each in row['responses']]
+    unit, scale = _written(high, parameter.high)
+    return Bifurcation(parameter, unit, scale, plan, units, words, tuple(_numbered(found)))
+
+
+def _section(
+    machine: Machine, of: Sequence[str], joint: str | None, when: Mapping[str, int]
+) -> tuple[SectionPlan, tuple[str, ...], tuple[str, ...]]:
+    """The plan of the sections, units and words of their quantities; refused if it cannot be."""
+    if not machine.drive.steady or not machine.drive.fastest:
+        raise InputError(f'{machine.name}: bifurcation needs a drive at constant speed')
+    if not machine.level.dynamic or not machine.equations.system.free:
+        raise InputError(f'{machine.name}: without a free motion every turn is like the other')
+    if joint is not None:
+        known = list(machine.physics.clearances)
+        if joint not in known:
+            raise InputError(
+                f'{machine.name}: there is no loose joint {joint!r}{nearest(joint, known)}; '
+                f'loose: {", ".join(known) or "none"}'
+            )
+        names = tuple(of) or ('approach_speed',)
+        for name in names:
+            if name not in OF_IMPACTS:
+                raise InputError(
+                    f'{name!r} is not of impacts{nearest(name, OF_IMPACTS)}; known are '
+                    f'{", ".join(OF_IMPACTS)}'
+                )
+        found = [OF_IMPACTS[name] for name in names]
+    else:
+        names = tuple(of) or (f'velocity.{machine.equations.system.free[-1]}',)
+        known_ones = catalogue(machine)
+        quantities = [known_ones.find(name) for name in names]
+        names = tuple(q.name for q in quantities)
+        found = [(q.unit, q.words) for q in quantities]
+    plan = SectionPlan(names, joint or '', **when)
+    units, words = zip(*found, strict=True)
+    return plan, tuple(units), tuple(words)
+
+
+def _written(limit: Any, value: float) -> tuple[str, float]:
+    """The unit in which a limit is written, and by what SI values are multiplied for it."""
+    number, _, unit = str(limit).strip().partition(' ')
+    try:
+        return (unit, float(number) / value) if unit and value else ('', 1.0)
+    except ValueError:
+        return '', 1.0
+
+
+def follow(
+    name: str, values: Sequence[float], scenes: Sequence[Scene], plan: SectionPlan, branch: str
+) -> Row:
+    """Responses at values in their order, each from where the one before came to."""
+    state: State | None = None
+    found = []
+    for value, scene in zip(values, scenes, strict=True):
+        machine = Machine(name, scene)
+        try:
+            response, state = _settled(machine, plan, state)
+        except RunError as error:
+            if state is None:
+                response = {'note': str(error), 'period': 0, 'impacts': 0.0}
+                response |= {'points': [], 'returns': []}
+            else:  # the other machine cannot begin there: its own start
+                response, state = _settled(machine, plan, None)
+        found.append(response | {'value': value, 'branch': branch})
+    return {'responses': found}
+
+
+def _settled(
+    machine: Machine, plan: SectionPlan, state: State | None
+) -> tuple[dict[str, Any], State]:
+    """The section of a machine after its transient, and the state at the end."""
+    engine = machine.start()
+    if not isinstance(engine, EventLoop):
+        raise InputError(f'{machine.name}: a motion in closed form has no sections')
+    first = machine.initial_state()
+    if state is not None:
+        engine.restart(replace(state, time=first.time, turns=(0,) * len(state.turns)))
+    period = machine.drive.period
+    begin = float(first.time)
+    turns = np.arange(plan.transient, plan.transient + plan.keep + 1, dtype=np.float64)
+    edges: Array = begin + period * turns
+    tally = _SectionTally(machine, plan, edges)
+    for piece in Runner(machine, engine).to(float(edges[-1])):
+        tally.add(piece)
+    end = replace(engine.state, time=Fraction(first.time))
+    return tally.found(), end
+
+
+class _SectionTally:
+    """Sections of a run that comes in pieces."""
+
+    def __init__(self, machine: Machine, plan: SectionPlan, edges: Array) -> None:
+        self._plan, self._edges = plan, edges
+        self._period_of_drive = machine.drive.period
+        free = machine.equations.system.free
+        self._names = [f'{kind}.{c}' for kind in ('position', 'velocity') for c in free]
+        slides = np.array([c in machine.mechanism.displacements for c in free])
+        size = machine.mechanism.size
+        play = min((c.radial for c in machine.plan.clearances.values() if c.radial), default=0.0)
+        play = play or 1e-3 * size
+        place = np.where(slides, play, play / size)
+        self._turns = np.concatenate([np.where(slides, 0.0, TWO_PI), np.zeros(len(free))])
+        self._scale = np.concatenate([place, machine.drive.fastest * place])
+        self._states: list[Array] = []
+        self._points: list[Array] = []
+        self._struck: list[tuple[float, ...]] = []
+        self._impacts = 0
+
+    def add(self, piece: Piece) -> None:
+        """Enter the piece that follows."""
+        curve = piece.motion.curve
+        if not len(curve):
+            return
+        if len(t := _inside(self._edges - _APART * self._period_of_drive, curve)):
+            found = piece.sample(t, *self._names)
+            self._states.append(np.array([found[n] for n in self._names]).T)
+        if not self._plan.joint and len(t := _inside(self._edges, curve)):
+            chosen = piece.sample(t, *self._plan.of)
+            self._points.append(np.array([chosen[n] for n in self._plan.of]).T)
+        for impact in piece.impacts:
+            if impact.t > self._edges[0]:
+                self._impacts += 1
+                if impact.joint == self._plan.joint:
+                    self._struck.append(tuple(getattr(impact, n) for n in self._plan.of))
+
+    def found(self) -> dict[str, Any]:
+        """Period, section and impacts per turn, as plain data."""
+        states = np.concatenate(self._states)
+        p = self._period(states)
+        points = (
+            np.array(self._struck[-_MOST_POINTS:]).reshape(-1, len(self._plan.of))
+            if self._plan.joint
+            else np.concatenate(self._points)[-(p or self._plan.keep) :]
+        )
+        if self._plan.joint and p:
+            share = -(-len(self._struck) * p // self._plan.keep)  # those of one period
+            points = points[-max(share, 1) :] if len(points) else points
+        return {
+            'period': p,
+            'points': points.tolist(),
+            'returns': (states[-(p or self._plan.keep) :] / self._scale).tolist(),
+            'impacts': self._impacts / self._plan.keep,
+        }
+
+    def _period(self, states: Array) -> int:
+        """Fewest turns after which sections of the second half come back, 0 if none."""
+        states = states[len(states) // 2 :]
+        near = _RETURN * self._scale
+        near = np.maximum(near, np.where(self._turns, 0.0, _OF_RANGE * np.ptp(states, axis=0)))
+        for p in range(1, min(self._plan.longest, len(states) // 2) + 1):
+            off = states[p:] - states[:-p]
+            off -= self._turns * np.round(off / np.where(self._turns, self._turns, 1.0))
+            if (np.abs(off) <= near).all():
+                return p
+        return 0
+
+
+def _inside(t: Array, curve: PiecewisePolynomial) -> Array:
+    """Those of some times that are within a piece of motion, not at its start."""
+    return np.asarray(
+        np.minimum(t[(t > curve.start[0]) & (t <= curve.end * (1.0 + 1e-12))], curve.end)
+    )
+
+
+def _response(row: Mapping[str, Any], width: int) -> Response:
+    points = np.array(row['points'], dtype=float).reshape(-1, width)
+    returns = np.array(row['returns'], dtype=float)
+    returns = returns.reshape(len(returns), -1) if len(returns) else np.empty((0, 0))
+    return Response(
+        row['value'], row['branch'], row['period'], points, returns, row['impacts'], 0,
+        row.get('note', ''),
+    )  # fmt: skip
+
+
+def _numbered(found: Iterable[Response]) -> list[Response]:
+    """Responses in the order of values, those that coexist numbered."""
+    by_value: dict[float, list[Response]] = {}
+    for response in found:
+        by_value.setdefault(response.value, []).append(response)
+    numbered = []
+    for value in sorted(by_value):
+        kinds: list[Response] = []
+        for response in by_value[value]:
+            alike = (k for k, kind in enumerate(kinds) if response.note or _same(kind, response))
+            number = next(alike, len(kinds))
+            if number == len(kinds):
+                kinds.append(response)
+            numbered.append(replace(response, number=number))
+    return numbered
+
+
+def _same(a: Response, b: Response) -> bool:
+    """True if two sections are those of one response, begun at another of its turns."""
+    if a.period != b.period or a.returns.shape[1:] != b.returns.shape[1:]:
+        return False
+    if a.period == 0:  # attractors that do not repeat: by where they are
+        low, high = (
+            np.minimum(a.returns.min(0), b.returns.min(0)),
+            np.maximum(a.returns.max(0), b.returns.max(0)),
+        )
+        shared = np.minimum(a.returns.max(0), b.returns.max(0)) - np.maximum(
+            a.returns.min(0), b.returns.min(0)
+        )
+        return bool((shared >= 0.5 * (high - low)).all())
+    shifts = range(a.period)
+    off = min(float(np.abs(np.roll(b.returns, k, axis=0) - a.returns).max()) for k in shifts)
+    return off <= 5.0 * _RETURN

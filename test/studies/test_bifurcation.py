@@ -1,0 +1,157 @@
+"""Responses over a parameter: a ball that bounces on a table, whose periods are known exactly."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from running import run, run_json
+
+import mechanism_sim as ms
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.audit import Audit
+
+G, A, E = 9.81, 0.01, 0.5
+
+BALL = f"""
+title: A ball on a table that goes up and down
+mechanism: linkage
+gravity: [0, -{G}]
+links:
+  crank: {{length: {A}, mass: 1, cog: 0, inertia: 1}}
+  table: {{mass: 1, points: {{middle: [0, 0]}}}}
+  ball: {{mass: 0.1}}
+joints:
+  shaft: {{revolute: [ground, crank]}}
+  guide: {{prismatic: [ground, table], axis: 90 deg}}
+  yoke: {{slot: [crank.end, table], axis: 0 deg}}
+  flight: {{prismatic: [table, ball], axis: 90 deg, stops: {{lower: 0, restitution: {E}}}}}
+drive: {{coordinate: crank, speed: SPEED, start_angle: PHASE}}
+initial: {{velocity: {{ball: PACE}}, position: {{ball: HEIGHT}}}}
+"""
+
+
+def speed(gamma: float) -> float:
+    """Speed of the crank [rad/s] at which the table's acceleration is so many g."""
+    return math.sqrt(gamma * G / A)
+
+
+def ball(gamma: float, periods: int = 1, e: float = E) -> str:
+    """The scene when the ball is highest, on its way back after so many periods of the table."""
+    T = periods * 2.0 * math.pi / speed(gamma)
+    left = math.acos(periods * math.pi * (1.0 - e) / (1.0 + e) / gamma)  # the table, at this angle
+    phase = left + periods * math.pi
+    height = A * math.sin(left) + G * T**2 / 8.0 - A * math.sin(phase)
+    pace = -A * speed(gamma) * math.cos(phase)
+    scene = BALL.replace(f'restitution: {E}', f'restitution: {e}')
+    given = {'SPEED': speed(gamma), 'PHASE': phase, 'PACE': pace, 'HEIGHT': height}
+    for name, value in given.items():
+        scene = scene.replace(name, repr(value))
+    return scene
+
+
+def test_a_ball_on_a_table_doubles_its_period_where_theory_says():
+    """N. B. Tufillaro et al., An Experimental Approach to Nonlinear Dynamics, 1992, section 1.2.
+
+    With one bounce a period the ball strikes with ``g T / (1 + e)`` whatever the table's stroke;
+    this is stable up to ``gamma^2 = (pi (1-e)/(1+e))^2 + (2 (1+e^2)/(1+e)^2)^2``.
+    """
+    flip = math.hypot(math.pi * (1 - E) / (1 + E), 2.0 * (1 + E**2) / (1 + E) ** 2)
+    assert 1.5 < flip < 1.55
+    found = ms.bifurcation(
+        ball(flip), {'drive.speed': (speed(flip - 0.04), speed(flip + 0.04), 2)},
+        at_impacts='flight_lower', transient=200, keep=40,
+    )  # fmt: skip
+    periods = {(r.branch, r.value < speed(flip)): r.period for r in found.responses}
+    assert periods == {('up', True): 1, ('up', False): 2, ('down', True): 1, ('down', False): 2}
+    for response in found.responses:
+        assert response.impacts == pytest.approx(1.0)
+        strikes = response.points[:, 0]
+        assert len(strikes) == response.period
+        if response.period == 1:
+            T = 2.0 * math.pi / response.value
+            assert strikes[0] == pytest.approx(G * T / (1.0 + E), rel=1e-6)
+        else:
+            assert np.ptp(strikes) > 0.01 * strikes.mean()
+    assert not found.coexisting
+
+
+def test_two_responses_of_one_machine_are_kept_apart():
+    """A ball that flies over two periods of the table, where another start goes to rest on it."""
+    e, gamma = 0.85, 1.3 * 2.0 * math.pi * 0.15 / 1.85
+    scene = ball(gamma, 2, e)
+    limits = speed(gamma), speed(1.02 * gamma)
+    found = ms.bifurcation(
+        scene, {'drive.speed': (*limits, 2)}, at_impacts='flight_lower', transient=300, keep=40
+    )
+    assert {(r.period, round(r.impacts, 3)) for r in found.responses} == {(2, 0.5)}
+    for response in found.responses:
+        T = 4.0 * math.pi / response.value
+        assert response.points[:, 0] == pytest.approx([G * T / (1.0 + e)], rel=1e-6)
+    low = scene[: scene.index('initial:')] + 'initial: {position: {ball: 1 um}}\n'
+    other = ms.bifurcation(
+        low, {'drive.speed': (*limits, 2)}, at_impacts='flight_lower', transient=300, keep=40
+    )
+    assert all(r.period != 2 or r.impacts != 0.5 for r in other.responses)
+
+
+@pytest.mark.slow
+def test_hysteresis_of_the_loose_four_bar():
+    """At 445 rpm a response of period 3 that comes from below, and one of 2 from above."""
+    found = ms.bifurcation(
+        'four_bar_clearance', {'drive.speed': ('425 rpm', '465 rpm', 9)}, transient=60, keep=60
+    )
+    periods = {(r.branch, round(r.value * 30.0 / math.pi)): r.period for r in found.responses}
+    assert periods['up', 445] == 3
+    assert periods['down', 445] == 2
+    assert found.coexisting
+
+
+def test_the_command_writes_a_table_and_a_picture(tmp_path):
+    scene = tmp_path / 'ball.yaml'
+    scene.write_text(ball(1.3), encoding='utf-8')
+    args = (
+        'bifurcation', str(scene), '--vary', 'drive.speed=340 rpm:360 rpm:2', '--transient', '4',
+        '--keep', '4', '--workers', '1', '-o', str(tmp_path / 'b.csv'), '--plot',
+        str(tmp_path / 'b.svg'),
+    )  # fmt: skip
+    found = run_json(*args)
+    assert [r['branch'] for r in found['responses']] == ['up', 'down'] * 2
+    assert (tmp_path / 'b.svg').stat().st_size > 1000
+    head = (tmp_path / 'b.csv').read_text(encoding='utf-8').splitlines()[0]
+    assert head.startswith('drive.speed [rpm],branch,period,response,velocity.ball')
+
+
+@pytest.mark.parametrize(
+    ('args', 'said'),
+    [
+        (('four_bar_clearance',), "--vary: write PATH=LOW:HIGH:N, as 'drive.speed=100 rpm"),
+        (('four_bar_clearance', '--vary', 'drive.speed=1:2'), 'write PATH=LOW:HIGH:N'),
+        (('four_bar_clearance', '--vary', 'drive.speed=1:2:1'), 'must be at least 2'),
+        (('four_bar_clearance', '--vary', 'drive.sped=1:2:3'), "'drive.sped'"),
+        (('slider_crank', '--vary', 'drive.speed=1:2:3'), 'without a free motion'),
+        (('four_bar_clearance', '--vary', 'drive.speed=1:2:3', '--keep', '0'), 'keep must be'),
+        (('four_bar_clearance', '--vary', 'drive.speed=1:2:3', '--of', 'velocity.roker'),
+         "there is no quantity 'velocity.roker'"),
+        (('four_bar_clearance', '--vary', 'drive.speed=1:2:3', '--at-impacts', 'x'),
+         "there is no loose joint 'x'"),
+        (('mass_on_spring', '--vary', 'links.mass.mass=1:2:3'), 'a drive at constant speed'),
+    ],
+)  # fmt: skip
+def test_mistakes_get_one_sentence(args, said):
+    done = run('bifurcation', *args)
+    assert done.returncode == 2
+    assert said in done.stderr.splitlines()[-1]
+    assert 'Traceback' not in done.stderr
+
+
+def test_a_motion_that_fails_its_audit_is_told(monkeypatch):
+    """What every run refuses is refused here, too."""
+
+    def judge(*_: object) -> None:
+        raise InputError('judged')
+
+    monkeypatch.setattr(Audit, 'judge', judge)
+    with pytest.raises(InputError, match='judged'):
+        ms.bifurcation(ball(1.3), {'drive.speed': ('300 rpm', '310 rpm', 2)}, transient=1, keep=2)
