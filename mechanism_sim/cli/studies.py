@@ -164,7 +164,7 @@ def _find_value(options: argparse.Namespace) -> int:
     from mechanism_sim.output import write_text  # noqa: PLC0415
     from mechanism_sim.report import figures, found, progress  # noqa: PLC0415
     from mechanism_sim.scene import load_scene  # noqa: PLC0415
-    from mechanism_sim.studies.find import Finding, find  # noqa: PLC0415
+    from mechanism_sim.studies.find import find  # noqa: PLC0415
     from mechanism_sim.studies.goal import read_goals  # noqa: PLC0415
     from mechanism_sim.studies.parameters import ranges  # noqa: PLC0415
 
@@ -192,13 +192,9 @@ def _find_value(options: argparse.Namespace) -> int:
         )  # fmt: skip
     if scene and result.values:
         write_text(scene, load_scene(machine, result.values).scene.to_yaml())
-    curve = isinstance(result, Finding)
     if picture:
-        draw = found.finding_chart if curve else found.front_chart
-        figures.save(figures.paint(draw(result, machine.scene.title)), picture)
-    if curve:
-        return print_result(options, result, found.finding_json, found.finding_text)
-    return print_result(options, result, found.optimum_json, found.optimum_text)
+        figures.save(figures.paint(found.chart(result, machine.scene.title)), picture)
+    return print_result(options, result, found.to_json, found.text)
 
 
 def _outputs(options: argparse.Namespace) -> tuple[Path | None, Path | None, Path | None]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,19 +12,31 @@ from mechanism_sim import text_table
 from mechanism_sim.export.palette import INK
 from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Mark, Panel
 from mechanism_sim.strict_json import plain
+from mechanism_sim.studies.find import Finding
 from mechanism_sim.studies.goal import GREATEST
+from mechanism_sim.studies.optimum import Optimum
 from mechanism_sim.units import for_people
-
-if TYPE_CHECKING:  # slow to load
-    from mechanism_sim.studies.find import Finding
-    from mechanism_sim.studies.optimum import Optimum
 
 _SHOWN = 5  # failures
 _MOST = 24  # designs of a front
 
 
-def finding_text(finding: Finding) -> str:
-    """For people; values of the parameter are in SI units."""
+def text(found: Finding | Optimum) -> str:
+    """For people; values of parameters are in SI units."""
+    return _finding_text(found) if isinstance(found, Finding) else _optimum_text(found)
+
+
+def to_json(found: Finding | Optimum) -> dict[str, Any]:
+    """JSON of it, SI units."""
+    return _finding_json(found) if isinstance(found, Finding) else _optimum_json(found)
+
+
+def chart(found: Finding | Optimum, title: str) -> Chart:
+    """The figure over the parameter, or the front."""
+    return _finding_chart(found, title) if isinstance(found, Finding) else _front(found, title)
+
+
+def _finding_text(finding: Finding) -> str:
     unit, scale = for_people(finding.unit)
     path, lines = finding.parameter.path, []
     wanted = '' if finding.wanted is None else f' = {scale * finding.wanted:.6g} {unit}'
@@ -46,8 +58,7 @@ def finding_text(finding: Finding) -> str:
     return '\n'.join(lines)
 
 
-def finding_json(finding: Finding) -> dict[str, Any]:
-    """JSON of it, SI units."""
+def _finding_json(finding: Finding) -> dict[str, Any]:
     return {
         'path': finding.parameter.path,
         'measure': finding.goal.name,
@@ -62,10 +73,9 @@ def finding_json(finding: Finding) -> dict[str, Any]:
     }
 
 
-def optimum_text(found: Optimum) -> str:
-    """For people; values of the parameters are in SI units."""
+def _optimum_text(found: Optimum) -> str:
     ends = found.ends
-    lines = _front(found) if found.front else []
+    lines = _front_lines(found) if found.front else []
     lines += [
         f'{path} = {_given(value)}' + (' (the end of its range)' if path in ends else '')
         for path, value in found.values.items()
@@ -103,7 +113,7 @@ def _given(value: Any, digits: int = 12) -> str:
     return f'{value:.{digits}g}' if isinstance(value, float) else str(value)
 
 
-def _front(found: Optimum) -> list[str]:
+def _front_lines(found: Optimum) -> list[str]:
     """A line for each of some designs of a front, evenly from its one end to the other."""
     front, names = found.front, [*found.measures]
     chosen = np.unique(np.linspace(0, len(front) - 1, _MOST).round().astype(int))
@@ -118,8 +128,7 @@ def _front(found: Optimum) -> list[str]:
     return [*lines, 'nearest to the best of all:']
 
 
-def optimum_json(found: Optimum) -> dict[str, Any]:
-    """JSON of it, SI units."""
+def _optimum_json(found: Optimum) -> dict[str, Any]:
     keys = 'values', 'measures', 'units', 'wanted', 'reached', 'evaluations'
     failed = [{'values': values, 'reason': reason} for values, reason in found.failed]
     more = {'constraints': [plain(c._asdict()) for c in found.constraints], 'failed': failed}
@@ -127,31 +136,32 @@ def optimum_json(found: Optimum) -> dict[str, Any]:
     return {key: plain(getattr(found, key)) for key in keys} | more | front
 
 
-def front_chart(found: Optimum, title: str) -> Chart:
+def _front(found: Optimum, title: str) -> Chart:
     """The front between each measure and the next, over all that was tried."""
     tried = {column.name: np.array(column.values, float) for column in found.table
              if column.name in found.measures}  # fmt: skip
     panels = []
     for names in pairwise(found.measures):
-        ends = [max(abs(d.measures[n]) for d in found.front) for n in names]
-        shown = [for_people(found.units[n], end) for n, end in zip(names, ends, strict=True)]
-        (x, y) = (scale * np.array([d.measures[n] for d in found.front])
-                  for n, (_, scale) in zip(names, shown, strict=True))  # fmt: skip
-        u, v = (scale * tried[n] for n, (_, scale) in zip(names, shown, strict=True))
+        axes, values, every = [], [], []
+        for name in names:
+            front = np.array([d.measures[name] for d in found.front])
+            unit, scale = for_people(found.units[name], float(np.abs(front).max()))
+            axes.append(Axis(name, unit))
+            values.append(scale * np.append(front, found.measures[name]))
+            every.append(scale * tried[name])
+        (x, y), (u, v) = values, every
         near = (u < x.max() + 2.0 * np.ptp(x)) & (v < y.max() + 2.0 * np.ptp(y))
-        best = [scale * found.measures[n] for n, (_, scale) in zip(names, shown, strict=True)]
-        panels.append(Panel(
-            *(Axis(n, unit) for n, (unit, _) in zip(names, shown, strict=True)),
-            (ChartCurve(u[near], v[near], 'tried', colour=1, form='dots', look='fine'),
-             ChartCurve(x, y, 'front', marker='circle'),
-             ChartCurve(np.array(best[:1]), np.array(best[1:]), 'nearest to the best of all',
-                        '', INK, form='dots', marker='circle-open')),
-            height=3.2,
-        ))  # fmt: skip
+        curves = (
+            ChartCurve(u[near], v[near], 'tried', colour=1, form='dots', look='fine'),
+            ChartCurve(x[:-1], y[:-1], 'front', marker='circle'),
+            ChartCurve(x[-1:], y[-1:], 'nearest to the best of all', '', INK, form='dots',
+                       marker='circle-open'),
+        )  # fmt: skip
+        panels.append(Panel(axes[0], axes[1], curves, height=3.2))
     return Chart('front', title, tuple(panels))
 
 
-def finding_chart(finding: Finding, title: str) -> Chart:
+def _finding_chart(finding: Finding, title: str) -> Chart:
     """The figure over the parameter, with what was wanted and found."""
     unit, scale = for_people(finding.unit)
     x, y = np.array(finding.curve).T

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 
@@ -30,9 +31,8 @@ def undominated(costs: Array, excess: Array) -> list[int]:
 
 def _layers(costs: Array) -> Array:
     """How many layers of better designs are above each (N,), by costs (N, K)."""
-    below = (costs[:, None] <= costs[None]).all(axis=2) & (costs[:, None] < costs[None]).any(
-        axis=2
-    )
+    one, other = costs[:, None], costs[None]
+    below: Array = np.all(one <= other, axis=2) & np.any(one < other, axis=2)
     above = below.sum(axis=0)
     layers, layer = np.full(len(costs), -1), 0
     while (now := np.flatnonzero((above == 0) & (layers < 0))).size:
@@ -56,7 +56,7 @@ def _distances(costs: Array, layers: Array) -> Array:
     return found
 
 
-def _ranked(costs: Array, excess: Array) -> Array:
+def _ranked(costs: Array, excess: Array) -> NDArray[np.intp]:
     """Order (N,) from the best to the worst."""
     layers = _layers(costs)
     return np.lexsort((-_distances(costs, layers), layers, excess))
@@ -77,7 +77,7 @@ def _children(parents: Array, rng: np.random.Generator) -> Array:
         1.0 - (2.0 - 2.0 * v) ** (1.0 / (_MUTATION + 1.0)),
     )  # fmt: skip
     child += np.where(rng.random((count, n)) < 1.0 / n, shift, 0.0)
-    return np.clip(child, 0.0, 1.0)
+    return np.asarray(np.clip(child, 0.0, 1.0))
 
 
 def evolve(judge: Judge, places: Array, generations: int) -> tuple[Array, Array]:

@@ -212,9 +212,9 @@ class _Problem:
     def _cost_slopes(self, x: Array) -> Array:
         slopes = self._slopes(x)
         if self._aims.extremes:
-            return slopes[self._aims.extremes[0]]
+            return np.asarray(slopes[self._aims.extremes[0]])
         targets = self._aims.targets
-        return 2.0 * self._scaled(x)[targets] @ slopes[targets]
+        return np.asarray(2.0 * self._scaled(x)[targets] @ slopes[targets])
 
     def least_squares(self, x: Array) -> None:
         """Distances from targets, and by how much constraints are exceeded, to zero."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
@@ -170,7 +171,7 @@ class Aims:
         off = self.scaled(figures)
         if self.extremes:
             return off[:, self.extremes]
-        return np.abs(off[:, self.targets]).max(axis=1, keepdims=True)
+        return np.asarray(np.abs(off[:, self.targets]).max(axis=1, keepdims=True))
 
     def excess(self, figures: Array) -> Array:
         """Largest violation (N,) of a constraint, 0 where all hold."""
@@ -179,7 +180,7 @@ class Aims:
         worst = off.max(axis=1, initial=0.0)
         return np.where(worst > HELD, worst, 0.0)
 
-    def order(self, figures: Array) -> Array:
+    def order(self, figures: Array) -> NDArray[np.intp]:
         """The rows (N,) from the best to the worst: constraints first, then the cost."""
         cost = self.costs(figures).sum(axis=1)
         return np.lexsort((cost, self.excess(figures)))

@@ -9,8 +9,7 @@ from builders import made
 from running import run, run_json
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.report.found import finding_text as text
-from mechanism_sim.report.found import optimum_text
+from mechanism_sim.report.found import text
 from mechanism_sim.scene import load_scene
 from mechanism_sim.studies.find import find
 from mechanism_sim.studies.goal import CycleTrial, read_goals
@@ -163,7 +162,7 @@ def test_more_keys_than_goals_give_one_of_many():
     assert found.reached
     w, a = found.values.values()
     assert 0.5 * w + 2.0 * 9.81 * a == pytest.approx(10.0, rel=1e-8)
-    assert 'one of many: 2 keys are varied for 1 measure' in optimum_text(found)
+    assert 'one of many: 2 keys are varied for 1 measure' in text(found)
 
 
 def test_a_goal_beyond_the_limits_is_not_reached():
@@ -173,7 +172,7 @@ def test_a_goal_beyond_the_limits_is_not_reached():
     assert found.measures['highest(drive_torque)'] == pytest.approx(
         10.0 + 2.0 * 9.81 * 0.4, rel=1e-5
     )
-    said = optimum_text(found)
+    said = text(found)
     assert 'wanted 30 N m' in said
     assert 'drive.speed = ' in said
     assert '(the end of its range)' in said
@@ -233,7 +232,7 @@ def test_the_least_under_constraints(sign):
     assert [(c.holds, c.active, c.limit, c.unit) for c in found.constraints] == [
         (True, True, 3.0, 'N m'), (True, True, 4.0, 'N m'),
     ]  # fmt: skip
-    assert 'range(drive_torque) > 4 N m holds (at its limit): 4 N m' in optimum_text(found)
+    assert 'range(drive_torque) > 4 N m holds (at its limit): 4 N m' in text(found)
 
 
 def test_a_constraint_of_two_measures_and_one_that_does_not_matter():
@@ -270,9 +269,7 @@ def test_constraints_that_contradict_each_other_are_told():
     bounds = ['mean(drive_torque) < 0.5 N m', 'range(drive_torque) > 4 N m']  # 0.5 w is 1 or more
     found = find(rotor(), BOTH, **LEAST, subject_to=bounds, samples=6)
     assert not found.reached
-    assert 'no values between the limits were found at which all constraints hold' in (
-        optimum_text(found)
-    )
+    assert 'no values between the limits were found at which all constraints hold' in (text(found))
 
 
 @pytest.mark.slow
