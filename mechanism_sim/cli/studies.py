@@ -40,17 +40,27 @@ def add(command: Command) -> None:
     measure_option(sub)
     sub = command('find', _find, 'find values of keys for which figures are as wanted')
     scene_options(sub, count='?')
-    text = 'a key, and between which values to look; several times'
+    text = 'a key, and between which values to look, or PATH=VALUE,VALUE,...; several times'
     several(sub, '--vary', 'PATH=LOW:HIGH', text, 'vary')
     text = "as 'largest(reaction.ram_pin) = 20 kN'; several times"
     several(sub, '--so-that', 'GOAL', text, 'so_that')
-    option(sub, '--minimise', 'MEASURE', "instead: as 'rms(drive_torque)'")
+    text = "instead: as 'rms(drive_torque)'; several times for a front of Pareto"
+    several(sub, '--minimise', 'MEASURE', text)
+    several(sub, '--maximise', 'MEASURE', 'instead, or beside it; several times')
+    text = "a constraint, as 'largest(reaction.ram_pin) < 12 kN'; several times"
+    several(sub, '--subject-to', 'GOAL', text, 'subject_to')
     option(sub, '--values', 'N', 'values at which the curve is computed, or that are tried', 17)
     option(
         sub, '--duration', 'S', 'length of a cycle; a turn of a steady drive if not given', float
     )
     option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
-    option(sub, '-o --output', 'FILE', 'draw the curve')
+    text = 'global: between all limits, by differential evolution'
+    sub.add_argument('--search', choices=('local', 'global'), default='local', help=text)
+    text = 'cycles after which a global search, or a front, ends'
+    option(sub, '--evaluations', 'N', text, 400)
+    text = 'the scene (.yaml), a table of what was tried, the curve or the front; several times'
+    several(sub, '-o --output', 'FILE', text)
+    flag(sub, '--restart', 'with a table: forget what is computed already')
     workers_options(sub, '1')
     flag(sub, '--lift-off', 'instead: from which speed on followers leave their cams')
     flag(sub, '--periodic', 'instead: the periodic response of the machine, and its stability')
@@ -121,8 +131,8 @@ def _lift_off(options: argparse.Namespace) -> int:
 
 
 _SEARCH = (
-    'vary', 'so-that', 'minimise', 'values', 'duration', 'revolutions', 'output', 'workers',
-    'dask',
+    'vary', 'so-that', 'minimise', 'maximise', 'subject-to', 'values', 'duration', 'revolutions',
+    'search', 'evaluations', 'output', 'restart', 'workers', 'dask',
 )  # fmt: skip
 _PERIODIC = 'periodic', 'longest', 'transient'
 _SCENE = 'set', 'tables-from', 'rtol', 'atol'
@@ -151,31 +161,67 @@ def _find(options: argparse.Namespace) -> int:
 
 
 def _find_value(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import figures, progress, studies  # noqa: PLC0415
-    from mechanism_sim.studies.find import Finding, find  # noqa: PLC0415
+    from mechanism_sim.output import write_text  # noqa: PLC0415
+    from mechanism_sim.report import figures, found, progress  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.studies.find import find  # noqa: PLC0415
     from mechanism_sim.studies.goal import read_goals  # noqa: PLC0415
     from mechanism_sim.studies.parameters import ranges  # noqa: PLC0415
 
-    goals = read_goals(options.so_that, options.minimise)
-    vary = ranges(options.vary or [''], '--vary')
-    if len(vary) > 1 or len(goals) > 1:
-        refuse_options(options, ['output'], 'draws the curve of one key and one goal')
-    file = figures.check_picture('--output', options.output) if options.output else None
-    if options.values < 2:
-        raise InputError('--values must be at least 2')
+    goals = read_goals(options.so_that, options.minimise, options.maximise, options.subject_to)
+    vary = ranges(options.vary or [''], '--vary', lists=True)
+    scene, table, picture = _outputs(options)
+    front = len(options.minimise) + len(options.maximise) > 1
+    if picture and not front and (len(vary) > 1 or len(goals) > 1):
+        raise InputError('--output: a picture is the curve of one key and one goal, or a front')
+    if options.restart and not table:
+        raise InputError('--restart goes with a table, -o FILE.csv, and its journal')
+    if options.values < 2 or options.evaluations < 1:
+        raise InputError('--values must be at least 2, --evaluations at least 1')
     workers = read_workers(options, 1)
     machine = read_machine(options)
-    with progress.count('find', options.values, options.json) as show:
-        found = find(
-            machine, vary, options.so_that, minimise=options.minimise, samples=options.values,
-            workers=workers, show=show, duration=options.duration,
+    evolves = front or options.search == 'global'
+    total = options.evaluations if evolves else options.values
+    with progress.count('find', total, options.json) as show:
+        result = find(
+            machine, vary, options.so_that, minimise=options.minimise,
+            maximise=options.maximise, subject_to=options.subject_to, samples=options.values,
+            search=options.search, evaluations=options.evaluations, file=table,
+            restart=options.restart, workers=workers, show=show, duration=options.duration,
             **({} if options.revolutions is None else {'periods': options.revolutions}),
         )  # fmt: skip
-    if not isinstance(found, Finding):
-        return print_result(options, found, studies.adjustment_json, studies.adjustment_text)
-    if file:
-        figures.save(figures.paint(studies.finding_chart(found, machine.scene.title)), file)
-    return print_result(options, found, studies.finding_json, studies.finding_text)
+    if scene and result.values:
+        write_text(scene, load_scene(machine, result.values).scene.to_yaml())
+    if picture:
+        figures.save(figures.paint(found.chart(result, machine.scene.title)), picture)
+    return print_result(options, result, found.to_json, found.text)
+
+
+def _outputs(options: argparse.Namespace) -> tuple[Path | None, Path | None, Path | None]:
+    """Files for the scene, the table and the picture, by their endings."""
+    from mechanism_sim import tables  # noqa: PLC0415
+    from mechanism_sim.output import check_path  # noqa: PLC0415
+    from mechanism_sim.report import figures  # noqa: PLC0415
+
+    found: dict[int, Path] = {}
+    for file in options.output:
+        ending = Path(file).suffix
+        if ending in ('.yaml', '.yml'):
+            kind, path = 0, check_path('--output', file, ending)
+        elif ending in tables.ENDINGS:
+            kind, path = 1, tables.check_file('--output', file)
+        elif ending in figures.SUFFIXES:
+            kind, path = 2, figures.check_picture('--output', file)
+        else:
+            raise InputError(
+                f'--output {file}: the ending must be .yaml for a scene, '
+                f'{", ".join(tables.ENDINGS)} for a table, or {", ".join(figures.SUFFIXES)} for a '
+                'picture'
+            )
+        if kind in found:
+            raise InputError(f"--output: '{found[kind]}' and '{file}' are of one kind: keep one")
+        found[kind] = path
+    return found.get(0), found.get(1), found.get(2)
 
 
 def _teeth_options(sub: argparse.ArgumentParser) -> None:

@@ -355,15 +355,18 @@ def _check_call(
         raise InputError(f'{name} in {quoted(text)} needs at least two arguments')
 
 
-def sides(text: str) -> tuple[str, str] | None:
-    """The texts before and behind the only ``=`` outside of brackets; None if there is none."""
+def sides(text: str, *signs: str) -> tuple[str, str, str] | None:
+    """The texts before and behind the only sign outside of brackets, and the sign between them.
+
+    None if there is none, or more. The sign is ``=``, or one of some.
+    """
     depth, found = 0, []
     for token in _tokens(text):
         depth += (token.text == '(') - (token.text == ')')
-        found += [token] * (token.text == '=' and depth == 0)
+        found += [token] * (token.text in (signs or ('=',)) and depth == 0)
     if len(found) != 1:
         return None
-    return text[: found[0].start].strip(), text[found[0].end :].strip()
+    return text[: found[0].start].strip(), found[0].text, text[found[0].end :].strip()
 
 
 def unit_hint(name: str) -> str:

@@ -1,21 +1,15 @@
-"""Studies as text, as JSON and as pictures."""
+"""Studies as text and as JSON."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from mechanism_sim.export.palette import INK
-from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Mark, Panel
 from mechanism_sim.strict_json import plain
 from mechanism_sim.units import for_people
 
 if TYPE_CHECKING:  # each is slow to load, and a command needs but one
-    from mechanism_sim.studies.adjustment import Adjustment
-    from mechanism_sim.studies.find import Finding
     from mechanism_sim.studies.identification import Result
     from mechanism_sim.studies.lift_off import LiftOff
     from mechanism_sim.studies.periodic import PeriodicResponse
@@ -23,7 +17,6 @@ if TYPE_CHECKING:  # each is slow to load, and a command needs but one
 
 _MEAN = 'mean', 'half_width', 'unit'
 _UNLIKE = 0.01  # of the simulations
-_SHOWN = 5  # failures
 _STABLE = {
     True: 'stable',
     False: 'unstable',
@@ -108,96 +101,6 @@ def lift_offs(found: Sequence[LiftOff]) -> str:
 
 def _degrees(angle: float) -> str:
     return f'{math.degrees(angle) % 360.0:.6g} deg'
-
-
-def finding_text(finding: Finding) -> str:
-    """For people; values of the parameter are in SI units."""
-    unit, scale = for_people(finding.unit)
-    path, lines = finding.parameter.path, []
-    wanted = '' if finding.wanted is None else f' = {scale * finding.wanted:.6g} {unit}'
-    for one in finding.found:
-        note = ' (it steps across the wanted value there)' if one.jump else ''
-        if finding.wanted is None and one.value in (finding.curve[0][0], finding.curve[-1][0]):
-            note = ' (the end of the range: it may be less beyond)'
-        shown = f'{finding.goal.name} = {scale * one.figure:.9g} {unit}'
-        lines.append(f'{path} = {one.value:.12g}: {shown}{note}')
-    if not lines:
-        figures = [scale * y for _, y in finding.curve if math.isfinite(y)]
-        lines.append(
-            f'{finding.goal.name}{wanted} for no {path} between {finding.parameter.low:.6g} and '
-            f'{finding.parameter.high:.6g}: of the values tried it goes from '
-            f'{min(figures):.6g} to {max(figures):.6g} {unit}'
-        )
-    lines += [f'  not at {path} = {value:.6g}: {reason}' for value, reason in finding.failed]
-    return '\n'.join(lines)
-
-
-def finding_json(finding: Finding) -> dict[str, Any]:
-    """JSON of it, SI units."""
-    return {
-        'path': finding.parameter.path,
-        'measure': finding.goal.name,
-        'unit': finding.unit,
-        'wanted': finding.wanted,
-        'found': plain(finding.found),
-        'curve': plain(finding.curve),
-        'failed': [{'value': value, 'reason': reason} for value, reason in finding.failed],
-        'values': finding.values,
-        'measures': finding.measures,
-        'evaluations': finding.evaluations,
-    }
-
-
-def adjustment_text(found: Adjustment) -> str:
-    """For people; values of the parameters are in SI units."""
-    ends = found.ends
-    lines = [
-        f'{path} = {value:.12g}' + (' (the end of its range)' if path in ends else '')
-        for path, value in found.values.items()
-    ]
-    for name, figure in found.measures.items():
-        wanted = found.wanted[name]
-        unit, scale = for_people(found.units[name], abs(figure))
-        miss = '' if found.reached or wanted is None else f', wanted {scale * wanted:.9g} {unit}'
-        lines.append(f'{name} = {scale * figure:.9g} {unit}{miss}')
-    if not found.reached:
-        lines.append('no values between the limits were found that give what is wanted; the '
-                     'nearest are above')  # fmt: skip
-    elif len(found.values) > len(found.measures) and None not in found.wanted.values():
-        lines.append(
-            f'one of many: {len(found.values)} keys are varied for {len(found.measures)} '
-            f'measure{"s" * (len(found.measures) > 1)}'
-        )
-    lines.append(f'{found.evaluations} cycles computed, {len(found.failed)} failed at first')
-    for values, reason in found.failed[:_SHOWN]:
-        where = ', '.join(f'{path} = {value:.6g}' for path, value in values.items())
-        lines.append(f'  not at {where}: {reason}')
-    return '\n'.join(lines)
-
-
-def adjustment_json(found: Adjustment) -> dict[str, Any]:
-    """JSON of it, SI units."""
-    keys = 'values', 'measures', 'units', 'wanted', 'reached', 'evaluations'
-    failed = [{'values': values, 'reason': reason} for values, reason in found.failed]
-    return {key: plain(getattr(found, key)) for key in keys} | {'failed': failed}
-
-
-def finding_chart(finding: Finding, title: str) -> Chart:
-    """The figure over the parameter, with what was wanted and found."""
-    unit, scale = for_people(finding.unit)
-    x, y = np.array(finding.curve).T
-    curves = [ChartCurve(x, scale * y, finding.goal.name, marker='circle')]
-    if found := finding.found:
-        at, figures = (np.array([getattr(f, k) for f in found]) for k in ('value', 'figure'))
-        curves.append(
-            ChartCurve(at, scale * figures, 'found', '', INK, form='dots', marker='circle-open',
-                  texts=[f'{value:.4g}' for value in at])
-        )  # fmt: skip
-    wanted = finding.wanted
-    marks = () if wanted is None else (Mark(scale * wanted, 'wanted', level=True),)
-    axis = Axis(finding.parameter.path, 'SI', log=finding.parameter.logarithmic)
-    panel = Panel(axis, Axis(finding.goal.name, unit), tuple(curves), marks=marks)
-    return Chart('find', title, (panel,))
 
 
 def unlike(found: Result) -> bool:

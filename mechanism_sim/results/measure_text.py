@@ -173,7 +173,7 @@ def read_all(given: dict[str, str] | list[str] | tuple[str, ...], where: str) ->
 
 def _named(text: str) -> tuple[str, str]:
     named = expressions.sides(text)
-    return named if named and named[0].isidentifier() else ('', text)
+    return (named[0], named[2]) if named and named[0].isidentifier() else ('', text)
 
 
 def _figure(node: ExpressionNode, text: str) -> Figure:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,21 +20,44 @@ from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.units import to_si_like
 
+LEAST, GREATEST, EQUAL, BELOW, ABOVE = 'least', 'greatest', '=', '<', '>'
+_SIGNS = {'=': EQUAL, '<': BELOW, '<=': BELOW, '>': ABOVE, '>=': ABOVE}
+_TURNED = {EQUAL: EQUAL, BELOW: ABOVE, ABOVE: BELOW}
+_BOUND = "MEASURE < VALUE, as in 'largest(reaction.pin) < 12 kN', with <, <=, >, >= or ="
+
 
 class Goal(NamedTuple):
-    """Goal for a measure of a cycle: a value, or as small as possible (None).
+    """Goal for a measure of a cycle.
 
     Attributes
     ----------
     name : the measure as it is written, or its name in the scene
+    kind : least, greatest, or how it compares with `wanted`: ``=``, ``<``, ``>``
+    wanted : a value, or its limit
     """
 
     name: str
-    wanted: str | None = None
+    kind: str
+    wanted: str = ''
+
+    @property
+    def is_extreme(self) -> bool:
+        """True if the measure is to be least or greatest."""
+        return self.kind in (LEAST, GREATEST)
+
+    @property
+    def sign(self) -> float:
+        """Factor of what is to be small: the measure, or how far it is beyond its limit."""
+        return -1.0 if self.kind in (GREATEST, ABOVE) else 1.0
+
+    @property
+    def text(self) -> str:
+        """The goal as it may be written."""
+        return f'{self.name} {self.kind} {self.wanted}' if self.wanted else self.name
 
     def value(self, unit: str) -> float | None:
-        """The wanted value in the SI unit of the measure."""
-        if self.wanted is None:
+        """The wanted value, or the limit, in the SI unit of the measure."""
+        if not self.wanted:
             return None
         try:
             return to_si_like(self.wanted, unit)
@@ -40,26 +65,52 @@ class Goal(NamedTuple):
             raise InputError(f'the wanted value {self.wanted} {error}') from error
 
 
-def read_goals(so_that: str | Sequence[str] | None, minimise: str | None) -> tuple[Goal, ...]:
+def read_goals(
+    so_that: str | Sequence[str] | None = None,
+    minimise: str | Sequence[str] | None = None,
+    maximise: str | Sequence[str] | None = None,
+    subject_to: str | Sequence[str] | None = None,
+) -> tuple[Goal, ...]:
     """Goals as they are written: ``largest(reaction.pin) = 20 kN``, or one without a value."""
-    texts = [so_that] if isinstance(so_that, str) else list(so_that or ())
-    if bool(texts) == (minimise is not None):
-        raise InputError("give one of --so-that 'MEASURE = VALUE' and --minimise")
-    if minimise is not None:
-        return (Goal(minimise.strip()),)
-    found = []
-    for text in texts:
-        both = sides(text)
-        if not both or not all(both) or '(' in both[1]:
-            raise InputError(
-                f"'{text}' cannot be read: write MEASURE = VALUE, as in "
-                "'largest(drive_torque) = 20 N m'"
-            )
-        found.append(Goal(*both))
-    names = [goal.name for goal in found]
-    if len(set(names)) < len(names):
-        raise InputError(f'{", ".join(names)}: every measure has one wanted value')
-    return tuple(found)
+    wanted = [_wanted(text) for text in _listed(so_that)]
+    extremes = [Goal(text.strip(), LEAST) for text in _listed(minimise)]
+    extremes += [Goal(text.strip(), GREATEST) for text in _listed(maximise)]
+    if bool(wanted) == bool(extremes):
+        raise InputError(
+            "give one of --so-that 'MEASURE = VALUE' and --minimise or --maximise MEASURE"
+        )
+    for goals in (wanted, extremes):
+        names = [goal.name for goal in goals]
+        if len(set(names)) < len(names):
+            raise InputError(f'{", ".join(names)}: every measure has one wanted value')
+    return (*wanted, *extremes, *map(_bound, _listed(subject_to)))
+
+
+def _listed(texts: str | Sequence[str] | None) -> list[str]:
+    return [texts] if isinstance(texts, str) else list(texts or ())
+
+
+def _wanted(text: str) -> Goal:
+    both = sides(text)
+    if not both or not all(both) or '(' in both[2]:
+        raise InputError(
+            f"'{text}' cannot be read: write MEASURE = VALUE, as in "
+            "'largest(drive_torque) = 20 N m'"
+        )
+    return Goal(both[0], EQUAL, both[2])
+
+
+def _bound(text: str) -> Goal:
+    """A constraint, with the measure on its left side; of two measures their difference."""
+    both = sides(text, *_SIGNS)
+    if not both or not all(both):
+        raise InputError(f"'{text}' cannot be read: write {_BOUND}")
+    left, kind, right = both[0], _SIGNS[both[1]], both[2]
+    if '(' not in left and ('(' in right or left[0] in '+-.0123456789'):
+        left, kind, right = right, _TURNED[kind], left
+    if '(' in right:
+        left, right = f'{left} - ({right})', '0'
+    return Goal(left, kind, right)
 
 
 @dataclass(frozen=True)
@@ -84,7 +135,14 @@ class CycleTrial:
         measures = tuple(read(t, goal.name) for t, goal in zip(texts, goals, strict=True))
         return cls(machine.name, machine.scene.to_document(), measures, how)
 
-    def at(self, values: Mapping[str, float]) -> list[Measured]:
+    @property
+    def fingerprint(self) -> str:
+        """Of what is computed, in a few letters."""
+        texts = [measure.text for measure in self.measures]
+        content = json.dumps([self.content, texts, self.how], sort_keys=True, default=str)
+        return hashlib.sha256(content.encode()).hexdigest()[:16]
+
+    def at(self, values: Mapping[str, Any]) -> list[Measured]:
         """The measures of a cycle with these values by path, in SI units.
 
         Raises

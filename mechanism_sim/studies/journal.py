@@ -29,10 +29,14 @@ class Journal(FinishedRows):
     table : file of the table that the study makes; the journal is beside it
     plan : fingerprint of what is to be computed
     restart : forget what is there
+    study : its name in messages
     """
 
-    def __init__(self, table: Path, plan: str, restart: bool = False) -> None:
+    def __init__(
+        self, table: Path, plan: str, restart: bool = False, study: str = 'sweep'
+    ) -> None:
         super().__init__()
+        self._study = study
         self.path = journal_of(table)
         fresh = not self.path.exists() or restart
         if fresh and table.exists() and not restart:
@@ -52,7 +56,7 @@ class Journal(FinishedRows):
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise InputError(f"another sweep is writing '{self.path}'") from error
+            raise InputError(f"another {self._study} is writing '{self.path}'") from error
         self._file.seek(0)
         whole, _, torn = (b'' if restart else self._file.read()).rpartition(b'\n')
         lines = whole.splitlines()
@@ -65,7 +69,7 @@ class Journal(FinishedRows):
         entries = [self._parse(line, n) for n, line in enumerate(lines, 1)]
         if entries[0] != head:
             same = entries[0].get('sweep') == head['sweep']
-            what = 'of another version of the software' if same else 'of another sweep'
+            what = 'of another version of the software' if same else f'of another {self._study}'
             raise InputError(
                 f"'{self.path}' is {what}: choose another name for the table, or give --restart "
                 'to begin anew'

@@ -16,6 +16,9 @@ NOISE = 'noise'
 NAMES = (*OF_JOINT, NOISE)
 """Parameters that go by a short name; others by their dotted path."""
 
+Limits = Sequence[Any] | Mapping[str, Sequence[Any]]
+"""Lowest and highest value, or a list of other than two, or ``{'values': [...]}``."""
+
 _LIMITS = {'restitution': (0.1, 0.9), 'friction': (0.02, 0.4)}
 _FACTORS = {'radial': (0.4, 2.5), NOISE: (1.0 / 3.0, 3.0)}  # times what the scene says
 
@@ -29,12 +32,14 @@ class Parameter:
     name : short, or its path
     path : dotted, as in overrides
     low, high : limits within which it is looked for, in SI units
+    choices : the values of one that takes no others, in their order; its limits are 0 and 1
     """
 
     name: str
     path: str
     low: float
     high: float
+    choices: tuple[Any, ...] = ()
 
     @property
     def logarithmic(self) -> bool:
@@ -50,13 +55,20 @@ class Parameter:
         value = math.exp(to_scale) if self.logarithmic else to_scale
         return min(max(value, self.low), self.high)
 
+    def at(self, share: float) -> Any:
+        """The value at a share of its range on its scale, 0 to 1."""
+        if self.choices:
+            return self.choices[min(int(share * len(self.choices)), len(self.choices) - 1)]
+        low, high = self.to_scale(self.low), self.to_scale(self.high)
+        return self.value((1.0 - share) * low + share * high)  # exact at both ends
+
 
 def parameters(
     machine: Machine,
     names: Sequence[str],
     sensor: str,
     joint: str | None = None,
-    limits: Mapping[str, tuple[str, str]] | None = None,
+    limits: Mapping[str, Limits] | None = None,
 ) -> tuple[Parameter, ...]:
     """The parameters of these names, or dotted paths.
 
@@ -64,8 +76,8 @@ def parameters(
     ----------
     sensor : whose ``noise`` is meant
     joint : whose restitution, friction and radial clearance are meant; not needed if one is loose
-    limits : low and high, as in a scene file, by name; other parameters than those with a short
-        name have none of their own
+    limits : low and high, as in a scene file, or a list of values, by name; other parameters than
+        those with a short name have none of their own
     """
     given = dict(limits or {})
     for name in given:
@@ -77,6 +89,9 @@ def parameters(
     found = []
     for name in names:
         path = _path(machine, name, sensor, joint)
+        if name in given and (choices := _choices(machine, content, path, given[name])):
+            found.append(Parameter(name, path, 0.0, 1.0, choices))
+            continue
         if name in given:
             low, high = (_read(machine, content, path, text) for text in given[name])
         elif name in _LIMITS:
@@ -95,17 +110,28 @@ def parameters(
     return tuple(found)
 
 
-def ranges(texts: Sequence[str], key: str = '--range') -> dict[str, tuple[str, str]]:
-    """Limits by name, from texts ``name=low:high`` of an option."""
-    found = {}
+def ranges(texts: Sequence[str], key: str = '--range', lists: bool = False) -> dict[str, Limits]:
+    """Limits by name, from texts ``name=low:high`` of an option.
+
+    Parameters
+    ----------
+    lists : whether it may also be ``name=value,value,...``
+    """
+    found: dict[str, Limits] = {}
     for text in texts:
         name, _, limits = text.partition('=')
-        low, colon, high = limits.partition(':')
-        if not (name and low and colon and high):
-            raise InputError(f"{key} '{text}': write NAME=LOW:HIGH, as 'radial=0.1 mm:0.4 mm'")
+        low, colon, high = (part.strip() for part in limits.partition(':'))
+        listed = [part.strip() for part in limits.split(',')] if lists and not colon else []
+        if not name or not ((len(listed) > 1 and all(listed)) or (low and high)):
+            form = ', or NAME=VALUE,VALUE,...' if lists else ''
+            raise InputError(
+                f"{key} '{text}': write NAME=LOW:HIGH, as 'radial=0.1 mm:0.4 mm'{form}"
+            )
         if name.strip() in found:
             raise InputError(f"{key}: there are two ranges of '{name.strip()}': keep one")
-        found[name.strip()] = low.strip(), high.strip()
+        if len({x[-1].isdigit() for x in listed if x != '0' and x[0] in '+-.0123456789'}) > 1:
+            raise InputError(f"{key} '{text}': some values have a unit, others have none")
+        found[name.strip()] = {'values': listed} if listed else (low, high)
     return found
 
 
@@ -129,17 +155,41 @@ def _path(machine: Machine, name: str, sensor: str, joint: str | None) -> str:
     return f'joints.{chosen}.clearance.{name}'
 
 
-def _read(machine: Machine, content: Mapping[str, Any], path: str, text: str) -> float:
+def _choices(
+    machine: Machine, content: Mapping[str, Any], path: str, given: Limits
+) -> tuple[Any, ...]:
+    """The values of a list as the scene has them, whole numbers between limits, or none."""
+    listed = [*(given['values'] if isinstance(given, Mapping) else given)]
+    understood = [
+        _value(check_scene(machine.name, content, {path: x}).to_document(), path) for x in listed
+    ]
+    if isinstance(given, Mapping) or len(listed) != 2:
+        if len(listed) < 2:
+            raise InputError(f'the values of {path}: there must be at least two')
+        numbers = (bool, int, float, str)
+        pairs = zip(understood, listed, strict=True)
+        return tuple(dict.fromkeys(x if isinstance(x, numbers) else text for x, text in pairs))
+    if all(isinstance(x, int) and not isinstance(x, bool) for x in understood):
+        low, high = understood
+        return tuple(range(low, high + 1)) if low < high else ()
+    return ()
+
+
+def _read(machine: Machine, content: Mapping[str, Any], path: str, text: Any) -> float:
     """A value in SI units, as the scene understands it."""
     scene = check_scene(machine.name, content, {path: text})
     return _at(scene.to_document(), path)
 
 
-def _at(content: Mapping[str, Any], path: str) -> float:
+def _value(content: Mapping[str, Any], path: str) -> Any:
     place: Any = content
     for part in path.split('.'):
         place = place.get(part) if isinstance(place, Mapping) else None
-    value = place[0] if isinstance(place, tuple | list) and place else place
+    return place[0] if isinstance(place, tuple | list) and place else place
+
+
+def _at(content: Mapping[str, Any], path: str) -> float:
+    value = _value(content, path)
     if isinstance(value, bool) or not isinstance(value, float | int) or not math.isfinite(value):
         raise InputError(f"'{path}' is not a number of the scene")
     return float(value)

@@ -166,8 +166,8 @@ class Workers:
     def do(
         self, tasks: Sequence[Task], rows: FinishedRows, show: Show | None = None
     ) -> dict[str, Row]:
-        """Add the rows of tasks as they are finished, and return all."""
-        for finished in self._results(tasks):
+        """Add the rows of tasks that are not there as they are finished, and return all."""
+        for finished in self._results([task for task in tasks if task.key not in rows.rows]):
             rows.add(finished)
             if show:
                 show(len(rows.rows), rows.failed)

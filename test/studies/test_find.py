@@ -1,5 +1,6 @@
 """Values of a scene for which a figure is as wanted, against closed forms."""
 
+import itertools
 import math
 
 import numpy as np
@@ -8,10 +9,10 @@ from builders import made
 from running import run, run_json
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.report.studies import adjustment_text
-from mechanism_sim.report.studies import finding_text as text
+from mechanism_sim.report.found import text
 from mechanism_sim.scene import load_scene
 from mechanism_sim.studies.find import find
+from mechanism_sim.studies.goal import CycleTrial, read_goals
 from mechanism_sim.studies.runs import Workers
 
 SPEED, ARM = 12.0, 0.25
@@ -52,7 +53,7 @@ def test_processes_change_nothing():
         rotor(), vary, goal, samples=4, workers=Workers(2), show=lambda *x: shown.append(x)
     )
     assert with_two == alone
-    assert shown == [(1, 0), (2, 0), (3, 0), (4, 0)]
+    assert shown == [(k + 1, 0) for k in range(alone.evaluations)]
 
 
 def test_loads_that_act_during_a_part_of_the_turn_are_varied_as_well():
@@ -161,7 +162,7 @@ def test_more_keys_than_goals_give_one_of_many():
     assert found.reached
     w, a = found.values.values()
     assert 0.5 * w + 2.0 * 9.81 * a == pytest.approx(10.0, rel=1e-8)
-    assert 'one of many: 2 keys are varied for 1 measure' in adjustment_text(found)
+    assert 'one of many: 2 keys are varied for 1 measure' in text(found)
 
 
 def test_a_goal_beyond_the_limits_is_not_reached():
@@ -171,7 +172,7 @@ def test_a_goal_beyond_the_limits_is_not_reached():
     assert found.measures['highest(drive_torque)'] == pytest.approx(
         10.0 + 2.0 * 9.81 * 0.4, rel=1e-5
     )
-    said = adjustment_text(found)
+    said = text(found)
     assert 'wanted 30 N m' in said
     assert 'drive.speed = ' in said
     assert '(the end of its range)' in said
@@ -208,6 +209,176 @@ def test_the_command_varies_several_keys():
     assert alone['evaluations'] > 3
 
 
+def test_the_greatest_is_found_along_one_key():
+    """``range = 2 m g |a|`` of a bar is greatest at the larger end."""
+    finding = find(rotor(), {'links.bar.cog': (-0.4, 0.3)}, maximise='range(drive_torque)')
+    assert finding.found[0].value == pytest.approx(-0.4, rel=1e-6)
+    assert 'it may be more beyond' in text(finding)
+
+
+LEAST = {'minimise': 'highest(drive_torque)'}
+
+
+@pytest.mark.parametrize('sign', ['>=', '='])
+def test_the_least_under_constraints(sign):
+    """``highest = mean + range/2``: both at their limits, of which w = 6 and a follow."""
+    bounds = [f'mean(drive_torque) {sign} 3 N m', '4 N m < range(drive_torque)']
+    found = find(rotor(), BOTH, **LEAST, subject_to=bounds, samples=6)
+    assert found.reached
+    assert found.values == pytest.approx(
+        {'drive.speed': 6.0, 'links.bar.cog': 1.0 / 9.81}, rel=1e-7
+    )
+    assert found.measures['highest(drive_torque)'] == pytest.approx(5.0, rel=1e-7)
+    assert [(c.holds, c.active, c.limit, c.unit) for c in found.constraints] == [
+        (True, True, 3.0, 'N m'), (True, True, 4.0, 'N m'),
+    ]  # fmt: skip
+    assert 'range(drive_torque) > 4 N m holds (at its limit): 4 N m' in text(found)
+
+
+def test_a_constraint_of_two_measures_and_one_that_does_not_matter():
+    """``range <= mean`` is ``a <= 0.5 w / (2 m g)``, so the greatest range is that of the mean."""
+    found = find(
+        rotor(), BOTH, maximise='range(drive_torque)', samples=6,
+        subject_to=['range(drive_torque) < mean(drive_torque)', 'mean(drive_torque) <= 4 N m',
+                    'highest(drive_torque) < 1 kN m'],
+    )  # fmt: skip
+    assert found.measures['range(drive_torque)'] == pytest.approx(4.0, rel=1e-7)
+    assert [c.active for c in found.constraints] == [True, True, False]
+
+
+def test_targets_under_constraints():
+    goal = 'highest(drive_torque) = 6 N m'
+    found = find(rotor(), BOTH, goal, subject_to='mean(drive_torque) < 2 N m', samples=6)
+    assert found.reached
+    assert found.measures['highest(drive_torque)'] == pytest.approx(6.0, rel=1e-8)
+    assert found.values['drive.speed'] <= 4.0 * (1.0 + 1e-9)
+
+
+@pytest.mark.slow
+def test_targets_that_constraints_forbid():
+    far = find(
+        rotor(), BOTH, 'highest(drive_torque) = 10 N m', subject_to='mean(drive_torque) < 2 N m',
+        samples=6,
+    )  # fmt: skip
+    assert not far.reached
+    assert far.measures['highest(drive_torque)'] == pytest.approx(2.0 + 19.62 * 0.4, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_constraints_that_contradict_each_other_are_told():
+    bounds = ['mean(drive_torque) < 0.5 N m', 'range(drive_torque) > 4 N m']  # 0.5 w is 1 or more
+    found = find(rotor(), BOTH, **LEAST, subject_to=bounds, samples=6)
+    assert not found.reached
+    assert 'no values between the limits were found at which all constraints hold' in (text(found))
+
+
+@pytest.mark.slow
+def test_a_front_of_two_measures():
+    """At the least speed allowed ``highest = 1.5 + range/2``: the front comes near to it."""
+    found = find(
+        rotor(), BOTH, **LEAST, maximise='range(drive_torque)', evaluations=400,
+        subject_to='mean(drive_torque) > 1.5 N m',
+    )  # fmt: skip
+    pairs = np.array([[*d.measures.values()] for d in found.front])[:, :2]
+    assert len(pairs) > 10
+    assert (np.diff(pairs, axis=0) > 0.0).all()  # more range costs more torque
+    least = pairs[:, 0] - (1.5 + 0.5 * pairs[:, 1])
+    assert least.min() > -1e-9
+    assert np.median(least) < 0.2  # of 9.5, from the one end to the other
+    assert found.values in [d.values for d in found.front]
+
+
+def test_lists_of_values_are_tried_whole():
+    """Speeds of a gear pair: the torque of a brake in proportion to the speed of the wheel."""
+    teeth = {'gears.pinion.teeth': (18, 20), 'gears.wheel.teeth': ['38', '40', '42']}
+    goal = 'mean(drive_torque) = 3.1 N m'
+    found = find('gear_pair', teeth, goal)
+    assert found.values == {'gears.pinion.teeth': 20, 'gears.wheel.teeth': 40}
+    assert isinstance(found.values['gears.pinion.teeth'], int)
+    assert found.evaluations == 9
+    speed = {'drive.speed': {'values': ['10 rad/s', '600 rpm']}}
+    assert find('gear_pair', speed, goal).values['drive.speed'] == pytest.approx(20.0 * math.pi)
+
+
+def test_lists_and_limits_together():
+    """``0.5 w + 2 g a = 10`` with w of a list that leaves one solution: a = 0.255."""
+    vary = {'drive.speed': [2.0, 6.0, 10.0], 'links.bar.cog': (0.05, 0.3)}
+    found = find(rotor(), vary, 'highest(drive_torque) = 10 N m', samples=6, evaluations=30)
+    assert found.values == pytest.approx({'drive.speed': 10.0, 'links.bar.cog': 5.0 / 19.62})
+
+
+@pytest.mark.slow
+def test_an_interrupted_search_goes_on(tmp_path, monkeypatch):
+    """The way is the same, so that cycles of the journal are not computed again."""
+    how = {**LEAST, 'subject_to': 'range(drive_torque) > 4 N m', 'samples': 4}
+    whole, file, at, calls = find(rotor(), BOTH, **how), tmp_path / 'a.csv', CycleTrial.at, []
+
+    def counted(trial, values):
+        calls.append(values)
+        if len(calls) == 11:
+            raise KeyboardInterrupt
+        return at(trial, values)
+
+    monkeypatch.setattr(CycleTrial, 'at', counted)
+    with pytest.raises(KeyboardInterrupt):
+        find(rotor(), BOTH, **how, file=file)
+    again = find(rotor(), BOTH, **how, file=file)
+    assert again.values == whole.values
+    assert again.evaluations == whole.evaluations == len(calls) - 1
+    assert len(file.read_text().splitlines()) == whole.evaluations + 1
+    other = how | {'subject_to': 'range(drive_torque) > 5 N m'}  # a limit is no other cycle
+    assert find(rotor(), BOTH, **other, file=file).reached
+    with pytest.raises(InputError, match='is of another search'):
+        find(rotor(), BOTH, minimise='mean(drive_torque)', file=file)
+
+
+def test_the_command_writes_scene_table_and_picture(tmp_path):
+    files = [tmp_path / f'found.{end}' for end in ('yaml', 'csv', 'svg')]
+    found = run_json(
+        'find', 'slider_crank', '--vary', 'links.crank.length=40 mm:150 mm',
+        '--vary', 'links.rod.length=0.3 m:0.6 m', '--minimise', 'highest(position.piston)',
+        '--maximise', 'range(position.piston)', '--subject-to', 'range(position.piston) < 200 mm',
+        '--values', '8', '--evaluations', '30', *(x for file in files for x in ('-o', str(file))),
+    )  # fmt: skip
+    scene, table, picture = files
+    assert found['evaluations'] == len(table.read_text().splitlines()) - 1
+    assert found['values'] in [design['values'] for design in found['front']]
+    assert '<svg' in picture.read_text()
+    lengths = load_scene(scene).scene.to_document()['links']
+    assert lengths['rod']['length'] == pytest.approx(found['values']['links.rod.length'])
+    assert found['constraints'][0]['holds'] is True
+
+
+@pytest.mark.slow
+def test_the_optimum_of_a_press_is_that_of_a_grid():
+    """Three lengths under two constraints: no point of a grid between all limits is better.
+
+    The nearest of those that hold both is as near to it as the step of the grid.
+    """
+    vary = {'links.crank.length': (0.04, 0.06), 'links.coupler.length': (0.345, 0.365),
+            'links.upper_toggle.length': (0.23, 0.27)}  # fmt: skip
+    bounds = 'largest(drive_torque) < 120 N m', 'largest(reaction.crank_coupler) < 3 kN'
+    goal = 'range(position.punch)'
+    found = find('double_toggle_punch', vary, maximise=goal, subject_to=bounds)
+    best = found.measures[goal]
+    assert found.reached
+    assert sum(c.active for c in found.constraints) >= 1
+    trial = CycleTrial.of(
+        load_scene('double_toggle_punch'), read_goals(maximise=goal, subject_to=bounds), {}
+    )
+    whole = [np.linspace(*ends, 6) for ends in vary.values()]
+    near = [np.clip(x * np.linspace(0.998, 1.002, 5), *vary[path])
+            for path, x in found.values.items()]  # fmt: skip
+    for grid, gap in ((whole, 0.15), (near, 0.02)):
+        held = []
+        for values in itertools.product(*grid):
+            stroke, torque, force = trial.at(dict(zip(vary, values, strict=True)))
+            if torque.value < 120.0 and force.value < 3e3:
+                held.append(stroke.value)
+        assert max(held) <= best * (1.0 + 1e-7)
+        assert max(held) >= best * (1.0 - gap)
+
+
 @pytest.mark.parametrize(
     ('args', 'said'),
     [
@@ -219,6 +390,15 @@ def test_the_command_varies_several_keys():
         (('--minimise', 'mean(drive_torque)'), 'give one of --so-that'),
         (('--vary', 'drive.speed'), 'write NAME=LOW:HIGH'),
         (('--vary', 'drive.speed=1,5 rpm:2 rpm'), 'a decimal comma, 1,5'),
+        (('--vary', 'drive.speed=1,5 rpm'), 'some values have a unit, others have none'),
+        (('--vary', 'drive.speed=fast,slow'), 'fast'),
+        (('--subject-to', 'mean(drive_torque)'), 'write MEASURE < VALUE'),
+        (('--subject-to', '1 < mean(drive_torque) < 2'), 'write MEASURE < VALUE'),
+        (('--subject-to', 'mean(drive_torque) < 2 m'), 'the wanted value 2 m'),
+        (('--subject-to', 'mean(drive_torque) < range(t)'), 'are no like units'),
+        (('--restart',), 'goes with a table'),
+        (('-o', 'a.doc'), 'the ending must be .yaml'),
+        (('-o', 'a.csv', '-o', 'b.npz'), 'are of one kind'),
     ],
 )  # fmt: skip
 def test_mistakes_of_several_keys_are_one_sentence(args, said):
