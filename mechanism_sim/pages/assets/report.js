@@ -158,8 +158,8 @@ function choose(bearing) {
   player.seek(player.time);
   if (!by('lens')) return;
   lens = magnified('lens', chosen.stage, recording, bearing);
-  stage.callout(data.bearings[bearing]);
   if (other) beside = magnified('lens-other', data.other.stage, other, bearing);
+  stage.callout(data.bearings[bearing], by('lens'));
   player.seek(player.time);
 }
 
