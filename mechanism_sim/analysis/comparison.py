@@ -17,6 +17,7 @@ from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.sensing.indicators import indicators
 from mechanism_sim.sensing.spectra import power
 from mechanism_sim.strict_json import plain
+from mechanism_sim.units import number
 
 SEVERITY = 10.0, 1000.0
 """[Hz] Band of the severity of vibration: rms of the velocity, ISO 20816-1:2016, 4.3."""
@@ -169,4 +170,4 @@ def render(found: list[Difference], names: tuple[str, str]) -> str:
 def texts(d: Difference) -> Iterator[str]:
     """First, second, change and ratio as they are printed."""
     for x, sign in ((d.first, ''), (d.second, ''), (d.change, '+'), (d.ratio, '')):
-        yield f'{x:{sign}.4g}' if math.isfinite(x) else '–'
+        yield number(x, 4, sign) if math.isfinite(x) else '–'

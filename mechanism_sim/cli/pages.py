@@ -22,6 +22,7 @@ from mechanism_sim.cli.options import (
     scene_options,
     several,
     tables_option,
+    time_option,
 )
 from mechanism_sim.cli.source import is_bag, run_of, source_options
 from mechanism_sim.errors import InputError
@@ -48,7 +49,7 @@ def add(command: Command) -> None:
 
     sub = command('view', _view, 'a machine while it runs, in a browser, with sliders')
     scene_options(sub, 'a scene to be run with it; without one it follows what runs', count='?')
-    option(sub, '--duration', 'S', 'seconds to run; 1 h if none is known', float)
+    time_option(sub, '--duration', 'length of the run; 1 h if none is known')
     option(sub, '--revolutions', 'N', 'turns of the drive to run, instead', float)
     option(
         sub, '--realtime-factor', 'F',

@@ -25,6 +25,7 @@ from mechanism_sim.cli.options import (
     skip_option,
     skipped_turns,
     tables_option,
+    time_option,
     turns_of,
     workers_options,
 )
@@ -46,9 +47,7 @@ def add(command: Command) -> None:
     several(sub, '--so-that', 'GOAL', text, 'so_that')
     option(sub, '--minimise', 'MEASURE', "instead: as 'rms(drive_torque)'")
     option(sub, '--values', 'N', 'values at which the curve is computed, or that are tried', 17)
-    option(
-        sub, '--duration', 'S', 'length of a cycle; a turn of a steady drive if not given', float
-    )
+    time_option(sub, '--duration', 'length of a cycle; a turn of a steady drive if not given')
     option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     option(sub, '-o --output', 'FILE', 'draw the curve')
     workers_options(sub, '1')

@@ -112,7 +112,7 @@ def page(
 
 def _rows(differences: Sequence[Difference]) -> list[tuple[str, ...]]:
     """Of the table: subject, name with its unit, both values, change and ratio."""
-    rows = []
+    rows: list[tuple[str, ...]] = [('of', 'figure', 'A', 'B', 'B − A', 'B / A')]
     for d in differences:
         unit = f' [{typeset(d.unit)}]' if d.unit else ''
         rows.append((d.subject, d.name.replace('_', ' ') + unit, *texts(d)))

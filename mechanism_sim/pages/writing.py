@@ -35,6 +35,7 @@ def report(
     other: Source | Piece | Cycle | Bag | None = None,
     measures: Sequence[str] = (),
     start: float | str | None = None,
+    skip: int = 0,
     revolutions: float | None = None,
     duration: float | str | None = None,
 ) -> Path:
@@ -52,6 +53,7 @@ def report(
     other : a second run, which the first is compared with
     measures : further figures; not for two runs
     start : from when on [s]
+    skip : full turns of the drive that are left out at the beginning, instead
     revolutions, duration : length; without either all of a run, or that of the scene
     """
     if other is not None and measures:
@@ -59,6 +61,8 @@ def report(
     length = argument('start', start, 's'), revolutions, duration
     sources = [source] if other is None else [source, other]
     records = [_record_of(each, *length) for each in sources]
+    if skip:
+        records = [each.between(each.begin(skip), each.end) for each in records]
     names = [str(x) if isinstance(x, str | Path) and '\n' not in str(x) else r.machine.name
              for x, r in zip(sources, records, strict=True)]  # fmt: skip
     path = output.check_path(

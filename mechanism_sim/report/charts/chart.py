@@ -231,6 +231,7 @@ class ChartSection:
     ----------
     text : a sentence or two on what is to be seen; may be empty
     rows : a table beside the charts, line by line: what, and its value with its unit
+    table : another one, of more columns, its head first
     """
 
     key: str
@@ -238,6 +239,7 @@ class ChartSection:
     text: str
     charts: tuple[Chart, ...]
     rows: tuple[tuple[str, str], ...] = ()
+    table: tuple[tuple[str, ...], ...] = ()
 
 
 def joined(title: str, charts: Sequence[Chart], columns: int = 1) -> Chart:
