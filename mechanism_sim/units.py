@@ -355,6 +355,28 @@ def number(value: float, digits: int = 4, sign: str = '') -> str:
     return f'{Decimal(text):{sign}f}' if abs(int(power)) < 6 else f'{mantissa}e{int(power)}'
 
 
+_USUAL = {
+    'm': ('mm', 'm', 'um'), 'rad/s': ('rpm', 'rad/s'), 'rad': ('deg', 'rad'), 'kg': ('kg', 'g'),
+    's': ('s', 'ms', 'us'), 'N': ('N', 'kN'), 'N/m': ('N/m', 'N/mm', 'kN/mm'),
+    'Pa': ('MPa', 'GPa', 'Pa'), 'kg m^2': ('kg m^2', 'kg mm^2'),
+}  # fmt: skip
+"""Units in which values of a scene are given, by that in SI."""
+
+
+def given(text: str) -> str:
+    """A quantity in SI units as people give it: 0.000254 m as 0.254 mm."""
+    try:
+        value, unit = to_si_text(text)
+    except ValueError:
+        return text
+    for usual in _USUAL.get(unit, ()):
+        size = value / to_si(f'1 {usual}', unit)
+        shown = f'{size:.6g} {usual}'
+        if 1e-3 <= abs(size) < 1e4 and math.isclose(to_si(shown, unit), value, rel_tol=1e-12):
+            return shown
+    return text
+
+
 def written(value: float, unit: str, digits: int = 4) -> str:
     """A quantity as people read it: 12.9 kN, 3.1 µs."""
     shown, scale = for_people(unit, abs(value))

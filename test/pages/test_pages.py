@@ -24,14 +24,13 @@ from running import ROOT
 
 import mechanism_sim as ms
 from mechanism_sim import output
-from mechanism_sim.analysis.comparison import compare
 from mechanism_sim.pages import report
 from mechanism_sim.pages.assets import contents_of
 from mechanism_sim.pages.charts import sections
-from mechanism_sim.pages.recorded import recorded, together
+from mechanism_sim.pages.recorded import recorded
 from mechanism_sim.pages.server import Command, Server
 from mechanism_sim.pages.view import MODULES
-from mechanism_sim.report.charts.overlay import overlaid
+from mechanism_sim.pages.writing import write_comparison
 
 REPORT = (
     '.facts > div', '.controls > *', '#lens p', '.contents li', '.report h2',
@@ -45,7 +44,7 @@ TEXTS = {
         '.controls > *',
         '#lens p',
         '#lens-other p',
-        '#lens > *, #lens-other > *',
+        '#lens > *, .beside > *',
     ),
     'explore': ('.family > label, .family > output', '.family text', '.controls > *'),
     'live': ('.controls > *', '.slider', '.strips figure', '#lens p', '.live header > *'),
@@ -104,9 +103,8 @@ def pages(tmp_path_factory):
         if kind == 'report':
             return report.page(recorded(run), sections(run))
         worn = simulated('four_bar_clearance', {'drive.speed': '300 rpm'}, revolutions=2)
-        one, two = together(recorded(run), recorded(worn))
-        beside = report.ComparedRun(two, ('a', 'b'), compare(run, worn))
-        return report.page(one, overlaid(sections(run), sections(worn)), beside=beside)
+        write_comparison([run, worn], ['a', 'b'], folder / 'compare.html')
+        return (folder / 'compare.html').read_text(encoding='utf-8')
 
     def file(kind):
         if kind.startswith('site/'):
@@ -195,7 +193,7 @@ def test_a_page_is_in_order_for_everybody(opened):
 def covers_nothing(page, opened):
     """The machine, its lens and its player are in sight together, and stand beside the rest."""
     page.locator('#machine').scroll_into_view_if_needed()
-    for selector in ('#stage', '#lens > *', '#lens-other > *', '.controls > *'):
+    for selector in ('#stage', '#lens > *', '.beside > *', '.controls > *'):
         for _, top, _, bottom in boxes(page, selector):
             assert top >= -0.5, selector
             assert bottom <= HIGH[opened.width] + 0.5, selector
