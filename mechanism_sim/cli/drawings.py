@@ -22,6 +22,7 @@ from mechanism_sim.cli.options import (
     read_measures,
     refuse_options,
     scene_options,
+    time_option,
 )
 from mechanism_sim.errors import InputError
 
@@ -46,7 +47,7 @@ def add(command: Command) -> None:
         "all quantities at a position of the drive, as '30 deg' or '60 mm'; a turn begins there",
     )  # fmt: skip
     option(sub, '--revolutions', 'N', 'how many turns of the drive', 1)
-    option(sub, '--duration', 'S', 'seconds, for a drive without a constant speed', float)
+    time_option(sub, '--duration', 'length, for a drive without a constant speed')
     sub.add_argument(
         '--points', nargs='+', action='extend', default=[], metavar='LINK.POINT',
         help='points whose paths are wanted',
@@ -67,7 +68,7 @@ def add(command: Command) -> None:
     )
     option(sub, '--positions', 'K', 'how many positions, all but one of them faint', 1)
     look_options(sub, 'all')
-    option(sub, '--duration', 'S', 'seconds, for a drive without a constant speed', float)
+    time_option(sub, '--duration', 'length, for a drive without a constant speed')
     option(sub, '--magnify', 'N', 'how much more elastic links bend; visibly if not given', 0.0)
     more = sub.add_argument_group('for the workshop')
     option(

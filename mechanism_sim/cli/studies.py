@@ -25,6 +25,7 @@ from mechanism_sim.cli.options import (
     skip_option,
     skipped_turns,
     tables_option,
+    time_option,
     turns_of,
     workers_options,
 )
@@ -50,9 +51,7 @@ def add(command: Command) -> None:
     text = "a constraint, as 'largest(reaction.ram_pin) < 12 kN'; several times"
     several(sub, '--subject-to', 'GOAL', text, 'subject_to')
     option(sub, '--values', 'N', 'values at which the curve is computed, or that are tried', 17)
-    option(
-        sub, '--duration', 'S', 'length of a cycle; a turn of a steady drive if not given', float
-    )
+    time_option(sub, '--duration', 'length of a cycle; a turn of a steady drive if not given')
     option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     text = 'global: between all limits, by differential evolution'
     sub.add_argument('--search', choices=('local', 'global'), default='local', help=text)

@@ -273,7 +273,7 @@ def _traces(panel: Panel, curve: ChartCurve) -> Iterator[Json]:
     dash = ','.join(f'{width * part:.2g}px' for part in pattern) if pattern else 'solid'
     same: Json = {
         'type': 'scatterpolar' if round_ else 'scatter', 'name': curve.label or curve.of,
-        **({'legendgroup': curve.of} if curve.of else {}),
+        **({'legendgroup': curve.group or curve.of} if curve.group or curve.of else {}),
     }  # fmt: skip
     line = {'color': curve.shade, 'width': width, 'dash': dash}
     if curve.form == 'area' and curve.low is not None:
