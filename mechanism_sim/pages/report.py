@@ -43,7 +43,7 @@ class Family(NamedTuple):
     curves: dict[str, Any]
 
 
-class Comparison(NamedTuple):
+class ComparisonPage(NamedTuple):
     """Other runs that a page compares its own with.
 
     Attributes
@@ -60,7 +60,7 @@ class Comparison(NamedTuple):
 
 def page(
     run: Recorded, parts: Sequence[ChartSection] = (), source: str = '', digest: str = '',
-    beside: Comparison | None = None, family: Family | None = None, library: str = '',
+    beside: ComparisonPage | None = None, family: Family | None = None, library: str = '',
     back: str = '',
 ) -> str:  # fmt: skip
     """The page of a run as HTML.
@@ -114,13 +114,13 @@ def page(
     )
 
 
-def _scenes(beside: Comparison) -> list[tuple[str, ...]]:
+def _scenes(beside: ComparisonPage) -> list[tuple[str, ...]]:
     """Of the table of keys that differ between the scenes."""
     head = 'key of the scene', *beside.names
     return [head, *((path, *values) for path, values in beside.scenes.items())]
 
 
-def _rows(beside: Comparison) -> list[tuple[str, ...]]:
+def _rows(beside: ComparisonPage) -> list[tuple[str, ...]]:
     """Of the table: figure with its unit, its values, and of two their difference and ratio."""
     rows: list[tuple[str, ...]] = [('figure', *beside.names)]
     if len(beside.names) == 2:

@@ -126,7 +126,7 @@ _MOST = 6  # runs that can be told apart
 
 def write_comparison(
     records: Sequence[Record], sources: Sequence[str], file: Path
-) -> pages.Comparison:
+) -> pages.ComparisonPage:
     """Write the page of several runs, which are named by what differs in their scenes.
 
     Parameters
@@ -140,6 +140,6 @@ def write_comparison(
     names = comparison.run_names(scenes, sources)
     first, *others = together(*map(recorded, records))
     parts = overlaid([sections(record) for record in records], names)
-    beside = pages.Comparison(others, names, scenes, found)
+    beside = pages.ComparisonPage(others, names, scenes, found)
     output.write_text(file, pages.page(first, parts, beside=beside))
     return beside
