@@ -150,6 +150,14 @@ class Flows:
                     found[:, place[i]] = numbers[:, j]
         return found
 
+    def torques(self, motion: Motion) -> Array:
+        """Derivatives (m, k, 3, P) of the torque laws of a motion, as it has them."""
+        p, t = len(self.system.prescribed), motion.curve.start
+        found = np.zeros((*motion.torques.shape, self.count))
+        for k in range(found.shape[1]):
+            found[:, k] = self.influence.laws[p + k].numbers[_law_at(self.laws[p + k], t)]
+        return found
+
 
 def _moves(rows: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(rows).max(axis=1, initial=0.0) > 0.0)

@@ -10,9 +10,10 @@ much.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,7 @@ class Measured(NamedTuple):
     value : in `unit`; not a number where there is nothing to take it from
     text : the measure as it is written
     resolution : `EXACT`, what the value may be off, or of how many samples it is
+    derivatives : by path of a number of the scene, of a run that was asked for them
     """
 
     name: str
@@ -47,6 +49,7 @@ class Measured(NamedTuple):
     text: str
     resolution: str
     half_width: float = math.nan
+    derivatives: Mapping[str, float] = MappingProxyType({})
 
 
 class Measurement:
