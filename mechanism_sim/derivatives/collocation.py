@@ -20,7 +20,7 @@ from mechanism_sim.derivatives.linearised import Slopes
 from mechanism_sim.numerics.polynomials import Nodes
 
 COUNT = 10
-"""Nodes of a step: steps are an eighth of the radius of convergence, so that tenths of it remain."""
+"""Nodes of a step, which is an eighth of the radius of convergence of its series."""
 
 
 class Rule(NamedTuple):

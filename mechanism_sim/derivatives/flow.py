@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.collocation import COUNT, powers, rule, solve
 from mechanism_sim.derivatives.influences import NUMBERS, Influence, LawTable, own
-from mechanism_sim.derivatives.jumps import Jump, Jumps, NoDerivative, Side, Variation
+from mechanism_sim.derivatives.jumps import Jump, Jumps, NoDerivativeError, Side, Variation
 from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected, Slopes
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode
@@ -104,9 +104,7 @@ class Flows:
         self.free = [system.coordinates.index(c) for c in system.free]
         self.width = len(self.free) + len(system.states)
 
-    def along(
-        self, motion: Motion, impacts: Sequence[Impact], start: Array | None = None
-    ) -> Flow:
+    def along(self, motion: Motion, impacts: Sequence[Impact], start: Array | None = None) -> Flow:
         """Derivatives along a motion that begins as the machine does, or with others `start`.
 
         Parameters
@@ -216,7 +214,7 @@ class _Walk:
         )  # fmt: skip
 
     def _chunk(self, first: int, last: int) -> bool:
-        """Segments from `first` to before `last`, and the events at their ends; False at an end."""
+        """Segments `first` to `last - 1` and the events at their ends; False at a limit."""
         of, motion = self._of, self._motion
         k, f, system = np.arange(first, last), len(self._of.free), self._of.system
         places, curve, P = rule().nodes, self._motion.curve, self._of.count
@@ -311,10 +309,10 @@ class _Walk:
             if impacts:
                 found = of.jumps.struck(before, after, x, impacts)
                 if (self._motion.acting[k - 1 : k + 1] != self._motion.acting[k]).any():
-                    raise NoDerivative('a load switches at the same instant')
+                    raise NoDerivativeError('a load switches at the same instant')
             else:
                 found = self._passed(k, before, after, x)
-        except NoDerivative as error:
+        except NoDerivativeError as error:
             text = f'{error}; there are no derivatives beyond it'
             self._limits.append(Limit(t, where, text, True))
             return False
@@ -376,7 +374,7 @@ class _Walk:
             if first != then:
                 law = of.influence.laws[j].start[then]
         if gaps and not of.system.compliant and not of.equations.system.rated[gaps[0]]:
-            raise NoDerivative('a contact closes without an approach')
+            raise NoDerivativeError('a contact closes without an approach')
         return of.jumps.passed(before, after, x, guards, law)
 
     def _changed(self, k: int) -> str:

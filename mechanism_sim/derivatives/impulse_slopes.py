@@ -94,7 +94,7 @@ def of_several(
 
     Parameters
     ----------
-    A, rate, e, mu : (2m, 2m), (2m,), (m,), (m,), as `contact.impact.simultaneous_impulses` has them
+    A, rate, e, mu : as `contact.impact.simultaneous_impulses` has them
     slopes : their derivatives (..., P)
     """
     m, none, free = len(e), np.zeros(2 * len(e)), np.zeros(len(e), dtype=np.int64)
@@ -137,8 +137,11 @@ def _linear(
     least: Array,
     dleast: Array,
 ) -> Array:
-    """Derivatives (2m, P) of impulses whose grips stay as they are: ``A x + b`` vanishes in what
-    is held, friction is ``mu`` times what presses, and what parts keeps its least impulse."""
+    """Derivatives (2m, P) of impulses whose grips stay as they are.
+
+    ``A x + b`` vanishes in what is held, friction is ``mu`` times what presses, and what parts
+    keeps its least impulse.
+    """
     dA, db, dmu = slopes
     m = len(mu)
     M, right = np.eye(2 * m), dleast.copy()

@@ -25,7 +25,7 @@ _ALIKE = 1e-7  # of the largest: what differs by less is equal
 _SMALL = 1e-9
 
 
-class NoDerivative(Exception):
+class NoDerivativeError(Exception):
     """An event across which there is no derivative, in words."""
 
 
@@ -127,25 +127,23 @@ class Jumps:
             _, slopes = self._terms(before, guards)
             rates = slopes.T @ self._flow(before)
             if (np.abs(rates) <= _SMALL * np.abs(rates).max(initial=0.0)).any():
-                raise NoDerivative('it is reached without a rate')
+                raise NoDerivativeError('it is reached without a rate')
             shifts += [*(-(slopes.T @ self._differential(x)) / rates[:, None])]
         if not shifts:
-            raise NoDerivative('forces jump there for no reason that has a derivative')
+            raise NoDerivativeError('forces jump there for no reason that has a derivative')
         for other in shifts[1:]:
             if np.abs(other - shifts[0]).max() > _ALIKE * max(np.abs(shifts).max(), 1e-300):
-                raise NoDerivative('several events meet, whose order changes')
+                raise NoDerivativeError('several events meet, whose order changes')
         dt, f = shifts[0], len(self._free)
         state[f:] -= np.outer(jump, dt)
         return Jump(state, dt, [], x.approach)
 
     # --- impacts ------------------------------------------------------------------------------
 
-    def struck(
-        self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact]
-    ) -> Jump:
+    def struck(self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact]) -> Jump:
         """Across impacts at one instant."""
         if self._system.dynamics.rubs:
-            raise NoDerivative('friction in ideal joints takes part in the impact')
+            raise NoDerivativeError('friction in ideal joints takes part in the impact')
         z, flow = self._differential(x), self._flow(before)
         n = len(self._system.coordinates)
         now, dt, rows = before, None, []
@@ -157,7 +155,7 @@ class Jumps:
         off = now.at.v[:, 0] - after.at.v[:, 0]
         speed = np.abs(np.concatenate([before.at.v, after.at.v])).max()
         if np.abs(off).max() > _ALIKE * speed:
-            raise NoDerivative('rates jump there by more than its impacts say')
+            raise NoDerivativeError('rates jump there by more than its impacts say')
         f = len(self._free)
         moved = z[self._free] - np.outer(after.at.v[self._free, 0], dt)
         faster = z[n:][self._free] - np.outer(after.rates[:f], dt)
@@ -169,7 +167,7 @@ class Jumps:
     def _together(
         self, now: Side, z: Array, flow: Array, group: list[Impact], dt: Array | None
     ) -> tuple[Side, Array, Array, list[Array]]:
-        """One blow: the side after it, total differentials, the shift, and those of its numbers."""
+        """One blow: the side after it, total differentials, the shift, those of its log."""
         m = len(self._names)
         seen = self._none(m + self._rows)
         seen.gap[:, :m], seen.row[:, m:] = np.eye(m), np.eye(self._rows)
@@ -188,7 +186,10 @@ class Jumps:
         applies = np.array([
             rate[k] < 0.0 and not closed[i] and i not in ends for k, i in enumerate(touching)
         ], dtype=float)  # fmt: skip
-        e, de = applies * self._e[touching], applies[:, None] * self._influence.restitution[touching]
+        e, de = (
+            applies * self._e[touching],
+            applies[:, None] * self._influence.restitution[touching],
+        )
         mu, dmu = self._mu[touching], self._influence.friction[touching]
         x, dx = self._impulses(touching, (A, dA), (rate, drate), (e, de), (mu, dmu))
         wide = np.zeros(self._rows)
@@ -206,7 +207,8 @@ class Jumps:
         near = 64.0 * np.spacing(self._system.mechanism.reach)
         closed = self._closed(now)
         return [
-            i for i in range(len(self._names))
+            i
+            for i in range(len(self._names))
             if i in struck or closed[i] or abs(values[i]) <= near
         ]
 
@@ -217,14 +219,14 @@ class Jumps:
         closed = self._closed(now)
         open_ = [i for i in struck if not closed[i]]
         if not open_:
-            raise NoDerivative('closed contacts are struck by none')
+            raise NoDerivativeError('closed contacts are struck by none')
         along = slopes[:, open_].T @ flow
         fastest = np.abs(now.at.v).max() * self._system.mechanism.size
         if (along >= -_SMALL * fastest).any():
-            raise NoDerivative('the contact only grazes')
+            raise NoDerivativeError('the contact only grazes')
         shifts = -(slopes[:, open_].T @ z) / along[:, None]
         if np.abs(shifts - shifts[0]).max() > _ALIKE * max(np.abs(shifts).max(), 1e-300):
-            raise NoDerivative('several contacts meet, whose order changes')
+            raise NoDerivativeError('several contacts meet, whose order changes')
         return np.asarray(shifts[0])
 
     def _compliance(self, now: Side, own: list[int], z: Array) -> tuple[Array, Array]:
@@ -257,10 +259,10 @@ class Jumps:
             slopes = np.array([dA[0, 0], dA[0, 1], dA[1, 1], dr[0], dr[1], de[0], dmu[0]])
             return of_one(theta, slopes, int(self._laws[touching[0]]))
         if not np.isfinite(mu).all():
-            raise NoDerivative('a rough contact is struck together with others')
+            raise NoDerivativeError('a rough contact is struck together with others')
         found = of_several(A, r, e, mu, self._laws[touching], (dA, dr, de, dmu))
         if found is None:
-            raise NoDerivative('no impulses satisfy all contacts')
+            raise NoDerivativeError('no impulses satisfy all contacts')
         return found
 
     def _after(

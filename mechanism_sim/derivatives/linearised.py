@@ -126,7 +126,9 @@ class LinearEquations:
             found = list(hy.subs(found, self._dynamics.depths))
         replace = {
             symbol: hy.par[i]
-            for known, own in zip(self.system.switches, self.system.parameters.switches, strict=True)
+            for known, own in zip(
+                self.system.switches, self.system.parameters.switches, strict=True
+            )
             for symbol, i in zip(known.symbols, own, strict=True)
         }
         found = list(hy.subs(found, replace)) if replace else found
@@ -212,5 +214,3 @@ class LinearEquations:
         wide = Points(*(np.repeat(x, count, axis=1) for x in at))
         found = self._call(self._contacts, wide, columns)
         return found[0], found[1:]
-
-

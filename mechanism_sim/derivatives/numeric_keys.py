@@ -125,9 +125,7 @@ def _stepped(machine: Machine, path: str, value: float, unit: str) -> NumericKey
     )
 
 
-def differences(
-    key: NumericKey, take: Callable[[Machine], Array], base: Array
-) -> Array:
+def differences(key: NumericKey, take: Callable[[Machine], Array], base: Array) -> Array:
     """Derivative of numbers of a machine that is built, such as its parameters.
 
     Parameters
@@ -140,7 +138,9 @@ def differences(
         try:
             values = take(machine)
         except RunError as error:
-            raise InputError(f"{key.machine.name}: no derivative by '{key.path}': {error}") from error
+            raise InputError(
+                f"{key.machine.name}: no derivative by '{key.path}': {error}"
+            ) from error
         if values.shape != base.shape:
             raise InputError(
                 f"{key.machine.name}: '{key.path}' changes what the machine is made of: no "

@@ -106,7 +106,7 @@ def _function(terms: _KeyedTerms, variables: tuple[hy.expression, ...]) -> hy.cf
 
 
 def alike(some: Sequence[hy.expression], others: Sequence[hy.expression]) -> bool:
-    """True if expressions are the same, parameters apart: then code for some is code for others."""
+    """True if expressions are the same but for values of parameters: so is their code."""
     return _KeyedTerms(some) == _KeyedTerms(others)
 
 

@@ -9,24 +9,26 @@ there the machines with other values are run themselves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import polynomial
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.flow import Flow, Flows, Limit
 from mechanism_sim.derivatives.influences import NUMBERS, influences
 from mechanism_sim.derivatives.numeric_keys import OFFSETS, WEIGHTS, NumericKey, numeric_keys
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import work_in
+from mechanism_sim.hybrid.audit import Work, work_in
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial, shift_powers
 from mechanism_sim.numerics.quadrature import parts_of
-from mechanism_sim.results.measures import Measured, Measurement
+from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.results.run import Runner
 from mechanism_sim.results.solution import IMPACT_UNITS, Piece
@@ -35,6 +37,8 @@ from mechanism_sim.tables import Table
 
 _SMALL = 2e-3
 """Of clearances and speeds: displacement of a motion whose differences are taken."""
+
+_ORDERS = {'position': 0, 'velocity': 1, 'acceleration': 2}
 
 _Taken = Callable[[Piece], Array]
 
@@ -91,6 +95,10 @@ class RunDerivative:
         # sums over the motion so far count its events as they move
         summed = any(known[n].cumulative for n in chosen)
         slopes = self._slopes(taken, times)
+        for k, n in enumerate(chosen):
+            kind, _, of = n.partition('.')
+            if kind in _ORDERS and of in self._piece.physics.coordinates:
+                slopes[k] = self._motion(of, _ORDERS[kind], times, slopes[k])
         if summed:
             of_sums, own = self._of_whole(taken), [known[n].cumulative for n in chosen]
             slopes[own] = of_sums[own]
@@ -101,14 +109,21 @@ class RunDerivative:
         """Derivatives of the fields of every impact, each as its instant moves."""
         raise NotImplementedError
 
-    def measures(self, *texts: str) -> dict[str, float]:
-        """Derivatives of measures by name; those of the scene without any texts."""
+    def measures(
+        self, *texts: str, window: tuple[float, float] = (0.0, math.inf)
+    ) -> dict[str, float]:
+        """Derivatives of measures by name; those of the scene without any texts.
+
+        Parameters
+        ----------
+        window : [s] of figures that name none
+        """
         machine = self._piece.machine
         asked = list(texts) or dict(machine.scene.measures)
         names: list[str] = []
 
         def taken(piece: Piece) -> Array:
-            measurement = Measurement(piece.machine, asked)
+            measurement = Measurement(piece.machine, asked, *window)
             measurement.add(piece)
             found = measurement.found()
             names[:] = [m.name for m in found]
@@ -125,6 +140,10 @@ class RunDerivative:
         """Derivatives of what is taken of the whole motion."""
         raise NotImplementedError
 
+    def _motion(self, coordinate: str, order: int, t: Array, found: Array) -> Array:
+        """Derivatives (N,) of a coordinate, or of its rate, if better known than `found`."""
+        return found
+
 
 class _Integrated(RunDerivative):
     """Derivatives along a motion whose equations were integrated."""
@@ -137,6 +156,13 @@ class _Integrated(RunDerivative):
         self._coefficients = flow.coefficients[..., column]
         self._states, self._shift = flow.states[..., column], flow.shift[:, column]
         self._approach, self._logged = flow.approach[..., column], flow.impacts[..., column]
+
+    def _motion(self, coordinate: str, order: int, t: Array, found: Array) -> Array:
+        """Straight from the variational equations."""
+        curve, i = self._piece.motion.curve, self._piece.physics.coordinates.index(coordinate)
+        k, since = curve.find(t)
+        slopes = polynomial.polyder(self._coefficients[k, i].T, order, axis=0)
+        return np.asarray(polynomial.polyval(since, slopes, tensor=False))
 
     @property
     def impacts(self) -> Table:
@@ -171,7 +197,7 @@ class _Integrated(RunDerivative):
         piece, found = self._piece, 0.0
         base = taken(piece)
         for weight, machine in zip(WEIGHTS, self._beside, strict=True):
-            found = found + weight * self._since(taken(replace_machine(piece, machine)), base)
+            found = found + weight * self._since(taken(_with_machine(piece, machine)), base)
         return np.asarray(found / self._key.step)
 
     @staticmethod
@@ -266,17 +292,11 @@ class _Ideal(RunDerivative):
 
 
 def _whole(machine: Machine, end: float) -> Piece:
-    """A run of a machine up to a time [s], as one piece."""
+    """A run of a machine without events up to a time [s], as one piece."""
     pieces = [*Runner(machine).to(end)]
-    work = np.concatenate([np.array(piece.balance.work) for piece in pieces], axis=1)
-    impacts = [i for piece in pieces for i in piece.impacts]
-    return Piece(
-        machine,
-        Motion.joined([piece.motion for piece in pieces]),
-        EnergyTerms(pieces[0].balance.work.__class__(*work), impacts),
-        impacts,
-        [change for piece in pieces for change in piece.modes],
-    )
+    work = Work(*np.concatenate([piece.balance.work for piece in pieces], axis=1))
+    motion = Motion.joined([piece.motion for piece in pieces])
+    return Piece(machine, motion, EnergyTerms(work, []), [], [])
 
 
 def _plain(piece: Piece) -> Piece:
@@ -284,7 +304,7 @@ def _plain(piece: Piece) -> Piece:
     return Piece(piece.machine, piece.motion, piece.balance, piece.impacts, piece.modes)
 
 
-def replace_machine(piece: Piece, machine: Machine) -> Piece:
+def _with_machine(piece: Piece, machine: Machine) -> Piece:
     """The motion of a piece, as that of another machine."""
     return replace(_plain(piece), machine=machine)
 
@@ -301,7 +321,7 @@ def _shifted(powers: Array, by: Array) -> Array:
     return shift_powers(powers.reshape(-1, powers.shape[2]), by).reshape(powers.shape)
 
 
-class Asked:
+class AskedDerivatives:
     """Derivatives that a run is asked for, known to exist before it runs.
 
     Parameters
@@ -329,20 +349,5 @@ class Asked:
         flows = Flows(self._machine, self._influence, self._end)
         flow, torques = flows.along(piece.motion, piece.impacts), flows.torques(piece.motion)
         return {
-            key.path: _Integrated(key, piece, flow, torques, k)
-            for k, key in enumerate(self._keys)
+            key.path: _Integrated(key, piece, flow, torques, k) for k, key in enumerate(self._keys)
         }
-
-
-def with_derivatives(
-    found: Iterable[Measured], derivatives: Mapping[str, RunDerivative]
-) -> list[Measured]:
-    """Measures with their derivatives by path."""
-    measured = list(found)
-    texts = [m.text for m in measured]
-    known = {p: [*d.measures(*texts).values()] for p, d in derivatives.items()} if texts else {}
-    return [
-        m._replace(derivatives={p: values[k] for p, values in known.items()})
-        for k, m in enumerate(measured)
-    ]
-

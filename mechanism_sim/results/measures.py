@@ -25,7 +25,7 @@ from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.measure_series import EventSeries
 from mechanism_sim.results.measure_tally import FigureTally, speed_of
 from mechanism_sim.results.measure_text import Bound, Figure, Measure, read_all
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.solution import Piece, Solution
 from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.results.turns import DriveTurns
 from mechanism_sim.scene import Machine, Source, load_scene
@@ -207,7 +207,13 @@ def measure(
     taken = Measurement(machine, list(texts) or dict(machine.scene.measures), *window)
     for piece in [pieces] if isinstance(pieces, Piece) else pieces:
         taken.add(piece)
-    return taken.found()
+    found, known = taken.found(), pieces.derivatives if isinstance(pieces, Solution) else {}
+    slopes = {p: [*d.measures(*(m.text for m in found), window=window).values()]
+              for p, d in known.items() if found}  # fmt: skip
+    return [
+        m._replace(derivatives={p: values[k] for p, values in slopes.items()})
+        for k, m in enumerate(found)
+    ]
 
 
 def check_measures(machine: Machine, measures: dict[str, str] | Sequence[str], where: str) -> None:

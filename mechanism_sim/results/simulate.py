@@ -23,7 +23,7 @@ from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.numerics.compiled import spent
 from mechanism_sim.planar.inverse_dynamics import NoLimit
-from mechanism_sim.results.derivatives import Asked
+from mechanism_sim.results.derivatives import AskedDerivatives
 from mechanism_sim.results.run import Observer, Runner
 from mechanism_sim.results.solution import Piece, Solution, Stats
 from mechanism_sim.results.view import View
@@ -214,12 +214,18 @@ def simulate(
     """
     scene = load_scene(scene)
     end = span(scene, revolutions, duration)
-    asked = Asked(scene, derivatives, end, resume) if derivatives else None
+    asked = AskedDerivatives(scene, derivatives, end, resume) if derivatives else None
     run = stream(scene, None, end, progress, resume)
-    pieces, machine = list(run), run.machine
+    solution = whole(run, list(run))
+    return replace(solution, derivatives=asked.along(solution)) if asked else solution
+
+
+def whole(run: Stream, pieces: Sequence[Piece]) -> Solution:
+    """The solution of a run that has come to its end, by all of its pieces."""
+    machine = run.machine
     impacts = [impact for piece in pieces for impact in piece.impacts]
     work = np.concatenate([piece.balance.work for piece in pieces], axis=1)
-    solution = Solution(
+    return Solution(
         machine,
         Motion.joined([piece.motion for piece in pieces]),
         EnergyTerms(Work(*work), impacts),
@@ -234,4 +240,3 @@ def simulate(
         StopReason.COMPLETE,
         run.snapshot,
     )
-    return replace(solution, derivatives=asked.along(solution)) if asked else solution

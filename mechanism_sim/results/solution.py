@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -26,9 +26,6 @@ from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
 from mechanism_sim.units import argument
-
-if TYPE_CHECKING:
-    from mechanism_sim.results.derivatives import RunDerivative
 
 IMPACT_UNITS = {
     't': 's', 'normal_impulse': 'N s', 'tangential_impulse': 'N s', 'approach_speed': 'm/s',
@@ -156,7 +153,7 @@ class Solution(Piece):
     energy : the energy balance; ``None`` where masses are not part of the scene
     max_penetration, max_closure_error : [m]
     snapshot : from where a longer run goes on, not later than the end
-    derivatives : by paths of numbers of the scene, as far as they were asked for
+    derivatives : a `RunDerivative` by the path of each number of the scene that was asked for
     """
 
     scene: str
@@ -167,7 +164,7 @@ class Solution(Piece):
     max_closure_error: float
     stop_reason: StopReason
     snapshot: Snapshot
-    derivatives: Mapping[str, RunDerivative] = field(default_factory=dict)
+    derivatives: Mapping[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return (
