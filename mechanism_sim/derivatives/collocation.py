@@ -23,7 +23,7 @@ COUNT = 10
 """Nodes of a step, which is an eighth of the radius of convergence of its series."""
 
 
-class Rule(NamedTuple):
+class Collocation(NamedTuple):
     """Interpolation of K values on [0, 1]."""
 
     nodes: Nodes
@@ -34,7 +34,7 @@ class Rule(NamedTuple):
 
 
 @cache
-def rule() -> Rule:
+def rule() -> Collocation:
     """The rule, in exact arithmetic but for the nodes."""
     x = [Fraction(0.5 + 0.5 * t) for t in np.polynomial.legendre.leggauss(COUNT)[0].tolist()]
     polynomials = []
@@ -53,7 +53,7 @@ def rule() -> Rule:
     def at(group: list[list[Fraction]], place: Fraction) -> list[float]:
         return [float(sum(c * place**i for i, c in enumerate(p))) for p in group]
 
-    return Rule(
+    return Collocation(
         Nodes(tuple(map(float, x))),
         np.array([[float(c) for c in p] for p in polynomials]),
         np.array([at(once, place) for place in x]),

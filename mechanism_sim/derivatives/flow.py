@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.collocation import COUNT, powers, rule, solve
 from mechanism_sim.derivatives.influences import NUMBERS, Influence, LawTable, own
-from mechanism_sim.derivatives.jumps import Jump, Jumps, NoDerivativeError, Side, Variation
+from mechanism_sim.derivatives.jumps import Jumps, NoDerivativeError, Saltation, Side, Variation
 from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected, Slopes
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode
@@ -30,7 +30,7 @@ _CHATTER = (
 
 
 @dataclass(frozen=True)
-class Limit:
+class DerivativeLimit:
     """An instant across which derivatives do not exist, or stand for something else.
 
     Attributes
@@ -59,7 +59,7 @@ class Flow:
     ----------
     coefficients : (m, n, d, P) of polynomials as those of the motion, at fixed times
     states : (m, s, d, P) of states of first order, likewise
-    shift : (m, P) of the instants at which segments begin [s]
+    shift : (m, P) of the instants at which segments begin [s]; between events they move along
     approach : (m, a, P) of the speeds of touches of compliant contacts
     impacts : (i, len(NUMBERS), P)
     final : (2f + s, P) of free coordinates, their rates, states at the end
@@ -72,7 +72,7 @@ class Flow:
     approach: Array
     impacts: Array
     final: Array
-    limits: tuple[Limit, ...]
+    limits: tuple[DerivativeLimit, ...]
 
 
 class Flows:
@@ -183,10 +183,10 @@ class _Walk:
         depth = max(COUNT + 2, system.degree + 1, 3)
         self._coefficients = np.full((m, n, depth, flows.count), np.nan)
         self._states = np.full((m, s, COUNT + 1, flows.count), np.nan)
-        self._shift = np.zeros((m, flows.count))
+        self._shift, self._moved = np.zeros((m, flows.count)), np.arange(m) == 0
         self._approaches = np.full((m, len(self._approach), flows.count), np.nan)
         self._logged = np.full((len(impacts), len(NUMBERS), flows.count), np.nan)
-        self._limits: list[Limit] = []
+        self._limits: list[DerivativeLimit] = []
         self._struck = self._by_segment()
 
     def _by_segment(self) -> dict[int, list[int]]:
@@ -203,14 +203,18 @@ class _Walk:
 
     def flow(self) -> Flow:
         """Walk, and say what was found."""
-        m, width = len(self._motion), self._of.width * COUNT
+        curve, m, width = self._motion.curve, len(self._motion), self._of.width * COUNT
         most = int(min(max(_MEMORY / width**2, 1.0), _MOST))
         for first in range(0, m, most):
             if not self._chunk(first, min(first + most, m)):
                 break
+        ends = np.append(np.flatnonzero(self._moved), m)
+        known = np.concatenate([self._shift[ends[:-1]], np.zeros((1, self._of.count))])
+        times = np.append(curve.start, curve.end)[ends]
+        shift = np.array([np.interp(curve.start, times, x) for x in known.T])
         return Flow(
-            self._coefficients, self._states, self._shift, self._approaches, self._logged,
-            self._state, tuple(self._limits),
+            self._coefficients, self._states, shift.reshape(-1, m).T, self._approaches,
+            self._logged, self._state, tuple(self._limits),
         )  # fmt: skip
 
     def _chunk(self, first: int, last: int) -> bool:
@@ -286,7 +290,7 @@ class _Walk:
         for segments, dt in (
             (k[which], curve.duration[k[which]]), (k[which] + 1, np.zeros(len(which))),
         ):  # fmt: skip
-            at = of.equations.points(motion, segments, dt)
+            at = of.equations.points(motion, segments, dt, damped=False)
             slopes = of.equations.slopes(at)
             sides.append([self._side(at, slopes, j) for j in range(len(which))])
         return dict(zip(which.tolist(), zip(*sides, strict=True), strict=True))
@@ -314,13 +318,14 @@ class _Walk:
                 found = self._passed(k, before, after, x)
         except NoDerivativeError as error:
             text = f'{error}; there are no derivatives beyond it'
-            self._limits.append(Limit(t, where, text, True))
+            self._limits.append(DerivativeLimit(t, where, text, True))
             return False
         self._state, self._shift[k], self._approach = found.free, found.shift, found.approach
+        self._moved[k] = True
         for i, row in zip(struck, found.impacts, strict=False):
             self._logged[i] = row
         chatters = [i.joint for i in impacts if i.ends_chatter]
-        self._limits += [Limit(t, joint, _CHATTER, False) for joint in chatters]
+        self._limits += [DerivativeLimit(t, joint, _CHATTER, False) for joint in chatters]
         return True
 
     def _variation(self, k: int, side: Side) -> Variation:
@@ -345,7 +350,7 @@ class _Walk:
             parameters[of.equations.chosen.index(i)] = self._approach[j]
         return Variation(q, v, a_p, self._state[2 * f :], parameters, self._approach)
 
-    def _passed(self, k: int, before: Side, after: Side, x: Variation) -> Jump:
+    def _passed(self, k: int, before: Side, after: Side, x: Variation) -> Saltation:
         """Across an event without impact."""
         of, motion, curve = self._of, self._motion, self._motion.curve
         sizes, m = of.equations.sizes, len(of.system.gaps)

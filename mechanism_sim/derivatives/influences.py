@@ -1,4 +1,4 @@
-"""What of a machine depends on numbers of its scene: parameters, start, laws, impacts."""
+"""Dependence of a machine on numbers of its scene: parameters, start, laws, impacts."""
 
 from __future__ import annotations
 

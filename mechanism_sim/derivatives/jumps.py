@@ -55,8 +55,8 @@ class Variation(NamedTuple):
     approach: Array  #: (a, P)
 
 
-class Jump(NamedTuple):
-    """What an event does to derivatives by P keys."""
+class Saltation(NamedTuple):
+    """Derivatives by P keys after an event, and those of its log."""
 
     free: Array  #: (2f + s, P) of the state after it, at fixed time
     shift: Array  #: (P,) of its instant [s]
@@ -108,7 +108,7 @@ class Jumps:
 
     def passed(
         self, before: Side, after: Side, x: Variation, guards: Selected, law: Array | None
-    ) -> Jump:
+    ) -> Saltation:
         """Across an event that leaves the state as it is.
 
         Parameters
@@ -118,10 +118,11 @@ class Jumps:
         """
         jump = after.rates - before.rates
         size = np.abs(np.concatenate([after.rates, before.rates, before.a])).max(initial=0.0)
+        size = max(size, np.abs(before.at.v).max() ** 2)
         state = np.concatenate([x.q[self._free], x.v[self._free], x.states])
         none = np.zeros(x.q.shape[1])
-        if np.abs(jump).max(initial=0.0) <= _ALIKE * size:
-            return Jump(state, none if law is None else law, [], x.approach)
+        if np.abs(jump).max(initial=0.0) <= _SMALL * size:
+            return Saltation(state, none if law is None else law, [], x.approach)
         shifts = [] if law is None else [law]
         if guards.gap.shape[1]:
             _, slopes = self._terms(before, guards)
@@ -136,11 +137,13 @@ class Jumps:
                 raise NoDerivativeError('several events meet, whose order changes')
         dt, f = shifts[0], len(self._free)
         state[f:] -= np.outer(jump, dt)
-        return Jump(state, dt, [], x.approach)
+        return Saltation(state, dt, [], x.approach)
 
     # --- impacts ------------------------------------------------------------------------------
 
-    def struck(self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact]) -> Jump:
+    def struck(
+        self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact]
+    ) -> Saltation:
         """Across impacts at one instant."""
         if self._system.dynamics.rubs:
             raise NoDerivativeError('friction in ideal joints takes part in the impact')
@@ -162,7 +165,7 @@ class Jumps:
         s = len(self._system.states)
         at = 2 * n + len(before.at.a_p)
         states = z[at : at + s] - np.outer(after.rates[f:], dt)
-        return Jump(np.concatenate([moved, faster, states]), dt, rows, x.approach)
+        return Saltation(np.concatenate([moved, faster, states]), dt, rows, x.approach)
 
     def _together(
         self, now: Side, z: Array, flow: Array, group: list[Impact], dt: Array | None

@@ -87,8 +87,15 @@ class LinearEquations:
 
     # --- points -------------------------------------------------------------------------------
 
-    def points(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Points:
-        """The machine at instants of a motion, as `DynamicPhysics.inputs` takes them."""
+    def points(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes, damped: bool = True
+    ) -> Points:
+        """The machine at instants of a motion, as `DynamicPhysics.inputs` takes them.
+
+        Parameters
+        ----------
+        damped : whether variations that leave constraints decay within a step
+        """
         at = self.physics.inputs(motion, segments, dt)
         index, d, count = self.system.parameters, self._dynamics, at.q.shape[1]
         pars = np.repeat(index.values[:, None], count, axis=1)
@@ -113,9 +120,10 @@ class LinearEquations:
             laws[:, 0] += laws[:, 1] * (2.0 * np.pi * turns)
             for k, own in enumerate(index.torques):
                 pars[own] = laws[k]
-        # a step's own rate of stabilisation: variations stay where constraints let them
-        step = np.repeat(motion.curve.duration[segments], instants(dt))
-        pars[index.stabilisation] = 1.0 / step
+        if damped:  # not faster than usual steps: shortest ones would make rates of roundings
+            h = motion.curve.duration
+            longest = np.maximum(h[segments], np.median(h))
+            pars[index.stabilisation] = 1.0 / np.repeat(longest, instants(dt))
         none = np.zeros((0, count))
         return Points(at.q, at.v, at.a_p, none if at.outside is None else at.outside, pars)
 

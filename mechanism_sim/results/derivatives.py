@@ -18,7 +18,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.derivatives.flow import Flow, Flows, Limit
+from mechanism_sim.derivatives.flow import DerivativeLimit, Flow, Flows
 from mechanism_sim.derivatives.influences import NUMBERS, influences
 from mechanism_sim.derivatives.numeric_keys import OFFSETS, WEIGHTS, NumericKey, numeric_keys
 from mechanism_sim.errors import InputError
@@ -52,7 +52,7 @@ class RunDerivative:
     limits : instants across which derivatives do not exist, or stand for something else
     """
 
-    def __init__(self, key: NumericKey, piece: Piece, limits: Sequence[Limit]) -> None:
+    def __init__(self, key: NumericKey, piece: Piece, limits: Sequence[DerivativeLimit]) -> None:
         self.path, self.value, self.limits = key.path, key.value, tuple(limits)
         self._key, self._piece = key, piece
 
@@ -61,7 +61,7 @@ class RunDerivative:
         return f'<Derivatives by {self.path} = {self.value:g}{ends}>'
 
     @property
-    def end(self) -> Limit | None:
+    def end(self) -> DerivativeLimit | None:
         """The limit beyond which there are no derivatives, if there is one."""
         return next((limit for limit in self.limits if limit.ends), None)
 
