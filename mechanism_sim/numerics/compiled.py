@@ -105,6 +105,11 @@ def _function(terms: _KeyedTerms, variables: tuple[hy.expression, ...]) -> hy.cf
         return compiled(lambda: hy.cfunc(outputs, vars=inputs, opt_level=optimisation))
 
 
+def alike(some: Sequence[hy.expression], others: Sequence[hy.expression]) -> bool:
+    """True if expressions are the same but for values of parameters: so is their code."""
+    return _KeyedTerms(some) == _KeyedTerms(others)
+
+
 def function(
     expressions: Sequence[hy.expression], variables: Sequence[hy.expression]
 ) -> hy.cfunc_dbl:

@@ -7,8 +7,9 @@ a piece.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Self
 
 import numpy as np
@@ -22,6 +23,7 @@ from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.numerics.compiled import spent
 from mechanism_sim.planar.inverse_dynamics import NoLimit
+from mechanism_sim.results.derivatives import AskedDerivatives
 from mechanism_sim.results.run import Observer, Runner
 from mechanism_sim.results.solution import Piece, Solution, Stats
 from mechanism_sim.results.view import View
@@ -183,6 +185,7 @@ def simulate(
     duration: float | str | None = None,
     progress: Progress | None = None,
     resume: Snapshot | None = None,
+    derivatives: Sequence[str] = (),
 ) -> Solution:
     """Run a machine and keep all of its motion.
 
@@ -199,6 +202,8 @@ def simulate(
     progress : called after every batch of steps
     resume : where an earlier run of the same machine stood; the solution begins there, and
         `revolutions` and `duration` count from the beginning of the earlier run
+    derivatives : paths of numbers of the scene, as ``'drive.speed'``, by which the derivatives of
+        the run are wanted: `Solution.derivatives`
 
     Raises
     ------
@@ -207,8 +212,17 @@ def simulate(
     RunError
         If the integration breaks down, or the finished motion violates a gap.
     """
-    run = stream(scene, revolutions, duration, progress, resume)
-    pieces, machine = list(run), run.machine
+    scene = load_scene(scene)
+    end = span(scene, revolutions, duration)
+    asked = AskedDerivatives(scene, derivatives, end, resume) if derivatives else None
+    run = stream(scene, None, end, progress, resume)
+    solution = whole(run, list(run))
+    return replace(solution, derivatives=asked.along(solution)) if asked else solution
+
+
+def whole(run: Stream, pieces: Sequence[Piece]) -> Solution:
+    """The solution of a run that has come to its end, by all of its pieces."""
+    machine = run.machine
     impacts = [impact for piece in pieces for impact in piece.impacts]
     work = np.concatenate([piece.balance.work for piece in pieces], axis=1)
     return Solution(
