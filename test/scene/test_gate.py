@@ -49,7 +49,7 @@ def test_a_wheel_of_any_number_of_slots_starts_with_a_slot_where_it_belongs(
 @pytest.mark.parametrize(
     ('key', 'value', 'words'),
     [
-        ('links.crank.length', '400 mm', 'cannot make a full turn at constant speed (ground 0.38'),
+        ('links.crank.length', '400 mm', 'turn at constant speed (ground 0.387 m'),
         ('initial.position.coupler', '1.2 rad', 'initial.position puts the pin'),
     ],
 )
