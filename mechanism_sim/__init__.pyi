@@ -6,6 +6,7 @@ from typing import Any, Literal, Protocol, TypeAlias
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.scene import schema as _schema
 from mechanism_sim.report.shown import animate as animate
+from mechanism_sim.studies.basins import basins as basins
 from mechanism_sim.studies.bifurcation import bifurcation as bifurcation
 from mechanism_sim.results.cycle import cycle as cycle
 from mechanism_sim.report.shown import draw as draw
