@@ -372,7 +372,7 @@ class EventLoop:
         if self._touches:
             self._touches.present = tuple(OngoingTouch(*touch) for touch in s.touches)
         self._gaps.horizon = s.horizon
-        self._gaps.impacts.count, self._gaps.mode_changes = 0, []
+        self._gaps.impacts.count = self._gaps.changes.count = 0
         self._pending = None
         laws.next_base = s.next_base
         self._last_event = s.last_event
@@ -387,8 +387,7 @@ class EventLoop:
 
     def drain(self) -> tuple[Motion, list[Impact], list[ModeChange]]:
         """Motion and events since the last call."""
-        impacts = self._gaps.impacts.drain()
-        changes, self._gaps.mode_changes = self._gaps.mode_changes, []
+        impacts, changes = self._gaps.impacts.drain(), self._gaps.changes.drain()
         motion = self._output.drain()
         if self._touches:
             impacts += self._touches.add(motion)
