@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.contact import respond
 from mechanism_sim.contact.chatter import ChatterRule
 from mechanism_sim.contact.impact import Hypothesis
@@ -53,7 +54,6 @@ class ContactState:
     run : the arrays of all that follows, by which `contact.respond` resolves events
     problem, arrays : as of the last `refresh`, except for what is closed
     touching, resting : gaps (m,) that take part in an event, or are at rest
-    drive_rates : [rad/s] of the drives at the present event
     impacts, changes : the events so far
     floors : of every guard, what it may be below zero by rounding
     """
@@ -69,9 +69,7 @@ class ContactState:
         self.limits = _limits(present, rule, rtol, speed)
         self._known, self.run = self._arrays()
         reals, whole, marks = self.run.reals, self.run.gaps, self.run.marks
-        self.mode_array = whole[respond.MODE]
         self.touching, self.resting = marks[respond.TOUCHING], marks[respond.RESTING]
-        self.drive_rates = reals[respond.DRIVES :][: len(system.prescribed)]
         laws = reals[respond.DRIVES + len(system.prescribed) :].reshape(2, m)
         self.arrays = ContactArrays(
             self.run.terms,
@@ -148,6 +146,16 @@ class ContactState:
             changes.count = int(counters[respond.CHANGES])
             self.adopt_modes()
         return after
+
+    @property
+    def mode_array(self) -> Indices:
+        """The modes (m,), to be changed in place."""
+        return self.run.gaps[respond.MODE]
+
+    @property
+    def drive_rates(self) -> Array:
+        """Rates (p,) [rad/s] of the drives at the present event."""
+        return self.run.reals[respond.DRIVES :][: self.arrays.layout.drives]
 
     @property
     def taken(self) -> int:
