@@ -22,7 +22,8 @@ from mechanism_sim.contact.problem import (
     problem_of,
     slip_of,
 )
-from mechanism_sim.hybrid.dense_output import Status
+from mechanism_sim.hybrid.clock import Base
+from mechanism_sim.hybrid.dense_output import Status, floats
 from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeLog
 from mechanism_sim.hybrid.present_state import PresentState
 from mechanism_sim.hybrid.system import System
@@ -55,6 +56,7 @@ class ContactState:
     problem, arrays : as of the last `refresh`, except for what is closed
     touching, resting : gaps (m,) that take part in an event, or are at rest
     impacts, changes : the events so far
+    taken, fallen : the last stage of an event, and the guard that it is about
     floors : of every guard, what it may be below zero by rounding
     """
 
@@ -69,6 +71,7 @@ class ContactState:
         self.limits = _limits(present, rule, rtol, speed)
         self._known, self.run = self._arrays()
         reals, whole, marks = self.run.reals, self.run.gaps, self.run.marks
+        self._reals = floats(reals)
         self.touching, self.resting = marks[respond.TOUCHING], marks[respond.RESTING]
         laws = reals[respond.DRIVES + len(system.prescribed) :].reshape(2, m)
         self.arrays = ContactArrays(
@@ -88,6 +91,8 @@ class ContactState:
             present.pars[system.parameters.margin] = self.limits.bare
         self.approach = (1.0,) * len(system.parameters.approach)
         self._status = Status((), ())
+        self._base: Base | None = None  # at which the rates of the drives were told
+        self.taken = self.fallen = respond.DONE
         self._holding = [*system.set_valued.holding]
         self._acts = bool(self._holding or system.parameters.sides)
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
@@ -126,25 +131,34 @@ class ContactState:
     @property
     def horizon(self) -> float:
         """Longest next step [s]: a root much nearer to its start than to its end gets lost."""
-        return float(self.run.reals[respond.HORIZON])
+        return self._reals[respond.HORIZON]
 
     @horizon.setter
     def horizon(self, longest: float) -> None:
-        self.run.reals[respond.HORIZON] = longest
+        self._reals[respond.HORIZON] = longest
+
+    def begin_event(self, t: float) -> None:
+        """Tell the arrays when an event happens [s], and how fast the drives are then."""
+        base, degree = self.present.base, self.present.system.degree
+        self._reals[respond.TIME] = t
+        self.run.counters[respond.ROUNDS] = 0
+        if base.laws and (degree > 1 or base is not self._base):
+            self._base = base
+            for k, rate in enumerate(self.present.drive_rates.tolist(), start=respond.DRIVES):
+                self._reals[k] = rate
 
     def go_on(self, stage: int, guard: int) -> int:
         """Take a stage, whose function is evaluated, for a guard or in a gap; the next one."""
         counters, impacts, changes = self.run.counters, self.impacts, self.changes
-        m = len(self.modes)
-        impacts.reserve(m)
-        changes.reserve(2 * m)
-        counters[respond.STAGE], counters[respond.GUARD] = stage, guard
-        counters[respond.IMPACTS], counters[respond.CHANGES] = impacts.count, changes.count
+        impacts.reserve(len(self.modes))
+        changes.reserve(2 * len(self.modes))
+        counters[:4] = stage, guard, impacts.count, changes.count
         after: int = respond.STAGES[stage](*self._known, impacts.rows, changes.rows)
-        impacts.count = int(counters[respond.IMPACTS])
-        if counters[respond.CHANGES] > changes.count:
-            changes.count = int(counters[respond.CHANGES])
+        _, self.fallen, impacts.count, count = counters[:4].tolist()
+        if count > changes.count:
+            changes.count = count
             self.adopt_modes()
+        self.taken = stage
         return after
 
     @property
@@ -156,16 +170,6 @@ class ContactState:
     def drive_rates(self) -> Array:
         """Rates (p,) [rad/s] of the drives at the present event."""
         return self.run.reals[respond.DRIVES :][: self.arrays.layout.drives]
-
-    @property
-    def taken(self) -> int:
-        """The last stage that was taken."""
-        return int(self.run.counters[respond.STAGE])
-
-    @property
-    def fallen(self) -> int:
-        """The guard that the last stage was about."""
-        return int(self.run.counters[respond.GUARD])
 
     @cached_property
     def rated(self) -> Mask:

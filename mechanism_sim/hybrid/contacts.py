@@ -21,11 +21,9 @@ from mechanism_sim.contact.respond import (
     GIVEN,
     JAMMED,
     RESTS,
-    ROUNDS,
     SHOCK,
     SLIPS,
     STRIKES,
-    TIME,
     UNSOLVED,
     WATCHED,
 )
@@ -34,7 +32,6 @@ from mechanism_sim.hybrid.contact_state import SLIDING, ContactState, chosen
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.frictional_shocks import stop_jammed_slide, unjam
 from mechanism_sim.hybrid.guards import Guard
-from mechanism_sim.hybrid.present_state import rate_of
 from mechanism_sim.hybrid.rubbing_contacts import (
     add_joint_friction,
     iterate_friction_modes,
@@ -131,22 +128,24 @@ class Contacts:
             # as good as resting is what would rise no farther than rounding reaches
             stays = rate <= 0.0 or state.rule.ends(rate, terms.acceleration[i], 1.0, -value)
             if state.closed(i) or (value <= state.limits.touching and stays):
-                self._begin_event()
+                state.begin_event(self.present.time)
                 self._go_on(STRIKES, i)
                 return
 
     # --- events -------------------------------------------------------------------------------
 
-    def handle(self, guard: int) -> None:
-        """A guard fell through zero."""
+    def handle(self, guard: int, t: float) -> None:
+        """A guard fell through zero at a time [s]."""
         found = self._system.guards[guard]
         began = perf_counter()
+        self.state.begin_event(t)
         self._respond(found, guard)
         if not self._resolves_all and len(self._system.guards) > 1:
             self._respond_to_missed()
         charge(perf_counter() - began)
 
     def _respond_to_missed(self) -> None:
+        self.state.begin_event(self.present.time)
         for _ in self._system.guards:
             guard = self.missed_event()
             if guard is None:
@@ -155,7 +154,6 @@ class Contacts:
 
     def _respond(self, guard: Guard, index: int) -> None:
         """Resolve an event while switches that hold act with the parts they have now."""
-        self._begin_event()
         if self._resolves_all:
             self._go_on(FELL if index < len(self.state.modes) else SLIPS, index)
             return
@@ -166,15 +164,6 @@ class Contacts:
         self._resolve(guard, index)
         if held and guard.switch is None:
             self.switching.release()
-
-    def _begin_event(self) -> None:
-        """Tell the arrays when it happens."""
-        state, present = self.state, self.present
-        state.run.reals[TIME] = present.time
-        state.run.counters[ROUNDS] = 0
-        if present.base.laws:
-            tau = present.integrator.time
-            state.drive_rates[:] = [rate_of(law, tau) for law in present.base.laws]
 
     def _resolve(self, guard: Guard, index: int) -> None:
         """Tell apart by its guard what happened."""
