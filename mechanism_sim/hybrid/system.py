@@ -201,7 +201,7 @@ class System:
 
     @cached_property
     def _taylor(self) -> compiled.TaylorEquations:
-        """What `integrator` integrates."""
+        """Equations and guards of `integrator`, over their variables."""
         constant = hy.make_vars('step_constant')
         frames = self.equations.frames
         a = [dense(x) for x in self.dynamics.stabilised.a]
