@@ -22,10 +22,9 @@ from mechanism_sim.contact.problem import (
     problem_of,
     slip_of,
 )
-from mechanism_sim.hybrid.clock import Base
 from mechanism_sim.hybrid.dense_output import Status, floats
 from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeLog
-from mechanism_sim.hybrid.present_state import PresentState
+from mechanism_sim.hybrid.present_state import PresentState, rate_of
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.tolerances import TOLERANCES
@@ -51,10 +50,8 @@ class ContactState:
     Attributes
     ----------
     modes, approach : of every gap, and the speeds of first touches of compliant contacts [m/s]
-    flying : whether any gap is open
     run : the arrays of all that follows, by which `contact.respond` resolves events
     problem, arrays : as of the last `refresh`, except for what is closed
-    touching, resting : gaps (m,) that take part in an event, or are at rest
     impacts, changes : the events so far
     taken, fallen : the last stage of an event, and the guard that it is about
     floors : of every guard, what it may be below zero by rounding
@@ -66,13 +63,12 @@ class ContactState:
         system, gaps = present.system, present.system.gaps
         self.present, self.rule = present, rule
         m = len(gaps)
-        self.names = [gap.name for gap in gaps]
-        self.impacts, self.changes = ImpactLog(self.names), ModeLog(self.names)
+        names = [gap.name for gap in gaps]
+        self.impacts, self.changes = ImpactLog(names), ModeLog(names)
         self.limits = _limits(present, rule, rtol, speed)
         self._known, self.run = self._arrays()
         reals, whole, marks = self.run.reals, self.run.gaps, self.run.marks
         self._reals = floats(reals)
-        self.touching, self.resting = marks[respond.TOUCHING], marks[respond.RESTING]
         laws = reals[respond.DRIVES + len(system.prescribed) :].reshape(2, m)
         self.arrays = ContactArrays(
             self.run.terms,
@@ -91,7 +87,6 @@ class ContactState:
             present.pars[system.parameters.margin] = self.limits.bare
         self.approach = (1.0,) * len(system.parameters.approach)
         self._status = Status((), ())
-        self._base: Base | None = None  # at which the rates of the drives were told
         self.taken = self.fallen = respond.DONE
         self._holding = [*system.set_valued.holding]
         self._acts = bool(self._holding or system.parameters.sides)
@@ -139,13 +134,11 @@ class ContactState:
 
     def begin_event(self, t: float) -> None:
         """Tell the arrays when an event happens [s], and how fast the drives are then."""
-        base, degree = self.present.base, self.present.system.degree
         self._reals[respond.TIME] = t
         self.run.counters[respond.ROUNDS] = 0
-        if base.laws and (degree > 1 or base is not self._base):
-            self._base = base
-            for k, rate in enumerate(self.present.drive_rates.tolist(), start=respond.DRIVES):
-                self._reals[k] = rate
+        laws, tau = self.present.base.laws, self.present.integrator.time
+        for k, law in enumerate(laws, start=respond.DRIVES):
+            self._reals[k] = rate_of(law, tau)
 
     def go_on(self, stage: int, guard: int) -> int:
         """Take a stage, whose function is evaluated, for a guard or in a gap; the next one."""
@@ -160,6 +153,21 @@ class ContactState:
             self.adopt_modes()
         self.taken = stage
         return after
+
+    @property
+    def flying(self) -> bool:
+        """True if any gap is open."""
+        return int(Mode.FREE_FLIGHT) in self.modes
+
+    @property
+    def touching(self) -> Mask:
+        """The gaps (m,) that take part in an event, to be changed in place."""
+        return self.run.marks[respond.TOUCHING]
+
+    @property
+    def resting(self) -> Mask:
+        """Those of them that are at rest."""
+        return self.run.marks[respond.RESTING]
 
     @property
     def mode_array(self) -> Indices:
@@ -208,7 +216,6 @@ class ContactState:
     def adopt_modes(self) -> None:
         """Make the modes in the array, of which the equations know, those that hold."""
         self.modes = tuple(self.mode_array.tolist())
-        self.flying = int(Mode.FREE_FLIGHT) in self.modes
 
     def write_flags(self, modes: Indices) -> None:
         """Tell the equations some modes."""

@@ -34,7 +34,7 @@ def unjam(state: ContactState, jams: int) -> int:
     The stage of `contact.respond` after it.
     """
     terms, resting, present = state.problem, state.resting, state.present
-    names = [state.names[i] for i in chosen(resting)]
+    names = [present.system.gaps[i].name for i in chosen(resting)]
     near = state.touching | (np.abs(terms.value) <= state.limits.touching)
     try:
         if not jams:

@@ -76,7 +76,6 @@ class TaylorSteps:
         if system.steep:
             self._check = StepCheck(system, system.steep, self._ta, defect)
         self._quick = self._check is None and not system.compliant
-        self._lone, self._timed = system.lone, system.timed
         width, series = self._ta.order + 1, floats(self._ta.tc)
         watch = system.width + 1  # after the state and the constant
         near = watch + len(system.guards)  # then the distance from singular positions
@@ -97,12 +96,17 @@ class TaylorSteps:
             self._laws.turn(tau)
         longest, horizon = self.longest, gaps.horizon
         if not self._quick or self._laws.coming or horizon < longest:
-            if self._timed:
+            if self._system.timed:
                 ta.time = tau
             h = step(min(longest, horizon), True)[1]
             return tau, h if self._check is None else self._checked(tau, h, self._check)
         coefficients, pars, fired = self._coefficients, self._pars, self._system.parameters.fired
-        slots, lengths, lone, timed = output.slots, output.lengths, self._lone, self._timed
+        slots, lengths, lone, timed = (
+            output.slots,
+            output.lengths,
+            self._system.lone,
+            self._system.timed,
+        )
         enter_tau, enter_length = output.taus.append, lengths.append
         watch, near, stride = self._guard_values, self._nearness, self._singular.stride
         stabilisation, quickest = self._stabilisation, self._quickest
@@ -140,7 +144,7 @@ class TaylorSteps:
         reach = min(longest, gaps.horizon)
         taken = (pars[self._stabilisation], reach, singular.stride)
         guard = self._system.fired(pars) if pars[self._system.parameters.fired] else None
-        if self._lone:
+        if self._system.lone:
             if watch[0] < _NEAR_ROOT:
                 if watch[0] < 0.0 and not gaps.flying:
                     # it let go within the error of the last step's end
