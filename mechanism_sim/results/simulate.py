@@ -82,20 +82,18 @@ class Stream(Runner):
         self._compile_time += compiling[0]
 
     def __iter__(self) -> Iterator[Piece]:
-        """Run on to the end, up to the last step before it first, for the snapshot."""
-        for final in (False, True):
-            pieces = self.to(self._end, [self._count], final)
-            while piece := self._next(pieces):
-                if self._progress:
-                    self._progress(min(self.engine.time, self._end), self.totals.impacts)
-                for observe in self._observers:
-                    observe(piece)
-                yield piece
-            if self._snapshot is None:
-                with self._timed():
-                    self._snapshot = self.machine.snapshot(self.engine)
-            if self.engine.time >= self._end:
-                break
+        """Run on to the end; the snapshot is that before the last step is cut off."""
+        pieces = self.to(self._end, [self._count], held=self._keep)
+        while piece := self._next(pieces):
+            if self._progress:
+                self._progress(min(self.engine.time, self._end), self.totals.impacts)
+            for observe in self._observers:
+                observe(piece)
+            yield piece
+
+    def _keep(self) -> None:
+        if self._snapshot is None:
+            self._snapshot = self.machine.snapshot(self.engine)
 
     def _next(self, pieces: Iterator[Piece]) -> Piece | None:
         with self._timed():
