@@ -29,6 +29,7 @@ _ROOMS = {
     'scene.schema': ('DrivePart', 'JointPart', 'LinkPart', 'Scene', 'SensorPart'),
     'studies.basins': ('basins',),
     'studies.bifurcation': ('bifurcation',),
+    'studies.ensemble': ('ensemble',),
     'studies.find': ('find',),
     'studies.sweep': ('sweep',),
 }
@@ -45,6 +46,7 @@ __all__ = [
     'bifurcation',
     'cycle',
     'draw',
+    'ensemble',
     'equations',
     'explore',
     'find',

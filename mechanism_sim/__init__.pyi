@@ -10,6 +10,7 @@ from mechanism_sim.studies.basins import basins as basins
 from mechanism_sim.studies.bifurcation import bifurcation as bifurcation
 from mechanism_sim.results.cycle import cycle as cycle
 from mechanism_sim.report.shown import draw as draw
+from mechanism_sim.studies.ensemble import ensemble as ensemble
 from mechanism_sim.report.typeset import equations as equations
 from mechanism_sim.pages.notebook import explore as explore
 from mechanism_sim.studies.find import find as find
