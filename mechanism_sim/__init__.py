@@ -20,7 +20,7 @@ _ROOMS = {
     'analysis.open_run': ('open_run',),
     'catalogue': ('scene_names',),
     'pages.notebook': ('explore', 'play'),
-    'report.shown': ('animate', 'draw'),
+    'report.shown': ('animate', 'draw', 'plot'),
     'report.typeset': ('equations',),
     'results.cycle': ('cycle',),
     'results.measures': ('measure',),
@@ -50,6 +50,7 @@ __all__ = [
     'measure',
     'open_run',
     'play',
+    'plot',
     'report',
     'scene_names',
     'simulate',
@@ -70,6 +71,12 @@ def _html() -> _Any:
     return html
 
 
+def _progress() -> _Any:
+    from mechanism_sim.report.progress import in_notebook  # noqa: PLC0415
+
+    return in_notebook
+
+
 def _report() -> _Any:
     from mechanism_sim.pages.writing import report  # noqa: PLC0415
 
@@ -81,7 +88,7 @@ def __dir__() -> list[str]:
     return sorted([*__all__, '__version__'])
 
 
-_plotting.register(plot=_plot, html=_html, report=_report)
+_plotting.register(plot=_plot, html=_html, report=_report, progress=_progress)
 _postpone_sympy()
 
 

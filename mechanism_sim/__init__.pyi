@@ -16,6 +16,7 @@ from mechanism_sim.scene.load import load_scene as load_scene
 from mechanism_sim.results.measures import measure as measure
 from mechanism_sim.analysis.open_run import open_run as open_run
 from mechanism_sim.pages.notebook import play as play
+from mechanism_sim.report.shown import plot as plot
 from mechanism_sim.pages.writing import report as report
 from mechanism_sim.catalogue import scene_names as scene_names
 from mechanism_sim.results.simulate import simulate as simulate

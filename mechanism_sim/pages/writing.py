@@ -15,10 +15,10 @@ from mechanism_sim.pages import report as pages
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.recorded import recorded, together
 from mechanism_sim.recording import Bag
-from mechanism_sim.recording.runs import BAG_ENDINGS
 from mechanism_sim.report import measured
 from mechanism_sim.report.charts.chart import ChartSection
 from mechanism_sim.report.charts.overlay import overlaid
+from mechanism_sim.report.shown import is_run
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.measure_text import Measure
 from mechanism_sim.results.measures import Measurement
@@ -61,7 +61,7 @@ def report(
     beside = [] if other is None else [*other] if isinstance(other, list | tuple) else [other]
     length = argument('start', start, 's'), revolutions, duration
     sources = [source, *beside]
-    records = [_record_of(each, *length) for each in sources]
+    records = [record_of(each, *length) for each in sources]
     if skip:
         records = [each.between(each.begin(skip), each.end) for each in records]
     names = [str(x) if isinstance(x, str | Path) and '\n' not in str(x) else r.machine.name
@@ -76,12 +76,11 @@ def report(
     return path
 
 
-def _record_of(
+def record_of(
     source: Any, start: float | None, revolutions: float | None, duration: float | str | None
 ) -> Record:
     """The run of a source, or that part of it which is asked for."""
-    is_file = isinstance(source, str | Path) and str(source).endswith(BAG_ENDINGS)
-    if is_file or isinstance(source, Piece | Cycle | Bag):
+    if is_run(source):
         record = open_run(source)
         if not isinstance(record, Record):
             raise InputError(f'{source}: a report needs the machine, and this bag has none')

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from html import escape
 
 Show = Callable[..., None]
 """Called with simulated time [s], then real-time factor where known, then impacts so far."""
 
+
+AFTER = 1.0
+"""[s] of work after which a notebook shows how far it is."""
 
 _WHAT, _NOTE = '{task.description}', '{task.fields[note]}'
 
@@ -59,6 +64,29 @@ def busy(label: str, quiet: bool) -> Iterator[Callable[[str], None]]:
     columns = 'SpinnerColumn', _WHAT, 'TimeElapsedColumn', _NOTE
     with _task(label, None, quiet, *columns) as update:
         yield lambda doing: update(note=doing)
+
+
+def in_notebook(label: str, total: float) -> Show:
+    """Shows progress in the cell of a notebook, where work takes more than a second."""
+    began, last, handle = time.monotonic(), [0.0], []
+
+    def show(done: float, *_: float) -> None:
+        from IPython.display import HTML, display  # noqa: PLC0415 - is there, in a notebook
+
+        now = time.monotonic()
+        over = done >= total
+        if now < began + AFTER or (now < last[0] + AFTER / 4.0 and not over):
+            return
+        last[0] = now
+        bar = f'{escape(label)} <progress max="1" value="{done / (total or 1.0):.4f}"></progress>'
+        left = f' {(total - done) / done * (now - began):.0f} s left' if done else ''
+        page = HTML('' if over else f'{bar}{left}')
+        if handle:
+            handle[0].update(page)
+        elif not over:
+            handle.append(display(page, display_id=True))
+
+    return show
 
 
 def _around(done: str) -> tuple[str, ...]:

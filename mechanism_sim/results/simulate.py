@@ -15,6 +15,7 @@ from typing import Self
 import numpy as np
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.audit import Energy, Work
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.energy_terms import EnergyTerms
@@ -176,6 +177,7 @@ def stream(
     machine = load_scene(scene)
     end = span(machine, revolutions, duration)
     admit_turning(machine, end)
+    progress = progress or plotting.progress(f'simulate {machine.name}', end)
     return Stream(machine, end, progress, resume, observers)
 
 
