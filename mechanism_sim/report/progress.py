@@ -14,6 +14,8 @@ Show = Callable[..., None]
 """Called with simulated time [s], then real-time factor where known, then impacts so far."""
 
 
+EVERY = 30.0
+"""[s] from line to line of a log."""
 AFTER = 1.0
 """[s] of work after which a notebook shows how far it is."""
 
@@ -37,12 +39,34 @@ def bar(label: str, total: float, quiet: bool) -> Iterator[Show]:
 @contextmanager
 def count(label: str, total: int, quiet: bool) -> Iterator[Callable[..., None]]:
     """A progress bar on standard error for so many runs: finished, failed, time left."""
+    log = _Log(label, total, quiet)
     with _task(label, total, quiet, *_around('MofNCompleteColumn')) as update:
 
         def show(finished: int, failed: int = 0) -> None:
             update(completed=finished, note=f'{failed} failed' if failed else '')
+            log.line(finished, failed)
 
         yield show
+
+
+class _Log:
+    """Lines on standard error for files, where it is no terminal: of work that takes minutes."""
+
+    def __init__(self, label: str, total: int, quiet: bool) -> None:
+        self._label, self._total = label, total
+        self._began = self._last = time.monotonic()
+        self._silent = quiet or sys.stderr.isatty()
+
+    def line(self, finished: int, failed: int) -> None:
+        """So many are finished."""
+        now = time.monotonic()
+        if self._silent or now < self._last + EVERY or not finished:
+            return
+        self._last = now
+        left = (self._total - finished) / finished * (now - self._began)
+        note = f', {failed} failed' if failed else ''
+        print(f'{self._label}: {finished} of {self._total}{note}, about {left:.0f} s left',
+              file=sys.stderr, flush=True)  # fmt: skip
 
 
 @contextmanager
