@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from html import escape
+from typing import Any
 
 Show = Callable[..., None]
 """Called with simulated time [s], then real-time factor where known, then impacts so far."""
@@ -92,7 +93,8 @@ def busy(label: str, quiet: bool) -> Iterator[Callable[[str], None]]:
 
 def in_notebook(label: str, total: float) -> Show:
     """Shows progress in the cell of a notebook, where work takes more than a second."""
-    began, last, handle = time.monotonic(), [0.0], []
+    began, last = time.monotonic(), [0.0]
+    handle: list[Any] = []
 
     def show(done: float, *_: float) -> None:
         from IPython.display import HTML, display  # noqa: PLC0415 - is there, in a notebook
@@ -104,11 +106,11 @@ def in_notebook(label: str, total: float) -> Show:
         last[0] = now
         bar = f'{escape(label)} <progress max="1" value="{done / (total or 1.0):.4f}"></progress>'
         left = f' {(total - done) / done * (now - began):.0f} s left' if done else ''
-        page = HTML('' if over else f'{bar}{left}')
+        page = HTML('' if over else f'{bar}{left}')  # type: ignore[no-untyped-call]
         if handle:
             handle[0].update(page)
         elif not over:
-            handle.append(display(page, display_id=True))
+            handle.append(display(page, display_id=True))  # type: ignore[no-untyped-call]
 
     return show
 
