@@ -341,7 +341,7 @@ def for_people(unit: str, size: float = 0.0) -> tuple[str, float]:
     if least <= size < math.inf:
         return large, factor
     below, small = _SMALL.get(unit, (0.0, ''))
-    if 0.0 < size < below:
+    if _TINY**2 * below <= size < below:
         return (small, 1e3) if size >= _TINY * below else (f'µ{small[1:]}', 1e6)
     return _FOR_PEOPLE.get(unit, (unit, 1.0))
 

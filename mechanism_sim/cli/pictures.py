@@ -169,7 +169,9 @@ def _plot(options: argparse.Namespace) -> int:
     numbers = [file for file in files if Path(file).suffix in ENDINGS]
     for file in numbers:
         tables.check_output(file)
-    pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]
+    pictures = [
+        figures.check_picture('--output', f, numbers=ENDINGS) for f in files if f not in numbers
+    ]
     if not pictures:
         refuse_options(options, ['against'], 'is about a picture: give one to --output, too')
     if options.ideal and options.against not in ('time', 'angle'):

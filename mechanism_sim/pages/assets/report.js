@@ -161,6 +161,7 @@ function choose(bearing) {
   lens = magnified(by('lens'), chosen.stage, recording, bearing);
   others.forEach((other, k) => {
     const host = document.querySelectorAll('.beside')[k];
+    if (!host) return;
     other.lens = magnified(host, other.data.stage, other.run, bearing);
     [by('lens'), host].forEach((x, i) => {
       const title = x.querySelector('.title');

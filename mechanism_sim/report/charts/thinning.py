@@ -157,9 +157,10 @@ class HeldLevels:
         known = np.isfinite(values)
         size = np.log(np.maximum(np.abs(values[known]), _LEAST) / _LEAST)
         times = np.bincount((size / _FINE).astype(int), time[known])
-        both = sorted((self._times[name], times), key=len)
-        both[1][: len(both[0])] += both[0]
-        self._times[name] = both[1]
+        held = np.zeros(max(len(times), len(self._times[name])))
+        held[: len(times)] = times
+        held[: len(self._times[name])] += self._times[name]
+        self._times[name] = held
 
     def reached(self, name: str, share: float) -> float:
         """The level that a row does not exceed in a share of the time; 0 of nothing."""
