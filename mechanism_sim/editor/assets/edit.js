@@ -252,7 +252,7 @@ function ran({ data, number }) {
   run.player.speed = SPEEDS[far.indexOf(Math.min(...far))];
   by('speed').replaceChildren(...SPEEDS.map((x) => new Option(`${x}×`, x, false, x === run.player.speed)));
   by('time').textContent = `${Number(length().toPrecision(4))} s`;
-  const titles = { force: 'Largest forces', drive: 'Largest of the drives', impacts: 'Impacts', hardest: 'Hardest impact' };
+  const titles = { force: 'Largest forces', drive: 'Largest efforts of drives', impacts: 'Impacts', hardest: 'Hardest impact' };
   let before = '';
   const rows = data.figures.map(([what, name, value, unit, t]) => {
     const head = what === before ? '' : `<tr><th colspan="3"><h3>${titles[what]}</h3></th></tr>`;
