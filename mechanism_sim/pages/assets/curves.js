@@ -8,11 +8,12 @@ const ROOM = { left: 56, right: 12, top: 30, bottom: 34 };
 export class Curves {
   /**
    * @param {SVGSVGElement} svg to draw in
-   * @param {{label: string, unit: string, runs: {at: Object, values: Object}[]}} what times [s]
-   *   and values as packed arrays
+   * @param {{label: string, unit: string, runs: {at: Object, values: Object}[], along: ?string}}
+   *   what times [s], or what else it says, and values, as arrays or packed
    */
-  constructor(svg, { label, unit, runs }) {
-    this.runs = runs.map(({ at, values }) => [unpack(at), unpack(values)]);
+  constructor(svg, { label, unit, runs, along = 'time [s]' }) {
+    const read = (x) => (x.bdata === undefined ? x : unpack(x));
+    this.runs = runs.map(({ at, values }) => [read(at), read(values)]);
     const [times, values] = [0, 1].map((k) => this.runs.flatMap((run) => Array.from(run[k])));
     const least = (all) => all.reduce((a, b) => Math.min(a, b), Infinity);
     const most = (all) => all.reduce((a, b) => Math.max(a, b), -Infinity);
@@ -23,9 +24,9 @@ export class Curves {
     svg.replaceChildren();
     svg.setAttribute('viewBox', `0 0 ${width} ${HEIGHT}`);
     svg.setAttribute('role', 'img');
-    svg.setAttribute('aria-label', `${label} over time, for each value of the slider`);
+    svg.setAttribute('aria-label', `${label} over ${along}, for each value of the slider`);
     add(svg, 'text', { x: 2, y: 14 }).textContent = `${label} [${unit}]`;
-    add(svg, 'text', { x: this.right, y: HEIGHT - 4, class: 'end' }).textContent = 'time [s]';
+    add(svg, 'text', { x: this.right, y: HEIGHT - 4, class: 'end' }).textContent = along;
     for (const [at, far] of ticks(this.y)) {
       add(svg, 'path', { class: 'grid', d: line([[ROOM.left, far], [this.right, far]]) });
       add(svg, 'text', { x: ROOM.left - 6, y: far + 4, class: 'end' }).textContent = at;
