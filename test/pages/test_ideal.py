@@ -75,7 +75,7 @@ class Page:
     def random(self, rng: np.random.Generator, share: float) -> dict[str, float]:
         """Values of all sliders, within a share of their ranges."""
         return {
-            s['path']: s['value'] + share * rng.uniform(s['low'] - s['value'], s['high'] - s['value'])
+            s['path']: (s['value'] + share * (rng.uniform(s['low'], s['high']) - s['value'])) / s['scale']
             for s in self.data['sliders']
         }
 

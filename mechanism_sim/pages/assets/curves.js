@@ -8,10 +8,10 @@ const ROOM = { left: 56, right: 12, top: 30, bottom: 34 };
 export class Curves {
   /**
    * @param {SVGSVGElement} svg to draw in
-   * @param {{label: string, unit: string, runs: {at: Object, values: Object}[], along: ?string}}
-   *   what times [s], or what else it says, and values, as arrays or packed
+   * @param {{label: string, unit: string, runs: {at: Object, values: Object}[], along: ?string,
+   *   every: ?number}} what times [s], or what else it says, and values, as arrays or packed
    */
-  constructor(svg, { label, unit, runs, along = 'time [s]' }) {
+  constructor(svg, { label, unit, runs, along = 'time [s]', every = 0 }) {
     const read = (x) => (x.bdata === undefined ? x : unpack(x));
     this.runs = runs.map(({ at, values }) => [read(at), read(values)]);
     const [times, values] = [0, 1].map((k) => this.runs.flatMap((run) => Array.from(run[k])));
@@ -31,7 +31,7 @@ export class Curves {
       add(svg, 'path', { class: 'grid', d: line([[ROOM.left, far], [this.right, far]]) });
       add(svg, 'text', { x: ROOM.left - 6, y: far + 4, class: 'end' }).textContent = at;
     }
-    for (const [at, far] of ticks(this.x).slice(0, -1)) {
+    for (const [at, far] of ticks(this.x, every).slice(0, -1)) {
       add(svg, 'text', { x: far, y: HEIGHT - ROOM.bottom + 16, class: 'mid' }).textContent = at;
     }
     this.paths = this.runs.map(([at, of]) => add(svg, 'path', {
@@ -68,9 +68,9 @@ function scale(low, high, from, to) {
   return { low: least, high: most, to: (x) => from + ((x - least) / (most - least)) * (to - from) };
 }
 
-/** Round numbers along an axis, and where they are. */
-function ticks({ low, high, to }) {
-  const each = step((high - low) / 4);
+/** Round numbers along an axis, `every` so many or as they come, and where they are. */
+function ticks({ low, high, to }, every = 0) {
+  const each = every && high - low > every ? every * Math.ceil((high - low) / (7 * every)) : step((high - low) / 4);
   const found = [];
   for (let k = Math.ceil(low / each); k * each <= high; k += 1) {
     found.push([String(Number((k * each).toPrecision(6))), to(k * each)]);

@@ -4,6 +4,7 @@ const STEPS = 360; // of the way of the drive
 const SMALLEST = 1e-9; // step, as part of that way: what does not go so far is a limit
 const STRAY = 0.3; // of a step, by which it may miss where it points: else it left its branch
 const ROUNDING = 1e-11; // of the reach, by which a closed loop is open at most
+const TRIES = 24; // positions of the drive from which dimensions are changed
 const TURNS = 12; // of the drive, after which a machine is where it was, or is not looked for
 
 /** Solves A x = b by elimination with pivots; null where A is singular. */
@@ -50,20 +51,20 @@ export class IdealMotion {
     this.equations = equations;
     this.n = data.coordinates.length;
     this.r = data.sought.length;
-    this.values = Object.fromEntries(data.sliders.map(({ path, value }) => [path, value]));
+    this.values = Object.fromEntries(data.sliders.map(({ path, si }) => [path, si]));
     this.speed = data.speed;
     this.par = this.parameters(this.values);
     this.trail = this.#follow({ u: data.start, q: data.q });
-    this.base = { par: this.par, trail: this.trail, values: this.values };
+    this.base = { par: this.par, trail: this.trail };
   }
 
   /** One of the dimensions, at the values of sliders. @returns {number[]} */
   dimension(name, values = this.values) {
     const own = this.data.dimensions[name] ?? [];
     let found = own;
-    for (const { path, value, change } of this.data.sliders) {
+    for (const { path, si, change } of this.data.sliders) {
       const slope = change[name];
-      const off = values[path] - value;
+      const off = values[path] - si;
       if (!slope || !off) continue;
       if (found === own) found = own.length ? [...own] : new Array(slope.length).fill(0);
       for (let i = 0; i < slope.length; i += 1) found[i] += off * slope[i];
@@ -81,19 +82,21 @@ export class IdealMotion {
    * @param {Object<string, number>} values @returns {boolean} whether its loops can be closed
    */
   change(values) {
-    const target = this.parameters(values);
-    const { trail } = this.base;
-    const begun = trail.findIndex(({ u }) => u === this.data.start);
-    const apart = Math.max(1, Math.round(trail.length / 12));
-    const tries = [begun];
-    for (let k = apart; k < trail.length; k += apart) tries.push((begun + k) % trail.length);
-    for (const k of tries) {
-      const q = this.#deformed(trail[k], target);
-      if (!q) continue;
-      this.values = values;
-      this.par = target;
-      this.trail = this.#follow({ u: trail[k].u, q });
-      return true;
+    const par = this.parameters(values);
+    // what does not come from the scene's own values may still come from those before
+    for (const known of [this.base, { par: this.par, trail: this.trail }]) {
+      const { trail } = known;
+      const begun = Math.max(0, trail.findIndex(({ u }) => u === this.data.start));
+      const apart = Math.max(1, Math.round(trail.length / TRIES));
+      for (let k = 0; k < trail.length; k += apart) {
+        const place = trail[(begun + k) % trail.length];
+        const q = this.#deformed(place.q, known.par, par);
+        if (!q) continue;
+        this.values = values;
+        this.par = par;
+        this.trail = this.#follow({ u: place.u, q });
+        return true;
+      }
     }
     return false;
   }
@@ -157,8 +160,7 @@ export class IdealMotion {
   }
 
   /** Coordinates at a position of the drive while dimensions change to others; null if torn. */
-  #deformed({ q }, target) {
-    const from = this.base.par;
+  #deformed(q, from, target) {
     let [share, step] = [0, 1];
     let last = this.close(q, from) ?? q;
     const sense = last.sign;
