@@ -230,7 +230,7 @@ class PageDrive:
 
 
 def _stage(machine: Machine, reader: SliderReader) -> dict[str, Any]:
-    """What a page draws, as `Stage.to_json` has it, with names instead of dimensions."""
+    """Shapes of a page, as `Stage.to_json` has it, with names instead of dimensions."""
     skeleton, shapes, none = reader.skeleton, [], dict.fromkeys(('force', 'force_scale'), 0.0)
     for name, shape in shapes_of(skeleton).items():
         paths, first = [], 0

@@ -116,7 +116,7 @@ def _text(expression: object) -> str:
     printing = needed('sympy.printing.jscode', PURPOSE)
 
     class Printer(printing.JavascriptCodePrinter):  # type: ignore[name-defined,misc]
-        def _print_Float(self, number: object) -> str:  # noqa: N802 - sympy looks for that name
+        def _print_Float(self, number: object) -> str:
             return repr(float(number))  # type: ignore[arg-type]
 
     return str(Printer().doprint(expression))
