@@ -253,7 +253,9 @@ def _exported(options: argparse.Namespace, machine: Machine) -> tuple[str, list[
         from mechanism_sim.pages import ideal  # noqa: PLC0415
         from mechanism_sim.studies.parameters import ranges  # noqa: PLC0415
 
-        return ideal.page(machine, ranges(options.slider, '--slider'), options.scene)
+        limits = ranges(options.slider, '--slider').items()
+        sliders = {path: (str(low), str(high)) for path, (low, high) in limits}
+        return ideal.page(machine, sliders, options.scene)
     from mechanism_sim.export import mjcf, sdf, urdf  # noqa: PLC0415
 
     if options.format in ('dxf', 'stl'):

@@ -88,7 +88,7 @@ def curves_of(
     lines : both ends (2, 2) [m] of guides by the names of their shapes, if not as they are drawn
     """
     s, drawn = shape.symbol, shapes_of(skeleton)
-    lines = {name: x.outline for name, x in drawn.items() if x.kind in GUIDES} | (lines or {})
+    lines = {n: x.outline for n, x in drawn.items() if x.kind in GUIDES} | dict(lines or {})
     line = next((lines[name] for name, x in drawn.items() if x is shape and name in lines), None)
     if shape.kind == 'slot' and line is not None:
         inner, outer = s * SLOT, s * (SLOT + 0.35)
@@ -124,13 +124,13 @@ def _corners(skeleton: Skeleton, shape: Shape, lines: Sequence[Array]) -> Array:
 def _moved(base: Array, line: Array) -> Array:
     """A guide (2, 2) of one machine where another has it, as long: enough of it is drawn."""
     normal = _across(base)
-    return base + normal * (normal @ (line[0] - base[0]))
+    return np.asarray(base + normal * (normal @ (line[0] - base[0])))
 
 
 def _across(line: Array) -> Array:
     """The normal (2,) of a line (2, 2)."""
     (x, y) = line[1] - line[0]
-    return np.array([-y, x]) / np.hypot(x, y)
+    return np.asarray(np.array([-y, x]) / np.hypot(x, y))
 
 
 def four_bar_sides(mechanism: Mechanism) -> dict[str, list[Vector2]]:
