@@ -50,6 +50,13 @@ class PageEquations:
         known = self._frames.parameters
         return {name: known.values[i] for name, i in known.names.items()}
 
+    def is_like(self, other: PageEquations) -> bool:
+        """True if the same expressions hold of another machine, with its own parameters."""
+        own, its = (
+            [dense(x.value) for x in (*each._closures, *each._places)] for each in (self, other)
+        )
+        return own == its and list(self.parameters) == list(other.parameters)
+
     def _pose(self, link: str) -> Iterator[Jet]:
         """Origin [m] and angle [rad] of a link's frame."""
         frames, label = self._frames, f'pose:{link}'

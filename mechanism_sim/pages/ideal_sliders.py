@@ -273,22 +273,24 @@ class SliderReader:
         value, size, zero = self._value(path), self.skeleton.size, np.zeros(1)
         step = _STEP * (abs(value) or (size if unit == 'm' else 1.0))
         away = {s.path: s.value + 0.3 * _STEP * (s.high - s.low) for s in self.found}
+        parts = [(away[s.path] - s.value, s.change) for s in self.found]
         try:
             one, every = (
                 self._dimensions(load_scene(self.machine, self._overrides(values)))
-                for values in ({path: value + step}, {**away, path: value - 2.0 * step})
+                for values in ({**away, path: value + step}, {**away, path: value - 2.0 * step})
             )
         except InputError as error:
             return f'beside {value:g} {unit} there is no such machine: {error}'
+        if not one[1].is_like(every[1]):
+            return 'the motion does not follow it in proportion'
         change: dict[str, Array] = {}
         for name in dict.fromkeys([*self.base, *one[0], *every[0]]):
             base, first, last = (x.get(name, zero) for x in (self.base, one[0], every[0]))
             if not base.shape == first.shape == last.shape:
                 return 'the machine would be drawn of other parts'
-            slope = (first - base) / step
-            told = base - 2.0 * step * slope
-            for slider in self.found:
-                told = told + (away[slider.path] - slider.value) * slider.change.get(name, 0.0)
+            moved = base + sum(far * of.get(name, 0.0) for far, of in parts)
+            slope = (first - moved) / step
+            told = moved - 2.0 * step * slope
             off = np.abs(last - told).max(initial=0.0)
             if off > _LINEAR * _STEP * max(size, np.abs(last).max(initial=0.0)):
                 if not _may_stay(name):

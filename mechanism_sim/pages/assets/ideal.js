@@ -18,6 +18,7 @@ const [TURN, DEGREES, RPM] = [2 * Math.PI, 180 / Math.PI, 30 / Math.PI];
 const by = (id) => document.getElementById(id);
 const data = JSON.parse(by('data').textContent);
 const timed = data.laws.length > 0;
+const backwards = data.speed < 0;
 const drive = words(data.main);
 const shift = data.turns && data.low > Math.PI ? TURN : 0; // angles are written from -180° on
 const across = (u) => (timed ? u : data.slides ? 1000 * u : DEGREES * (u - shift));
@@ -277,11 +278,17 @@ function extreme(values, sign) {
 
 // --- playing ---------------------------------------------------------------------------------------
 
-/** What is played: the way of the drive, and back where it does not turn round. */
+/** What is played: the way of the drive as it runs, and back where it does not turn round. */
 function course() {
   const { low, high } = motion;
   const end = motion.full || timed ? high : 2 * high - low;
-  return { start: low, end, t: places.map(({ u }) => u), at: (s) => frameOf(motion.at(s > high ? 2 * high - s : s)) };
+  return { start: low, end, t: places.map(({ u }) => u), at: (s) => frameOf(motion.at(played(s))) };
+}
+
+/** The position of the drive at a place of the way that is played, and the other way round. */
+function played(s) {
+  if (s > motion.high) return 2 * motion.high - s;
+  return backwards && motion.full ? motion.low + motion.high - s : s;
 }
 
 function frameOf(place) {
@@ -302,7 +309,7 @@ function show(frame, shown) {
 
 function seek(u) {
   player.playing = false;
-  player.seek(Math.min(Math.max(u, motion.low), motion.high));
+  player.seek(played(Math.min(Math.max(u, motion.low), motion.high)));
 }
 
 function pace() {
