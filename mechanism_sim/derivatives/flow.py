@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.collocation import COUNT, powers, rule, solve
-from mechanism_sim.derivatives.influences import NUMBERS, Influence, LawTable, own
+from mechanism_sim.derivatives.influences import NUMBERS, Influence, LawTable, nothing, own
 from mechanism_sim.derivatives.jumps import Jumps, NoDerivativeError, Saltation, Side, Variation
 from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected, Slopes
 from mechanism_sim.hybrid.dense_output import Motion
@@ -104,6 +104,22 @@ class Flows:
         self.free = [system.coordinates.index(c) for c in system.free]
         self.width = len(self.free) + len(system.states)
 
+    @classmethod
+    def by_state(cls, machine: Machine, end: float) -> Flows:
+        """Derivatives by the 2f + s numbers of a state at the start of runs up to `end` [s]."""
+        return cls(machine, nothing(own(machine, end), machine.equations.system.width), end)
+
+    def transition(
+        self, motion: Motion, impacts: Sequence[Impact]
+    ) -> tuple[Array, tuple[DerivativeLimit, ...]]:
+        """State transition matrix (2f + s, 2f + s) of a motion, and where it has limits.
+
+        Rows are free coordinates, their rates and states of first order at the end, columns those
+        at the start. Directions that a closed contact or loop forbids decay to nothing.
+        """
+        flow = self.along(motion, impacts, np.eye(self.count))
+        return flow.final, flow.limits
+
     def along(self, motion: Motion, impacts: Sequence[Impact], start: Array | None = None) -> Flow:
         """Derivatives along a motion that begins as the machine does, or with others `start`.
 
@@ -164,7 +180,8 @@ def _moves(rows: Array) -> NDArray[np.bool_]:
 def _law_at(table: LawTable, t: Array) -> NDArray[np.intp]:
     """Which of consecutive laws hold at times (N,), at the start of one that one."""
     slack = 4.0 * np.spacing(np.abs(t).max(initial=1e-300))
-    return np.maximum(np.searchsorted(table.start, t + slack, side='right') - 1, 0)
+    found = np.searchsorted(table.start, t + slack, side='right') - 1
+    return np.asarray(np.maximum(found, 0), dtype=np.intp)
 
 
 class _Walk:

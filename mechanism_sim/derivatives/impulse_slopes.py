@@ -157,5 +157,4 @@ def _linear(
         elif grips[i] in (FORWARD, BACKWARD):
             sign = 1.0 if grips[i] == FORWARD else -1.0
             M[m + i, i], right[m + i] = sign * mu[i], -sign * dmu[i] * x[i]
-    solved: Array = np.linalg.lstsq(M, right, rcond=1e-13)[0]
-    return solved
+    return np.asarray(np.linalg.lstsq(M, right, rcond=1e-13)[0], dtype=float)

@@ -60,6 +60,20 @@ def own(machine: Machine, end: float) -> Influence:
     return base.split(base.values)
 
 
+def nothing(known: Influence, count: int) -> Influence:
+    """Derivatives of such numbers by `count` keys on which none depends."""
+
+    def zeros(x: Array) -> Array:
+        return np.zeros((*x.shape, count))
+
+    laws = [LawTable(*map(zeros, table)) for table in known.laws]
+    rows, e, mu = [zeros(x) for x in known.rows], zeros(known.restitution), zeros(known.friction)
+    return Influence(
+        zeros(known.parameters), zeros(known.start), laws, e, mu, zeros(known.approach), rows,
+        zeros(known.struck),
+    )  # fmt: skip
+
+
 class _Parts:
     """The numbers of a machine in one vector, and those of others that are made like it."""
 

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.impulse_slopes import of_one, of_several
@@ -201,9 +202,8 @@ class Jumps:
         dwide[own] = dx[:n]
         return self._after(now, z, dt, group, wide, dwide, (values, slopes))
 
-    def _closed(self, side: Side) -> Array:
-        flags: Array = side.at.parameters[self._system.parameters.closed, 0] > 0.0
-        return flags
+    def _closed(self, side: Side) -> NDArray[np.bool_]:
+        return np.asarray(side.at.parameters[self._system.parameters.closed, 0] > 0.0)
 
     def _touching(self, now: Side, values: Array, struck: list[int]) -> list[int]:
         """Gaps that take part: those of the blow, closed ones, and what is at zero."""

@@ -190,11 +190,11 @@ class _Integrated(RunDerivative):
         faster = np.abs(self._coefficients[:, :, 1])
         far = (moved * np.where(straight, 1.0, size)).max(axis=1) / least
         fast = faster.max(axis=1) / max(speed, 1e-300)
-        return np.maximum(np.maximum(far, fast), 1e-300)
+        return np.asarray(np.maximum(np.maximum(far, fast), 1e-300))
 
     def _partial(self, taken: _Taken) -> Array:
         """By the machine alone, its motion being as it is."""
-        piece, found = self._piece, 0.0
+        piece, found = self._piece, np.zeros(())
         base = taken(piece)
         for weight, machine in zip(WEIGHTS, self._beside, strict=True):
             found = found + weight * self._since(taken(_with_machine(piece, machine)), base)
@@ -208,7 +208,7 @@ class _Integrated(RunDerivative):
         """Derivatives of what is taken at times (N,): each on its own segment."""
         segments, _ = self._piece.motion.curve.find(t)
         step = _SMALL / self._growth
-        base, found = taken(self._piece), 0.0
+        base, found = taken(self._piece), np.zeros(())
         for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
             moved = self._displaced(offset * step, shifted=False)
             found = found + weight * self._since(taken(moved), base)
@@ -222,7 +222,7 @@ class _Integrated(RunDerivative):
         step = _SMALL / float(self._growth.max())
         shortest = np.diff(self._shift) / self._piece.motion.curve.duration[:-1]
         step = min(step, 0.1 / max(float(np.abs(shortest).max(initial=0.0)), 1e-300))
-        base, found = taken(self._rebalanced(self._piece)), 0.0
+        base, found = taken(self._rebalanced(self._piece)), np.zeros(())
         for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
             scale = np.full(len(self._shift), offset * step)
             moved = self._rebalanced(self._displaced(scale, shifted=True))
@@ -285,7 +285,7 @@ class _Ideal(RunDerivative):
         return self._of_whole(taken)
 
     def _of_whole(self, taken: _Taken) -> Array:
-        base, found = taken(self._piece), 0.0
+        base, found = taken(self._piece), np.zeros(())
         for weight, piece in zip(WEIGHTS, self._others, strict=True):
             found = found + weight * (taken(piece) - base)
         return np.asarray(found / self._key.step)
