@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -55,9 +56,10 @@ class NumericKey:
         text = f'{value!r} {self.unit}' if self.unit else value
         return load_scene(self.machine, {self.path: text})
 
-    def around(self) -> Iterator[Machine]:
+    @cached_property
+    def beside(self) -> list[Machine]:
         """Machines with the values at `OFFSETS`."""
-        return (self.at(self.value + x * self.step) for x in OFFSETS)
+        return [self.at(self.value + x * self.step) for x in OFFSETS]
 
 
 def numeric_keys(machine: Machine, paths: Sequence[str]) -> list[NumericKey]:
@@ -113,8 +115,7 @@ def _stepped(machine: Machine, path: str, value: float, unit: str) -> NumericKey
     for _ in range(_TRIED):
         key = NumericKey(machine, path, value, unit, step)
         try:
-            for x in (3.0, -3.0):
-                key.at(value + x * step)
+            assert key.beside  # noqa: S101 - they can be built
         except InputError as error:
             step, why = step / _SMALLER, error
         else:
@@ -134,7 +135,7 @@ def differences(key: NumericKey, take: Callable[[Machine], Array], base: Array) 
     base : those of the machine itself, for errors
     """
     found = np.zeros_like(base)
-    for weight, machine in zip(WEIGHTS, key.around(), strict=True):
+    for weight, machine in zip(WEIGHTS, key.beside, strict=True):
         try:
             values = take(machine)
         except RunError as error:

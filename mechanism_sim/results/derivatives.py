@@ -172,11 +172,6 @@ class _Integrated(RunDerivative):
         return Table({'joint': joints} | columns, IMPACT_UNITS)
 
     @cached_property
-    def _beside(self) -> list[Machine]:
-        """The machines with values at `OFFSETS`."""
-        return list(self._key.around())
-
-    @cached_property
     def _growth(self) -> Array:
         """(m,) of every segment, over what its derivatives change by much."""
         piece, curve = self._piece, self._piece.motion.curve
@@ -196,13 +191,9 @@ class _Integrated(RunDerivative):
         """By the machine alone, its motion being as it is."""
         piece, found = self._piece, np.zeros(())
         base = taken(piece)
-        for weight, machine in zip(WEIGHTS, self._beside, strict=True):
-            found = found + weight * self._since(taken(_with_machine(piece, machine)), base)
+        for weight, machine in zip(WEIGHTS, self._key.beside, strict=True):
+            found = found + weight * (taken(_with_machine(piece, machine)) - base)
         return np.asarray(found / self._key.step)
-
-    @staticmethod
-    def _since(values: Array, base: Array) -> Array:
-        return np.asarray(values - base)
 
     def _slopes(self, taken: _Taken, t: Array) -> Array:
         """Derivatives of what is taken at times (N,): each on its own segment."""
@@ -211,7 +202,7 @@ class _Integrated(RunDerivative):
         base, found = taken(self._piece), np.zeros(())
         for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
             moved = self._displaced(offset * step, shifted=False)
-            found = found + weight * self._since(taken(moved), base)
+            found = found + weight * (taken(moved) - base)
         along = found / step[segments]
         return np.asarray(along + self._partial(taken))
 
@@ -226,7 +217,7 @@ class _Integrated(RunDerivative):
         for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
             scale = np.full(len(self._shift), offset * step)
             moved = self._rebalanced(self._displaced(scale, shifted=True))
-            found = found + weight * self._since(taken(moved), base)
+            found = found + weight * (taken(moved) - base)
         return np.asarray(found / step) + self._partial(lambda x: taken(self._rebalanced(x)))
 
     def _rebalanced(self, piece: Piece) -> Piece:
@@ -279,7 +270,7 @@ class _Ideal(RunDerivative):
     @cached_property
     def _others(self) -> list[Piece]:
         end = self._piece.motion.curve.end
-        return [_whole(machine, end) for machine in self._key.around()]
+        return [_whole(machine, end) for machine in self._key.beside]
 
     def _slopes(self, taken: _Taken, t: Array) -> Array:
         return self._of_whole(taken)
