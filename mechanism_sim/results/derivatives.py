@@ -20,7 +20,7 @@ from numpy.polynomial import polynomial
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.flow import DerivativeLimit, Flow, Flows
 from mechanism_sim.derivatives.influences import NUMBERS, influences
-from mechanism_sim.derivatives.numeric_keys import OFFSETS, WEIGHTS, NumericKey, numeric_keys
+from mechanism_sim.derivatives.numeric_keys import WEIGHTS, NumericKey, numeric_keys
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Work, work_in
 from mechanism_sim.hybrid.dense_output import Motion
@@ -37,6 +37,13 @@ from mechanism_sim.tables import Table
 
 _SMALL = 2e-3
 """Of clearances and speeds: displacement of a motion whose differences are taken."""
+
+_AROUND = tuple(
+    (sign * k, sign * weight)
+    for k, weight in ((1.0, 0.75), (2.0, -0.15), (3.0, 1.0 / 60.0))
+    for sign in (1.0, -1.0)
+)
+"""Places and weights of differences of sixth order."""
 
 _ORDERS = {'position': 0, 'velocity': 1, 'acceleration': 2}
 
@@ -200,7 +207,7 @@ class _Integrated(RunDerivative):
         segments, _ = self._piece.motion.curve.find(t)
         step = _SMALL / self._growth
         base, found = taken(self._piece), np.zeros(())
-        for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
+        for offset, weight in _AROUND:
             moved = self._displaced(offset * step, shifted=False)
             found = found + weight * (taken(moved) - base)
         along = found / step[segments]
@@ -214,7 +221,7 @@ class _Integrated(RunDerivative):
         shortest = np.diff(self._shift) / self._piece.motion.curve.duration[:-1]
         step = min(step, 0.1 / max(float(np.abs(shortest).max(initial=0.0)), 1e-300))
         base, found = taken(self._rebalanced(self._piece)), np.zeros(())
-        for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
+        for offset, weight in _AROUND:
             scale = np.full(len(self._shift), offset * step)
             moved = self._rebalanced(self._displaced(scale, shifted=True))
             found = found + weight * (taken(moved) - base)
