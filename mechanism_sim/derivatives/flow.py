@@ -11,9 +11,17 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.collocation import COUNT, powers, rule, solve
-from mechanism_sim.derivatives.influences import NUMBERS, Influence, LawTable, nothing, own
+from mechanism_sim.derivatives.influences import (
+    NUMBERS,
+    Influence,
+    LawTable,
+    built_in,
+    nothing,
+    own,
+)
 from mechanism_sim.derivatives.jumps import Jumps, NoDerivativeError, Saltation, Side, Variation
 from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected, Slopes
+from mechanism_sim.derivatives.numeric_keys import NumericKey
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.physics import DynamicPhysics
@@ -83,9 +91,16 @@ class Flows:
     machine : whose equations are integrated
     influence : derivatives (..., P) of what its runs are made of
     end : [s] up to which its laws are asked for
+    keys : by whose values the derivatives are
     """
 
-    def __init__(self, machine: Machine, influence: Influence, end: float) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        influence: Influence,
+        end: float,
+        keys: Sequence[NumericKey] = (),
+    ) -> None:
         physics = machine.physics
         assert isinstance(physics, DynamicPhysics)  # noqa: S101 - its equations are integrated
         self.system = system = physics.system
@@ -99,7 +114,13 @@ class Flows:
         for table, symbols in zip(powered, index.torques, strict=True):
             columns = table.numbers.swapaxes(0, 1).reshape(len(symbols), -1)
             moved |= {i for i, m in zip(symbols, _moves(columns), strict=True) if m}
-        self.equations = LinearEquations(physics, sorted(moved))
+        beside = {}
+        for column, key in enumerate(keys):
+            if built_in(key):
+                others = [m.physics for m in key.beside]
+                known = [LinearEquations(x, []) for x in others if isinstance(x, DynamicPhysics)]
+                beside[column] = key.step, known
+        self.equations = LinearEquations(physics, sorted(moved), beside)
         self.jumps = Jumps(self.equations, influence)
         self.free = [system.coordinates.index(c) for c in system.free]
         self.width = len(self.free) + len(system.states)
@@ -246,8 +267,10 @@ class _Walk:
         count, w = len(k), of.width
         t = (curve.start[k, None] + curve.start_low[k, None]
              + np.outer(curve.duration[k], places.fractions)).ravel()  # fmt: skip
-        own_ = slopes.parameters.reshape(w, -1, count, COUNT)
-        forced = np.einsum('wcnk,ncp->wnkp', own_, given).reshape(w, -1, P)
+        own_ = slopes.parameters.reshape(w, given.shape[1], count, COUNT)
+        forced = np.einsum('wcnk,ncp->wnkp', own_, given).reshape(w, count * COUNT, P)
+        for column, x in slopes.built_in.items():
+            forced[:, :, column] += x
         for j, i in enumerate(system.prescribed_index):
             moved = of.prescribed(t, j)
             forced += slopes.q[:, i, :, None] * moved[:, 0]

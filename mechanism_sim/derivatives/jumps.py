@@ -65,6 +65,22 @@ class Saltation(NamedTuple):
     approach: Array  #: (a, P)
 
 
+class _Terms(NamedTuple):
+    """N terms of contacts at a point."""
+
+    values: Array  #: (N,)
+    slopes: Array  #: (z, N)
+    direct: Array  #: (N, P) derivatives by keys, at a fixed point and fixed parameters
+
+    def moved(self, z: Array) -> Array:
+        """Differentials (N, P), by those of the point (z, P)."""
+        return np.asarray(self.slopes.T @ z + self.direct)
+
+    def some(self, columns: Sequence[int]) -> _Terms:
+        """Some of them."""
+        return _Terms(self.values[columns], self.slopes[:, columns], self.direct[columns])
+
+
 class Jumps:
     """Derivatives across the events of a run.
 
@@ -88,8 +104,12 @@ class Jumps:
 
     # --- terms --------------------------------------------------------------------------------
 
-    def _terms(self, side: Side, chosen: Selected) -> tuple[Array, Array]:
-        return self._eq.selected(side.at, chosen)
+    def _terms(self, side: Side, chosen: Selected) -> _Terms:
+        values, slopes, built_in = self._eq.selected(side.at, chosen)
+        direct = np.zeros((len(values), self._influence.start.shape[1]))
+        for column, x in built_in.items():
+            direct[:, column] = x
+        return _Terms(values, slopes, direct)
 
     def _none(self, count: int) -> Selected:
         return Selected.none(self._eq.sizes, count)
@@ -121,24 +141,42 @@ class Jumps:
         size = np.abs(np.concatenate([after.rates, before.rates, before.a])).max(initial=0.0)
         size = max(size, np.abs(before.at.v).max() ** 2)
         state = np.concatenate([x.q[self._free], x.v[self._free], x.states])
-        none = np.zeros(x.q.shape[1])
-        if np.abs(jump).max(initial=0.0) <= _SMALL * size:
-            return Saltation(state, none if law is None else law, [], x.approach)
+        smooth = np.abs(jump).max(initial=0.0) <= _SMALL * size
+        touches = self._system.compliant and guards.gap.any()
         shifts = [] if law is None else [law]
-        if guards.gap.shape[1]:
-            _, slopes = self._terms(before, guards)
-            rates = slopes.T @ self._flow(before)
+        if guards.gap.shape[1] and not (smooth and not touches):
+            terms, flow = self._terms(before, guards), self._flow(before)
+            rates = terms.slopes.T @ flow
             if (np.abs(rates) <= _SMALL * np.abs(rates).max(initial=0.0)).any():
                 raise NoDerivativeError('it is reached without a rate')
-            shifts += [*(-(slopes.T @ self._differential(x)) / rates[:, None])]
-        if not shifts:
-            raise NoDerivativeError('forces jump there for no reason that has a derivative')
+            shifts += [*(-terms.moved(self._differential(x)) / rates[:, None])]
         for other in shifts[1:]:
             if np.abs(other - shifts[0]).max() > _ALIKE * max(np.abs(shifts).max(), 1e-300):
                 raise NoDerivativeError('several events meet, whose order changes')
+        if not shifts:
+            if not smooth:
+                raise NoDerivativeError('forces jump there for no reason that has a derivative')
+            return Saltation(state, np.zeros(x.q.shape[1]), [], x.approach)
         dt, f = shifts[0], len(self._free)
         state[f:] -= np.outer(jump, dt)
-        return Saltation(state, dt, [], x.approach)
+        approach = self._touched(before, after, x, guards, dt) if touches else x.approach
+        return Saltation(state, dt, [], approach)
+
+    def _touched(
+        self, before: Side, after: Side, x: Variation, guards: Selected, dt: Array
+    ) -> Array:
+        """Derivatives of the speeds to which the damping of touches refers."""
+        z = self._differential(x) + np.outer(self._flow(before), dt)
+        found, index = x.approach.copy(), self._system.parameters.approach
+        for i in np.flatnonzero(guards.gap.any(axis=1)):
+            asked = self._none(1)
+            asked.row[i] = 1.0
+            speed = self._terms(before, asked)
+            given = after.at.parameters[index[i], 0]
+            if abs(given + speed.values[0]) > _ALIKE * abs(given):
+                raise NoDerivativeError('a contact is set down without a speed of its own')
+            found[i] = -speed.moved(z)[0]
+        return found
 
     # --- impacts ------------------------------------------------------------------------------
 
@@ -176,12 +214,13 @@ class Jumps:
         touching = self._touching(now, struck)
         m, t = len(self._names), len(touching)
         own = touching + ([m + i for i in touching] if self._rows > m else [])
-        values, slopes = self._unit_terms(now, touching, own)
+        terms = self._unit_terms(now, touching, own)
         if dt is None:
-            place = [touching.index(i) for i in struck]
-            dt = self._instant(slopes[:, place], z, flow, struck, now)
+            closed = self._closed(now)
+            first = [touching.index(i) for i in struck if not closed[i]]
+            dt = self._instant(terms.some(first), z, flow, now)
             z = z + np.outer(flow, dt)
-        moved, n, f = slopes.T @ z, len(own), len(self._free)
+        values, moved, n, f = terms.values, terms.moved(z), len(own), len(self._free)
         # of unit impulses: rates of rows and coordinates, impulses of drives
         ends = np.cumsum([t, t, n, n * n, n * f]).tolist()
         (_, _, rate, A, W, D), (_, angle, drate, dA, dW, dD) = (
@@ -227,7 +266,7 @@ class Jumps:
             rows.append(np.array([known.get(name, np.full(len(dt), np.nan)) for name in NUMBERS]))
         return now._replace(at=now.at._replace(v=v)), later, dt, rows
 
-    def _unit_terms(self, now: Side, touching: list[int], own: list[int]) -> tuple[Array, Array]:
+    def _unit_terms(self, now: Side, touching: list[int], own: list[int]) -> _Terms:
         """Terms of a blow and their derivatives: gaps, angles, rates, and of unit impulses."""
         t, n, f, p = len(touching), len(own), len(self._free), len(self._system.prescribed)
         asked = self._none(2 * t + n * (1 + n + f + p))
@@ -255,23 +294,19 @@ class Jumps:
         asked = self._none(len(self._names))
         asked.gap[:] = np.eye(len(self._names))
         near = 64.0 * np.spacing(self._system.mechanism.reach)
-        part = self._closed(now) | (np.abs(self._terms(now, asked)[0]) <= near)
+        part = self._closed(now) | (np.abs(self._terms(now, asked).values) <= near)
         part[struck] = True
         return [int(i) for i in np.flatnonzero(part)]
 
-    def _instant(
-        self, slopes: Array, z: Array, flow: Array, struck: list[int], now: Side
-    ) -> Array:
-        """Shift (P,) of the instant at which the gaps of a blow close."""
-        closed = self._closed(now)
-        slopes = slopes[:, [not closed[i] for i in struck]]
-        if not slopes.shape[1]:
+    def _instant(self, gaps: _Terms, z: Array, flow: Array, now: Side) -> Array:
+        """Shift (P,) of the instant at which the open gaps of a blow close."""
+        if not len(gaps.values):
             raise NoDerivativeError('closed contacts are struck by none')
-        along = slopes.T @ flow
+        along = gaps.slopes.T @ flow
         fastest = np.abs(now.at.v).max() * self._system.mechanism.size
         if (along >= -_SMALL * fastest).any():
             raise NoDerivativeError('the contact only grazes')
-        shifts = -(slopes.T @ z) / along[:, None]
+        shifts = -gaps.moved(z) / along[:, None]
         if np.abs(shifts - shifts[0]).max() > _ALIKE * max(np.abs(shifts).max(), 1e-300):
             raise NoDerivativeError('several contacts meet, whose order changes')
         return np.asarray(shifts[0])

@@ -38,6 +38,9 @@ from mechanism_sim.tables import Table
 _SMALL = 2e-3
 """Of clearances and speeds: displacement of a motion whose differences are taken."""
 
+_DEPTH = 0.05
+"""Of a clearance: how deep compliant contacts go, roughly."""
+
 _AROUND = tuple(
     (sign * k, sign * weight)
     for k, weight in ((1.0, 0.75), (2.0, -0.15), (3.0, 1.0 / 60.0))
@@ -186,7 +189,8 @@ class _Integrated(RunDerivative):
         size, speed = mechanism.size, np.abs(curve.coefficients[:, :, 1]).max()
         plays = [c.radial for c in machine.plan.clearances.values() if c.radial]
         straight = np.array([c in mechanism.displacements for c in piece.physics.coordinates])
-        least = min([*plays, size])
+        soft = machine.equations.system.compliant
+        least = min([*plays, size]) * (_DEPTH if soft else 1.0)
         powers = curve.duration[:, None, None] ** np.arange(self._coefficients.shape[2])
         moved = np.abs(self._coefficients * powers).max(axis=2)
         faster = np.abs(self._coefficients[:, :, 1])
@@ -344,7 +348,7 @@ class AskedDerivatives:
         """Derivatives of the whole motion of the run, by path."""
         if self._influence is None:
             return {key.path: _Ideal(key, piece, ()) for key in self._keys}
-        flows = Flows(self._machine, self._influence, self._end)
+        flows = Flows(self._machine, self._influence, self._end, self._keys)
         flow, torques = flows.along(piece.motion, piece.impacts), flows.torques(piece.motion)
         return {
             key.path: _Integrated(key, piece, flow, torques, k) for k, key in enumerate(self._keys)
