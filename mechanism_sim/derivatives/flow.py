@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -205,6 +206,14 @@ def _law_at(table: LawTable, t: Array) -> NDArray[np.intp]:
     return np.asarray(np.maximum(found, 0), dtype=np.intp)
 
 
+def _derivative(powers: Array, x: Any, order: int) -> Array:
+    """Derivatives (..., P) of polynomials (..., d, P) of x."""
+    value = np.zeros(())
+    for j in range(powers.shape[-2] - 1, order - 1, -1):
+        value = value * x + math.perm(j, order) * powers[..., j, :]
+    return np.asarray(value)
+
+
 class _Walk:
     """A way along one motion."""
 
@@ -262,23 +271,22 @@ class _Walk:
         places, curve, P = rule().nodes, self._motion.curve, self._of.count
         at = of.equations.points(motion, k, places)
         slopes = of.equations.slopes(at)
-        beginning = Points(*(x[:, ::COUNT] for x in at))
-        given = of.parameters(motion, beginning, k)
+        self._given = given = of.parameters(motion, Points(*(x[:, ::COUNT] for x in at)), k)
+        begun = curve.start[k] + curve.start_low[k]
+        self._laws = [of.prescribed(begun, j) for j in range(len(system.prescribed))]
         count, w = len(k), of.width
-        t = (curve.start[k, None] + curve.start_low[k, None]
-             + np.outer(curve.duration[k], places.fractions)).ravel()  # fmt: skip
         own_ = slopes.parameters.reshape(w, given.shape[1], count, COUNT)
-        forced = np.einsum('wcnk,ncp->wnkp', own_, given).reshape(w, count * COUNT, P)
+        forced = np.einsum('wcnk,ncp->wnkp', own_, given)
         for column, x in slopes.built_in.items():
-            forced[:, :, column] += x
-        for j, i in enumerate(system.prescribed_index):
-            moved = of.prescribed(t, j)
-            forced += slopes.q[:, i, :, None] * moved[:, 0]
-            forced += slopes.v[:, i, :, None] * moved[:, 1]
-            forced += slopes.a_p[:, j, :, None] * (2.0 * moved[:, 2])
+            forced[..., column] += x.reshape(w, count, COUNT)
+        dt = np.outer(curve.duration[k], places.fractions)
+        for j, (i, law) in enumerate(zip(system.prescribed_index, self._laws, strict=True)):
+            for order, slope in enumerate((slopes.q[:, i], slopes.v[:, i], slopes.a_p[:, j])):
+                moved = _derivative(law[:, None], dt[:, :, None], order)
+                forced += slope.reshape(w, count, COUNT, 1) * moved
         touches = [of.equations.chosen.index(i) for i in system.parameters.approach]
-        columns = np.concatenate([slopes.parameters[:, touches].swapaxes(1, 2), forced], axis=2)
-        columns = np.moveaxis(columns.reshape(w, count, COUNT, -1), 0, 2)
+        touched = slopes.parameters[:, touches].swapaxes(1, 2).reshape(w, count, COUNT, -1)
+        columns = np.moveaxis(np.concatenate([touched, forced], axis=3), 0, 2)
         steps = solve(slopes, of.free, curve.duration[k], columns)
         events = self._events(first, last)
         starts = np.empty((count, f + w, P))
@@ -290,7 +298,7 @@ class _Walk:
             self._approaches[first + j] = self._approach
             W = extended.shape[1]
             self._state = steps.end[j, :, :W] @ extended[j] + steps.end[j, :, W:]
-            if j in events and not self._jump(first + j + 1, *events[j]):
+            if j in events and not self._jump(first + j + 1, j, *events[j]):
                 alive, done = False, j + 1
                 self._state = np.full_like(self._state, np.nan)
                 self._shift[first + j + 1 :] = np.nan
@@ -303,9 +311,8 @@ class _Walk:
         self._coefficients[kept] = 0.0
         self._coefficients[kept, of.free, : q.shape[2]] = q
         self._states[kept] = states
-        for j, i in enumerate(system.prescribed_index):
-            moved = of.prescribed(curve.start[kept] + curve.start_low[kept], j)
-            self._coefficients[kept, i, : moved.shape[1]] = moved
+        for i, law in zip(system.prescribed_index, self._laws, strict=True):
+            self._coefficients[kept, i, : law.shape[1]] = law[:done]
         return alive
 
     # --- events -------------------------------------------------------------------------------
@@ -342,10 +349,10 @@ class _Walk:
         a[of.system.prescribed_index] = at.a_p[:, j]
         return Side(Points(*(x[:, j : j + 1] for x in at)), slopes.rate[:, j], a)
 
-    def _jump(self, k: int, before: Side, after: Side) -> bool:
+    def _jump(self, k: int, j: int, before: Side, after: Side) -> bool:
         """Take derivatives across the event at the start of segment k; False if there are none."""
         of, t = self._of, float(self._motion.curve.start[k])
-        x = self._variation(k - 1, before)
+        x = self._variation(k - 1, j)
         struck = self._struck.get(k, [])
         impacts = [self._impacts[i] for i in struck]
         where = ', '.join(dict.fromkeys(i.joint for i in impacts)) or self._changed(k)
@@ -368,26 +375,17 @@ class _Walk:
         self._limits += [DerivativeLimit(t, joint, _CHATTER, False) for joint in chatters]
         return True
 
-    def _variation(self, k: int, side: Side) -> Variation:
-        """Derivatives at the end of segment k."""
-        of, system = self._of, self._of.system
+    def _variation(self, k: int, j: int) -> Variation:
+        """Derivatives at the end of segment k, the j-th of the chunk."""
+        of, system, h = self._of, self._of.system, self._motion.curve.duration[k]
         n, f, P = len(system.coordinates), len(of.free), of.count
         q, v, a_p = np.zeros((n, P)), np.zeros((n, P)), np.zeros((len(system.prescribed), P))
         q[of.free], v[of.free] = self._state[:f], self._state[f : 2 * f]
-        curve = self._motion.curve
-        t = curve.start[[k]] + (curve.start_low[[k]] + curve.duration[[k]])
-        base = curve.start[[k]]
-        for j, i in enumerate(system.prescribed_index):
-            # the law of the segment, at its end
-            known = of.prescribed(base, j)[0]
-            since = float((t - base)[0])
-            orders = np.arange(len(known))
-            q[i] = (since**orders) @ known
-            v[i] = (orders[1:] * since ** orders[:-1]) @ known[1:]
-            a_p[j] = (orders[2:] * orders[1:-1] * since ** orders[:-2]) @ known[2:]
-        parameters = of.parameters(self._motion, side.at, np.array([k]))[0]
-        for j, i in enumerate(system.parameters.approach):
-            parameters[of.equations.chosen.index(i)] = self._approach[j]
+        for m, (i, law) in enumerate(zip(system.prescribed_index, self._laws, strict=True)):
+            q[i], v[i], a_p[m] = (_derivative(law[j], h, order) for order in range(3))
+        parameters = self._given[j].copy()
+        for m, i in enumerate(system.parameters.approach):
+            parameters[of.equations.chosen.index(i)] = self._approach[m]
         return Variation(q, v, a_p, self._state[2 * f :], parameters, self._approach)
 
     def _passed(self, k: int, before: Side, after: Side, x: Variation) -> Saltation:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 from itertools import islice
@@ -113,7 +114,7 @@ class _Parts:
             np.array([*turned, *state.v, *scaled]),
             *(x for table in self._tables(machine) for x in table),
             np.array([gap.restitution for gap in system.gaps]),
-            np.array([gap.friction for gap in system.gaps]),
+            np.array([g.friction if math.isfinite(g.friction) else 0.0 for g in system.gaps]),
             np.array(snapshot.approach),
             *(np.array(s.every_row) for s in system.switches),
             np.array([[getattr(i, n) for n in NUMBERS] for i in impacts]).reshape(

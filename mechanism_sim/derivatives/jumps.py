@@ -321,6 +321,9 @@ class Jumps:
     ) -> tuple[Array, Array]:
         """Impulses of the rows of a blow, and their differentials."""
         (A, dA), (r, dr), m = compliance, rate, len(touching)
+        if len(r) == m == 1:
+            (e, de), x = restitution, -(1.0 + restitution[0]) * r / A[0]
+            return x, -(de * r + (1.0 + e) * dr + x * dA[0]) / A[0, 0]
         if len(r) == m:  # no friction anywhere: tangents without effect
             wide, dwide = np.zeros((2 * m, 2 * m)), np.zeros((2 * m, 2 * m, dr.shape[1]))
             wide[:m, :m], dwide[:m, :m] = A, dA
