@@ -274,6 +274,8 @@ class _Walk:
         self._given = given = of.parameters(motion, Points(*(x[:, ::COUNT] for x in at)), k)
         begun = curve.start[k] + curve.start_low[k]
         self._laws = [of.prescribed(begun, j) for j in range(len(system.prescribed))]
+        h = curve.duration[k, None]
+        self._ends = [[_derivative(x, h, order) for order in range(3)] for x in self._laws]
         count, w = len(k), of.width
         own_ = slopes.parameters.reshape(w, given.shape[1], count, COUNT)
         forced = np.einsum('wcnk,ncp->wnkp', own_, given)
@@ -352,7 +354,7 @@ class _Walk:
     def _jump(self, k: int, j: int, before: Side, after: Side) -> bool:
         """Take derivatives across the event at the start of segment k; False if there are none."""
         of, t = self._of, float(self._motion.curve.start[k])
-        x = self._variation(k - 1, j)
+        x = self._variation(j)
         struck = self._struck.get(k, [])
         impacts = [self._impacts[i] for i in struck]
         where = ', '.join(dict.fromkeys(i.joint for i in impacts)) or self._changed(k)
@@ -375,14 +377,14 @@ class _Walk:
         self._limits += [DerivativeLimit(t, joint, _CHATTER, False) for joint in chatters]
         return True
 
-    def _variation(self, k: int, j: int) -> Variation:
-        """Derivatives at the end of segment k, the j-th of the chunk."""
-        of, system, h = self._of, self._of.system, self._motion.curve.duration[k]
+    def _variation(self, j: int) -> Variation:
+        """Derivatives at the end of the j-th segment of the chunk."""
+        of, system = self._of, self._of.system
         n, f, P = len(system.coordinates), len(of.free), of.count
         q, v, a_p = np.zeros((n, P)), np.zeros((n, P)), np.zeros((len(system.prescribed), P))
         q[of.free], v[of.free] = self._state[:f], self._state[f : 2 * f]
-        for m, (i, law) in enumerate(zip(system.prescribed_index, self._laws, strict=True)):
-            q[i], v[i], a_p[m] = (_derivative(law[j], h, order) for order in range(3))
+        for m, (i, ends) in enumerate(zip(system.prescribed_index, self._ends, strict=True)):
+            q[i], v[i], a_p[m] = (x[j] for x in ends)
         parameters = self._given[j].copy()
         for m, i in enumerate(system.parameters.approach):
             parameters[of.equations.chosen.index(i)] = self._approach[m]

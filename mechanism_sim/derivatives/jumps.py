@@ -101,6 +101,7 @@ class Jumps:
         self._laws = np.array([codes[str(getattr(g.hypothesis, 'value', g.hypothesis))]
                                for g in system.gaps], dtype=np.int64)  # fmt: skip
         self._rows = len(system.dynamics.contacts.rows)
+        self._asked: dict[tuple[int, ...], Selected] = {}
 
     # --- terms --------------------------------------------------------------------------------
 
@@ -214,7 +215,7 @@ class Jumps:
         touching = self._touching(now, struck)
         m, t = len(self._names), len(touching)
         own = touching + ([m + i for i in touching] if self._rows > m else [])
-        terms = self._unit_terms(now, touching, own)
+        terms = self._terms(now, self._unit_terms(tuple(touching), tuple(own)))
         if dt is None:
             closed = self._closed(now)
             first = [touching.index(i) for i in struck if not closed[i]]
@@ -244,7 +245,7 @@ class Jumps:
         )
         index = self._system.prescribed_index
         speeds = now.at.v[index, 0], z[c : 2 * c][index]
-        rows = []
+        rows, unknown = [], np.full(len(dt), np.nan)
         for i in struck:
             k = touching.index(i)
             of = [k, t + k] if n > t else [k]
@@ -263,11 +264,13 @@ class Jumps:
                 'drive_impulse': drive[1].sum(axis=0),
                 'drive_work': drive[0] @ speeds[1] + speeds[0] @ drive[1],
             }
-            rows.append(np.array([known.get(name, np.full(len(dt), np.nan)) for name in NUMBERS]))
+            rows.append(np.array([known.get(name, unknown) for name in NUMBERS]))
         return now._replace(at=now.at._replace(v=v)), later, dt, rows
 
-    def _unit_terms(self, now: Side, touching: list[int], own: list[int]) -> _Terms:
-        """Terms of a blow and their derivatives: gaps, angles, rates, and of unit impulses."""
+    def _unit_terms(self, touching: tuple[int, ...], own: tuple[int, ...]) -> Selected:
+        """Terms that a blow asks for: gaps, angles, rates, and those of unit impulses."""
+        if own in self._asked:
+            return self._asked[own]
         t, n, f, p = len(touching), len(own), len(self._free), len(self._system.prescribed)
         asked = self._none(2 * t + n * (1 + n + f + p))
         for k, i in enumerate(touching):
@@ -277,12 +280,13 @@ class Jumps:
             asked.row[r, at + k] = 1.0
             left, free = at + n + k * n, at + n + n * n + k * f
             drive = at + n + n * (n + f) + k * p
-            asked.left[own, range(left, left + n)] = 1.0
+            asked.left[[*own], range(left, left + n)] = 1.0
             asked.free[range(f), range(free, free + f)] = 1.0
             asked.drive[range(p), range(drive, drive + p)] = 1.0
             for first, count in ((left, n), (free, f), (drive, p)):
                 asked.right[r, first : first + count] = 1.0
-        return self._terms(now, asked)
+        self._asked[own] = asked
+        return asked
 
     def _closed(self, side: Side) -> NDArray[np.bool_]:
         return np.asarray(side.at.parameters[self._system.parameters.closed, 0] > 0.0)
