@@ -19,7 +19,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.linearised import Slopes
 from mechanism_sim.numerics.polynomials import Nodes
 
-COUNT = 10
+COUNT = 8
 """Nodes of a step, which is an eighth of the radius of convergence of its series."""
 
 
