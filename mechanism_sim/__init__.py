@@ -31,6 +31,7 @@ _ROOMS = {
     'studies.bifurcation': ('bifurcation',),
     'studies.ensemble': ('ensemble',),
     'studies.find': ('find',),
+    'studies.lyapunov': ('lyapunov',),
     'studies.sweep': ('sweep',),
 }
 _HOMES = {name: module for module, names in _ROOMS.items() for name in names}
@@ -51,6 +52,7 @@ __all__ = [
     'explore',
     'find',
     'load_scene',
+    'lyapunov',
     'measure',
     'open_run',
     'play',

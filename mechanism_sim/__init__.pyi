@@ -15,6 +15,7 @@ from mechanism_sim.report.typeset import equations as equations
 from mechanism_sim.pages.notebook import explore as explore
 from mechanism_sim.studies.find import find as find
 from mechanism_sim.scene.load import load_scene as load_scene
+from mechanism_sim.studies.lyapunov import lyapunov as lyapunov
 from mechanism_sim.results.measures import measure as measure
 from mechanism_sim.analysis.open_run import open_run as open_run
 from mechanism_sim.pages.notebook import play as play

@@ -38,6 +38,7 @@ RENAMED: dict[str, str] = {
     'info': 'mechanism-sim bag info',
     'layout': 'mechanism-sim export --format foxglove|rviz',
     'lift-off': 'mechanism-sim find --lift-off',
+    'lyapunov': 'mechanism-sim statistics --exponents N',
     'periodic': 'mechanism-sim find --periodic',
     'profile': 'mechanism-sim draw --profile',
     'recover': 'mechanism-sim bag recover',

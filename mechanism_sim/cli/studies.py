@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mechanism_sim import ending
 from mechanism_sim.cli.options import (
@@ -31,6 +32,9 @@ from mechanism_sim.cli.options import (
 )
 from mechanism_sim.errors import InputError
 
+if TYPE_CHECKING:
+    from mechanism_sim.scene import Machine
+
 
 def add(command: Command) -> None:
     """The commands of this file."""
@@ -39,6 +43,8 @@ def add(command: Command) -> None:
     length_options(sub, '200 if not given')
     skip_option(sub, '20 if not given')
     measure_option(sub)
+    text = 'instead: so many of the largest Lyapunov exponents, and how long digits of a run hold'
+    option(sub, '--exponents', 'N', text, int)
     sub = command('find', _find, 'find values of keys for which figures are as wanted')
     scene_options(sub, count='?')
     text = 'a key, and between which values to look, or PATH=VALUE,VALUE,...; several times'
@@ -117,10 +123,24 @@ def _statistics(options: argparse.Namespace) -> int:
 
     machine = read_machine(options)
     turns = math.floor(turns_of(options, machine, 200) * (1.0 + 1e-12))
+    if options.exponents is not None:
+        refuse_options(options, ['measure'], 'does not apply to --exponents')
+        return _exponents(options, machine, turns)
     with progress.bar('statistics', turns * machine.drive.period, quiet=options.json) as show:
         skip = skipped_turns(options, 20)
         found = statistics(machine, turns, skip, show, read_measures(options, machine))
     return print_result(options, found, studies.statistics_json, studies.statistics)
+
+
+def _exponents(options: argparse.Namespace, machine: Machine, turns: int) -> int:
+    from mechanism_sim.report import progress, studies  # noqa: PLC0415
+    from mechanism_sim.studies.lyapunov import lyapunov  # noqa: PLC0415
+
+    skip = skipped_turns(options, 20)
+    length = (skip + turns) * machine.drive.period
+    with progress.bar('exponents', length, quiet=options.json) as show:
+        found = lyapunov(machine, turns, skip, options.exponents, show)
+    return print_result(options, found, studies.exponents_json, studies.exponents_text)
 
 
 def _lift_off(options: argparse.Namespace) -> int:

@@ -12,6 +12,7 @@ from mechanism_sim.units import for_people
 if TYPE_CHECKING:  # each is slow to load, and a command needs but one
     from mechanism_sim.studies.identification import Result
     from mechanism_sim.studies.lift_off import LiftOff
+    from mechanism_sim.studies.lyapunov import LyapunovExponents
     from mechanism_sim.studies.periodic import PeriodicResponse
     from mechanism_sim.studies.statistics import Statistics
 
@@ -154,4 +155,33 @@ def fit_json(found: Result) -> dict[str, object]:
         'correlation': plain(found.correlation.tolist()),
         **{k: getattr(found, k) for k in ('simulations', 'failed', 'misfit', 'likeness')},
         'plausible': not unlike(found),
+    }
+
+
+def exponents_text(found: LyapunovExponents) -> str:
+    """Exponents for people, and what the largest means."""
+    lines = [f'{found.revolutions} revolutions after {found.skipped}; exponents [1/s]:']
+    for value, half in zip(found.values, found.half_widths, strict=True):
+        lines.append(
+            f'  {value:.6g} +- {half:.2g}'
+            if math.isfinite(value)
+            else '  minus infinity: closed contacts end such changes within a turn'
+        )
+    if math.isfinite(found.horizon):
+        turns = found.horizon / found.period
+        lines.append(
+            f'chaotic: small changes grow by {math.exp(found.values[0] * found.period):.4g} a '
+            f'turn; of 16 digits none is left after {turns:.3g} turns ({found.horizon:.3g} s)'
+        )
+    return '\n'.join(lines)
+
+
+def exponents_json(found: LyapunovExponents) -> dict[str, object]:
+    """JSON of it, SI units; null where an exponent, or the horizon, is infinite."""
+    return {
+        'revolutions': found.revolutions,
+        'skipped': found.skipped,
+        'exponents': [plain(x) for x in found.values],
+        'half_widths': [plain(x) for x in found.half_widths],
+        'horizon': plain(found.horizon),
     }

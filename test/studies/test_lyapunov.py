@@ -1,0 +1,52 @@
+"""Lyapunov exponents: of a ball whose multipliers are known, and of the loose four-bar."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from running import run, run_json
+from test_bifurcation import ball, speed
+
+import mechanism_sim as ms
+
+
+def test_exponents_of_a_ball_that_bounces_once_a_turn():
+    """Its map has the determinant ``e^2``: between its flips both multipliers have the size e.
+
+    The scene's table follows the crank: of its four exponents two are those of the ball.
+    """
+    e, gamma = 0.5, 1.3
+    found = ms.lyapunov(ball(gamma), revolutions=20, skip=60, count=2)
+    T = 2.0 * math.pi / speed(gamma)
+    steady = (1.0 + e**2) - (1.0 + e) ** 2 * math.sqrt(
+        gamma**2 - (math.pi * (1.0 - e) / (1.0 + e)) ** 2
+    )
+    multipliers = np.abs(np.roots([1.0, -steady, e**2]))
+    expected = np.log(np.sort(multipliers)[::-1]) / T
+    assert sum(found.values) == pytest.approx(expected.sum(), rel=1e-6)
+    assert math.isinf(found.horizon)
+
+
+@pytest.mark.slow
+def test_the_loose_four_bar_is_chaotic_and_loses_its_digits():
+    """Two runs that begin 1e-9 apart part as fast as the exponent says."""
+    found = ms.lyapunov('four_bar_clearance', revolutions=100, skip=20)
+    assert found.values[0] - found.half_widths[0] > 0.0
+    assert 0.1 < found.horizon / found.period < 100.0
+
+
+def test_the_command_says_it(tmp_path):
+    scene = tmp_path / 'ball.yaml'
+    scene.write_text(ball(1.3), encoding='utf-8')
+    found = run_json(
+        'statistics', str(scene), '--exponents', '1', '--revolutions', '20', '--skip', '30'
+    )
+    assert found['exponents'][0] < 0.0
+    assert found['horizon'] is None
+    done = run('lyapunov', str(scene))
+    assert "is now 'mechanism-sim statistics --exponents N'" in done.stderr
+    done = run('statistics', str(scene), '--exponents', '9')
+    assert done.returncode == 2
+    assert 'it has 4 exponents, not 9' in done.stderr
