@@ -48,16 +48,16 @@ _GUARDS = TOLERANCES.guards
 _IMPACTS = TOLERANCES.impacts
 _ROUNDING = TOLERANCES.rounding
 
-DONE, FELL, SLIPS, STRIKES, RESTS, PARTS, PROJECTED, TURNED, MISSED = range(9)
+DONE, FELL, SLIPS, STRIKES, RESTS, PARTS, PROJECTED, TURNED, MISSED, SEEN = range(10)
 """Stages: nothing is left; a guard of a gap fell, or one of friction; a gap strikes; contacts
-rest; gaps part; the state was projected, once or again; guards are looked at that are past
-zero."""
+rest; gaps part; the state was projected, once or again; guards are looked at that are past zero.
+The last is none: it gives the guard that is past zero beside that of the counters, or -1."""
 
 UNSOLVED, JAMMED, SHOCK = -1, -2, -3
 """Instead of a stage: no impulses satisfy all contacts; no forces keep those at rest; the guard's
 slide is to be stopped by an impact without collision. The last two go on with `RESTS`."""
 
-NEEDS = ('', *('contact_function',) * 5, 'projection', 'projection', 'watch')
+NEEDS = ('', *('contact_function',) * 5, *('projection',) * 2, *('watch',) * 2)
 """By stage, the function of the state that is evaluated before."""
 
 (STAGE, GUARD, IMPACTS, CHANGES, TRIES, HELD, DRAWS, BEGINS, ROUNDS, WATCHED, GUARDS, SMOOTH,
@@ -466,6 +466,13 @@ def _past_zero(run: EventArrays, fell: int) -> int:
     return -1
 
 
-STAGES = (fell, fell, slips, strikes, rests, part, projected, projected, missed)
+@kernel
+def look(*arrays: Any) -> int:
+    """A guard that is past zero beside that which fell."""
+    run = run_of(*arrays)
+    return _past_zero(run, run.counters[GUARD])
+
+
+STAGES = (fell, fell, slips, strikes, rests, part, projected, projected, missed, look)
 """The kernels of the stages. Their arguments are those of `run_of`, one by one: a tuple costs ten
 times as much to hand over."""

@@ -21,6 +21,7 @@ from mechanism_sim.contact.respond import (
     GIVEN,
     JAMMED,
     RESTS,
+    SEEN,
     SHOCK,
     SLIPS,
     STRIKES,
@@ -259,11 +260,12 @@ class Contacts:
         `seen_now`, others count only beyond what falls at the same instant.
         """
         state, system = self.state, self._system
+        if self._resolves_all:
+            state.see(SEEN)
+            guard = state.go_on(SEEN, -1 if seen_now is None else seen_now)
+            return guard if guard >= 0 else None
         seen = self.present.evaluate(system.functions.watch).tolist()
         modes, floors, limits = state.modes, state.floors, state.limits
-        if system.lone:  # one gap without friction, the common case
-            fell = seen[0] <= 0.0 and (modes[0] > 1 or seen[1] < 0.0)  # 1: free flight
-            return 0 if fell and seen_now is None else None
         count = len(floors)
         margin = 0.0 if seen_now is None else limits.touching
         if system.compliant:  # both factors of its guard may have fallen in one step

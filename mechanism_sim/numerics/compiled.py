@@ -79,11 +79,15 @@ class _KeyedTerms:
 
     def __init__(self, expressions: Sequence[hy.expression]) -> None:
         self.expressions = tuple(expressions)
+        nodes = 0
         try:
-            nodes = [len(x) for x in expressions]  # 0: too many to count
-            self.large = 0 in nodes or sum(nodes) > _LARGEST
+            for x in expressions:
+                nodes += len(x) or _LARGEST + 1  # 0: too many to count
+                if nodes > _LARGEST:
+                    break
         except OverflowError:
-            self.large = True
+            nodes = _LARGEST + 1
+        self.large = nodes > _LARGEST
         self._key: object = self._digest() if self.large else self.expressions
         self._hash = hash(self._key)
 
