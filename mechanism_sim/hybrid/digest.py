@@ -106,4 +106,3 @@ def _runs(values: NDArray[Any]) -> list[tuple[int, int]]:
         return []
     edges = [0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), len(values)]
     return list(pairwise(edges))
-
