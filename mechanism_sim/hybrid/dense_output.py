@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,6 +141,7 @@ class Status(NamedTuple):
 
 
 _BLOCK = 256  # steps
+_KEPT = 2**24  # [B] of blocks that are left to later runs
 
 
 def floats(array: Array) -> memoryview[float]:
@@ -161,6 +162,8 @@ class DenseOutput:
     taus : of every step its start since the base [s]
     lengths : of every step [s]
     """
+
+    _spare: ClassVar[list[tuple[Array, list[memoryview[float]]]]] = []
 
     def __init__(self, system: System, order: int) -> None:
         self.slots: list[memoryview[float]] = []
@@ -194,10 +197,20 @@ class DenseOutput:
 
     def grow(self) -> None:
         """Make room for more steps."""
-        block = np.zeros((_BLOCK, *self._shape))
+        block, slots = self._spare.pop() if self._spare else (np.zeros(0), [])
+        if block.shape[1:] != self._shape:
+            self._spare.clear()
+            block = np.zeros((_BLOCK, *self._shape))
+            row, flat = block[0].size, floats(block)
+            slots = [flat[i : i + row] for i in range(0, block.size, row)]
         self._blocks.append(block)
-        row, flat = block[0].size, floats(block)
-        self.slots += [flat[i : i + row] for i in range(0, block.size, row)]
+        self.slots += slots
+
+    def __del__(self) -> None:
+        """Leave memory to the next run: where runs are short, it costs as much as their steps."""
+        for k, block in enumerate(self._blocks):
+            if len(self._spare) * block.nbytes < _KEPT:
+                self._spare.append((block, self.slots[k * _BLOCK : (k + 1) * _BLOCK]))
 
     def enter(self, tau: float, h: float) -> None:
         """Enter the step that is in its slot."""

@@ -138,3 +138,20 @@ def test_a_wrong_table_is_refused_in_one_sentence(given, said):
 def test_options_that_cannot_be_are_refused(how, said):
     with pytest.raises(InputError, match=said):
         ms.ensemble(SCENE, {'drive.speed': [30]}, **{'revolutions': 1, **how})
+
+
+@pytest.mark.slow
+def test_rows_are_the_same_by_any_number_of_workers(table):
+    measures = ['top = highest(velocity.rocker)']
+    both = ms.ensemble(SCENE, TABLE, measures=measures, workers=2, **EXTENT)
+    for name, values in table.items():
+        assert np.array_equal(values, both[name], equal_nan=values.dtype == float), name
+
+
+def test_rows_do_not_depend_on_those_before_them(table):
+    other = ms.ensemble('slider_crank', {'drive.speed [rpm]': [60]}, revolutions=1)
+    assert other['status'].tolist() == ['done']
+    last = {path: values[-1:] for path, values in TABLE.items()}
+    alone = ms.ensemble(SCENE, last, **EXTENT)  # in memory that runs of both machines have left
+    assert alone['digest'][0] == table['digest'][2]
+    assert alone['largest_force'][0] == table['largest_force'][2]
